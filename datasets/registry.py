@@ -1,0 +1,46 @@
+"""Dataset names and the builders behind them; nothing is imported before it is asked for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ..frontend.factors import Dataset
+from ..frontend.options import NoOptions
+
+
+@dataclass(frozen=True)
+class Source:
+    """How a dataset is made, and what the runner must know of it before.
+
+    `make(options, rng)` returns the log and, where there is one, its truth; `options` is a frozen dataclass made with
+    `option(...)` fields. `seeded`: it draws from `rng`, so there is another log a seed. `costly`: it takes long enough
+    to make that the result is kept in the user's cache.
+    """
+
+    make: Callable[[Any, np.random.Generator], Dataset]
+    options: type = NoOptions
+    seeded: bool = False
+    costly: bool = False
+
+    @property
+    def summary(self) -> str:
+        """The first line of the maker's docstring."""
+        return (self.make.__doc__ or "").strip().partition("\n")[0]
+
+
+BUILTIN = {
+    "aruco-room": ".aruco_room:source",
+    "log": ".logfile:source",
+    "mrclam": ".mrclam:source",
+    "victoria-park": ".victoria_park:source",
+}
+"""Name -> module of this package and the `Source` in it."""
+
+
+def find(name: str) -> Source:
+    """The source of that name; KeyError where there is none."""
+    module, _, attribute = BUILTIN[name].partition(":")
+    return getattr(import_module(module, __package__), attribute)

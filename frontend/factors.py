@@ -1,0 +1,304 @@
+"""The shared language: the factors that every backend is handed, and the log and truth they come from.
+
+Conventions, everywhere: metres, radians, seconds, float64. World x, y; body x forward, y left; headings
+counter-clockwise in (-pi, pi]. A measurement is (range, bearing), the bearing from the body's x axis. Odometry is the
+motion since the last step in the body frame *before* the motion, with its covariance in those coordinates. A pose's
+covariance is of (x, y, heading) in the world frame. A covariance that is not known is None, never zeros.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from .se2 import Array, Ints
+
+UNKNOWN = -1
+"""The id of a sighting whose landmark the front end could not tell."""
+
+
+class Odometry(NamedTuple):
+    """The motion since the last step, in the body frame before it."""
+
+    delta: Array  # (3,) dx, dy (m), dtheta (rad)
+    cov: Array  # (3, 3) in the coordinates of delta, positive definite
+
+
+class RangeBearing(NamedTuple):
+    """The k landmarks sighted at one step."""
+
+    ids: Ints  # (k,) UNKNOWN, or a landmark's id, at most once a step
+    z: Array  # (k, 2) range (m), bearing (rad)
+    cov: Array  # (k, 2, 2) of (range, bearing), positive definite
+
+
+class RelativePoses(NamedTuple):
+    """The m loop closures found at one step: where it stands, seen from earlier steps."""
+
+    to: Ints  # (m,) the earlier step
+    delta: Array  # (m, 3) the pose of this step in the body frame of step `to`
+    cov: Array  # (m, 3, 3) in the coordinates of delta, positive definite
+
+
+class Step(NamedTuple):
+    """What a backend is given at one keyframe. Step 0 has no odometry: the prior is the belief there."""
+
+    t: float  # s
+    odometry: Odometry | None
+    sightings: RangeBearing
+    loops: RelativePoses
+
+
+class Map(NamedTuple):
+    """Landmarks."""
+
+    ids: Ints  # (n,)
+    xy: Array  # (n, 2) m
+    cov: Array | None  # (2n, 2n) joint, of x0, y0, x1, y1, ...; None: not known
+
+
+class Prior(NamedTuple):
+    """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed."""
+
+    pose: Array  # (3,)
+    cov: Array  # (3, 3) in the world frame, positive definite
+    map: Map | None = None
+
+
+class Truth(NamedTuple):
+    """Where the robot was, for the judges alone: no backend sees it.
+
+    `t` is a subset of the log's times (a gap in the truth leaves steps out): a step's truth is the one at the same t.
+    """
+
+    t: Array  # (m,) s
+    poses: Array  # (m, 3)
+    map: Map | None  # the landmarks' true places
+    assigned: Ints | None  # (s,) the true id of every sighting of the log, where sightings with unknown id have one
+    kind: Literal["truth", "reference"]  # "reference": the batch optimum of a log whose truth nobody knows
+
+
+class Dataset(NamedTuple):
+    """What a dataset's builder returns: the factors, and the truth where there is one."""
+
+    log: "Log"
+    truth: Truth | None
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A robot's log as columns; iterating or indexing it gives `Step` views. Build one with `from_arrays`.
+
+    Row 0 of `delta` and `delta_cov` is NaN: nothing precedes step 0. The sightings of step k are rows
+    `sighting_first[k]:sighting_first[k + 1]`, its loop closures rows `loop_first[k]:loop_first[k + 1]`.
+    """
+
+    name: str
+    prior: Prior
+    t: Array  # (n,) strictly increasing
+    delta: Array  # (n, 3)
+    delta_cov: Array  # (n, 3, 3)
+    sighting_first: Ints  # (n + 1,)
+    ids: Ints  # (s,)
+    z: Array  # (s, 2)
+    z_cov: Array  # (s, 2, 2)
+    loop_first: Ints  # (n + 1,)
+    loop_to: Ints  # (l,)
+    loop_delta: Array  # (l, 3)
+    loop_cov: Array  # (l, 3, 3)
+    notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # sensor settings, source, licence, counts
+
+    @classmethod
+    def from_arrays(
+        cls,
+        name: str,
+        prior: Prior,
+        t: Array,
+        delta: Array,
+        delta_cov: Array,
+        sighting_step: Ints,
+        ids: Ints,
+        z: Array,
+        z_cov: Array,
+        loop_step: Ints | None = None,
+        loop_to: Ints | None = None,
+        loop_delta: Array | None = None,
+        loop_cov: Array | None = None,
+        notes: Mapping[str, Any] | None = None,
+    ) -> "Log":
+        """A log of n steps from its tables; the arrays are copied and can no longer be written to.
+
+        `delta` (n, 3) and `delta_cov` (n, 3, 3) have a row a step, of which row 0 is not looked at. `sighting_step`
+        (s,) and `loop_step` (l,), both sorted, say which step each row of the other columns belongs to.
+        """
+        n = len(t)
+        none = np.zeros(0, np.int64)
+        loop_step = none if loop_step is None else loop_step
+        return cls(
+            name=name,
+            prior=_frozen_prior(prior),
+            t=_frozen(t),
+            delta=_frozen(_without_first(delta)),
+            delta_cov=_frozen(_without_first(delta_cov)),
+            sighting_first=_frozen_ids(np.searchsorted(sighting_step, np.arange(n + 1))),
+            ids=_frozen_ids(ids),
+            z=_frozen(z),
+            z_cov=_frozen(z_cov),
+            loop_first=_frozen_ids(np.searchsorted(loop_step, np.arange(n + 1))),
+            loop_to=_frozen_ids(none if loop_to is None else loop_to),
+            loop_delta=_frozen(np.zeros((0, 3)) if loop_delta is None else loop_delta),
+            loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else loop_cov),
+            notes=dict(notes or {}),
+        )
+
+    @classmethod
+    def from_steps(
+        cls, name: str, prior: Prior, steps: Sequence[Step], notes: Mapping[str, Any] | None = None
+    ) -> "Log":
+        """A log from steps in order; the odometry of the first is not looked at."""
+        nan = Odometry(np.full(3, np.nan), np.full((3, 3), np.nan))
+        odometry = [nan if s.odometry is None else s.odometry for s in steps]
+        index = np.arange(len(steps))
+        return cls.from_arrays(
+            name,
+            prior,
+            t=np.array([s.t for s in steps], float),
+            delta=np.array([o.delta for o in odometry], float).reshape(-1, 3),
+            delta_cov=np.array([o.cov for o in odometry], float).reshape(-1, 3, 3),
+            sighting_step=np.repeat(index, [len(s.sightings.ids) for s in steps]),
+            ids=np.concatenate([s.sightings.ids for s in steps]),
+            z=np.concatenate([s.sightings.z for s in steps]),
+            z_cov=np.concatenate([s.sightings.cov for s in steps]),
+            loop_step=np.repeat(index, [len(s.loops.to) for s in steps]),
+            loop_to=np.concatenate([s.loops.to for s in steps]),
+            loop_delta=np.concatenate([s.loops.delta for s in steps]),
+            loop_cov=np.concatenate([s.loops.cov for s in steps]),
+            notes=notes,
+        )
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __iter__(self) -> Iterator[Step]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, k: int) -> Step:
+        """Step k (from the end where negative), as views of the columns."""
+        k = range(len(self))[k]
+        seen = slice(self.sighting_first[k], self.sighting_first[k + 1])
+        loops = slice(self.loop_first[k], self.loop_first[k + 1])
+        return Step(
+            float(self.t[k]),
+            None if k == 0 else Odometry(self.delta[k], self.delta_cov[k]),
+            RangeBearing(self.ids[seen], self.z[seen], self.z_cov[seen]),
+            RelativePoses(self.loop_to[loops], self.loop_delta[loops], self.loop_cov[loops]),
+        )
+
+    @property
+    def sighting_step(self) -> Ints:
+        """(s,) the step of every sighting."""
+        return np.repeat(np.arange(len(self)), np.diff(self.sighting_first))
+
+    @property
+    def loop_step(self) -> Ints:
+        """(l,) the step of every loop closure."""
+        return np.repeat(np.arange(len(self)), np.diff(self.loop_first))
+
+    @cached_property
+    def digest(self) -> str:
+        """sha256, in hexadecimal, of everything a backend is given: two logs with one digest are the same factors."""
+        known = self.prior.map
+        columns: dict[str, Any] = {
+            "prior.pose": self.prior.pose,
+            "prior.cov": self.prior.cov,
+            "prior.map.ids": None if known is None else known.ids,
+            "prior.map.xy": None if known is None else known.xy,
+            "prior.map.cov": None if known is None else known.cov,
+        }
+        columns |= {name: getattr(self, name) for name in _COLUMNS}
+        total = hashlib.sha256()
+        for name, column in columns.items():
+            if column is None:
+                total.update(f"{name} none\n".encode())
+                continue
+            little_endian = np.ascontiguousarray(column).astype(column.dtype.newbyteorder("<"), copy=False)
+            total.update(f"{name} {little_endian.dtype.str} {little_endian.shape}\n".encode())
+            total.update(little_endian.tobytes())
+        return total.hexdigest()
+
+    def identified(self) -> "Log":
+        """The log without its sightings of UNKNOWN landmarks; itself where it has none."""
+        known = self.ids != UNKNOWN
+        if known.all():
+            return self
+        return replace(
+            self,
+            sighting_first=_frozen_ids(np.searchsorted(self.sighting_step[known], np.arange(len(self) + 1))),
+            ids=_frozen_ids(self.ids[known]),
+            z=_frozen(self.z[known]),
+            z_cov=_frozen(self.z_cov[known]),
+        )
+
+    def head(self, steps: int) -> "Log":
+        """The log's first `steps` steps."""
+        n, seen, loops = steps, self.sighting_first[steps], self.loop_first[steps]
+        return Log.from_arrays(
+            self.name,
+            self.prior,
+            self.t[:n],
+            self.delta[:n],
+            self.delta_cov[:n],
+            self.sighting_step[:seen],
+            self.ids[:seen],
+            self.z[:seen],
+            self.z_cov[:seen],
+            self.loop_step[:loops],
+            self.loop_to[:loops],
+            self.loop_delta[:loops],
+            self.loop_cov[:loops],
+            self.notes,
+        )
+
+
+_COLUMNS = (
+    "t",
+    "delta",
+    "delta_cov",
+    "sighting_first",
+    "ids",
+    "z",
+    "z_cov",
+    "loop_first",
+    "loop_to",
+    "loop_delta",
+    "loop_cov",
+)
+
+
+def _frozen(values: Array) -> Array:
+    copy = np.array(values, np.float64)
+    copy.flags.writeable = False
+    return copy
+
+
+def _frozen_ids(values: Ints) -> Ints:
+    copy = np.array(values, np.int64)
+    copy.flags.writeable = False
+    return copy
+
+
+def _frozen_prior(prior: Prior) -> Prior:
+    known = prior.map
+    if known is not None:
+        known = Map(_frozen_ids(known.ids), _frozen(known.xy), None if known.cov is None else _frozen(known.cov))
+    return Prior(_frozen(prior.pose), _frozen(prior.cov), known)
+
+
+def _without_first(rows: Array) -> Array:
+    """A copy whose row 0 is NaN, the same NaN whatever stood there, so that a digest does not depend on it."""
+    copy = np.array(rows, np.float64)
+    copy[:1] = np.nan
+    return copy

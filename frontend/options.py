@@ -1,0 +1,33 @@
+"""Options of backends and datasets: frozen dataclasses whose fields carry their own help and range.
+
+    @dataclass(frozen=True)
+    class Options:
+        particles: int = option(100, "number of particles", minimum=1)
+
+The command line's `fastslam[particles=1000]`, its help and its refusals are made from these fields alone.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """Nothing to set."""
+
+
+def option(
+    default: Any,
+    summary: str,
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] | None = None,
+) -> Any:
+    """A dataclass field with what a user is told of it: `summary` (with its unit), its range or its choices.
+
+    `minimum` and `maximum` are inclusive. The field's annotation says how its text is read: int, float, bool or str,
+    or one of these `| None`, where None stands for "not given".
+    """
+    metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices}
+    return field(default=default, metadata=metadata)

@@ -1,0 +1,102 @@
+"""The planar rigid motions, SE(2): poses (x, y, heading) and their Jacobians.
+
+A pose is an array (..., 3) of x (m), y (m) and heading (rad, counter-clockwise, wrapped to (-pi, pi]); every function
+takes one pose or a batch of them, on leading axes. Jacobians are with respect to these three plain coordinates, so a
+covariance pushed through them stays one of (x, y, heading).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def wrap(angle: Array) -> Array:
+    """`angle` (rad) taken to (-pi, pi]; an angle already there comes back bit for bit."""
+    return angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
+
+
+def compose(a: Array, b: Array) -> Array:
+    """The pose a + b of Smith, Self and Cheeseman: motion `b`, in the body frame of `a`, made from `a`. (..., 3)."""
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
+    y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
+    return np.stack((x, y, wrap(a[..., 2] + b[..., 2])), axis=-1)
+
+
+def compose_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
+    """d compose(a, b) / d a and / d b, each (..., 3, 3)."""
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    by_a = np.zeros((*c.shape, 3, 3))
+    by_a[..., 0, 0] = by_a[..., 1, 1] = by_a[..., 2, 2] = 1.0
+    by_a[..., 0, 2] = -s * b[..., 0] - c * b[..., 1]
+    by_a[..., 1, 2] = c * b[..., 0] - s * b[..., 1]
+    by_b = np.zeros_like(by_a)
+    by_b[..., 0, 0] = by_b[..., 1, 1] = c
+    by_b[..., 0, 1] = -s
+    by_b[..., 1, 0] = s
+    by_b[..., 2, 2] = 1.0
+    return by_a, by_b
+
+
+def inverse(a: Array) -> Array:
+    """The motion that undoes `a`: compose(a, inverse(a)) is the identity. (..., 3)."""
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = -c * a[..., 0] - s * a[..., 1]
+    y = s * a[..., 0] - c * a[..., 1]
+    return np.stack((x, y, wrap(-a[..., 2])), axis=-1)
+
+
+def between(a: Array, b: Array) -> Array:
+    """The motion from `a` to `b` in the body frame of `a`: compose(a, between(a, b)) == b. (..., 3)."""
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    return np.stack((c * dx + s * dy, -s * dx + c * dy, wrap(b[..., 2] - a[..., 2])), axis=-1)
+
+
+def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
+    """d between(a, b) / d a and / d b, each (..., 3, 3)."""
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    by_b = np.zeros((*c.shape, 3, 3))
+    by_b[..., 0, 0] = by_b[..., 1, 1] = c
+    by_b[..., 0, 1] = s
+    by_b[..., 1, 0] = -s
+    by_b[..., 2, 2] = 1.0
+    by_a = -by_b
+    by_a[..., 0, 2] = -s * dx + c * dy
+    by_a[..., 1, 2] = -c * dx - s * dy
+    return by_a, by_b
+
+
+def act(pose: Array, xy: Array) -> Array:
+    """The world position (..., 2), in m, of the point `xy` given in the body frame of `pose`."""
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x = pose[..., 0] + c * xy[..., 0] - s * xy[..., 1]
+    y = pose[..., 1] + s * xy[..., 0] + c * xy[..., 1]
+    return np.stack((x, y), axis=-1)
+
+
+def act_jacobians(pose: Array, xy: Array) -> tuple[Array, Array]:
+    """d act(pose, xy) / d pose, (..., 2, 3), and / d xy, (..., 2, 2)."""
+    by_pose, by_xy = compose_jacobians(pose, xy)
+    return by_pose[..., :2, :], by_xy[..., :2, :2]
+
+
+def rotation(heading: float) -> Array:
+    """The 3x3 matrix that turns (x, y) by `heading` (rad) and leaves a heading alone.
+
+    It takes a covariance of (dx, dy, dheading) from a body frame at `heading` to the world: R @ cov @ R.T.
+    """
+    c, s = np.cos(heading), np.sin(heading)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def chain(delta: Array, cov: Array, after: Array, after_cov: Array) -> tuple[Array, Array]:
+    """Two motions in a row as one: (3,) in the body frame before the first, and its 3x3 covariance, to first order.
+
+    The errors of the two are taken as independent: C = Ja C1 Ja' + Jb C2 Jb'.
+    """
+    by_first, by_second = compose_jacobians(delta, after)
+    return compose(delta, after), by_first @ cov @ by_first.T + by_second @ after_cov @ by_second.T
