@@ -14,7 +14,9 @@ Ints = NDArray[np.int64]
 
 def wrap(angle: Array) -> Array:
     """`angle` (rad) taken to (-pi, pi]; an angle already there comes back bit for bit."""
-    return angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
+    turned = angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
+    turned = np.where(turned <= -np.pi, np.pi, np.minimum(turned, np.pi))  # rounding may leave the range by an ulp
+    return np.where((-np.pi < angle) & (angle <= np.pi), angle, turned)
 
 
 def compose(a: Array, b: Array) -> Array:

@@ -1,0 +1,45 @@
+"""Backend names and the builders behind them; nothing is imported before it is asked for.
+
+A name is that of a built-in, of an entry point in the group `slamduel.backends`, or a `module:attribute` outright.
+"""
+
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+
+from ..frontend.errors import InputError
+from .api import Builder
+
+BUILTIN = {
+    "dead-reckoning": "slamduel.backends.dead_reckoning:build",
+    "ekf": "slamduel.backends.ekf:build",
+    "fastslam": "slamduel.backends.fastslam:build",
+    "graph": "slamduel.backends.graph:build",
+    "isam2": "slamduel.backends.isam2:build",
+}
+GROUP = "slamduel.backends"
+
+
+class Missing(InputError):
+    """A backend that is named and known, but cannot be imported here: a row with a reason, not the end of a run."""
+
+
+def plugins() -> Mapping[str, EntryPoint]:
+    """The installed entry points of the group, by name; a built-in's name cannot be taken over."""
+    return {found.name: found for found in entry_points(group=GROUP) if found.name not in BUILTIN}
+
+
+def find(name: str) -> Builder:
+    """The builder of that name.
+
+    Raises KeyError where nothing has the name, and Missing where what has it cannot be imported or is no Builder.
+    """
+    target = BUILTIN.get(name) or (name if ":" in name else plugins()[name].value)
+    module, _, attribute = target.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except Exception as error:  # a plug-in's import may fail in any way at all, and that is the plug-in's matter
+        raise Missing(f"backend {name}: {target} cannot be imported: {type(error).__name__}: {error}") from error
+    if not isinstance(found, Builder):
+        raise Missing(f"backend {name}: {target} is {type(found).__name__}, expected slamduel.backends.api.Builder")
+    return found

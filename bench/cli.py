@@ -1,0 +1,52 @@
+"""The command line: `bench run`, `list`, `check`, `report`. Errors a user can mend become one sentence and status 2."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from ..frontend.errors import SlamduelError
+
+COMMANDS = {
+    "run": ("run backends on datasets and write a report", ".command_run"),
+    "list": ("list backends and datasets with their options", ".command_list"),
+    "check": ("hold a backend to the conformance suite", ".command_check"),
+    "report": ("write the report of a run's folder again", ".command_report"),
+}
+"""Name -> help, and the module with `arguments(parser)` and `main(namespace)`; only the one asked for is imported."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; its exit status."""
+    given = sys.argv[1:] if argv is None else list(argv)
+    parser = argparse.ArgumentParser(
+        prog="bench",
+        description="The same robot log through several SLAM backends, and a verdict that holds up.",
+        epilog="bench COMMAND --help tells more. bench run alone runs three backends on two datasets that come along.",
+    )
+    chosen = next((word for word in given if not word.startswith("-")), None)
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    action: Callable[[argparse.Namespace], int] | None = None
+    for name, (summary, module) in COMMANDS.items():
+        command = subparsers.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        if name == chosen:
+            implementation = import_module(module, __package__)
+            implementation.arguments(command)
+            action = implementation.main
+    namespace = parser.parse_args(given)
+    assert action is not None  # argparse has refused every other command
+    try:
+        return action(namespace)
+    except SlamduelError as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("bench: interrupted; what had finished is in the record.", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of our output, head for one, has gone
+        sys.stderr.close()
+        return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

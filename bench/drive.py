@@ -1,0 +1,196 @@
+"""One backend through one log, twice: once for the clock, once for what it believes.
+
+The timing pass calls `step` and `finish` and nothing else, so nothing can hide in a call that is not timed. The second
+pass, on a fresh backend with the same randomness, also asks for the belief after every step; its path must be the same
+to the last bit, or the answer to "how fast" and the answer to "how good" would be about two different runs.
+"""
+
+import gc
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..backends.api import Backend, Belief, Builder, Diverged, Solution
+from ..frontend.errors import SlamduelError
+from ..frontend.factors import Log, Map, Step
+from ..frontend.se2 import Array, Ints
+
+WARM_UP = 20
+"""Steps that a backend of its own runs through before the clock is started: compilation and first imports are over."""
+
+
+class Broken(SlamduelError):
+    """A backend that does not keep to the contract: what it returned, and what was expected."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a backend made of a log. Where it has no online estimate `online` is None, and so on."""
+
+    online: Array | None  # (n, 3)
+    cov: Array  # (n, 3, 3), NaN where not known
+    nis: Array  # (n,) NaN where there is none
+    nis_dof: Ints  # (n,)
+    n_eff: Array  # (n,) NaN where there are no particles
+    map: Map
+    solution: Solution | None
+    step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
+    wall_ns: Ints  # (n,)
+    belief_ns: Ints  # (n,)
+    map_ns: int
+    setup_ns: int
+    finish_ns: int
+    clock_ns: int  # what was taken off each
+
+
+def drive(builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator]) -> Outcome:
+    """Run the backend through `log`; `generator` makes one in the same state every time it is called.
+
+    Raises Diverged where a number is not finite, Broken where the contract is not kept, and whatever the backend does.
+    """
+    log = log if builder.associates else log.identified()
+    steps = list(log)
+    _warm_up(builder, options, log, generator)
+    clock = _clock_cost()
+
+    gc.collect()
+    gc.disable()
+    try:
+        start = time.process_time_ns()
+        backend = builder.make(log.prior, options, generator())
+        setup_ns = time.process_time_ns() - start
+        online, step_ns, wall_ns = _timing_pass(backend, steps)
+        start = time.process_time_ns()
+        finished = backend.finish()
+        finish_ns = time.process_time_ns() - start
+    finally:
+        gc.enable()
+    solution = _checked_solution(finished, len(steps))
+    del backend, finished
+
+    backend = builder.make(log.prior, options, generator())
+    beliefs, belief_ns = _belief_pass(backend, steps, online)
+    start = time.process_time_ns()
+    found = backend.map()
+    map_ns = time.process_time_ns() - start
+    return Outcome(
+        online=online,
+        cov=np.array([_NO_COV if b is None or b.cov is None else b.cov for b in beliefs]),
+        nis=np.array([np.nan if b is None or b.nis is None else b.nis for b in beliefs]),
+        nis_dof=np.array([0 if b is None else b.nis_dof for b in beliefs]),
+        n_eff=np.array([np.nan if b is None or b.n_eff is None else b.n_eff for b in beliefs]),
+        map=_checked_map(found, "map()"),
+        solution=solution,
+        step_ns=np.maximum(step_ns - clock, 0),
+        wall_ns=np.maximum(wall_ns - clock, 0),
+        belief_ns=np.maximum(belief_ns - clock, 0),
+        map_ns=map_ns,
+        setup_ns=setup_ns,
+        finish_ns=finish_ns,
+        clock_ns=clock,
+    )
+
+
+_NO_COV = np.full((3, 3), np.nan)
+
+
+def _warm_up(builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator]) -> None:
+    """Take a backend of its own through the log's first steps, every method once."""
+    backend = builder.make(log.prior, options, generator())
+    for step in log.head(min(WARM_UP, len(log))):
+        backend.step(step)
+    backend.belief()
+    backend.map()
+    backend.finish()
+
+
+def _clock_cost() -> int:
+    """ns that reading both clocks before and after an empty call takes, as the loop below sees it; the median."""
+    costs = []
+    for _ in range(1000):
+        before = time.process_time_ns()
+        time.perf_counter_ns()
+        time.perf_counter_ns()
+        costs.append(time.process_time_ns() - before)
+    return int(np.median(costs))
+
+
+def _timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
+    """The online path (n, 3), and each step's CPU and wall time in ns."""
+    poses: list[Any] = []
+    cpu, wall = np.zeros((2, len(steps)), np.int64)
+    cpu_clock, wall_clock = time.process_time_ns, time.perf_counter_ns
+    for k, step in enumerate(steps):
+        cpu_start = cpu_clock()
+        wall_start = wall_clock()
+        pose = backend.step(step)
+        wall[k] = wall_clock() - wall_start
+        cpu[k] = cpu_clock() - cpu_start
+        poses.append(_checked_pose(pose, k))
+    if all(pose is None for pose in poses):
+        return None, cpu, wall
+    if any(pose is None for pose in poses):
+        raise Broken("step() returned a pose at some steps and None at others, expected one or the other throughout")
+    return np.array(poses), cpu, wall
+
+
+def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> tuple[list[Belief | None], Ints]:
+    """The belief after every step, and what asking cost in ns; Broken where asking has changed the path."""
+    beliefs: list[Belief | None] = []
+    cpu = np.zeros(len(steps), np.int64)
+    for k, step in enumerate(steps):
+        pose = _checked_pose(backend.step(step), k)
+        if online is not None and (pose is None or pose.tobytes() != online[k].tobytes()):
+            raise Broken(f"step {k}: the path differs once beliefs are asked for: {pose}, expected {online[k]}")
+        start = time.process_time_ns()
+        belief = backend.belief()
+        cpu[k] = time.process_time_ns() - start
+        beliefs.append(_checked_belief(belief, k))
+    return beliefs, cpu
+
+
+def _checked_pose(pose: Any, k: int) -> Array | None:
+    """A copy of what step() returned at step k."""
+    return None if pose is None else _finite(pose, (3,), f"step {k}: the pose")
+
+
+def _checked_belief(belief: Any, k: int) -> Belief | None:
+    if belief is None:
+        return None
+    if not isinstance(belief, Belief):
+        raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
+    cov = None if belief.cov is None else _finite(belief.cov, (3, 3), f"step {k}: the belief's covariance")
+    return belief._replace(cov=cov)
+
+
+def _checked_solution(solution: Any, n: int) -> Solution | None:
+    if solution is None:
+        return None
+    if not isinstance(solution, Solution):
+        raise Broken(f"finish() returned {type(solution).__name__}, expected Solution or None")
+    path = _finite(solution.path, (n, 3), "finish(): the path")
+    return solution._replace(path=path, map=_checked_map(solution.map, "finish()"))
+
+
+def _checked_map(found: Any, where: str) -> Map:
+    if not isinstance(found, Map):
+        raise Broken(f"{where} returned {type(found).__name__} for a map, expected Map")
+    n = len(found.ids)
+    cov = None if found.cov is None else _finite(found.cov, (2 * n, 2 * n), f"{where}: the map's covariance")
+    return Map(np.array(found.ids, np.int64), _finite(found.xy, (n, 2), f"{where}: the map"), cov)
+
+
+def _finite(values: Any, shape: tuple[int, ...], what: str) -> Array:
+    """A copy of `values`, of that shape and finite."""
+    try:
+        array = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        raise Broken(f"{what} is {type(values).__name__}, expected an array of floats of shape {shape}") from None
+    if array.shape != shape:
+        raise Broken(f"{what} has shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise Diverged(f"{what} is not finite: {array if array.size <= 9 else 'an array'}")
+    return array

@@ -1,0 +1,97 @@
+"""The files of a run's folder, all made from its record: cells.csv, run.json, and what evo and a spreadsheet read."""
+
+import csv
+import io
+import json
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..frontend.se2 import Array
+from ..frontend.tum import write_tum
+from .store import COLUMNS, Store
+
+STEPS = (
+    "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",
+    "error_m", "nees", "nis", "nis_dof", "n_eff", "step_us", "wall_us", "belief_us",
+)  # fmt: skip
+"""The columns of steps.csv. error_m is of the aligned path; a blank is not known."""
+
+MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
+
+
+def export(store: Store) -> None:
+    """Write every file of the run's folder anew."""
+    run, folder, rows = store.run(), store.folder, list(store.cells())
+    slugs: dict[str, str] = run["folders"]
+    _write(folder / "run.json", json.dumps(run, indent=2) + "\n")
+    _write(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
+    for row in rows:
+        c = row.columns
+        place = folder / slugs[label(c["dataset"], c["dataset_options"])] / str(c["seed"])
+        truth = store.truth(c["dataset"], c["dataset_options"], c["seed"])
+        if truth and not (place / "truth.tum").exists():
+            place.mkdir(parents=True, exist_ok=True)
+            write_tum(place / "truth.tum", truth["t"], truth["poses"])
+        if c["status"] == "done":
+            _export_cell(place / slugs[label(c["backend"], c["options"])], store.arrays(row), truth)
+
+
+def label(name: str, options: str) -> str:
+    """A variant as the command line takes it."""
+    return f"{name}[{options}]" if options else name
+
+
+def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> None:
+    place.mkdir(parents=True, exist_ok=True)
+    if "online" in arrays:
+        write_tum(place / "online.tum", arrays["t"], arrays["online"])
+        _write(place / "steps.csv", _csv(STEPS, _steps(arrays, truth)))
+    if "final" in arrays:
+        write_tum(place / "final.tum", arrays["t"], arrays["final"])
+    prefix = "final_map" if "final_map_ids" in arrays else "map"
+    ids, xy, cov = arrays[f"{prefix}_ids"], arrays[f"{prefix}_xy"], arrays.get(f"{prefix}_cov")
+    blocks = np.full((len(ids), 3), np.nan) if cov is None else cov[:, [0, 0, 1], [0, 1, 1]]
+    rows = ([i, *_blank(p), *_blank(b)] for i, p, b in zip(ids.tolist(), xy, blocks, strict=True))
+    _write(place / "map.csv", _csv(MAP, rows))
+
+
+def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
+    n = len(arrays["t"])
+    error, consistency = np.full((2, n), np.nan)
+    if "aligned" in arrays:
+        error[arrays["at"]] = np.hypot(*(arrays["aligned"] - truth["poses"])[:, :2].T)
+    if "nees" in arrays:
+        consistency[arrays["at"]] = arrays["nees"]
+    upper = np.triu_indices(3)
+    table = np.column_stack(
+        (arrays["t"], arrays["online"], arrays["cov"][:, *upper], error, consistency, arrays["nis"])
+    )
+    after = np.column_stack(
+        (arrays["n_eff"], arrays["step_ns"] / 1e3, arrays["wall_ns"] / 1e3, arrays["belief_ns"] / 1e3)
+    )
+    for k in range(n):
+        yield k, *_blank(table[k]), int(arrays["nis_dof"][k]), *_blank(after[k])
+
+
+def _blank(values: Array) -> list[float | None]:
+    """As plain floats, those that are not a number as None."""
+    return [None if value != value else value for value in values.tolist()]
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _write(path: Path, text: str) -> None:
+    """All of it or nothing."""
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)

@@ -1,0 +1,35 @@
+"""From a dataset's name to a log that cells can run on: made, checked, and given a reference where truth is unknown."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..datasets import archive, cache
+from ..datasets import registry as datasets
+from ..frontend.factors import Truth
+from .reference import reference
+
+
+@dataclass(frozen=True)
+class Task:
+    """A log to prepare, and the archive it goes to."""
+
+    name: str
+    options: Any
+    seed: int
+    archive: Path
+
+
+class Prepared(NamedTuple):
+    """A log that is ready in its archive."""
+
+    digest: str
+    truth: Truth | None
+
+
+def run(task: Task) -> Prepared:
+    """Make the log and write its archive. InputError where the dataset cannot be had."""
+    dataset = cache.prepared(task.name, datasets.find(task.name), task.options, task.seed)
+    truth = dataset.truth or reference(dataset.log)
+    archive.save(task.archive, dataset._replace(truth=truth))
+    return Prepared(dataset.log.digest, truth)

@@ -1,0 +1,230 @@
+"""A run from plan to folder: logs prepared, cells run that are not yet in the record, files exported."""
+
+import contextlib
+import fcntl
+import os
+import shlex
+import tempfile
+import time
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from ..frontend.errors import InputError
+from ..frontend.factors import Truth
+from . import cell as cells
+from . import prepare
+from .export import export
+from .machine import environment
+from .plan import Cell, Plan
+from .store import FILE, Store
+from .workers import Ended, execute
+
+LOCK = ".lock"
+TIMING_POLICY = (
+    "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
+    "warm-up on a backend of its own. Beliefs, map and finish are timed apart, in a second pass whose path is the same "
+    "to the last bit. timing_alone = 0 marks cells that ran side by side with others. GTSAM is the published generic "
+    "wheel; so are numpy and its BLAS."
+)
+
+
+class Watcher(Protocol):
+    """Whoever is told how a run goes along."""
+
+    def preparing(self, logs: int) -> None:
+        """That many logs are to be made."""
+        ...
+
+    def prepared(self, name: str) -> None:
+        """One is ready."""
+        ...
+
+    def running(self, cells: int, before: int) -> None:
+        """That many cells are to be run; `before` more are in the record already."""
+        ...
+
+    def finished(self, cell: Cell, status: str, reason: str, row: dict[str, Any]) -> None:
+        """One has ended."""
+        ...
+
+
+def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Watcher) -> None:
+    """Run the plan's cells into `folder`, or those that its record still lacks; then write the folder's files.
+
+    InputError where a log cannot be had or the folder not be used; nothing is left behind then that was not there.
+    """
+    with claimed(folder), tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        logs = _prepare(plan, Path(scratch), workers, watcher)
+        with Store(folder, create=True) as store:
+            _describe(store, plan, command, workers)
+            for c in plan.cells():
+                _record_log(store, c, logs[c.dataset.label, c.seed])
+            _run_cells(store, plan, logs, workers, watcher)
+            store.put_run("finished", time.time())
+            export(store)
+
+
+def recorded_plan(folder: Path) -> Plan | None:
+    """The plan of the run in `folder`; None where it holds none. InputError where it holds something else."""
+    if (folder / FILE).is_file():
+        with Store(folder) as store:
+            words = store.run().get("plan")
+        return None if words is None else Plan.from_words(words)
+    if folder.exists() and (not folder.is_dir() or any(item.name != LOCK for item in folder.iterdir())):
+        raise InputError(f"--out {folder}: found something that is no run; expected a new or empty folder, or a run's.")
+    return None
+
+
+@contextlib.contextmanager
+def claimed(folder: Path) -> Generator[None]:
+    """The folder, made where it is not there, for this process alone; if nothing came of it, it is gone again."""
+    made = _make(folder)
+    try:
+        lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
+    except OSError as error:
+        raise InputError(
+            f"--out {folder}: cannot be written to ({error.strerror}); expected a writable folder."
+        ) from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        raise InputError(
+            f"--out {folder}: another run is writing to this folder; expected to be alone in it."
+        ) from None
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            (folder / LOCK).unlink()
+        os.close(lock)
+        for path in made:
+            with contextlib.suppress(OSError):  # not empty: something came of it
+                path.rmdir()
+
+
+def _make(folder: Path) -> list[Path]:
+    """Make the folder and its missing parents; those that were made, the innermost first."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: cannot be made ({error.strerror}); expected a place to write to.") from None
+    return missing
+
+
+class _Ready(NamedTuple):
+    """A prepared log."""
+
+    archive: Path
+    digest: str
+    truth: Truth | None
+
+
+_Logs = dict[tuple[str, int], _Ready]
+"""By the dataset's label and the cell's seed."""
+
+
+def _prepare(plan: Plan, scratch: Path, workers: int, watcher: Watcher) -> _Logs:
+    """Every log that the cells need, in its archive: one for all seeds where the dataset draws no random numbers."""
+    keys = {(c.dataset.label, c.seed): _log_seed(c) for c in plan.cells()}
+    by_label = {dataset.label: dataset for dataset in plan.datasets}
+    wanted = sorted({(name, drawn) for (name, _), drawn in keys.items()})
+    tasks = [
+        prepare.Task(by_label[name].name, by_label[name].options, seed, scratch / f"{k}.npz")
+        for k, (name, seed) in enumerate(wanted)
+    ]
+    watcher.preparing(len(tasks))
+    ready: dict[tuple[str, int], _Ready] = {}
+    for ended in execute(prepare.run, tasks, workers=workers):
+        name, seed = wanted[ended.task]
+        if ended.death:
+            raise InputError(f"dataset {name}, seed {seed}: could not be made; {ended.death}.")
+        ready[name, seed] = _Ready(tasks[ended.task].archive, *ended.value)
+        watcher.prepared(f"{name} · seed {seed}")
+    return {(name, seed): ready[name, drawn] for (name, seed), drawn in keys.items()}
+
+
+def _log_seed(cell: Cell) -> int:
+    """The seed that the cell's log is made with."""
+    return cell.seed if cell.dataset.source.seeded else 0
+
+
+def _describe(store: Store, plan: Plan, command: list[str], workers: int) -> None:
+    """Keep what the run is; of one that goes on, what it was started as."""
+    known = store.run()
+    variants = [*plan.datasets, *plan.backends]
+    about = {
+        "plan": plan.words(),
+        "command": shlex.join(command),
+        "options": {variant.label: vars(variant.options) for variant in variants},
+        "folders": {variant.label: variant.slug for variant in variants},
+        "random": [v.label for v in plan.backends if v.builder is not None and v.builder.random],
+        "environment": environment(),
+        "workers": workers,
+        "timing_policy": TIMING_POLICY,
+        "started": time.time(),
+    }
+    for name, value in about.items():
+        if name not in known:
+            store.put_run(name, value)
+
+
+def _record_log(store: Store, cell: Cell, log: _Ready) -> None:
+    name, options, seed = cell.dataset.name, cell.dataset.given, cell.seed
+    before = store.digest(name, options, seed)
+    if before == log.digest:
+        return
+    if before is not None:
+        raise InputError(
+            f"--out {store.folder}: {cell.dataset.label}, seed {seed}, has changed since this run was begun: its "
+            f"digest is {log.digest[:12]}, expected {before[:12]}; run into another folder."
+        )
+    arrays: dict[str, Any] = {}
+    if log.truth is not None:
+        arrays = {"t": log.truth.t, "poses": log.truth.poses}
+        if log.truth.map is not None:
+            arrays |= {"ids": log.truth.map.ids, "xy": log.truth.map.xy}
+    store.put_log(name, options, seed, log.digest, log.truth.kind if log.truth else "", arrays)
+
+
+def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Watcher) -> None:
+    """Run what the record lacks; a row is in it as soon as its cell has ended."""
+    done = {row.key for row in store.cells()}
+    todo = [c for c in plan.cells() if c.key not in done]
+    watcher.running(len(todo), len(done))
+    able = [c for c in todo if c.backend.builder is not None]
+    for c in todo:
+        if c.backend.builder is None:
+            _keep(store, c, logs, cells.Result("error", c.backend.missing), True, watcher)
+    tasks = [
+        cells.Task(
+            c.backend.label,
+            c.backend.name,
+            c.backend.options,
+            c.seed,
+            logs[c.dataset.label, c.seed].archive,
+            plan.memory_mb,
+        )
+        for c in able
+    ]
+    for ended in execute(cells.run, tasks, workers=workers, timeout_s=plan.timeout_s):
+        result = ended.value or _dead(ended, plan.timeout_s)
+        _keep(store, able[ended.task], logs, result, ended.alone, watcher)
+
+
+def _dead(ended: Ended, timeout_s: float) -> cells.Result:
+    """The result of a cell whose process returned none."""
+    if ended.death == "timeout":
+        return cells.Result("timeout", f"was not finished after {timeout_s:g} s of wall time and was stopped")
+    return cells.Result("error", ended.death)
+
+
+def _keep(store: Store, cell: Cell, logs: _Logs, result: cells.Result, alone: bool, watcher: Watcher) -> None:
+    names = ("dataset", "dataset_options", "backend", "options", "seed")
+    log = logs[cell.dataset.label, cell.seed]
+    row = dict(zip(names, cell.key, strict=True)) | {"status": result.status, "reason": result.reason}
+    row |= {"digest": log.digest, "truth_kind": log.truth.kind if log.truth else "", "timing_alone": int(alone)}
+    store.put_cell(row | result.row, result.arrays, result.traceback)
+    watcher.finished(cell, result.status, result.reason, row | result.row)

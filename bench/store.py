@@ -1,0 +1,142 @@
+"""The one record of a run: an SQLite file, written by one writer, a transaction a cell. Everything else is its export.
+
+run    what was asked for and where it ran, as JSON by name
+logs   a row a (dataset variant, seed): digest, and the truth as arrays
+cells  a row a cell: the columns of cells.csv, and its arrays (numpy's .npz) for plots and exports
+"""
+
+import io
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..frontend.errors import InputError
+
+COLUMNS = (
+    "dataset", "dataset_options", "backend", "options", "seed", "status", "reason", "digest", "truth_kind",
+    "steps", "sightings", "ignored", "landmarks", "ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m",
+    "nees", "nees_inside", "nis", "final_ate_m", "final_ate_origin_m", "final_map_rmse_m", "cost_j",
+    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
+    "finish_s", "setup_s", "cpu_s", "peak_mb", "timing_alone",
+)  # fmt: skip
+"""The columns of cells.csv, in order."""
+
+FILE = "results.sqlite"
+VERSION = 1
+
+_SCHEMA = f"""
+CREATE TABLE run (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE logs (dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT, truth_kind TEXT, arrays BLOB,
+                   PRIMARY KEY (dataset, dataset_options, seed));
+CREATE TABLE cells ({", ".join(COLUMNS)}, arrays BLOB, traceback TEXT,
+                    PRIMARY KEY (dataset, dataset_options, backend, options, seed));
+PRAGMA user_version = {VERSION};
+"""
+
+
+class Row(NamedTuple):
+    """A cell of the record: its columns by name."""
+
+    columns: Mapping[str, Any]
+    traceback: str
+
+    @property
+    def key(self) -> tuple[str, str, str, str, int]:
+        """What tells this cell from every other."""
+        c = self.columns
+        return c["dataset"], c["dataset_options"], c["backend"], c["options"], c["seed"]
+
+
+class Store:
+    """An open record. Reading is possible while another process writes."""
+
+    def __init__(self, folder: Path, *, create: bool = False) -> None:
+        self.folder = folder
+        path = folder / FILE
+        if not create and not path.is_file():
+            raise InputError(f"{folder}: there is no {FILE} here; expected the folder of a run.")
+        try:
+            self._db = sqlite3.connect(path, isolation_level=None)
+            version = self._db.execute("PRAGMA user_version").fetchone()[0]
+            if version == 0 and create:
+                self._db.execute("PRAGMA journal_mode = WAL")
+                self._db.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
+            elif version != VERSION:
+                raise InputError(f"{path}: found a record of format {version}, expected {VERSION}.")
+        except sqlite3.DatabaseError as error:
+            raise InputError(f"{path}: {error}; expected the record of a run.") from None
+
+    def close(self) -> None:
+        """Close the file; what was written is in it."""
+        self._db.close()
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def put_run(self, name: str, value: Any) -> None:
+        """Keep something about the run as a whole."""
+        self._write("INSERT OR REPLACE INTO run VALUES (?, ?)", (name, json.dumps(value)))
+
+    def run(self) -> dict[str, Any]:
+        """Everything that is kept about the run as a whole."""
+        return {name: json.loads(value) for name, value in self._db.execute("SELECT name, value FROM run")}
+
+    def put_log(self, dataset: str, options: str, seed: int, digest: str, kind: str, arrays: Mapping[str, Any]) -> None:
+        """Keep a log's digest and truth."""
+        values = (dataset, options, seed, digest, kind, _packed(arrays))
+        self._write("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?)", values)
+
+    def digest(self, dataset: str, options: str, seed: int) -> str | None:
+        """The digest a log had when it was first prepared for this run."""
+        query = "SELECT digest FROM logs WHERE dataset = ? AND dataset_options = ? AND seed = ?"
+        found = self._db.execute(query, (dataset, options, seed)).fetchone()
+        return None if found is None else found[0]
+
+    def truth(self, dataset: str, options: str, seed: int) -> dict[str, Any]:
+        """A log's arrays: `t`, `poses`, and where the landmarks are known `ids` and `xy`; empty with no truth."""
+        query = "SELECT arrays FROM logs WHERE dataset = ? AND dataset_options = ? AND seed = ?"
+        found = self._db.execute(query, (dataset, options, seed)).fetchone()
+        return {} if found is None else _unpacked(found[0])
+
+    def put_cell(self, row: Mapping[str, Any], arrays: Mapping[str, Any], traceback: str) -> None:
+        """Keep a cell, in one transaction."""
+        values = [row.get(name) for name in COLUMNS]
+        marks = ", ".join("?" * (len(COLUMNS) + 2))
+        self._write(f"INSERT OR REPLACE INTO cells VALUES ({marks})", (*values, _packed(arrays), traceback))
+
+    def cells(self) -> Iterator[Row]:
+        """Every cell, in the order of the plan's names: by dataset, backend and seed."""
+        order = "dataset, dataset_options, backend, options, seed"
+        query = f"SELECT {', '.join(COLUMNS)}, traceback FROM cells ORDER BY {order}"
+        for *values, traceback in self._db.execute(query):
+            yield Row(dict(zip(COLUMNS, values, strict=True)), traceback)
+
+    def arrays(self, row: Row) -> dict[str, Any]:
+        """A cell's arrays by name."""
+        where = " AND ".join(f"{name} = ?" for name in ("dataset", "dataset_options", "backend", "options", "seed"))
+        return _unpacked(self._db.execute(f"SELECT arrays FROM cells WHERE {where}", row.key).fetchone()[0])
+
+    def _write(self, statement: str, values: Sequence[Any]) -> None:
+        """One transaction; InputError where the file can no longer be written to, with all before it safe."""
+        try:
+            self._db.execute(statement, values)
+        except sqlite3.Error as error:
+            raise InputError(f"{self.folder / FILE}: cannot be written to: {error}.") from None
+
+
+def _packed(arrays: Mapping[str, Any]) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+    return file.getvalue()
+
+
+def _unpacked(blob: bytes) -> dict[str, Any]:
+    with np.load(io.BytesIO(blob), allow_pickle=False) as members:
+        return dict(members)

@@ -1,0 +1,64 @@
+"""A run's cells drawn together over their seeds: what the table in the terminal and the report show."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .export import label
+from .store import Row
+
+
+class Spread(NamedTuple):
+    """A value over the seeds that have one."""
+
+    median: float
+    low: float
+    high: float
+    n: int
+
+
+class Line(NamedTuple):
+    """One backend variant on one dataset variant, over all seeds."""
+
+    dataset: str  # label
+    backend: str  # label
+    truth_kind: str
+    rows: list[Row]  # by seed
+    values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
+
+    @property
+    def done(self) -> int:
+        """How many of its cells are done."""
+        return sum(row.columns["status"] == "done" for row in self.rows)
+
+    @property
+    def alone(self) -> bool:
+        """Whether every cell ran alone, so that its times stand for themselves."""
+        return all(row.columns["timing_alone"] for row in self.rows)
+
+
+_WORDS = ("dataset", "dataset_options", "backend", "options", "seed", "status", "reason", "digest", "truth_kind")
+
+
+def lines(rows: Iterable[Row]) -> list[Line]:
+    """A line a (dataset, backend), in the order in which the record has them."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        c = row.columns
+        key = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
+        groups.setdefault(key, []).append(row)
+    return [
+        Line(dataset, backend, members[0].columns["truth_kind"], members, _spreads(members))
+        for (dataset, backend), members in groups.items()
+    ]
+
+
+def _spreads(rows: list[Row]) -> dict[str, Spread]:
+    done = [row.columns for row in rows if row.columns["status"] == "done"]
+    spreads: dict[str, Spread] = {}
+    for name in [name for name in rows[0].columns if name not in _WORDS]:
+        values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
+        if values:
+            spreads[name] = Spread(float(np.median(values)), min(values), max(values), len(values))
+    return spreads

@@ -1,0 +1,166 @@
+"""Processes: one for each task, forked from a server that has the heavy imports, watched, and killed when overdue.
+
+A worker has one thread, a session of its own, and its output in a file. What it returns comes back through a pipe; if
+it dies instead, how it died comes back.
+"""
+
+import contextlib
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..frontend.errors import InputError
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+PRELOAD = ["slamduel.bench.preload"]
+PR_SET_PDEATHSIG = 1
+"""From <sys/prctl.h>."""
+
+LAST_WORDS = 300
+"""Characters of a killed worker's output that are quoted."""
+
+
+class Ended(NamedTuple):
+    """How a task's process ended."""
+
+    task: int  # its place in the list
+    value: Any  # what its function returned, where it did
+    death: str  # "" where it returned, "timeout", or how the process died
+    alone: bool  # no other task ran at any moment while it did
+
+
+@dataclass
+class _Worker:
+    task: int
+    process: Any
+    pipe: Connection
+    output: Path
+    deadline: float
+    alone: bool
+
+
+def execute(
+    function: Callable[[Any], Any], tasks: Sequence[Any], *, workers: int, timeout_s: float = float("inf")
+) -> Iterator[Ended]:
+    """Run `function(task)` for every task in a process of its own, at most `workers` at once; each end as it comes.
+
+    `function` and what it takes and returns must pickle. Raises InputError where a task did. If the caller stops
+    listening, every running process is killed.
+    """
+    for name in THREADS:  # before the server starts: libraries read these when they are loaded
+        os.environ[name] = "1"
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOAD)
+    waiting = list(enumerate(tasks))[::-1]
+    running: list[_Worker] = []
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
+        try:
+            while waiting or running:
+                while waiting and len(running) < workers:
+                    running.append(_started(context, function, *waiting.pop(), Path(folder), timeout_s))
+                    if len(running) > 1:
+                        for worker in running:
+                            worker.alone = False
+                patience = max(0.0, min(worker.deadline for worker in running) - time.monotonic())
+                ready = wait(
+                    [channel for worker in running for channel in (worker.pipe, worker.process.sentinel)],
+                    None if patience == float("inf") else patience,
+                )
+                for worker in list(running):
+                    overdue = time.monotonic() >= worker.deadline
+                    if worker.pipe in ready or worker.process.sentinel in ready or overdue:
+                        running.remove(worker)
+                        yield _ended(worker, overdue)
+        finally:
+            for worker in running:
+                _kill(worker)
+
+
+def _started(
+    context: Any, function: Callable[[Any], Any], index: int, task: Any, folder: Path, timeout_s: float
+) -> _Worker:
+    ours, theirs = context.Pipe(duplex=False)
+    descriptor, name = tempfile.mkstemp(dir=folder)
+    os.close(descriptor)
+    process = context.Process(target=_work, args=(theirs, function, task, name), daemon=False)
+    process.start()
+    theirs.close()
+    return _Worker(index, process, ours, Path(name), time.monotonic() + timeout_s, alone=True)
+
+
+def _work(pipe: Connection, function: Callable[[Any], Any], task: Any, output: str) -> None:
+    """The life of a worker process."""
+    os.setsid()
+    descriptor = os.open(output, os.O_WRONLY | os.O_APPEND)
+    for stream in (1, 2):
+        os.dup2(descriptor, stream)
+    _die_with_the_server()
+    try:
+        answer = (function(task), None)
+    except InputError as error:
+        answer = (None, str(error))
+    pipe.send(answer)
+    pipe.close()
+    sys.stdout.flush()
+    os._exit(0)  # whatever a backend left behind, threads or exit handlers, has no say any more
+
+
+def _die_with_the_server() -> None:
+    """Be killed when the fork server ends, which it does when the runner is killed: no worker outlives its run.
+
+    A limit on CPU time would do the same, but Linux then counts the process clock in ticks of 4 ms.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _ended(worker: _Worker, overdue: bool) -> Ended:
+    value, wrong, death = None, None, ""
+    try:
+        if worker.pipe.poll():
+            value, wrong = worker.pipe.recv()
+        elif overdue:
+            death = "timeout"
+        else:
+            death = _death(worker)
+    except (EOFError, OSError):
+        death = _death(worker)
+    _kill(worker)
+    if wrong is not None:
+        raise InputError(wrong)
+    return Ended(worker.task, value, death, worker.alone)
+
+
+def _death(worker: _Worker) -> str:
+    """How a process that sent nothing came to its end, and its last words."""
+    worker.process.join(timeout=5)
+    code = worker.process.exitcode
+    how = f"ended with exit status {code}" if code is None or code >= 0 else f"was killed by {_signal(-code)}"
+    words = " ".join(worker.output.read_text(errors="replace").split())[-LAST_WORDS:]
+    return f"the process {how}" + (f"; its last words: {words}" if words else "")
+
+
+def _signal(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
+def _kill(worker: _Worker) -> None:
+    """End a process and all that it started, and wait for it."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(worker.process.pid, signal.SIGKILL)
+    worker.process.kill()
+    worker.process.join()
+    worker.pipe.close()
+    worker.process.close()

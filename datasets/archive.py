@@ -1,0 +1,103 @@
+"""A prepared log in one .npz file: how a worker process is handed its factors, and what the cache keeps.
+
+The arrays come back bit for bit and read-only. The truth lies in members of its own, which `load_log` does not touch.
+Notes are stored as JSON: plain strings, numbers, lists and mappings.
+"""
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..frontend.errors import InputError
+from ..frontend.factors import Dataset, Log, Map, Prior, Truth
+
+_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes"))
+"""The columns."""
+
+Members = Mapping[str, Any]
+Words = Mapping[str, Any]
+T = TypeVar("T")
+
+
+def save(path: Path, dataset: Dataset) -> None:
+    """Write `dataset` to `path`, all of it or nothing. OSError where the place cannot be written to."""
+    log, truth = dataset
+    members = {name: getattr(log, name) for name in _LOG}
+    members |= {"prior.pose": log.prior.pose, "prior.cov": log.prior.cov} | _map_members("prior.map", log.prior.map)
+    if truth is not None:
+        members |= {"truth.t": truth.t, "truth.poses": truth.poses} | _map_members("truth.map", truth.map)
+        if truth.assigned is not None:
+            members["truth.assigned"] = truth.assigned
+    kind = None if truth is None else truth.kind
+    words = {"name": log.name, "notes": dict(log.notes), "truth": kind, "members": [*members]}
+    members["words"] = np.frombuffer(json.dumps(words).encode(), np.uint8)
+
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            np.savez(file, allow_pickle=False, **members)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def load(path: Path) -> Dataset:
+    """The log and truth that `save` wrote; InputError where the file is missing or damaged."""
+    return _read(path, lambda members, words: Dataset(_log(members, words), _truth(members, words)))
+
+
+def load_log(path: Path) -> Log:
+    """The factors that `save` wrote, without looking at the truth; InputError where the file is missing or damaged."""
+    return _read(path, _log)
+
+
+def _read(path: Path, take: Callable[[Members, Words], T]) -> T:
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as members:
+            words = json.loads(members["words"].tobytes())
+            if set(members.files) != {*words["members"], "words"}:
+                raise ValueError("an optional member is lost")
+            return take(members, words)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file; expected the archive of a prepared log.") from None
+    except Exception as error:  # a damaged zip file raises nearly anything, from struct.error to NotImplementedError
+        raise InputError(f"{path}: not the archive of a prepared log, or a damaged one ({error!r}).") from error
+
+
+def _log(members: Members, words: Words) -> Log:
+    prior = Prior(_frozen(members["prior.pose"]), _frozen(members["prior.cov"]), _map(members, "prior.map"))
+    return Log(words["name"], prior, **{name: _frozen(members[name]) for name in _LOG}, notes=words["notes"])
+
+
+def _truth(members: Members, words: Words) -> Truth | None:
+    if words["truth"] is None:
+        return None
+    assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
+    known = _map(members, "truth.map")
+    return Truth(_frozen(members["truth.t"]), _frozen(members["truth.poses"]), known, assigned, words["truth"])
+
+
+def _map_members(name: str, known: Map | None) -> dict[str, Any]:
+    if known is None:
+        return {}
+    members = {f"{name}.ids": known.ids, f"{name}.xy": known.xy}
+    return members if known.cov is None else members | {f"{name}.cov": known.cov}
+
+
+def _map(members: Members, name: str) -> Map | None:
+    if f"{name}.ids" not in members:
+        return None
+    cov = _frozen(members[f"{name}.cov"]) if f"{name}.cov" in members else None
+    return Map(_frozen(members[f"{name}.ids"]), _frozen(members[f"{name}.xy"]), cov)
+
+
+def _frozen(column: np.ndarray[Any, Any]) -> Any:
+    column.flags.writeable = False
+    return column

@@ -1,0 +1,98 @@
+"""What the floor and the walls of a room look like: one grey image that a renderer samples."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from .world import Room
+
+DENSITY = 160
+"""px per metre of the painted surfaces."""
+
+PLANK = 0.14
+"""m, the width of a floorboard."""
+
+WALLS = np.array([168.0, 152.0, 180.0, 160.0])
+"""Grey levels of the four walls: light falls differently on each."""
+
+Grey = NDArray[np.floating]
+
+
+class Surfaces(NamedTuple):
+    """The floor and, under it, the four walls side by side, counter-clockwise from the corner (-x, -y)."""
+
+    image: NDArray[np.uint8]
+    wall_row: int  # the row of the walls' upper edge
+
+
+def paint(room: Room, rng: np.random.Generator) -> Surfaces:
+    """A boarded floor, and plastered walls with a skirting board, sockets and two doors; darker towards the corners."""
+    floor, walls = _floor(room, rng), _walls(room, rng)
+    image = np.full((len(floor) + len(walls), max(floor.shape[1], walls.shape[1])), 128.0)
+    image[: len(floor), : floor.shape[1]] = floor
+    image[len(floor) :, : walls.shape[1]] = walls
+    return Surfaces(np.clip(image, 0, 255).astype(np.uint8), len(floor))
+
+
+def _floor(room: Room, rng: np.random.Generator) -> Grey:
+    rows, columns = round(room.width * DENSITY), round(room.length * DENSITY)
+    y, x = (np.arange(rows, dtype=np.float32) / DENSITY)[:, None], np.arange(columns, dtype=np.float32) / DENSITY
+    board = (y / PLANK).astype(int)
+    boards = int(board.max()) + 1
+    shift, length = rng.uniform(0, 2, boards)[board], rng.uniform(0.9, 1.6, boards)[board]
+    piece = ((x + shift) / length).astype(int)
+    shade = rng.normal(0, 7, (boards, int(piece.max()) + 1))[board, piece]
+    seam = np.minimum(_gap(y, PLANK), _gap(x + shift, length))
+    grain = cv2.GaussianBlur(rng.standard_normal((rows, columns), np.float32), (0, 0), sigmaX=22, sigmaY=0.9)
+    light = np.exp(-(((x - 0.6 * room.length) / room.length) ** 2)) * np.exp(-((y / room.width - 0.45) ** 2))
+    edge = np.minimum(np.minimum(x, room.length - x), np.minimum(y, room.width - y))
+    return (84 + 62 * light + shade + 30 * grain - 26 * _line(seam, 0.004)) * _shadow(edge)
+
+
+def _walls(room: Room, rng: np.random.Generator) -> Grey:
+    rows, columns = round(room.height * DENSITY), round(room.perimeter * DENSITY)
+    z, u = (
+        (np.arange(rows - 1, -1, -1, dtype=np.float32) / DENSITY)[:, None],
+        np.arange(columns, dtype=np.float32) / DENSITY,
+    )
+    ends = np.cumsum([0.0, room.length, room.width, room.length, room.width])
+    wall = np.clip(np.searchsorted(ends, u, "right") - 1, 0, 3)
+    corner = np.minimum(u - ends[wall], ends[wall + 1] - u)
+    plaster = cv2.GaussianBlur(rng.standard_normal((rows, columns), np.float32), (0, 0), 2.5)
+    clouds = cv2.resize(rng.standard_normal((4, 24), np.float32), (columns, rows), interpolation=cv2.INTER_CUBIC)
+    grey = WALLS[wall] + 10 * plaster + 2.5 * clouds + 6 * z
+    grey = np.where(z < 0.1, 208, grey) - 45 * _line(z - 0.1, 0.006) - 60 * _line(z, 0.006)
+    for middle in (0.3 * room.length, ends[2] + 0.35 * room.length):
+        door = _outside(u, z, middle - 0.45, middle + 0.45, -1.0, 2.03)
+        grey = np.where(door < 0.08, 204, grey) - 40 * _line(door - 0.08, 0.006)
+        grey = np.where(door < 0, 128 + 4 * plaster, grey) - 50 * _line(door, 0.006)
+        for bottom, top in ((0.14, 0.85), (1.0, 1.9)):
+            panel = _outside(u, z, middle - 0.33, middle + 0.33, bottom, top)
+            grey += 16 * _line(panel - 0.012, 0.008) - 22 * _line(panel, 0.008)
+    for middle in ends[:4] + 0.5 * np.diff(ends) + 0.7:
+        socket = _outside(u, z, middle - 0.04, middle + 0.04, 0.26, 0.34)
+        grey = np.where(socket < 0, 214, grey) - 40 * _line(socket, 0.004)
+    return grey * _shadow(corner)
+
+
+def _outside(u: Grey, z: Grey, left: float, right: float, bottom: float, top: float) -> Grey:
+    """How far (m) a point is outside of a rectangle; negative inside."""
+    return np.maximum(np.maximum(left - u, u - right), np.maximum(bottom - z, z - top))
+
+
+def _line(distance: Grey, width: float) -> Grey:
+    """1 on a line, 0 a few widths (m) away."""
+    return np.exp(-((distance / width) ** 2))
+
+
+def _gap(x: Grey, period: Grey | float) -> Grey:
+    """The distance from x to the nearest multiple of `period`."""
+    rest = np.mod(x, period)
+    return np.minimum(rest, period - rest)
+
+
+def _shadow(distance: Grey) -> Grey:
+    """What is left of the light this far (m) from the next surface."""
+    return 1 - 0.28 * np.exp(-distance / 0.22)

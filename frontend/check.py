@@ -1,0 +1,166 @@
+"""What makes a log usable, in one place for every reader, simulator and front end.
+
+A column is called here what it is called in a log's CSV files, so that a reader only adds the file and the line.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from .errors import InputError
+from .factors import UNKNOWN, Log, Map, Prior
+from .se2 import Array
+
+ODOMETRY = ("t", "dx", "dy", "dtheta", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt")
+SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
+LOOPS = ("step", "to", *ODOMETRY[1:])
+
+_LEAST_PIVOT = 1e-12
+"""A Cholesky pivot under this share of its diagonal entry leaves an update without a digit to stand on."""
+
+_HALF_TURN = np.pi + 1e-12
+"""rad, with room for the rounding of sums of angles. What is beyond was not wrapped, or is in degrees."""
+
+Table = Literal["prior", "odometry", "sightings", "loops"]
+
+
+class Problem(NamedTuple):
+    """One reason why a log cannot be used."""
+
+    table: Table
+    row: int  # of the table: the step in odometry, the landmark in a prior's map
+    message: str  # what was found and what was expected, without a full stop
+
+
+def check(log: Log, where: str) -> None:
+    """InputError with the first of the log's problems, if it has any; `where` says which log it is."""
+    for table, row, message in problems(log):
+        raise InputError(f"{where}: {table} row {row}: {message}.")
+
+
+def problems(log: Log) -> Iterator[Problem]:
+    """Everything that makes `log` unusable, table by table; nothing for a good one."""
+    misshapen = list(_shapes(log))
+    yield from misshapen
+    if misshapen:
+        return
+    yield from _prior(log.prior)
+    yield from _odometry(log)
+    yield from _sightings(log)
+    yield from _loops(log)
+
+
+def _shapes(log: Log) -> Iterator[Problem]:
+    n, s, m = len(log), len(log.ids), len(log.loop_to)
+    if n == 0:
+        yield Problem("odometry", 0, "there is no step, expected at least one")
+    wanted: dict[Table, dict[str, tuple[int, ...]]] = {
+        "odometry": {"delta": (n, 3), "delta_cov": (n, 3, 3)},
+        "sightings": {"z": (s, 2), "z_cov": (s, 2, 2)},
+        "loops": {"loop_delta": (m, 3), "loop_cov": (m, 3, 3)},
+    }
+    for table, columns in wanted.items():
+        for name, shape in columns.items():
+            if (found := getattr(log, name).shape) != shape:
+                yield Problem(table, 0, f"{name} has shape {found}, expected {shape}")
+    tables: tuple[tuple[Table, Any, int], ...] = (("sightings", log.sighting_first, s), ("loops", log.loop_first, m))
+    for table, first, rows in tables:
+        if n and (first[0] != 0 or first[-1] != rows):
+            yield Problem(table, 0, f"a row belongs to no step, expected steps from 0 to {n - 1}")
+
+
+def _prior(prior: Prior) -> Iterator[Problem]:
+    if prior.pose.shape != (3,) or prior.cov.shape != (3, 3):
+        found = f"shapes {prior.pose.shape} and {prior.cov.shape}"
+        yield Problem("prior", 0, f"pose and cov have {found}, expected (3,) and (3, 3)")
+        return
+    yield from _finite("prior", ("x", "y", "heading"), prior.pose[None])
+    yield from _angle("prior", "heading", prior.pose[2:])
+    yield from _covariance("prior", prior.cov[None])
+    if prior.map is not None:
+        yield from _known(prior.map)
+
+
+def _known(known: Map) -> Iterator[Problem]:
+    n = len(known.ids)
+    if known.xy.shape != (n, 2) or (known.cov is not None and known.cov.shape != (2 * n, 2 * n)):
+        yield Problem("prior", 0, f"the map's arrays do not fit its {n} ids, expected xy (n, 2) and cov (2n, 2n)")
+        return
+    for row in np.flatnonzero(known.ids < 0):
+        yield Problem("prior", int(row), f"the map's id is {known.ids[row]}, expected 0 or more")
+    _, first = np.unique(known.ids, return_index=True)
+    for row in np.setdiff1d(np.arange(n), first):
+        yield Problem("prior", int(row), f"the map's id {known.ids[row]} is there twice, expected once")
+    yield from _finite("prior", ("the map's x", "the map's y"), known.xy)
+    if known.cov is not None and n:
+        yield from _covariance("prior", known.cov[None], "the map's covariance")
+
+
+def _odometry(log: Log) -> Iterator[Problem]:
+    yield from _finite("odometry", ODOMETRY[:1], log.t[:, None])
+    for row in np.flatnonzero(log.t[1:] <= log.t[:-1]) + 1:
+        yield Problem("odometry", int(row), f"t is {log.t[row]!s}, expected later than {log.t[row - 1]!s}")
+    yield from _finite("odometry", ODOMETRY[1:4], log.delta[1:], 1)
+    yield from _angle("odometry", "dtheta", log.delta[1:, 2], 1)
+    yield from _covariance("odometry", log.delta_cov[1:], first=1)
+
+
+def _sightings(log: Log) -> Iterator[Problem]:
+    yield from _finite("sightings", SIGHTINGS[2:4], log.z)
+    for row in np.flatnonzero(log.ids < UNKNOWN):
+        yield Problem("sightings", int(row), f"id is {log.ids[row]}, expected 0 or more, or {UNKNOWN} for unknown")
+    for row in np.flatnonzero(log.z[:, 0] <= 0):
+        yield Problem("sightings", int(row), f"range is {log.z[row, 0]!s}, expected more than 0")
+    yield from _angle("sightings", "bearing", log.z[:, 1])
+    yield from _covariance("sightings", log.z_cov)
+    step = log.sighting_step
+    order = np.lexsort((log.ids, step))
+    twin = (np.diff(step[order]) == 0) & (np.diff(log.ids[order]) == 0) & (log.ids[order[1:]] != UNKNOWN)
+    for row in np.sort(order[1:][twin]):
+        yield Problem("sightings", int(row), f"id {log.ids[row]} is there twice in step {step[row]}, expected once")
+
+
+def _loops(log: Log) -> Iterator[Problem]:
+    step = log.loop_step
+    for row in np.flatnonzero((log.loop_to < 0) | (log.loop_to >= step)):
+        expected = f"expected a step from 0 to before its own, {step[row]}"
+        yield Problem("loops", int(row), f"to is {log.loop_to[row]}, {expected}")
+    yield from _finite("loops", LOOPS[2:5], log.loop_delta)
+    yield from _angle("loops", "dtheta", log.loop_delta[:, 2])
+    yield from _covariance("loops", log.loop_cov)
+
+
+def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) -> Iterator[Problem]:
+    """`columns` (m, len(names)); row 0 of it is row `first` of the table."""
+    for row, column in np.argwhere(~np.isfinite(columns)):
+        yield Problem(table, int(row) + first, f"{names[column]} is {columns[row, column]!s}, expected a finite number")
+
+
+def _angle(table: Table, name: str, angles: Array, first: int = 0) -> Iterator[Problem]:
+    for row in np.flatnonzero(np.abs(angles) > _HALF_TURN):
+        yield Problem(table, int(row) + first, f"{name} is {angles[row]!s}, expected radians from -pi to pi")
+
+
+def _covariance(table: Table, cov: Array, name: str = "the covariance", first: int = 0) -> Iterator[Problem]:
+    """`cov` (m, k, k): finite, symmetric to rounding, and positive definite with some digits to spare."""
+    k = cov.shape[-1]
+    with np.errstate(all="ignore"):
+        diagonal = np.einsum("mii->mi", cov)
+        scale = np.sqrt(np.abs(diagonal[:, :, None] * diagonal[:, None, :]))
+        even = (np.abs(cov - cov.swapaxes(1, 2)) <= 1e-9 * scale).all((1, 2))
+        rest, definite = cov.copy(), np.ones(len(cov), bool)
+        for i in range(k):
+            definite &= rest[:, i, i] > _LEAST_PIVOT * diagonal[:, i]
+            rest[:, i + 1 :, i + 1 :] -= (
+                rest[:, i + 1 :, i, None] * (rest[:, i, i + 1 :] / rest[:, i, i, None])[:, None]
+            )
+    for row in np.flatnonzero(~(even & definite)):
+        if not np.isfinite(cov[row]).all():
+            message = f"{name} has an entry that is not finite, expected finite numbers"
+        elif not even[row]:
+            message = f"{name} is not symmetric"
+        else:
+            least, *_, most = np.linalg.eigvalsh(cov[row])
+            message = f"{name} is not positive definite: its smallest eigenvalue is {least:.6g}, its largest {most:.6g}"
+        yield Problem(table, int(row) + first, message)

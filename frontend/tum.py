@@ -1,0 +1,59 @@
+"""Paths in the TUM format, `t x y z qx qy qz qw` a line, which evo and most trajectory tools read.
+
+A planar pose has z = qx = qy = 0. Written here, headings read back bit for bit, and so does everything else.
+"""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from .se2 import Array
+from .table import read_spaced
+
+COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+def write_tum(path: Path, t: Array, poses: Array) -> None:
+    """Write poses (n, 3) at times `t` (n,)."""
+    qz, qw = _quaternion(poses[:, 2])
+    rows = zip(t.tolist(), *poses[:, :2].T.tolist(), qz.tolist(), qw.tolist(), strict=True)
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("# " + " ".join(COLUMNS) + "\n")
+        file.writelines(f"{t!r} {x!r} {y!r} 0 0 0 {z!r} {w!r}\n" for t, x, y, z, w in rows)
+
+
+def read_tum(path: Path) -> tuple[Array, Array]:
+    """Times (n,), increasing, and poses (n, 3); of a pose out of the plane, its place in it and turn about z.
+
+    InputError names the file and line of what cannot be used.
+    """
+    table = read_spaced(path, COLUMNS).finite()
+    t, qz, qw = table.column("t"), table.column("qz"), table.column("qw")
+    for row in np.flatnonzero(np.diff(t) <= 0) + 1:
+        raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
+    for row in np.flatnonzero((qz == 0) & (qw == 0)):
+        raise table.fault(row, "qz and qw are both 0, expected a turn about z")
+    return t, np.stack((table.column("x"), table.column("y"), _heading(qz, qw)), axis=-1)
+
+
+def _heading(qz: Array, qw: Array) -> Array:
+    """2 atan2(qz, qw) in (-pi, pi]; q and -q are the same turn."""
+    qz, qw = np.where(qw < 0, -qz, qz), np.abs(qw)
+    heading = 2 * np.arctan2(qz, qw)
+    return np.where(heading == -np.pi, np.pi, heading)
+
+
+def _quaternion(heading: Array) -> tuple[Array, Array]:
+    """(qz, qw) of headings in (-pi, pi], each moved by the few last-place units that bring its heading back exactly."""
+    qz, qw = np.sin(heading / 2), np.abs(np.cos(heading / 2))
+    sine, cosine = qz.copy(), qw.copy()
+    nudges = sorted(itertools.product(range(-4, 5), repeat=2), key=lambda pair: abs(pair[0]) + abs(pair[1]))
+    wrong = np.flatnonzero(_heading(qz, qw) != heading)
+    for by_sine, by_cosine in nudges:
+        if not len(wrong):
+            break
+        qz[wrong] = sine[wrong] + by_sine * np.spacing(sine[wrong])
+        qw[wrong] = cosine[wrong] + by_cosine * np.spacing(cosine[wrong])
+        wrong = wrong[_heading(qz[wrong], qw[wrong]) != heading[wrong]]
+    return qz, qw

@@ -1,0 +1,100 @@
+import contextlib
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slamduel.datasets import archive
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Dataset, Log, Prior, Truth
+from small_log import assert_same, columns, small_dataset
+
+bare_truth = Truth(np.zeros(0), np.zeros((0, 3)), None, None, "reference")
+
+
+def without_map() -> Log:
+    parts = columns(np.random.default_rng(9))
+    return Log.from_arrays(**parts | {"prior": Prior(*parts["prior"][:2])})
+
+
+@pytest.mark.parametrize(
+    "dataset",
+    [small_dataset(), Dataset(small_dataset().log, None), Dataset(without_map(), bare_truth)],
+    ids=["everything", "no truth", "little"],
+)
+def test_what_is_saved_is_loaded_bit_for_bit(tmp_path: Path, dataset: Dataset):
+    archive.save(tmp_path / "a.npz", dataset)
+    assert_same(archive.load(tmp_path / "a.npz"), dataset)
+    assert archive.load_log(tmp_path / "a.npz").digest == dataset.log.digest
+    assert os.listdir(tmp_path) == ["a.npz"]
+
+
+def test_what_is_loaded_cannot_be_written_to(tmp_path: Path):
+    archive.save(tmp_path / "a.npz", small_dataset())
+    log, truth = archive.load(tmp_path / "a.npz")
+    assert truth is not None
+    assert truth.map is not None
+    for array in (log.t, log.delta, log.z_cov, log.loop_to, log.prior.pose, truth.poses, truth.assigned, truth.map.xy):
+        with pytest.raises(ValueError, match="read-only"):
+            np.asarray(array)[...] = 0
+
+
+def test_a_worker_never_reads_the_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    archive.save(tmp_path / "a.npz", small_dataset())
+    asked = list[str]()
+    original = np.lib.npyio.NpzFile.__getitem__
+
+    def spy(self: np.lib.npyio.NpzFile, key: str):
+        asked.append(key)
+        return original(self, key)
+
+    monkeypatch.setattr(np.lib.npyio.NpzFile, "__getitem__", spy)
+    archive.load_log(tmp_path / "a.npz")
+    assert asked
+    assert not [key for key in asked if key.startswith("truth")]
+
+
+def test_a_missing_archive_is_named(tmp_path: Path):
+    with pytest.raises(InputError, match="there is no such file"):
+        archive.load(tmp_path / "a.npz")
+
+
+@settings(max_examples=150)
+@given(st.data())
+def test_a_damaged_archive_is_an_input_error_or_still_the_same(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+):
+    path = tmp_path_factory.mktemp("archive") / "a.npz"
+    archive.save(path, small_dataset())
+    content = bytearray(path.read_bytes())
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    else:
+        content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(content)
+    with contextlib.suppress(InputError):
+        assert_same(archive.load(path), small_dataset())
+
+
+def test_a_member_lost_from_the_directory_is_noticed(tmp_path: Path):
+    archive.save(tmp_path / "a.npz", small_dataset())
+    content = (tmp_path / "a.npz").read_bytes()
+    head, _, tail = content.rpartition(b"truth.map.ids")
+    (tmp_path / "a.npz").write_bytes(head + b"truth.map.idz" + tail)
+    with pytest.raises(InputError, match=r"a\.npz: not the archive"):
+        archive.load(tmp_path / "a.npz")
+
+
+def test_a_failed_save_leaves_the_old_archive_and_nothing_else(tmp_path: Path):
+    path = tmp_path / "a.npz"
+    archive.save(path, small_dataset())
+    bad = small_dataset(seed=5)
+    bad.log.notes["odd"] = object()  # pyright: ignore[reportIndexIssue]
+    with pytest.raises(TypeError):
+        archive.save(path, bad)
+    with pytest.raises(ValueError, match="Object arrays"):
+        archive.save(path, Dataset(small_dataset().log, bare_truth._replace(poses=object())))  # pyright: ignore[reportArgumentType]
+    assert_same(archive.load(path), small_dataset())
+    assert os.listdir(tmp_path) == ["a.npz"]

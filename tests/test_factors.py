@@ -1,0 +1,152 @@
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from slamduel.frontend.factors import UNKNOWN, Log, Map, Prior
+from small_log import columns, positive_definite, small_log
+
+COLUMNS = [field.name for field in dataclasses.fields(Log) if isinstance(getattr(small_log(), field.name), np.ndarray)]
+
+
+def test_steps_are_rows_of_the_columns():
+    parts = columns(np.random.default_rng(1))
+    log = small_log()
+    steps = list(log)
+    assert len(log) == len(steps) == 6
+    assert steps[0].odometry is None
+    for k, step in enumerate(steps):
+        assert step.t == parts["t"][k]
+        if step.odometry is not None:
+            np.testing.assert_array_equal(step.odometry.delta, parts["delta"][k])
+            np.testing.assert_array_equal(step.odometry.cov, parts["delta_cov"][k])
+        seen, loops = parts["sighting_step"] == k, parts["loop_step"] == k
+        for found, name in zip(step.sightings, ("ids", "z", "z_cov"), strict=True):
+            np.testing.assert_array_equal(found, parts[name][seen])
+        for found, name in zip(step.loops, ("loop_to", "loop_delta", "loop_cov"), strict=True):
+            np.testing.assert_array_equal(found, parts[name][loops])
+    assert [len(step.sightings.ids) for step in steps] == [3, 0, 2, 0, 0, 1]
+
+
+def test_a_log_indexes_from_both_ends_and_no_further():
+    log = small_log()
+    assert log[-1].t == log[5].t == log.t[5]
+    with pytest.raises(IndexError):
+        log[6]
+
+
+def test_columns_and_steps_are_two_ways_to_the_same_log():
+    log = small_log()
+    again = Log.from_steps(log.name, log.prior, list(log), log.notes)
+    assert again.digest == log.digest
+    np.testing.assert_array_equal(again.sighting_step, [0, 0, 0, 2, 2, 5])
+    np.testing.assert_array_equal(again.loop_step, [3, 5])
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_columns_cannot_be_written_to(name: str):
+    column = getattr(small_log(), name)
+    with pytest.raises(ValueError, match="read-only"):
+        column[:] = 0
+
+
+def test_what_steps_and_the_prior_hold_cannot_be_written_to():
+    log = small_log()
+    assert log.prior.map is not None
+    assert log.prior.map.cov is not None
+    step = log[2]
+    assert step.odometry is not None
+    for array in (*log.prior[:2], *log.prior.map, *step.odometry, *step.sightings, *step.loops):
+        with pytest.raises(ValueError, match="read-only"):
+            np.asarray(array)[...] = 0
+
+
+def test_a_log_is_a_copy_of_what_it_was_made_from():
+    parts = columns(np.random.default_rng(1))
+    log = Log.from_arrays(**parts)
+    before = small_log().digest
+    parts["z"][:] = 7.0
+    parts["prior"].pose[:] = 7.0
+    assert log.digest == before
+
+
+@given(st.sampled_from(COLUMNS), st.data())
+def test_any_flipped_bit_changes_the_digest(name: str, data: st.DataObject):
+    log = small_log()
+    column = np.array(getattr(log, name))
+    bits = column.view(np.uint8).reshape(-1)
+    place = data.draw(st.integers(0, 8 * len(bits) - 1))
+    bits[place // 8] ^= 1 << place % 8
+    assert dataclasses.replace(log, **{name: column}).digest != log.digest
+
+
+@pytest.mark.parametrize("part", ["pose", "cov", "ids", "xy", "map cov", "no map", "no map cov"])
+def test_the_prior_is_part_of_the_digest(part: str):
+    def change(parts: dict[str, Any]) -> None:
+        pose, cov, known = parts["prior"]
+        match part:
+            case "pose":
+                pose[2] = np.nextafter(pose[2], 9)
+            case "cov":
+                cov[0, 0] = np.nextafter(cov[0, 0], 9)
+            case "ids":
+                known.ids[1] += 1
+            case "xy":
+                known.xy[1, 1] = np.nextafter(known.xy[1, 1], 9)
+            case "map cov":
+                known.cov[3, 3] = np.nextafter(known.cov[3, 3], 9)
+            case "no map":
+                parts["prior"] = Prior(pose, cov)
+            case _:
+                parts["prior"] = Prior(pose, cov, Map(known.ids, known.xy, None))
+
+    assert small_log(change=change).digest != small_log().digest
+
+
+def test_names_notes_and_the_unused_first_row_are_not_part_of_the_digest():
+    def change(parts: dict[str, Any]) -> None:
+        parts |= {"name": "another", "notes": {"licence": "another"}}
+        parts["delta"][0] = 99.0
+        parts["delta_cov"][0] = 99.0
+
+    assert small_log(change=change).digest == small_log().digest
+
+
+def test_moving_a_sighting_to_the_next_step_changes_the_digest():
+    moved = small_log(change=lambda parts: parts["sighting_step"].__setitem__(2, 1))
+    assert moved.digest != small_log().digest
+
+
+def test_identified_leaves_out_the_unknown_and_nothing_else():
+    log = small_log()
+    known = log.identified()
+    assert UNKNOWN not in known.ids
+    for step, kept in zip(log, known, strict=True):
+        named = step.sightings.ids != UNKNOWN
+        for column, left in zip(step.sightings, kept.sightings, strict=True):
+            np.testing.assert_array_equal(column[named], left)
+        assert step.t == kept.t
+    assert known.identified() is known
+
+
+@pytest.mark.parametrize("steps", [1, 3, 6])
+def test_head_is_the_first_steps(steps: int):
+    log = small_log()
+    head = log.head(steps)
+    assert len(head) == steps
+    assert head.digest == Log.from_steps(log.name, log.prior, list(log)[:steps]).digest
+    assert (head.digest == log.digest) == (steps == 6)
+
+
+def test_a_log_needs_neither_sightings_nor_loops():
+    prior = Prior(np.zeros(3), positive_definite(np.random.default_rng(3), 1, 3)[0])
+    none = np.zeros(0, np.int64)
+    log = Log.from_arrays(
+        "bare", prior, np.zeros(1), np.zeros((1, 3)), np.eye(3)[None], none, none, np.zeros((0, 2)), np.zeros((0, 2, 2))
+    )
+    (step,) = log
+    assert step.odometry is None
+    assert step.sightings.z.shape == (0, 2)
+    assert step.loops.cov.shape == (0, 3, 3)

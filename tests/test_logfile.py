@@ -1,0 +1,276 @@
+import contextlib
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slamduel.datasets import logfile
+from slamduel.frontend.check import problems
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Dataset, Truth
+from small_log import assert_same, small_dataset, small_log
+
+Change = Callable[[str], str]
+FILES = ("log.toml", "odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    logfile.write(tmp_path / "log", *small_dataset())
+    return tmp_path / "log"
+
+
+def test_a_log_reads_back_bit_for_bit(folder: Path):
+    found = logfile.read(folder)
+    assert_same(found, small_dataset())
+    known, expected = found.log.prior.map, small_log().prior.map
+    assert known is not None
+    assert expected is not None
+    assert known.cov is not None
+    np.testing.assert_array_equal(known.cov, expected.cov)
+    assert sorted(os.listdir(folder)) == sorted(FILES)
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        None,
+        Truth(np.zeros(0), np.zeros((0, 3)), None, None, "reference"),
+        Truth(np.zeros(0), np.zeros((0, 3)), small_dataset().truth.map, None, "truth"),  # pyright: ignore[reportOptionalMemberAccess]
+    ],
+    ids=["none", "no poses", "landmarks alone"],
+)
+def test_parts_of_a_truth_read_back(tmp_path: Path, truth: Truth | None):
+    dataset = Dataset(
+        small_log(change=lambda p: p.update(loop_step=None, loop_to=None, loop_delta=None, loop_cov=None)), truth
+    )
+    logfile.write(tmp_path / "log", *dataset)
+    assert not (tmp_path / "log" / "loops.csv").exists()
+    assert_same(logfile.read(tmp_path / "log"), dataset)
+
+
+def test_the_source_reads_the_folder_it_is_given(folder: Path):
+    rng = np.random.default_rng(0)
+    assert_same(logfile.source.make(logfile.Options(str(folder)), rng), small_dataset())
+    with pytest.raises(InputError, match=r"option path .* not given"):
+        logfile.source.make(logfile.Options(), rng)
+
+
+def test_halves_that_differ_by_rounding_are_stored_as_their_mean(tmp_path: Path):
+    log = small_log(change=lambda p: p["delta_cov"].__setitem__((2, 0, 1), p["delta_cov"][2, 0, 1] * (1 + 1e-14)))
+    logfile.write(tmp_path / "log", log, None)
+    cov = logfile.read(tmp_path / "log").log.delta_cov[2]
+    assert cov[0, 1] == cov[1, 0] == (log.delta_cov[2, 0, 1] + log.delta_cov[2, 1, 0]) / 2
+
+
+def test_nothing_is_written_over(folder: Path):
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(InputError, match="not an empty folder"):
+        logfile.write(folder, small_log(2), None)
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    with pytest.raises(InputError, match="not an empty folder"):
+        logfile.write(folder / "log.toml", small_log(2), None)
+
+
+def test_an_empty_folder_and_missing_parents_are_fine(tmp_path: Path):
+    (tmp_path / "empty").mkdir()
+    for place in (tmp_path / "empty", tmp_path / "a" / "b"):
+        logfile.write(place, *small_dataset())
+        assert_same(logfile.read(place), small_dataset())
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(logfile, "write_tum", full)
+    with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
+        logfile.write(tmp_path / "log", *small_dataset())
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_log_that_could_not_be_read_is_not_written(tmp_path: Path):
+    log = small_log(change=lambda parts: parts["z"].__setitem__((1, 0), -1.0))
+    with pytest.raises(InputError, match=r"log small: sightings row 1: range is -1\.0"):
+        logfile.write(tmp_path / "log", log, None)
+    assert os.listdir(tmp_path) == []
+
+
+def cell(line: int, column: int, value: str) -> Change:
+    """Put `value` in a place, both counted from 1."""
+
+    def change(text: str) -> str:
+        lines = text.split("\n")
+        cells = lines[line - 1].split(",")
+        cells[column - 1] = value
+        return "\n".join([*lines[: line - 1], ",".join(cells), *lines[line:]])
+
+    return change
+
+
+def without_line(line: int) -> Change:
+    return lambda text: "".join(text.splitlines(keepends=True)[: line - 1] + text.splitlines(keepends=True)[line:])
+
+
+def renamed(old: str, new: str) -> Change:
+    return lambda text: text.replace(old, new, 1)
+
+
+def truncated(line: int) -> Change:
+    return lambda text: "\n".join(text.split("\n")[:line])[:-30]
+
+
+BAD: dict[str, tuple[str, Change, str]] = {
+    "column renamed": (
+        "sightings.csv",
+        renamed("range", "rng"),
+        "line 1: column 'rng' where 'range' is missing, expected",
+    ),
+    "column missing": (
+        "odometry.csv",
+        renamed(",ctt", ""),
+        "line 1: column 'ctt' is missing, expected the columns t,dx",
+    ),
+    "column added": ("odometry.csv", renamed("ctt", "ctt,note"), "line 1: column 'note' is one too many, expected"),
+    "columns swapped": (
+        "landmarks.csv",
+        renamed("x,y", "y,x"),
+        "line 1: found the columns id,y,x, expected the columns id,x,y",
+    ),
+    "no header": ("loops.csv", without_line(1), "line 1: column "),
+    "truncated row": ("sightings.csv", truncated(7), "line 7: found "),
+    "row too long": ("loops.csv", cell(3, 11, "1,2"), "line 3: found 12 columns, expected 11 (step,to,dx"),
+    "not a number": ("odometry.csv", cell(4, 3, "fast"), "line 4: dy is 'fast', expected a number"),
+    "blank cell": ("odometry.csv", cell(4, 3, ""), "line 4: dy is blank, expected a number"),
+    "motion at step 0": ("odometry.csv", cell(2, 2, "0.0"), "line 2: dx is '0.0', expected nothing in the first row"),
+    "short first row": ("odometry.csv", renamed(",,", ","), "line 2: found 9 columns"),
+    "first time not a number": ("odometry.csv", cell(2, 1, "now"), "line 2: t is 'now', expected a number"),
+    "NaN": ("odometry.csv", cell(5, 4, "nan"), "line 5: dtheta is nan, expected a finite number"),
+    "infinite": ("sightings.csv", cell(5, 4, "inf"), "line 5: bearing is inf, expected a finite number"),
+    "time goes back": ("odometry.csv", cell(4, 1, "-1.0"), "line 4: t is -1.0, expected later than "),
+    "indefinite": ("odometry.csv", cell(3, 5, "-2.0"), "line 3: the covariance is not positive definite: its smallest"),
+    "no noise": ("sightings.csv", cell(3, 7, "0.0"), "line 3: the covariance is not positive definite: its smallest"),
+    "range below zero": ("sightings.csv", cell(3, 3, "-0.5"), "line 3: range is -0.5, expected more than 0"),
+    "id twice": ("sightings.csv", cell(6, 2, "3"), "line 6: id 3 is there twice in step 2, expected once"),
+    "id is a fraction": ("sightings.csv", cell(6, 2, "3.5"), "line 6: id is 3.5, expected a whole number"),
+    "id below -1": ("sightings.csv", cell(6, 2, "-7"), "line 6: id is -7, expected 0 or more, or -1"),
+    "true id is a fraction": ("sightings.csv", cell(6, 8, "3.5"), "line 6: true_id is 3.5, expected a whole number"),
+    "step out of range": ("sightings.csv", cell(7, 1, "6"), "line 7: step is 6, expected 0 to 5"),
+    "steps unsorted": ("sightings.csv", cell(5, 1, "3"), "line 6: step is 2 after 3, expected rows sorted by step"),
+    "loop to the future": (
+        "loops.csv",
+        cell(2, 2, "4"),
+        "line 2: to is 4, expected a step from 0 to before its own, 3",
+    ),
+    "no step": ("odometry.csv", lambda text: text.split("\n")[0] + "\n", "there is no step, expected at least one row"),
+    "truth at another time": (
+        "truth.tum",
+        lambda text: text + "99 0 0 0 0 0 0 1\n",
+        "t is 99.0, expected only times that",
+    ),
+    "truth not a number": ("truth.tum", renamed(" 0 0 0 ", " 0 0 zero "), "line 2: qy is 'zero', expected a number"),
+    "landmark twice": ("landmarks.csv", cell(3, 1, "3"), "line 3: id 3 is there twice, expected once"),
+    "landmark nowhere": ("landmarks.csv", cell(3, 2, "nan"), "line 3: x is nan, expected a finite number"),
+    "empty file": ("sightings.csv", lambda _: "", "the file is empty"),
+    "TOML syntax": ("log.toml", renamed("name = ", "name "), "not valid TOML: Expected '=' after a key in a key/value"),
+    "no name": ("log.toml", without_line(1), "name is None, expected a text in quotes"),
+    "name is a number": ("log.toml", renamed('"small"', "3"), "name is 3, expected a text in quotes"),
+    "unknown key": (
+        "log.toml",
+        renamed("[notes]", "[remarks]"),
+        "the file has 'remarks', expected none but name, prior",
+    ),
+    "unknown key in prior": ("log.toml", renamed("pose", "pos"), "prior has 'pos', expected none but pose, cov, map"),
+    "no prior": ("log.toml", lambda _: 'name = "x"', "prior is None, expected a table [prior]"),
+    "no pose": ("log.toml", lambda _: 'name = "x"\n[prior]', "prior.pose is None, expected 3 numbers"),
+    "prior of words": (
+        "log.toml",
+        lambda _: 'name = "x"\nprior.pose = ["a", 0, 0]',
+        "prior.pose is ['a', 0, 0], expected 3",
+    ),
+    "no covariance": (
+        "log.toml",
+        lambda _: 'name = "x"\nprior.pose = [0, 0, 0]',
+        "prior.cov is None, expected 3 x 3 numbers",
+    ),
+    "singular prior": (
+        "log.toml",
+        lambda _: 'name = "x"\nprior.pose = [0, 0, 0]\nprior.cov = [[1, 0, 0], [0, 1, 0], [0, 0, 0]]',
+        "the covariance is not positive definite: its smallest eigenvalue is 0",
+    ),
+    "map ids": (
+        "log.toml",
+        renamed("    3,\n", "    3.5,\n"),
+        "prior.map.ids is [3.5, 8], expected a list of whole numbers",
+    ),
+    "map size": ("log.toml", renamed("    3,\n", "    3,\n    4,\n"), "prior.map.cov is "),
+    "truth kind": ("log.toml", renamed('"truth"', '"true"'), "truth.kind is 'true', expected 'truth' or 'reference'"),
+    "notes are a word": (
+        "log.toml",
+        lambda _: 'name = "x"\nnotes = "y"\n[prior]\n',
+        "notes is 'y', expected a table [notes]",
+    ),
+}
+
+
+@pytest.mark.parametrize(("name", "change", "words"), BAD.values(), ids=BAD.keys())
+def test_a_bad_file_is_named_with_its_line(folder: Path, name: str, change: Change, words: str):
+    path = folder / name
+    before = path.read_text(encoding="utf-8")
+    path.write_text(change(before), encoding="utf-8", newline="\n")
+    assert path.read_text(encoding="utf-8") != before
+    with pytest.raises(InputError) as caught:
+        logfile.read(folder)
+    sentence = str(caught.value)
+    assert re.match(re.escape(str(path)) + r"(, line \d+)?: ", sentence)
+    assert words in sentence
+    assert sentence.endswith(".")
+    assert "\n" not in sentence
+
+
+@pytest.mark.parametrize("name", ["log.toml", "odometry.csv", "sightings.csv"])
+def test_a_missing_file_is_named(folder: Path, name: str):
+    (folder / name).unlink()
+    with pytest.raises(InputError, match=re.escape(f"{folder / name}: there is no such file")):
+        logfile.read(folder)
+
+
+def test_a_missing_folder_is_named(tmp_path: Path):
+    with pytest.raises(InputError, match="there is no such folder"):
+        logfile.read(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_bytes_that_are_no_text_are_named(folder: Path, name: str):
+    lines = (folder / name).read_bytes().split(b"\n")
+    lines[1] += b"\xff"
+    (folder / name).write_bytes(b"\n".join(lines))
+    with pytest.raises(InputError, match=re.escape(f"{folder / name}, line 2: byte 0xff is not UTF-8 text")):
+        logfile.read(folder)
+
+
+@settings(max_examples=300)
+@given(st.sampled_from(FILES), st.data())
+def test_a_damaged_folder_is_a_good_log_or_an_input_error(
+    tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject
+):
+    folder = tmp_path_factory.mktemp("fuzz") / "log"
+    logfile.write(folder, *small_dataset())
+    content = bytearray((folder / name).read_bytes())
+    damage = data.draw(st.sampled_from(["flip", "cut", "delete", "double"]))
+    if damage == "flip":
+        for place in data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=3)):
+            content[place] ^= 1 << data.draw(st.integers(0, 7))
+    elif damage == "cut":
+        content = content[: data.draw(st.integers(0, len(content)))]
+    else:
+        lines = bytes(content).splitlines(keepends=True)
+        k = data.draw(st.integers(0, len(lines) - 1))
+        content = b"".join(lines[:k] + lines[k : k + 1] * (2 if damage == "double" else 0) + lines[k + 1 :])
+    (folder / name).write_bytes(content)
+    with contextlib.suppress(InputError):
+        assert not list(problems(logfile.read(folder).log))

@@ -1,0 +1,73 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evo.tools import file_interface
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.se2 import Array
+from slamduel.frontend.tum import read_tum, write_tum
+
+GOOD = "# t x y z qx qy qz qw\n0.5 1 2 0 0 0 0 1\n1.5 1 2 0 0 0 1 0\n"
+headings = st.one_of(
+    st.floats(-np.pi, np.pi, exclude_min=True, allow_subnormal=False),
+    st.sampled_from([0.0, -0.0, np.pi, np.nextafter(np.pi, 0), np.nextafter(-np.pi, 0), np.pi / 2, -np.pi / 2, 1e-300]),
+)
+
+
+@given(arrays(float, st.tuples(st.integers(1, 50)), elements=headings))
+def test_headings_read_back_bit_for_bit(tmp_path_factory: pytest.TempPathFactory, heading: Array):
+    path = tmp_path_factory.mktemp("tum") / "path.tum"
+    poses = np.stack((heading / 7, -heading / 3, heading), axis=-1)
+    t = 1.2e9 + 0.1 * np.arange(len(heading))
+    write_tum(path, t, poses)
+    times, found = read_tum(path)
+    assert times.tobytes() == t.tobytes()
+    assert found.tobytes() == poses.tobytes()
+
+
+def test_a_hundred_thousand_headings_read_back_bit_for_bit(tmp_path: Path):
+    rng = np.random.default_rng(4)
+    ends = np.array([np.pi, -np.pi, np.pi / 2, 0.0])[:, None] * (1 - 10.0 ** rng.uniform(-15.5, 0, (4, 5000)))
+    heading = np.concatenate((rng.uniform(-np.pi, np.pi, 80_000), ends.ravel()))
+    poses = np.stack((heading, heading, heading), axis=-1)
+    write_tum(tmp_path / "path.tum", np.arange(len(heading), dtype=float), poses)
+    assert read_tum(tmp_path / "path.tum")[1].tobytes() == poses.tobytes()
+
+
+def test_evo_reads_the_same_path(tmp_path: Path):
+    rng = np.random.default_rng(5)
+    poses = rng.uniform(-3, 3, (40, 3))
+    write_tum(tmp_path / "path.tum", np.arange(40.0), poses)
+    path = file_interface.read_tum_trajectory_file(tmp_path / "path.tum")
+    assert path.check()[0]
+    np.testing.assert_array_equal(path.positions_xyz[:, :2], poses[:, :2])
+    np.testing.assert_allclose(path.get_orientations_euler("sxyz")[:, 2], poses[:, 2], atol=1e-14)
+
+
+def test_the_other_quaternion_of_a_turn_is_the_same_turn(tmp_path: Path):
+    (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0.6 0.8\n1 0 0 0 0 0 -0.6 -0.8\n2 0 0 0 0 0 -1 0\n")
+    _, poses = read_tum(tmp_path / "a.tum")
+    np.testing.assert_allclose(poses[:, 2], [2 * np.arctan2(0.6, 0.8)] * 2 + [np.pi])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("0 1 2 0 0 0 0\n", "line 1: found 7 columns, expected 8 (t,x,y,z,qx,qy,qz,qw)"),
+        (GOOD + "2.5 1 2 0 0 0 0 one\n", "line 4: qw is 'one', expected a number"),
+        (GOOD + "\n# late\n1.5 1 2 0 0 0 0 1\n", "line 6: t is 1.5, expected later than 1.5"),
+        (GOOD + "2.5 nan 2 0 0 0 0 1\n", "line 4: x is nan, expected a finite number"),
+        (GOOD + "2.5 1 2 0 1 0 0 0\n", "line 4: qz and qw are both 0"),
+        ("", "the file is empty"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path: Path, content: str, words: str):
+    path = tmp_path / "truth.tum"
+    path.write_text(content)
+    with pytest.raises(InputError) as caught:
+        read_tum(path)
+    assert str(caught.value).startswith(str(path))
+    assert words in str(caught.value)
