@@ -58,14 +58,18 @@ class Solution(NamedTuple):
 
 @runtime_checkable
 class Backend(Protocol):
-    """An estimator in the middle of a log. Each method is timed on its own; nothing hides in an untimed call."""
+    """An estimator in the middle of a log. Each method is timed on its own; nothing hides in an untimed call.
+
+    What a method has returned is the caller's: it must not change when the backend goes on. The arrays of a step and of
+    the prior are read-only. A backend that is handed a map keeps to it: held fixed where it has no covariance.
+    """
 
     def step(self, step: Step) -> Pose | None:
         """Fold `step` in and return the pose it implies; None from a batch method, which has no online estimate."""
         ...
 
     def belief(self) -> Belief | None:
-        """The belief after the last step; None from a batch method.
+        """The belief after the last step, around the pose that it returned; None from a batch method.
 
         Asking must not change any later answer, not even in its last bit.
         """

@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 
 from ..frontend.errors import SlamduelError
 
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             implementation = import_module(module, __package__)
             implementation.arguments(command)
             action = implementation.main
+    sys.path.append(str(Path.cwd()))  # so that my_module:build is found in the folder one stands in
     namespace = parser.parse_args(given)
     assert action is not None  # argparse has refused every other command
     try:

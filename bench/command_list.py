@@ -3,6 +3,7 @@
 import argparse
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 
 from ..backends import registry as backends
@@ -35,11 +36,11 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _entry(console: Console, name: str, summary: str, options: type | None) -> None:
-    console.print(f"  {name}", style="bold cyan", end="")
-    console.print(f"  {summary}")
+    console.print(f"  {name}", style="bold cyan")
+    console.print(Padding(summary, (0, 0, 0, 4)))
     described = describe(options) if options is not None else []
     if described:
         listed = Table.grid(padding=(0, 2))
         for option, default, help_text in described:
-            listed.add_row("     ", f"{option}={default}", help_text)
-        console.print(listed)
+            listed.add_row(f"{option}={default}", help_text)
+        console.print(Padding(listed, (0, 0, 0, 6)))

@@ -6,15 +6,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from ..frontend.errors import InputError
 from .plan import Plan
 from .report import write_report
 from .runner import recorded_plan, run
 from .store import Store
 from .summary import lines
-from .terminal import Screen, tables
+from .terminal import Screen, screen_console, tables
 
 DEFAULTS: dict[str, Any] = {
     "backend": "dead-reckoning,ekf,fastslam,isam2",
@@ -59,13 +57,13 @@ def main(namespace: argparse.Namespace) -> int:
         plan = Plan.from_words(DEFAULTS | given)
     else:
         _refuse_another(plan, given, out)
-    console = Console(stderr=False, quiet=namespace.quiet)
+    console = screen_console(quiet=namespace.quiet)
     with Screen(console, quiet=namespace.quiet) as screen:
         run(plan, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
     with Store(out) as store:
         write_report(store)
         found = lines(store.cells())
-    console.print(*tables(found))
+    console.print(*tables(found, console.width))
     console.print(f"report: {out / 'report.html'}", highlight=False, soft_wrap=True)
     return 0 if all(row.columns["status"] in ("done", "skipped") for line in found for row in line.rows) else 1
 

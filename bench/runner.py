@@ -55,7 +55,7 @@ def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Wat
     InputError where a log cannot be had or the folder not be used; nothing is left behind then that was not there.
     """
     with claimed(folder), tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
-        logs = _prepare(plan, Path(scratch), workers, watcher)
+        logs = _prepare(plan, Path(scratch), watcher)
         with Store(folder, create=True) as store:
             _describe(store, plan, command, workers)
             for c in plan.cells():
@@ -126,8 +126,11 @@ _Logs = dict[tuple[str, int], _Ready]
 """By the dataset's label and the cell's seed."""
 
 
-def _prepare(plan: Plan, scratch: Path, workers: int, watcher: Watcher) -> _Logs:
-    """Every log that the cells need, in its archive: one for all seeds where the dataset draws no random numbers."""
+def _prepare(plan: Plan, scratch: Path, watcher: Watcher) -> _Logs:
+    """Every log that the cells need, in its archive: one for all seeds where the dataset draws no random numbers.
+
+    Nothing is timed yet, so every core is used.
+    """
     keys = {(c.dataset.label, c.seed): _log_seed(c) for c in plan.cells()}
     by_label = {dataset.label: dataset for dataset in plan.datasets}
     wanted = sorted({(name, drawn) for (name, _), drawn in keys.items()})
@@ -137,7 +140,7 @@ def _prepare(plan: Plan, scratch: Path, workers: int, watcher: Watcher) -> _Logs
     ]
     watcher.preparing(len(tasks))
     ready: dict[tuple[str, int], _Ready] = {}
-    for ended in execute(prepare.run, tasks, workers=workers):
+    for ended in execute(prepare.run, tasks, workers=os.cpu_count() or 1):
         name, seed = wanted[ended.task]
         if ended.death:
             raise InputError(f"dataset {name}, seed {seed}: could not be made; {ended.death}.")

@@ -11,7 +11,16 @@ from rich.table import Table
 from .plan import Cell
 from .summary import Line, Spread
 
+WIDE = 104
+"""Columns from which on ranges are shown."""
+
 STATUS_STYLE = {"done": "green", "skipped": "yellow"}
+
+
+def screen_console(*, quiet: bool) -> Console:
+    """The console to print on; where nobody watches, in a file or pipe, it is wide enough for everything."""
+    console = Console(quiet=quiet)
+    return console if console.is_terminal else Console(quiet=quiet, width=max(console.width, WIDE))
 
 
 class Screen:
@@ -52,60 +61,53 @@ class Screen:
             return
         said = f": {reason}" if reason else ""
         error = row.get("ate_m", row.get("final_ate_m"))
-        figure = "" if error is None else f" · ATE {error:.3g} m"
+        figure = "" if error is None else f" · ATE {error:.3f} m"
         style = STATUS_STYLE.get(status, "red")
         self._console.print(f"[{style}]{status}[/] [dim]{plain(str(cell))}[/]{figure}{plain(said)}", highlight=False)
 
 
-def tables(lines: Sequence[Line]) -> list[Table]:
-    """The run at a glance, a table a dataset: medians over seeds, with the range where there are several."""
+def tables(lines: Sequence[Line], width: int) -> list[Table]:
+    """The run at a glance, a table a dataset: medians over seeds, and the range of the errors where there is room."""
     return [
-        _table(dataset, [line for line in lines if line.dataset == dataset])
+        _table(dataset, [line for line in lines if line.dataset == dataset], with_range=width >= WIDE)
         for dataset in dict.fromkeys(line.dataset for line in lines)
     ]
 
 
-def _table(dataset: str, lines: Sequence[Line]) -> Table:
-    origin = plain(dataset)
+def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
+    seeds = max(len(line.rows) for line in lines)
+    title = f"[bold]{plain(dataset)}[/], {seeds} seed{'s' * (seeds > 1)}"
     if lines[0].truth_kind == "reference":
-        origin += ": nobody knows the truth; errors are distances from the batch optimum"
-    shown = Table(title=origin, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        title += "; truth unknown: errors are distances from the batch optimum"
+    shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", no_wrap=True)
-    headings = ("done", "ATE m", "final ATE m", "NEES", "in 95 %", "step µs p50", "p99")
-    for heading in headings:
+    for heading in ("done", "ATE, m", "final, m", "NEES", "in 95 %", "step, µs", "p99"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for line in lines:
         v = line.values
         shown.add_row(
             plain(line.backend),
             f"{line.done}/{len(line.rows)}",
-            _range(v.get("ate_m")),
-            _range(v.get("final_ate_m")),
-            _one(v.get("nees")),
+            _metres(v.get("ate_m"), with_range),
+            _metres(v.get("final_ate_m"), with_range),
+            "" if "nees" not in v else f"{v['nees'].median:.2f}",
             "" if "nees_inside" not in v else f"{100 * v['nees_inside'].median:.0f} %",
-            _one(v.get("step_us_p50")),
-            _one(v.get("step_us_p99")) + ("" if line.alone else "*"),
+            "" if "step_us_p50" not in v else f"{v['step_us_p50'].median:.0f}",
+            "" if "step_us_p99" not in v else f"{v['step_us_p99'].median:.0f}" + ("" if line.alone else "*"),
         )
     if not all(line.alone for line in lines):
         shown.caption = "* timed while other cells ran beside it"
     return shown
 
 
-def _range(value: Spread | None) -> str:
+def _metres(value: Spread | None, with_range: bool) -> str:
+    """To a millimetre, or to a thousandth where that is coarser."""
     if value is None:
         return ""
-    if value.n == 1:
-        return _figure(value.median)
-    return f"{_figure(value.median)} ({_figure(value.low)}-{_figure(value.high)})"
-
-
-def _one(value: Spread | None) -> str:
-    return "" if value is None else _figure(value.median)
-
-
-def _figure(value: float) -> str:
-    """Three digits that count, without an exponent."""
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    digits = 3 if value.median < 10 else 2 if value.median < 100 else 1
+    if value.n == 1 or not with_range:
+        return f"{value.median:.{digits}f}"
+    return f"{value.median:.{digits}f} ({value.low:.{digits}f}-{value.high:.{digits}f})"
 
 
 def plain(text: str) -> str:

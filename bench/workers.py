@@ -103,7 +103,7 @@ def _work(pipe: Connection, function: Callable[[Any], Any], task: Any, output: s
     descriptor = os.open(output, os.O_WRONLY | os.O_APPEND)
     for stream in (1, 2):
         os.dup2(descriptor, stream)
-    _die_with_the_server()
+    _die_with_the_server(pipe)
     try:
         answer = (function(task), None)
     except InputError as error:
@@ -114,11 +114,16 @@ def _work(pipe: Connection, function: Callable[[Any], Any], task: Any, output: s
     os._exit(0)  # whatever a backend left behind, threads or exit handlers, has no say any more
 
 
-def _die_with_the_server() -> None:
-    """Be killed when the fork server ends, which it does when the runner is killed: no worker outlives its run.
+def _die_with_the_server(pipe: Connection) -> None:
+    """Be killed when the fork server ends, and let it end when the runner does: no worker outlives its run.
 
-    A limit on CPU time would do the same, but Linux then counts the process clock in ticks of 4 ms.
+    The server lives while anybody holds the write end of a pipe to it, and hands one to each of its children; so every
+    inherited descriptor but ours is closed. A limit on CPU time instead would make Linux count the process clock in
+    ticks of 4 ms.
     """
+    ours = pipe.fileno()
+    os.closerange(3, ours)
+    os.closerange(ours + 1, max(256, ours + 1))
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 

@@ -159,8 +159,9 @@ def _covariance(table: Table, cov: Array, name: str = "the covariance", first: i
         if not np.isfinite(cov[row]).all():
             message = f"{name} has an entry that is not finite, expected finite numbers"
         elif not even[row]:
-            message = f"{name} is not symmetric"
+            message = f"{name} is not symmetric, expected it symmetric and positive definite"
         else:
             least, *_, most = np.linalg.eigvalsh(cov[row])
-            message = f"{name} is not positive definite: its smallest eigenvalue is {least:.6g}, its largest {most:.6g}"
+            found = f"its smallest eigenvalue is {least:.6g}, its largest {most:.6g}"
+            message = f"{name} is not positive definite: {found}, expected all above 0"
         yield Problem(table, int(row) + first, message)

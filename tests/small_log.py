@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
 from slamduel.frontend.se2 import Array
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+
 from slamduel.frontend.aruco import Detector, Image, Sighting, predefined, range_bearing, square
 from slamduel.frontend.camera import Camera, mounting
 from slamduel.frontend.errors import InputError

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from slamduel.frontend.camera import Camera, mounting
 from slamduel.frontend.errors import InputError
 

@@ -5,6 +5,7 @@ from functools import reduce
 
 import numpy as np
 import pytest
+
 from slamduel.frontend import encoder, se2
 from slamduel.frontend.encoder import Curve, Encoder, Floors, Velocities
 from slamduel.frontend.factors import Odometry

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from slamduel.datasets import logfile, mrclam
 from slamduel.datasets.mrclam import Options
 from slamduel.frontend.check import problems

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from slamduel.frontend.aruco import Detector, Image, predefined
 from slamduel.frontend.camera import Camera, mounting
 from slamduel.frontend.encoder import Encoder

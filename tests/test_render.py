@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from slamduel.datasets.render import INK, PAPER, Renderer
 from slamduel.datasets.surfaces import Surfaces, paint
 from slamduel.datasets.world import Marker, Room, furnish, wall_point

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from slamduel.frontend import se2
 from slamduel.frontend.se2 import Array
 

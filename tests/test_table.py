@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.se2 import Array
 from slamduel.frontend.table import read_csv, read_spaced, symmetric, upper

@@ -6,6 +6,7 @@ from evo.tools import file_interface
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.se2 import Array
 from slamduel.frontend.tum import read_tum, write_tum
@@ -21,7 +22,7 @@ headings = st.one_of(
 def test_headings_read_back_bit_for_bit(tmp_path_factory: pytest.TempPathFactory, heading: Array):
     path = tmp_path_factory.mktemp("tum") / "path.tum"
     poses = np.stack((heading / 7, -heading / 3, heading), axis=-1)
-    t = 1.2e9 + 0.1 * np.arange(len(heading))
+    t = 1.2e9 + 0.1 * np.arange(len(heading), dtype=np.float64)
     write_tum(path, t, poses)
     times, found = read_tum(path)
     assert times.tobytes() == t.tobytes()

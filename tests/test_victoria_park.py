@@ -4,6 +4,7 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
+
 from slamduel.datasets import logfile, victoria_park
 from slamduel.frontend.check import problems
 from slamduel.frontend.errors import InputError

@@ -8,7 +8,11 @@ import zipfile
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from slamduel.datasets import logfile
+from textbook import random_log
 
 ROOT = Path(__file__).parents[1]
 SETUPTOOLS = 77  # the first to read a licence expression
@@ -67,3 +71,15 @@ def test_installed_it_is_imported_from_there(wheel: Path, tmp_path: Path) -> Non
     assert Path(package) == site / "slamduel" / "__init__.py"
     assert Path(module) == site / "slamduel" / "bench" / "conformance.py"
     assert script == "slamduel.bench.cli:main"
+
+
+def test_installed_it_runs_and_reports(wheel: Path, tmp_path: Path) -> None:
+    site, log, out = tmp_path / "site", tmp_path / "log", tmp_path / "out"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    logfile.write(log, *random_log(np.random.default_rng(1), 20, 5))
+    command = [sys.executable, "-m", "slamduel.bench.cli", "run", "--backend", "ekf", "--dataset", log, "--out", out]
+    env = os.environ | {"PYTHONPATH": str(site)}
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (out / "report.html").is_file()

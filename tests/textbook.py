@@ -10,6 +10,7 @@ pose is correlated with; the sighting that creates a landmark is used for nothin
 from collections.abc import Sequence
 
 import numpy as np
+
 from slamduel.frontend.factors import (
     Dataset,
     Log,

@@ -7,6 +7,7 @@ method, IEEE Transactions on Automatic Control 38(2)); with one iteration it is 
 from dataclasses import dataclass
 
 import numpy as np
+
 from slamduel.backends import api
 
 

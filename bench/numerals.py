@@ -1,0 +1,47 @@
+"""Numbers as a reader wants them: three digits that count, and an exponent only where zeros would bury them."""
+
+import math
+
+from .summary import Spread
+
+SMALLEST, LARGEST = 1e-5, 1e7
+"""Sizes between which a number is written without an exponent."""
+
+TIMES = "\N{MULTIPLICATION SIGN}"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float) -> str:
+    """0.0213, 4.50, 1,234 or 2.08×10⁷."""
+    if not math.isfinite(value):
+        return "not a number" if math.isnan(value) else f"{'-' * (value < 0)}∞"
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.2e}")
+    if not SMALLEST <= abs(rounded) < LARGEST:
+        mantissa, _, exponent = f"{value:.2e}".partition("e")
+        return f"{mantissa}{TIMES}10{str(int(exponent)).translate(_RAISED)}"
+    if abs(rounded) >= 100:
+        return f"{value:,.0f}"
+    return f"{rounded:.{2 - math.floor(math.log10(abs(rounded)))}f}"
+
+
+def plain(value: float) -> str:
+    """As `number`, without the zeros at its end: for the marks of an axis."""
+    text = number(value)
+    return text.rstrip("0").rstrip(".") if "." in text and TIMES not in text else text
+
+
+def span(value: Spread) -> str:
+    """The range over seeds, "" where there is one seed."""
+    return "" if value.n == 1 else f"{number(value.low)}\N{EN DASH}{number(value.high)}"
+
+
+def counted(n: int, noun: str) -> str:
+    """1 seed, 3 seeds."""
+    return f"{n:,} {noun}" if n == 1 else f"{n:,} {noun}s"
+
+
+def listed(names: list[str]) -> str:
+    """a; a and b; a, b and c."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,175 @@
+"""A run's report: report.html, one file that needs no network, and report.md with its figures beside it."""
+
+import os
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import quote
+
+from .definitions import COLUMNS, WORKED_OUT
+from .export import label
+from .looks import Look, looks
+from .numerals import counted, listed, number
+from .scene import Scene, scene
+from .store import Row, Store
+from .summary import Line, lines
+from .tables import Table, cells_table, cost_table, verdict_table
+from .verdict import headline
+
+if TYPE_CHECKING:
+    from .plots import Exhibit
+
+TEMPLATES = Path(__file__).with_name("templates")
+FIGURES = "figures"
+
+
+class Failure(NamedTuple):
+    """The cells of a backend that ended in the same way: not done, or done with a remark."""
+
+    backend: str
+    seeds: str
+    status: str
+    reason: str
+    traceback: str
+
+
+class Section(NamedTuple):
+    """All on one dataset."""
+
+    dataset: str
+    anchor: str
+    kind: str  # "truth", "reference" or ""
+    headline: Sequence[str]
+    facts: str
+    verdict: Table
+    cost: Table
+    alone: bool  # no time in it is marked
+    scene: Scene | None
+    panels: Sequence["Exhibit"]  # the paths
+    exhibits: Sequence["Exhibit"]
+    failures: Sequence[Failure]
+
+
+def write_report(store: Store) -> None:
+    """Write report.html, report.md and figures/ into the record's folder, each file all or nothing."""
+    from .svg import alone  # matplotlib: a run should not wait for it before it begins
+
+    run, rows = store.run(), list(store.cells())
+    found = lines(rows)
+    look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
+    datasets = dict.fromkeys(line.dataset for line in found)
+    sections = [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets]
+    page = {
+        "run": run,
+        "sections": sections,
+        "looks": look,
+        "cells": cells_table(rows, run["folders"]),
+        "counts": _counts(rows),
+        "started": datetime.fromtimestamp(run["started"], UTC),
+        "digests": _digests(rows),
+        "definitions": COLUMNS | WORKED_OUT,
+    }
+    (store.folder / FIGURES).mkdir(exist_ok=True)
+    for section in sections:
+        for exhibit in (*section.panels, *section.exhibits):
+            _write(store.folder / FIGURES / f"{exhibit.name}.svg", alone(exhibit.svg))
+    for name in ("report.md", "report.html"):
+        _write(store.folder / name, _rendered(f"{name}.jinja", page))
+
+
+def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
+    from .plots import exhibits
+    from .trajectories import trajectories
+
+    shown = scene(store, found, look, run["folders"])
+    slug = run["folders"][found[0].dataset]
+    return Section(
+        dataset=found[0].dataset,
+        anchor=slug,
+        kind=found[0].truth_kind,
+        headline=headline(found),
+        facts=_facts(found, shown),
+        verdict=verdict_table(found),
+        cost=cost_table(found, shown.lengths if shown else {}),
+        alone=all(line.alone for line in found),
+        scene=shown,
+        panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
+        exhibits=exhibits(slug, shown, found, look) if shown else [],
+        failures=[failure for line in found for failure in _failures(line)],
+    )
+
+
+def _failures(line: Line) -> list[Failure]:
+    alike: dict[tuple[str, str], list[Row]] = {}
+    for row in line.rows:
+        c = row.columns
+        if c["status"] != "done" or c["reason"]:
+            alike.setdefault((c["status"], c["reason"] or ""), []).append(row)
+    return [
+        Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
+        for (status, reason), rows in alike.items()
+    ]
+
+
+def _seeds(rows: Sequence[Row]) -> str:
+    return f"seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
+
+
+def _facts(found: Sequence[Line], shown: Scene | None) -> str:
+    """What the log is, in a line."""
+    first = {name: value for line in reversed(found) for name, value in line.values.items()}
+    said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]
+    length = shown and shown.lengths.get(shown.seed)
+    if length:
+        said.append(f"{number(length)} s")
+    return ", ".join(said)
+
+
+def _counts(rows: Sequence[Row]) -> str:
+    statuses = [row.columns["status"] for row in rows]
+    return ", ".join(f"{statuses.count(status)} {status}" for status in dict.fromkeys(sorted(statuses)))
+
+
+def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """(log, digest), each once; one that is the same for all seeds has no seed."""
+    by_log: dict[str, dict[int, str]] = {}
+    for row in rows:
+        c = row.columns
+        by_log.setdefault(label(c["dataset"], c["dataset_options"]), {})[c["seed"]] = c["digest"]
+    return [
+        (name if len(set(digests.values())) == 1 else f"{name}, seed {seed}", digest)
+        for name, digests in by_log.items()
+        for seed, digest in sorted(digests.items())
+        if len(set(digests.values())) > 1 or seed == min(digests)
+    ]
+
+
+def _rendered(template: str, page: Mapping[str, Any]) -> str:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    from .svg import on_page
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=template.endswith(".html.jinja"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"md": _markdown, "on_page": on_page, "url": quote}
+    return environment.get_template(template).render(page)
+
+
+def _markdown(text: object) -> str:
+    """Text that Markdown takes as it is, on one line and inside a table too."""
+    escaped = " ".join(str(text).replace("&", "&amp;").replace("<", "&lt;").split())
+    return "".join(f"\\{letter}" if letter in "\\`*_[]|#$~" else letter for letter in escaped)
+
+
+def _write(path: Path, text: str) -> None:
+    """All of it or nothing."""
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)

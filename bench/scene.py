@@ -1,0 +1,68 @@
+"""What the figures of a dataset show: the known path, and a run along it of every backend that has one."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..frontend.se2 import Array
+from .looks import Look
+from .store import Row, Store
+from .summary import Line
+
+
+class Trace(NamedTuple):
+    """One backend's cell, as drawn."""
+
+    label: str
+    slug: str  # the label as it is in paths
+    look: Look
+    alone: bool  # no other cell ran at the same time
+    arrays: Mapping[str, Any]  # as in the record
+
+    @property
+    def timed_label(self) -> str:
+        """The label where a time is shown: with * where other cells ran beside it."""
+        return self.label if self.alone else f"{self.label}*"
+
+
+class Scene(NamedTuple):
+    """One log of a dataset: the first seed for which any cell is done."""
+
+    kind: str  # "truth", "reference" or "" where no path is known
+    seed: int
+    known: Mapping[str, Any]  # the log's arrays: t, poses, ids, xy; empty where no path is known
+    traces: Sequence[Trace]
+    missing: Sequence[str]  # the backends that have no cell to draw
+    lengths: Mapping[int, float | None]  # s that each seed's log covers; None where its times are no times
+
+
+def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]) -> Scene | None:
+    """The scene of a dataset's lines; None where no cell is done."""
+    done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
+    if not done:
+        return None
+    seed = min(row.columns["seed"] for _, row in done)
+    shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
+    c = shown[0][1].columns
+    return Scene(
+        kind=lines[0].truth_kind,
+        seed=seed,
+        known=store.truth(c["dataset"], c["dataset_options"], seed),
+        traces=[
+            Trace(name, slugs[name], looks[name], bool(row.columns["timing_alone"]), store.arrays(row))
+            for name, row in ((line.backend, row) for line, row in shown)
+        ],
+        missing=[line.backend for line in lines if all(line is not drawn for drawn, _ in shown)],
+        lengths=_lengths(store, [row for _, row in done]),
+    )
+
+
+def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:
+    first = {row.columns["seed"]: row for row in reversed(rows)}
+    return {seed: _length(store.arrays(row).get("t", np.zeros(0))) for seed, row in first.items()}
+
+
+def _length(t: Array) -> float | None:
+    """s from first to last step; None for a log of one step, or one that numbers its steps instead of timing them."""
+    return None if len(t) < 2 or np.array_equal(t, np.arange(len(t))) else float(t[-1] - t[0])

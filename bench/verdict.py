@@ -1,0 +1,114 @@
+"""What was measured, in plain sentences: medians and ranges over seeds, nothing about what other seeds would show."""
+
+from collections.abc import Sequence
+
+from .looks import BASELINE
+from .numerals import counted, listed, number
+from .summary import Line, Spread
+
+_REFERENCE = (
+    "Nobody knows where the robot was; errors here are distances from a reference, the batch optimum of the same "
+    "factors, which smoothers come close to by construction."
+)
+
+
+def headline(lines: Sequence[Line]) -> list[str]:
+    """The sentences on a dataset, the most important first."""
+    name = f"{lines[0].dataset}, {counted(len({row.columns['seed'] for line in lines for row in line.rows}), 'seed')}"
+    if not any(line.done for line in lines):
+        return [f"{name}: no cell is done.", *_not_done(lines)]
+    if lines[0].truth_kind == "truth":
+        said = [f"{name}: {sentence}" for sentence in _ranking(lines, "ate_m", "online path")[:1]]
+        said += [f"Smoothed at the end of the log: {s}" for s in _ranking(lines, "final_ate_m", "final path")]
+        said = (said or [f"{name}: no backend gave a path."]) + _beliefs(lines)
+    elif lines[0].truth_kind == "reference":
+        said = [f"{name}: no verdict on accuracy. {_REFERENCE}"]
+    else:
+        said = [f"{name}: no verdict on accuracy. There is no known path to hold the estimates against."]
+    return said + _cost(lines) + _not_done(lines)
+
+
+def belief_word(line: Line) -> str:
+    """consistent, overconfident or cautious where that is clear from NEES in every seed, else ""."""
+    nees, inside = line.values.get("nees"), line.values.get("nees_inside")
+    if nees is None or inside is None:
+        return ""
+    if nees.low > 2 and inside.high < 0.9:
+        return "overconfident"
+    if nees.high < 0.5:
+        return "cautious"
+    return "consistent" if nees.low >= 0.5 and nees.high <= 2 and inside.low >= 0.85 else ""
+
+
+def ranked(lines: Sequence[Line], column: str) -> list[Line]:
+    """The lines that have the column, the lowest median first.
+
+    Without those that have cells missing, as long as there are others: what is left of them is their luckier seeds.
+    """
+    having = [line for line in lines if column in line.values]
+    whole = [line for line in having if line.done == len(line.rows)]
+    return sorted(whole or having, key=lambda line: line.values[column].median)
+
+
+def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
+    """Who is closest to truth and how many times as far off the others are; [] where nobody has the column."""
+    found = ranked(lines, column)
+    if not found:
+        return []
+    first, *others = found
+    best = first.values[column]
+    if not others:
+        said = f"{first.backend}'s {what} has {_error(best)}"
+    else:
+        said = f"{first.backend}'s {what} is closest to truth ({_error(best)}); "
+        said += "; ".join(f"{line.backend} {_times(line.values[column], best)}" for line in others)
+    left = [
+        f"{line.backend} ({line.done} of {len(line.rows)} done)"
+        for line in lines
+        if column in line.values and all(line is not other for other in found)
+    ]
+    return [f"{said}{f'; not ranked: {listed(left)}' if left else ''}."]
+
+
+def _error(value: Spread) -> str:
+    if value.n == 1:
+        return f"ATE {number(value.median)} m in one seed"
+    return f"median ATE {number(value.median)} m, {number(value.low)} to {number(value.high)} over {value.n} seeds"
+
+
+def _times(value: Spread, best: Spread) -> str:
+    if best.median == 0:
+        return f"{number(value.median)} m"
+    text = f"{number(value.median / best.median)} times that"
+    return f"{text} (their ranges overlap)" if best.n > 1 and value.n > 1 and value.low <= best.high else text
+
+
+def _beliefs(lines: Sequence[Line]) -> list[str]:
+    words = {line.backend: belief_word(line) for line in lines if "nees" in line.values}
+    said = [
+        f"{listed(names)} {'is' if len(names) == 1 else 'are'} {word}"
+        for word in ("consistent", "overconfident", "cautious")
+        if (names := [backend for backend, found in words.items() if found == word])
+    ]
+    return [f"By NEES, {'; '.join(said)}."] if said else []
+
+
+def _cost(lines: Sequence[Line]) -> list[str]:
+    """CPU time for the whole log: the one figure that filters, smoothers and batch methods have in common."""
+    found = sorted(
+        (line.values["cpu_s"].median, line.backend + "*" * (not line.alone))
+        for line in lines
+        if "cpu_s" in line.values and line.backend != BASELINE
+    )
+    times = listed([f"{label} {number(seconds)} s" for seconds, label in found]) if found else ""
+    marked = " (*: while other cells ran beside it)" if "*" in times else ""
+    return [f"Median CPU time for the whole log: {times}{marked}."] if times else []
+
+
+def _not_done(lines: Sequence[Line]) -> list[str]:
+    cells = [row.columns["status"] for line in lines for row in line.rows]
+    others = {status: cells.count(status) for status in cells if status != "done"}
+    if not others:
+        return []
+    counts = ", ".join(f"{n} {status}" for status, n in others.items())
+    return [f"Not every cell is done: {counts} of {len(cells)} (what failed, below)."]

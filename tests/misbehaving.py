@@ -1,0 +1,175 @@
+"""Backends that do everything a backend must not do, by name: `misbehaving:raises` and so on."""
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from slamduel.backends.api import (
+    Belief,
+    Builder,
+    Diverged,
+    Map,
+    NoOptions,
+    Pose,
+    Prior,
+    Solution,
+    Step,
+    compose,
+    option,
+)
+
+TROUBLE_AT = 5
+"""The step at which it happens."""
+
+
+class Reckoning:
+    """Dead reckoning, until something happens."""
+
+    def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
+        self.pose, self.steps, self.options, self.rng = prior.pose, 0, options, rng
+
+    def step(self, step: Step) -> Any:
+        if step.odometry is not None:
+            self.pose = compose(self.pose, step.odometry.delta)
+        self.steps += 1
+        if self.steps == TROUBLE_AT:
+            self.trouble()
+        return self.answer()
+
+    def trouble(self) -> None:
+        """Misbehave."""
+
+    def answer(self) -> Any:
+        return self.pose
+
+    def belief(self) -> Any:
+        return Belief(self.pose)
+
+    def map(self) -> Any:
+        return Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
+
+    def finish(self) -> Solution | None:
+        return None
+
+
+class Raises(Reckoning):
+    def trouble(self) -> None:
+        raise ValueError("the [brackets] of this\nmessage are <b>not</b> markup")
+
+
+class NotANumber(Reckoning):
+    def answer(self) -> Pose:
+        return self.pose if self.steps < TROUBLE_AT else np.array([np.nan, 0.0, 0.0])
+
+
+class GivesUp(Reckoning):
+    def trouble(self) -> None:
+        raise Diverged("the covariance is no longer positive definite")
+
+
+class LoopsForEver(Reckoning):
+    def trouble(self) -> None:
+        while True:
+            pass
+
+
+class SleepsForEver(Reckoning):
+    def trouble(self) -> None:
+        time.sleep(10_000)
+
+
+class EatsMemory(Reckoning):
+    def trouble(self) -> None:
+        hoard = [np.ones(10_000_000)]
+        while True:
+            hoard.append(np.ones(10_000_000))
+
+
+class KillsItself(Reckoning):
+    def trouble(self) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Crashes(Reckoning):
+    def trouble(self) -> None:
+        print("reading address zero now", file=sys.stderr, flush=True)
+        ctypes.string_at(0)
+
+
+class Exits(Reckoning):
+    def trouble(self) -> None:
+        sys.exit("had enough")
+
+
+class WrongShape(Reckoning):
+    def answer(self) -> Any:
+        return np.zeros(2)
+
+
+class SometimesNone(Reckoning):
+    def answer(self) -> Any:
+        return self.pose if self.steps % 2 else None
+
+
+class WrongBelief(Reckoning):
+    def belief(self) -> Any:
+        return self.pose, np.eye(3)
+
+
+class BeliefChangesPath(Reckoning):
+    def belief(self) -> Belief:
+        self.pose = self.pose + 1e-15
+        return Belief(self.pose)
+
+
+class Talks(Reckoning):
+    """Well behaved, but it prints."""
+
+    def trouble(self) -> None:
+        print("a great deal of output\n" * 10_000)
+
+
+class Draws(Reckoning):
+    """Well behaved and random."""
+
+    def answer(self) -> Pose:
+        return self.pose + 0.01 * self.rng.normal(size=3)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How slow it is."""
+
+    seconds: float = option(0.0, "seconds that step 5 takes", minimum=0)
+
+
+class Slow(Reckoning):
+    """Well behaved, but slow."""
+
+    def trouble(self) -> None:
+        time.sleep(self.options.seconds)
+
+
+raises = Builder(Raises)
+not_a_number = Builder(NotANumber)
+gives_up = Builder(GivesUp)
+loops_for_ever = Builder(LoopsForEver)
+sleeps_for_ever = Builder(SleepsForEver)
+eats_memory = Builder(EatsMemory)
+kills_itself = Builder(KillsItself)
+crashes = Builder(Crashes)
+exits = Builder(Exits)
+wrong_shape = Builder(WrongShape)
+sometimes_none = Builder(SometimesNone)
+wrong_belief = Builder(WrongBelief)
+belief_changes_path = Builder(BeliefChangesPath)
+talks = Builder(Talks)
+draws = Builder(Draws, options=NoOptions, random=True)
+slow = Builder(Slow, options=Pace)
+no_builder = 7

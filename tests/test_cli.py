@@ -1,0 +1,223 @@
+"""The command as a user meets it: exit statuses, sentences, and nothing left where nothing came of it."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from textbook import random_log
+
+from slamduel.bench.cli import main
+from slamduel.bench.store import Store
+from slamduel.datasets import logfile
+
+
+@pytest.fixture(scope="module")
+def log_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("logs") / "wander"
+    logfile.write(folder, *random_log(np.random.default_rng(1), 40, 8))
+    return folder
+
+
+def bench(*words: str | Path, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    """The installed command, as a process of its own."""
+    command = [sys.executable, "-m", "slamduel.bench.cli", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, env={**os.environ, **(env or {})}, check=False)
+
+
+def test_run_prints_a_table_and_where_the_report_is(tmp_path: Path, log_folder: Path) -> None:
+    done = bench("run", "--backend", "dead-reckoning,ekf", "--dataset", log_folder, "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert "dead-reckoning" in done.stdout
+    assert "ekf" in done.stdout
+    assert str(tmp_path / "run" / "report.html") in done.stdout
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert done.stderr == ""
+
+
+def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path) -> None:
+    done = bench("run", "--quiet", "--backend", "ekf", "--dataset", log_folder, "--out", tmp_path / "run")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_cell_that_fails_is_exit_status_1(tmp_path: Path, log_folder: Path) -> None:
+    here = {"PYTHONPATH": str(Path(__file__).parent)}
+    words = ("run", "--backend", "ekf,misbehaving:raises", "--dataset", log_folder, "--out", tmp_path / "run")
+    done = bench(*words, env=here)
+    assert done.returncode == 1
+    assert "ValueError: the [brackets] of this" in done.stdout
+
+
+def test_out_alone_goes_on_and_report_writes_the_files_again(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(out)]) == 0
+    cells = (out / "cells.csv").read_text()
+    capsys.readouterr()
+    assert main(["run", "--out", str(out)]) == 0
+    assert "1 cells are in the record already, 0 are to be run" in capsys.readouterr().out
+    assert (out / "cells.csv").read_text() == cells
+    for path in out.iterdir():
+        if path.name != "results.sqlite":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert main(["report", str(out)]) == 0
+    assert (out / "cells.csv").read_text() == cells
+    assert (out / "report.html").is_file()
+    assert (out / "report.md").is_file()
+
+
+def test_another_plan_into_the_same_folder_is_refused(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "run")
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", out]) == 0
+    capsys.readouterr()
+    assert main(["run", "--backend", "isam2", "--out", out]) == 2
+    assert "holds a run with backend ekf, found backend isam2" in capsys.readouterr().err
+    with Store(tmp_path / "run") as store:
+        assert [row.columns["backend"] for row in store.cells()] == ["ekf"]
+
+
+BAD = [
+    (["--backend", "efk"], "there is no backend 'efk'; did you mean 'ekf'?"),
+    (["--dataset", "aruco-rom"], "there is no dataset 'aruco-rom'; did you mean 'aruco-room'?"),
+    (["--backend", "fastslam[particles=many]"], "found 'many', expected a whole number"),
+    (["--backend", "fastslam[particles=0]"], "out of range"),
+    (["--dataset", "mrclam"], "path"),
+    (["--dataset", "mrclam[path=/no/such/folder]"], "/no/such/folder"),
+    (["--dataset", "mrclam[path=/tmp,robot=9]"], "robot=9 is out of range; expected a whole number from 1 to 5"),
+    (["--dataset", "./no/such/log"], "no/such/log"),
+]
+
+
+@pytest.mark.parametrize(("words", "sentence"), BAD)
+def test_bad_input_is_a_sentence_and_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    given = {"--backend": "ekf", "--dataset": "victoria-park"} | dict(zip(words[::2], words[1::2], strict=True))
+    flat = [word for pair in given.items() for word in pair]
+    assert main(["run", *flat, "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr()
+    assert sentence in said.err
+    assert said.err.startswith("bench: ")
+    assert said.err.count("\n") == 1
+    assert "Traceback" not in said.err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [["--seeds", "0"], ["--seeds", "x"], ["--jobs", "-1"], ["--timeout", "nan"], ["--memory", "0"], ["--no"]]
+)
+def test_bad_flags_are_refused_with_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["run", *words, "--out", str(tmp_path / "run")])
+    assert stop.value.code == 2
+    assert words[0] in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def damaged(log_folder: Path, folder: Path, file: str, line: int, text: str | None) -> Path:
+    """A copy of the log with one line (1 is the header) replaced, or the file cut off there."""
+    shutil.copytree(log_folder, folder)
+    lines = (folder / file).read_text().splitlines()
+    lines[line - 1 :] = [text, *lines[line:]] if text is not None else [lines[line - 1][:7]]
+    (folder / file).write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "text", "sentence"),
+    [
+        ("odometry.csv", 9, None, "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.7,x,0,0,1,0,0,1,0,1", "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.7,nan,0,0,1,0,0,1,0,1", "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.1,0,0,0,1,0,0,1,0,1", "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.7,0,0,0,1,2,0,1,0,1", "odometry.csv, line 9"),
+        ("sightings.csv", 3, "0,7,-1,0,1,0,1", "sightings.csv, line 3"),
+    ],
+)
+def test_a_damaged_log_is_named_by_file_and_line(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str], file: str, line: int, text: str, sentence: str
+) -> None:
+    folder = damaged(log_folder, tmp_path / "log", file, line, text)
+    assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert "expected" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_repeated_id_in_one_frame_is_named(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (log_folder / "sightings.csv").read_text().splitlines()
+    folder = damaged(log_folder, tmp_path / "log", "sightings.csv", 3, lines[1])
+    assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert "sightings.csv, line 3" in said
+    assert "id" in said
+
+
+@pytest.mark.parametrize("place", ["a-file/run", "a-file"])
+def test_a_place_that_cannot_be_written_to_is_named(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    (tmp_path / "a-file").write_text("precious")
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / place)]) == 2
+    assert f"--out {tmp_path / place}: " in capsys.readouterr().err
+    assert (tmp_path / "a-file").read_text() == "precious"
+
+
+def test_a_folder_with_other_things_in_it_is_left_alone(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path)]) == 2
+    assert "something that is no run" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize("content", [None, b"not a database", b""])
+def test_report_of_what_is_no_run_is_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes | None
+) -> None:
+    if content is not None:
+        (tmp_path / "results.sqlite").write_bytes(content)
+    assert main(["report", str(tmp_path)]) == 2
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_list_names_everything_with_its_options(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for words in ("dead-reckoning", "ekf", "isam2", "graph", "particles=100", "victoria-park", "markers=24", "robot=1"):
+        assert words in said
+
+
+def test_check_holds_a_backend_to_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "dead-reckoning"]) == 0
+    assert "passed" in capsys.readouterr().out
+    assert main(["check", "misbehaving:not_a_number"]) == 1
+    assert "failed" in capsys.readouterr().out
+    assert main(["check", "misbehaving:not_there"]) == 2
+    assert "cannot be imported" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"]])
+def test_help_is_printed(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 0
+    assert "bench" in capsys.readouterr().out
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    command = f"{sys.executable} -m slamduel.bench.cli list | head -1"
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr

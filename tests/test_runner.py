@@ -1,0 +1,316 @@
+"""A run, whatever its backends do: every cell a row, nothing lost, the same again."""
+
+import contextlib
+import csv
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from textbook import random_log
+
+from slamduel.bench.plan import Cell, Plan
+from slamduel.bench.runner import claimed, recorded_plan, run
+from slamduel.bench.store import COLUMNS, Row, Store
+from slamduel.datasets import logfile
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.tum import read_tum
+
+TIMES = {
+    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
+    "finish_s", "setup_s", "cpu_s", "peak_mb", "timing_alone",
+}  # fmt: skip
+"""The columns that may differ when a cell is run again."""
+
+
+class Silent:
+    """Watches, and keeps the statuses."""
+
+    def __init__(self) -> None:
+        self.ended: list[str] = []
+
+    def preparing(self, logs: int) -> None: ...
+    def prepared(self, name: str) -> None: ...
+    def running(self, cells: int, before: int) -> None: ...
+    def finished(self, cell: Cell, status: str, reason: str, row: dict[str, Any]) -> None:
+        self.ended.append(f"{cell.backend.label} {status}")
+
+
+@pytest.fixture(scope="module")
+def log_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("logs") / "wander"
+    log, truth = random_log(np.random.default_rng(1), 40, 8)
+    logfile.write(folder, log, truth)
+    return folder
+
+
+def go(
+    folder: Path, backends: str, dataset: Path | str, workers: int = 2, seeds: int = 2, timeout_s: float = 60.0
+) -> dict[str, Row]:
+    """Run, and the rows by backend label and seed."""
+    words = {"backend": backends, "dataset": str(dataset), "seeds": seeds, "timeout_s": timeout_s, "memory_mb": 1000}
+    run(Plan.from_words(words), folder, workers, ["bench", "run"], Silent())
+    return rows(folder)
+
+
+def rows(folder: Path) -> dict[str, Row]:
+    with Store(folder) as store:
+        found = list(store.cells())
+    return {
+        f"{r.columns['dataset_options']} {r.columns['backend']} {r.columns['options']} {r.columns['seed']}": r
+        for r in found
+    }
+
+
+def arrays(folder: Path) -> dict[str, dict[str, Any]]:
+    with Store(folder) as store:
+        return {key: store.arrays(row) for key, row in rows(folder).items()}
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "cells.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def without_times(folder: Path) -> list[dict[str, str]]:
+    return [{name: value for name, value in row.items() if name not in TIMES} for row in table(folder)]
+
+
+def test_a_run_leaves_what_the_design_says(tmp_path: Path, log_folder: Path) -> None:
+    out = tmp_path / "new" / "run"
+    go(out, "dead-reckoning,ekf,fastslam[particles=50],isam2,graph", log_folder)
+    found = table(out)
+    assert list(found[0]) == list(COLUMNS)
+    assert [row["status"] for row in found] == ["done"] * 6  # FastSLAM draws, so it has two seeds; the others one
+    assert len({row["digest"] for row in found}) == 1
+    about = json.loads((out / "run.json").read_text())
+    assert about["plan"]["backend"].startswith("dead-reckoning,ekf")
+    assert about["environment"]["packages"]["gtsam"]
+    assert "CPU time" in about["timing_policy"]
+    log, truth = logfile.read(log_folder)
+    assert truth is not None
+    place = out / about["folders"][f"log[path={log_folder}]"] / "0"
+    t, poses = read_tum(place / "truth.tum")
+    assert np.array_equal(t, truth.t)
+    assert np.array_equal(poses, truth.poses)
+    for row in found:
+        label = row["backend"] + (f"[{row['options']}]" if row["options"] else "")
+        folder = place.parent / row["seed"] / about["folders"][label]
+        has = {path.name for path in folder.iterdir()}
+        expected = {"map.csv"}
+        expected |= set() if row["backend"] == "graph" else {"online.tum", "steps.csv"}
+        expected |= {"final.tum"} if row["backend"] in ("isam2", "graph") else set()
+        assert has == expected, row["backend"]
+        if "steps.csv" in has:
+            with (folder / "steps.csv").open(newline="") as file:
+                steps = list(csv.DictReader(file))
+            assert len(steps) == len(log) == int(row["steps"])
+            errors = np.array([float(step["error_m"]) for step in steps])
+            assert np.sqrt((errors**2).mean()) == pytest.approx(float(row["ate_m"]), rel=1e-9)
+            inside = [float(step["nees"]) for step in steps if step["nees"]]
+            assert np.mean(inside) / 3 == pytest.approx(float(row["nees"]), rel=1e-9)
+        with (folder / "map.csv").open(newline="") as file:
+            assert len(list(csv.DictReader(file))) == int(row["landmarks"])
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "reason"),
+    [
+        ("raises", "error", "ValueError: the [brackets] of this message are <b>not</b> markup (misbehaving.py:"),
+        ("not_a_number", "diverged", "step 4: the pose is not finite"),
+        ("gives_up", "diverged", "the covariance is no longer positive definite"),
+        ("loops_for_ever", "timeout", "not finished after 3 s"),
+        ("sleeps_for_ever", "timeout", "not finished after 3 s"),
+        ("eats_memory", "error", "needed more than the memory limit of 1000 MB"),
+        ("kills_itself", "error", "the process was killed by SIGKILL"),
+        ("crashes", "error", "killed by SIGSEGV; its last words: reading address zero now"),
+        ("exits", "error", "SystemExit: had enough"),
+        ("wrong_shape", "error", "step 0: the pose has shape (2,), expected (3,)"),
+        ("sometimes_none", "error", "a pose at some steps and None at others"),
+        ("wrong_belief", "error", "belief() returned tuple at step 0, expected Belief or None"),
+        ("belief_changes_path", "error", "the path differs once beliefs are asked for"),
+        ("talks", "done", ""),
+        ("no_builder", "error", "misbehaving:no_builder is int, expected slamduel.backends.api.Builder"),
+        ("not_there", "error", "AttributeError"),
+    ],
+)
+def test_whatever_a_backend_does_it_is_one_row(
+    tmp_path: Path, log_folder: Path, name: str, status: str, reason: str
+) -> None:
+    found = go(tmp_path / "run", f"misbehaving:{name},ekf", log_folder, timeout_s=3.0)
+    assert len(found) == 2
+    good, bad = sorted(found.values(), key=lambda row: row.columns["backend"] != "ekf")
+    assert good.columns["status"] == "done"
+    assert good.columns["ate_m"] > 0
+    assert bad.columns["status"] == status
+    assert reason in bad.columns["reason"]
+    assert bad.columns["digest"] == good.columns["digest"]
+    assert (tmp_path / "run" / "cells.csv").read_text().count("\n") == 3
+
+
+def test_a_log_with_loop_closures_is_skipped_where_they_are_not_taken(tmp_path: Path) -> None:
+    log, truth = random_log(np.random.default_rng(2), 10, 5)
+    assert truth is not None
+    closed = type(log).from_arrays(
+        "closed", log.prior, log.t, log.delta, log.delta_cov, log.sighting_step, log.ids, log.z, log.z_cov,
+        np.array([9]), np.array([0]), (np.zeros((1, 3))), 10 * np.eye(3)[None],
+    )  # fmt: skip
+    logfile.write(tmp_path / "log", closed, truth)
+    found = go(tmp_path / "run", "ekf,isam2", tmp_path / "log")
+    statuses = {row.columns["backend"]: (row.columns["status"], row.columns["reason"]) for row in found.values()}
+    assert statuses["isam2"][0] == "done"
+    assert statuses["ekf"] == ("skipped", "the log has loop closures (RelativePoses), which this backend does not take")
+
+
+def test_what_draws_nothing_runs_once_and_what_draws_runs_every_seed(tmp_path: Path, log_folder: Path) -> None:
+    found = go(tmp_path / "run", "ekf,misbehaving:draws", log_folder, seeds=3)
+    seeds = [(row.columns["backend"], row.columns["seed"]) for row in found.values()]
+    assert sorted(seeds) == [("ekf", 0), *(("misbehaving:draws", seed) for seed in range(3))]
+    drawn = [row.columns["ate_m"] for row in found.values() if row.columns["backend"] != "ekf"]
+    assert len(set(drawn)) == 3
+
+
+def test_the_same_run_gives_the_same_bits_whatever_runs_beside_it(tmp_path: Path, log_folder: Path) -> None:
+    backends = "ekf,fastslam[particles=50],isam2,graph"
+    go(tmp_path / "one", backends, log_folder, workers=1)
+    stop = threading.Event()
+    busy = threading.Thread(target=lambda: [np.linalg.inv(np.eye(200)) for _ in iter(stop.is_set, True)])
+    busy.start()
+    try:
+        go(tmp_path / "two", backends, log_folder, workers=3)
+    finally:
+        stop.set()
+        busy.join()
+    one, two = arrays(tmp_path / "one"), arrays(tmp_path / "two")
+    assert one.keys() == two.keys()
+    for key in one:
+        for name in ("online", "final", "map_xy", "cov"):
+            assert (name in one[key]) == (name in two[key])
+            if name in one[key]:
+                assert one[key][name].tobytes() == two[key][name].tobytes(), (key, name)
+    assert without_times(tmp_path / "one") == without_times(tmp_path / "two")
+
+
+def test_timings_are_marked_where_cells_ran_side_by_side(tmp_path: Path, log_folder: Path) -> None:
+    slow = "misbehaving:slow[seconds=0.3],misbehaving:slow[seconds=0.31]"
+    alone = go(tmp_path / "one", slow, log_folder, workers=1)
+    beside = go(tmp_path / "two", slow, log_folder, workers=2)
+    assert [row.columns["timing_alone"] for row in alone.values()] == [1, 1]
+    assert [row.columns["timing_alone"] for row in beside.values()] == [0, 0]
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+sys.path[:0] = [{tests!r}]
+if __name__ == "__main__":
+    from test_runner import go
+    go(Path({out!r}), {backends!r}, {log!r}, workers=1, seeds=4)
+"""
+
+
+def start(tmp_path: Path, out: Path, backends: str, log: Path) -> subprocess.Popen[bytes]:
+    """The same run in a process that can be killed, with a group of its own."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(tests=str(Path(__file__).parent), out=str(out), backends=backends, log=str(log)))
+    env = {**os.environ, "SLAMDUEL_TEST_RUN": str(os.getpid())}
+    return subprocess.Popen([sys.executable, str(script)], start_new_session=True, env=env)
+
+
+def wait_for_rows(process: subprocess.Popen[bytes], out: Path, wanted: int) -> None:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        assert process.poll() is None
+        try:
+            if len(rows(out)) >= wanted:
+                return
+        except InputError:  # not there yet, or not yet with tables
+            pass
+        time.sleep(0.02)
+    pytest.fail(f"{wanted} rows did not come")
+
+
+def test_a_killed_run_goes_on_and_ends_like_an_undisturbed_one(tmp_path: Path, log_folder: Path) -> None:
+    backends = "misbehaving:slow[seconds=0.2],misbehaving:draws,misbehaving:raises,ekf,fastslam[particles=50]"
+    go(tmp_path / "undisturbed", backends, log_folder, workers=1, seeds=4)
+    out = tmp_path / "disturbed"
+    for wanted in (1, 4, 8):
+        process = start(tmp_path, out, backends, log_folder)
+        wait_for_rows(process, out, wanted)
+        process.kill()
+        process.wait()
+    plan = recorded_plan(out)
+    assert plan is not None
+    again = Silent()
+    run(plan, out, 1, ["bench", "run"], again)
+    assert 0 < len(again.ended) <= 11 - 8
+    assert without_times(out) == without_times(tmp_path / "undisturbed")
+    assert arrays(out).keys() == arrays(tmp_path / "undisturbed").keys()
+
+
+def test_workers_do_not_outlive_a_killed_run(tmp_path: Path, log_folder: Path) -> None:
+    out = tmp_path / "run"
+    process = start(tmp_path, out, "ekf,misbehaving:loops_for_ever,misbehaving:sleeps_for_ever", log_folder)
+    wait_for_rows(process, out, 1)
+    time.sleep(1.0)  # let one of the endless ones begin
+    assert len(of_run()) > 1
+    process.kill()
+    process.wait()
+    deadline = time.monotonic() + 20
+    while (left := of_run()) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert left == []
+
+
+def of_run() -> list[str]:
+    """Command lines of the live processes that carry the run's mark in their environment."""
+    found: list[str] = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if f"SLAMDUEL_TEST_RUN={os.getpid()}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                found.append((entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()[:200])
+    return found
+
+
+def test_two_runs_cannot_share_a_folder(tmp_path: Path, log_folder: Path) -> None:
+    with claimed(tmp_path / "run"), pytest.raises(InputError, match="another run is writing"):
+        go(tmp_path / "run", "ekf", log_folder)
+    assert not (tmp_path / "run").exists()  # nothing came of either
+
+
+def test_nothing_is_left_of_a_run_whose_log_cannot_be_had(tmp_path: Path, log_folder: Path) -> None:
+    broken = tmp_path / "broken"
+    logfile.write(broken, *logfile.read(log_folder))
+    lines = (broken / "odometry.csv").read_text().splitlines()
+    (broken / "odometry.csv").write_text("\n".join([*lines[:5], "x" + lines[5][1:], *lines[6:]]))
+    with pytest.raises(InputError, match=r"odometry\.csv.*6"):
+        go(tmp_path / "made" / "run", "ekf", broken)
+    assert not (tmp_path / "made").exists()
+
+
+def test_a_log_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_folder: Path) -> None:
+    log, truth = logfile.read(log_folder)
+    assert truth is not None
+    logfile.write(tmp_path / "log", log, truth)
+    go(tmp_path / "run", "ekf", tmp_path / "log")
+    for path in (tmp_path / "log").iterdir():
+        path.unlink()
+    logfile.write(tmp_path / "log", log.head(20), truth._replace(t=truth.t[:20], poses=truth.poses[:20]))
+    with pytest.raises(InputError, match="has changed since this run was begun"):
+        go(tmp_path / "run", "ekf", tmp_path / "log")
+
+
+def test_a_log_without_truth_gets_a_reference_and_no_consistency(tmp_path: Path, log_folder: Path) -> None:
+    logfile.write(tmp_path / "log", logfile.read(log_folder).log, None)
+    found = go(tmp_path / "run", "ekf,graph", tmp_path / "log")
+    for row in found.values():
+        assert row.columns["truth_kind"] == "reference"
+        assert row.columns["nees"] is None
+    final = next(row.columns["final_ate_origin_m"] for row in found.values() if row.columns["backend"] == "graph")
+    assert final == pytest.approx(0, abs=1e-12)  # the reference is the batch optimum
