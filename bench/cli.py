@@ -42,12 +42,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SlamduelError as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("bench: interrupted; what had finished is in the record.", file=sys.stderr)
-        return 130
     except BrokenPipeError:  # the reader of our output, head for one, has gone
         sys.stderr.close()
         return 0
+    except OSError as error:  # a full disk, a folder that has gone: the record keeps what was finished before
+        print(f"bench: {error.filename or 'a file'}: {error.strerror or error}.", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("bench: interrupted; what had finished is in the record.", file=sys.stderr)
+        return 130
 
 
 if __name__ == "__main__":

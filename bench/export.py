@@ -3,13 +3,13 @@
 import csv
 import io
 import json
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..frontend.files import write_whole
 from ..frontend.se2 import Array
 from ..frontend.tum import write_tum
 from .store import COLUMNS, Store
@@ -27,8 +27,8 @@ def export(store: Store) -> None:
     """Write every file of the run's folder anew."""
     run, folder, rows = store.run(), store.folder, list(store.cells())
     slugs: dict[str, str] = run["folders"]
-    _write(folder / "run.json", json.dumps(run, indent=2) + "\n")
-    _write(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
+    write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
+    write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
     for row in rows:
         c = row.columns
         place = folder / slugs[label(c["dataset"], c["dataset_options"])] / str(c["seed"])
@@ -49,14 +49,14 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
     place.mkdir(parents=True, exist_ok=True)
     if "online" in arrays:
         write_tum(place / "online.tum", arrays["t"], arrays["online"])
-        _write(place / "steps.csv", _csv(STEPS, _steps(arrays, truth)))
+        write_whole(place / "steps.csv", _csv(STEPS, _steps(arrays, truth)))
     if "final" in arrays:
         write_tum(place / "final.tum", arrays["t"], arrays["final"])
     prefix = "final_map" if "final_map_ids" in arrays else "map"
     ids, xy, cov = arrays[f"{prefix}_ids"], arrays[f"{prefix}_xy"], arrays.get(f"{prefix}_cov")
     blocks = np.full((len(ids), 3), np.nan) if cov is None else cov[:, [0, 0, 1], [0, 1, 1]]
     rows = ([i, *_blank(p), *_blank(b)] for i, p, b in zip(ids.tolist(), xy, blocks, strict=True))
-    _write(place / "map.csv", _csv(MAP, rows))
+    write_whole(place / "map.csv", _csv(MAP, rows))
 
 
 def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
@@ -88,10 +88,3 @@ def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     writer.writerow(header)
     writer.writerows(rows)
     return text.getvalue()
-
-
-def _write(path: Path, text: str) -> None:
-    """All of it or nothing."""
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)

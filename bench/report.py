@@ -1,12 +1,12 @@
 """A run's report: report.html, one file that needs no network, and report.md with its figures beside it."""
 
-import os
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
+from ..frontend.files import write_whole
 from .definitions import COLUMNS, WORKED_OUT
 from .export import label
 from .looks import Look, looks
@@ -73,9 +73,9 @@ def write_report(store: Store) -> None:
     (store.folder / FIGURES).mkdir(exist_ok=True)
     for section in sections:
         for exhibit in (*section.panels, *section.exhibits):
-            _write(store.folder / FIGURES / f"{exhibit.name}.svg", alone(exhibit.svg))
+            write_whole(store.folder / FIGURES / f"{exhibit.name}.svg", alone(exhibit.svg))
     for name in ("report.md", "report.html"):
-        _write(store.folder / name, _rendered(f"{name}.jinja", page))
+        write_whole(store.folder / name, _rendered(f"{name}.jinja", page))
 
 
 def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
@@ -166,10 +166,3 @@ def _markdown(text: object) -> str:
     """Text that Markdown takes as it is, on one line and inside a table too."""
     escaped = " ".join(str(text).replace("&", "&amp;").replace("<", "&lt;").split())
     return "".join(f"\\{letter}" if letter in "\\`*_[]|#$~" else letter for letter in escaped)
-
-
-def _write(path: Path, text: str) -> None:
-    """All of it or nothing."""
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)

@@ -1,6 +1,6 @@
 """A run's cells drawn together over their seeds: what the table in the terminal and the report show."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +36,11 @@ class Line(NamedTuple):
     def alone(self) -> bool:
         """Whether every cell ran alone, so that its times stand for themselves."""
         return all(row.columns["timing_alone"] for row in self.rows)
+
+
+def logs(lines: Sequence[Line]) -> int:
+    """How many different logs the lines of one dataset ran on: a dataset that draws nothing has one for all seeds."""
+    return len({row.columns["digest"] for line in lines for row in line.rows})
 
 
 _WORDS = ("dataset", "dataset_options", "backend", "options", "seed", "status", "reason", "digest", "truth_kind")

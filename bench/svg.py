@@ -76,7 +76,6 @@ def _lean(svg: str) -> str:
     svg = re.sub(r"font-family: [^;\"]*", f"font-family: {FONT}", svg)
     svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag[0]), svg)
     svg = re.sub(r'(?<=<g) id="[^"]*"| xmlns:xlink="[^"]*"| transform="rotate\(-0 [^"]*"', "", svg)
-    svg = re.sub(r'(<svg[^>]*?) width="([\d.]+)pt" height="([\d.]+)pt"', r'\1 width="\2" height="\3"', svg, count=1)
     svg = svg.replace("xlink:href", "href").replace("<svg ", '<svg stroke-linejoin="round" ', 1)
     return re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><").strip()
 

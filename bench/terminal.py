@@ -8,8 +8,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from .numerals import counted
 from .plan import Cell
-from .summary import Line, Spread
+from .summary import Line, Spread, logs
 
 WIDE = 104
 """Columns from which on ranges are shown."""
@@ -75,8 +76,7 @@ def tables(lines: Sequence[Line], width: int) -> list[Table]:
 
 
 def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
-    seeds = max(len(line.rows) for line in lines)
-    title = f"[bold]{plain(dataset)}[/], {seeds} seed{'s' * (seeds > 1)}"
+    title = f"[bold]{plain(dataset)}[/], {counted(logs(lines), 'log')}"
     if lines[0].truth_kind == "reference":
         title += "; truth unknown: errors are distances from the batch optimum"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)

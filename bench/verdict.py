@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from .looks import BASELINE
 from .numerals import counted, listed, number
-from .summary import Line, Spread
+from .summary import Line, Spread, logs
 
 _REFERENCE = (
     "Nobody knows where the robot was; errors here are distances from a reference, the batch optimum of the same "
@@ -14,7 +14,7 @@ _REFERENCE = (
 
 def headline(lines: Sequence[Line]) -> list[str]:
     """The sentences on a dataset, the most important first."""
-    name = f"{lines[0].dataset}, {counted(len({row.columns['seed'] for line in lines for row in line.rows}), 'seed')}"
+    name = f"{lines[0].dataset}, {counted(logs(lines), 'log')}"
     if not any(line.done for line in lines):
         return [f"{name}: no cell is done.", *_not_done(lines)]
     if lines[0].truth_kind == "truth":
@@ -51,7 +51,7 @@ def ranked(lines: Sequence[Line], column: str) -> list[Line]:
 
 
 def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
-    """Who is closest to truth and how many times as far off the others are; [] where nobody has the column."""
+    """Whose error is the lowest, and how many times that the others' are; [] where nobody has the column."""
     found = ranked(lines, column)
     if not found:
         return []
@@ -60,7 +60,7 @@ def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
     if not others:
         said = f"{first.backend}'s {what} has {_error(best)}"
     else:
-        said = f"{first.backend}'s {what} is closest to truth ({_error(best)}); "
+        said = f"{first.backend}'s {what} has the lowest error ({_error(best)}); "
         said += "; ".join(f"{line.backend} {_times(line.values[column], best)}" for line in others)
     left = [
         f"{line.backend} ({line.done} of {len(line.rows)} done)"

@@ -3,10 +3,10 @@
 from typing import Any, ClassVar
 
 import numpy as np
-from textbook import TextbookEkf
 
 from slamduel.backends.api import Belief, Map, Odometry, Pose, Prior, Solution, Step
 from slamduel.frontend.se2 import Array
+from textbook import TextbookEkf
 
 
 class Sound:

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from textbook import TextbookEkf
 
 from slamduel.datasets import registry
 from slamduel.datasets.aruco_room import ENCODER, LOOP, TICK, Options, aruco_room, record
@@ -13,6 +12,7 @@ from slamduel.frontend.check import check
 from slamduel.frontend.factors import Dataset
 from slamduel.frontend.pipeline import readings
 from slamduel.frontend.se2 import Array, between, compose, wrap
+from textbook import TextbookEkf
 
 SHORT = Options(seconds=4.0)
 

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from textbook import TextbookEkf, TextbookKalman, random_log
 
 from slamduel.backends import ekf, models
 from slamduel.backends.api import Diverged, Solution
@@ -12,6 +11,7 @@ from slamduel.backends.registry import find
 from slamduel.datasets import registry as datasets
 from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from slamduel.frontend.se2 import Array, act_jacobians, compose_jacobians, wrap
+from textbook import TextbookEkf, TextbookKalman, random_log
 
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))

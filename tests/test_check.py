@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_log import positive_definite, small_log
 
 from slamduel.frontend.check import check, problems
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log, Map, Prior
 from slamduel.frontend.se2 import Array
+from small_log import positive_definite, small_log
 
 Change = Callable[[dict[str, Any]], Any]
 NAN, INF = np.nan, np.inf

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from textbook import random_log
 
 from slamduel.bench.cli import main
 from slamduel.bench.store import Store
 from slamduel.datasets import logfile
+from textbook import random_log
 
 
 @pytest.fixture(scope="module")

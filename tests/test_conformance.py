@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from broken_backends import BROKEN, Sound
 
+from broken_backends import BROKEN, Sound
 from slamduel.backends import registry
 from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Solution, Step, option
 from slamduel.bench.candidate import Candidate, Failed, stays_near

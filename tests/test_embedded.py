@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from evo_cli import evo
 
+from evo_cli import evo
 from slamduel.bench.cli import main
 from slamduel.bench.plan import Cell, Plan
 from slamduel.bench.runner import run

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small_log import columns, positive_definite, small_log
 
 from slamduel.frontend.factors import UNKNOWN, Log, Map, Prior
+from small_log import columns, positive_definite, small_log
 
 COLUMNS = [field.name for field in dataclasses.fields(Log) if isinstance(getattr(small_log(), field.name), np.ndarray)]
 

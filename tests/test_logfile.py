@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_log import assert_same, small_dataset, small_log
 
 from slamduel.datasets import logfile
 from slamduel.frontend.check import problems
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset, Truth
+from small_log import assert_same, small_dataset, small_log
 
 Change = Callable[[str], str]
 FILES = ("log.toml", "odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv")

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evo_cli import evo
 from scipy.optimize import minimize
-from textbook import random_covariance, random_log
 
+from evo_cli import evo
 from slamduel.backends.registry import find
 from slamduel.bench import metrics
 from slamduel.bench.cost import cost
 from slamduel.frontend.factors import Log, Map
 from slamduel.frontend.se2 import Array, compose
 from slamduel.frontend.tum import write_tum
+from textbook import random_covariance, random_log
 
 
 def wander(rng: np.random.Generator, n: int = 60) -> Array:

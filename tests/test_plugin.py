@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from textbook import TextbookEkf, random_log
 
 from slamduel.backends import registry
 from slamduel.backends.api import Builder
 from slamduel.bench.conformance import check_backend
 from slamduel.frontend.factors import Log
 from slamduel.frontend.se2 import Array, between
+from textbook import TextbookEkf, random_log
 
 EXAMPLE = Path(__file__).parent / "example_plugin"
 

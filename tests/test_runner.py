@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from textbook import random_log
 
 from slamduel.bench.plan import Cell, Plan
 from slamduel.bench.runner import claimed, recorded_plan, run
@@ -21,6 +20,7 @@ from slamduel.bench.store import COLUMNS, Row, Store
 from slamduel.datasets import logfile
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.tum import read_tum
+from textbook import random_log
 
 TIMES = {
     "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",

@@ -19,7 +19,7 @@ def told(backend: str, kind: str = "truth", **columns: list[Any]) -> list[Row]:
     about: dict[str, Any] = dict.fromkeys(COLUMNS)
     about |= {"dataset": "room", "dataset_options": "", "backend": backend, "options": "", "truth_kind": kind}
     about |= {"status": "done", "reason": "", "timing_alone": 1}
-    rows = [about | {"seed": k} for k in range(n)]
+    rows = [about | {"seed": k, "digest": f"d{k}"} for k in range(n)]
     for name, values in columns.items():
         for row, value in zip(rows, values, strict=True):
             row[name] = value
@@ -80,7 +80,7 @@ def test_the_best_path_is_named_and_the_others_measured_by_it() -> None:
     rows = told("a", ate_m=[0.2, 0.4, 0.3]) + told("b", ate_m=[0.1, 0.2, 0.3]) + told("c", ate_m=[3.0, 2.0, 1.0])
     first = headline(lines(rows))[0]
     assert first == (
-        "room, 3 seeds: b's online path is closest to truth (median ATE 0.200 m, 0.100 to 0.300 over 3 seeds); "
+        "room, 3 logs: b's online path has the lowest error (median ATE 0.200 m, 0.100 to 0.300 over 3 seeds); "
         "a 1.50 times that (their ranges overlap); c 10.0 times that."
     )
 
