@@ -1,0 +1,66 @@
+"""The README says what is so: its commands are taken, its names exist, its table is what the terminal prints."""
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.backends import registry as backends
+from slamduel.bench.spec import backend_variants, dataset_variants
+from slamduel.bench.store import COLUMNS, Row
+from slamduel.bench.summary import lines
+from slamduel.bench.terminal import WIDE, tables
+from slamduel.datasets import logfile
+from slamduel.datasets import registry as datasets
+from textbook import random_log
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def commands() -> list[list[str]]:
+    found = [line.strip().partition("#")[0] for line in README.splitlines() if line.startswith("    bench ")]
+    assert len(found) > 6
+    return [shlex.split(line) for line in found]
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_every_command_names_what_exists(words: list[str]) -> None:
+    given = dict(zip(words, words[1:], strict=False))
+    if "--backend" in given and "my_module" not in given["--backend"]:
+        assert all(variant.builder is not None for variant in backend_variants(given["--backend"]))
+    if "--dataset" in given and "/" not in given["--dataset"]:
+        assert dataset_variants(given["--dataset"])
+
+
+def test_every_name_is_told() -> None:
+    for name in [*backends.BUILTIN, *(name for name in datasets.BUILTIN if name != "log")]:
+        assert f"| `{name}` |" in README
+
+
+def test_every_link_leads_somewhere() -> None:
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", README) if "://" not in link]
+    assert len(links) >= 4
+    for link in links:
+        assert (ROOT / link).exists(), link
+
+
+def test_the_headings_of_the_table_are_the_terminals() -> None:
+    values = dict.fromkeys(COLUMNS, None) | {"dataset": "aruco-room", "dataset_options": "", "backend": "ekf"}
+    values |= {"options": "", "seed": 0, "status": "done", "truth_kind": "truth", "ate_m": 0.015, "digest": "d"}
+    (table,) = tables(lines([Row(values, "")]), WIDE)
+    headings = [str(column.header) for column in table.columns]
+    shown = next(line for line in README.splitlines() if line.strip().startswith("backend "))
+    assert re.split(r"\s{2,}", shown.strip()) == headings
+
+
+def test_the_log_folder_is_as_described(tmp_path: Path) -> None:
+    log, truth = random_log(np.random.default_rng(1), 5, 3)
+    logfile.write(tmp_path / "log", log, truth)
+    for name in ("odometry.csv", "sightings.csv", "landmarks.csv"):
+        header = (tmp_path / "log" / name).read_text().splitlines()[0]
+        assert re.search(rf"{name}\s+{re.escape(header)}\s", README), name
+    assert (tmp_path / "log" / "log.toml").is_file()
+    assert (tmp_path / "log" / "truth.tum").is_file()
