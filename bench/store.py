@@ -59,16 +59,23 @@ class Store:
         path = folder / FILE
         if not create and not path.is_file():
             raise InputError(f"{folder}: there is no {FILE} here; expected the folder of a run.")
+        self._db = sqlite3.connect(path, isolation_level=None)
         try:
-            self._db = sqlite3.connect(path, isolation_level=None)
-            version = self._db.execute("PRAGMA user_version").fetchone()[0]
-            if version == 0 and create:
-                self._db.execute("PRAGMA journal_mode = WAL")
-                self._db.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
-            elif version != VERSION:
-                raise InputError(f"{path}: found a record of format {version}, expected {VERSION}.")
-        except sqlite3.DatabaseError as error:
-            raise InputError(f"{path}: {error}; expected the record of a run.") from None
+            self._open(path, create)
+        except BaseException as error:
+            self._db.close()
+            if isinstance(error, sqlite3.DatabaseError):
+                raise InputError(f"{path}: {error}; expected the record of a run.") from None
+            raise
+
+    def _open(self, path: Path, create: bool) -> None:
+        """Make sure that the tables are there, and are ours."""
+        version = self._db.execute("PRAGMA user_version").fetchone()[0]
+        if version == 0 and create:
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
+        elif version != VERSION:
+            raise InputError(f"{path}: found a record of format {version}, expected {VERSION}.")
 
     def close(self) -> None:
         """Close the file; what was written is in it."""

@@ -1,13 +1,16 @@
 """The README says what is so: its commands are taken, its names exist, its table is what the terminal prints."""
 
+import argparse
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slamduel.backends import registry as backends
+from slamduel.bench.cli import COMMANDS
 from slamduel.bench.spec import backend_variants, dataset_variants
 from slamduel.bench.store import COLUMNS, Row
 from slamduel.bench.summary import lines
@@ -27,12 +30,14 @@ def commands() -> list[list[str]]:
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_every_command_names_what_exists(words: list[str]) -> None:
-    given = dict(zip(words, words[1:], strict=False))
-    if "--backend" in given and "my_module" not in given["--backend"]:
-        assert all(variant.builder is not None for variant in backend_variants(given["--backend"]))
-    if "--dataset" in given and "/" not in given["--dataset"]:
-        assert dataset_variants(given["--dataset"])
+def test_every_command_is_taken_and_names_what_exists(words: list[str]) -> None:
+    parser = argparse.ArgumentParser()
+    import_module(COMMANDS[words[1]][1], "slamduel.bench").arguments(parser)
+    given = vars(parser.parse_args(words[2:]))  # ends the test where an argument is not taken
+    for variant in backend_variants((given.get("backend") or "ekf").replace("my_module:build", "graph")):
+        assert variant.builder is not None, variant.missing
+    dataset = given.get("dataset") or "victoria-park"
+    assert "/" in dataset or dataset_variants(dataset)
 
 
 def test_every_name_is_told() -> None:

@@ -4,6 +4,7 @@ import html
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -58,7 +59,7 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
+def record(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Record]:
     """Two datasets, one of them with a reference only; every way a cell can end."""
     made = Record(tmp_path_factory.mktemp("run") / "r")
     for seed in range(3):
@@ -74,7 +75,8 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
     made.cell("park", "reference", "ekf", off=3.0)
     made.cell("park", "reference", "isam2", paths=("online", "final"))
     write_report(made.store)
-    return made
+    yield made
+    made.store.close()
 
 
 @pytest.fixture(scope="module")
@@ -255,8 +257,9 @@ BARE = ("cov", "step_ns", "map_ids", "map_xy", "map_cov", "nees", "aligned", "al
     "case",
     ["no cells", "none done", "no truth", "one step", "bare", "nothing at all", "seed 1", "odd names", "perfect"],
 )
-def test_any_record_has_a_report(tmp_path: Path, case: str) -> None:
+def test_any_record_has_a_report(tmp_path: Path, request: pytest.FixtureRequest, case: str) -> None:
     made = Record(tmp_path / "r")
+    request.addfinalizer(made.store.close)
     said = {"none done": "no cell is done", "no truth": "There is no known path", "seed 1": "Paths, seed 1"}
     if case == "none done":
         made.failed("room", "truth", "ekf", "diverged", "")
