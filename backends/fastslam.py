@@ -15,6 +15,9 @@ from ..frontend.se2 import Array, compose, wrap
 from .api import Belief, Builder, Diverged, Pose
 from .models import innovation, place, sight
 
+RANK = 4
+"""Particles that a covariance of three coordinates takes."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -67,14 +70,14 @@ class FastSlam:
     def belief(self) -> Belief:
         """The particles' weighted mean and covariance, and how many of them still count.
 
-        The covariance is None where too few particles carry weight for one of full rank.
+        The covariance is None where fewer than RANK particles carry weight: there are none of full rank then.
         """
         pose = self._mean_pose()
         error = self._poses - pose
         error[:, 2] = wrap(error[:, 2])
         cov = (error * self._weights[:, None]).T @ error
-        definite = bool(np.linalg.eigvalsh(cov)[0] > 0)
-        return Belief(pose, (cov + cov.T) / 2 if definite else None, n_eff=self._n_eff())
+        n_eff = self._n_eff()
+        return Belief(pose, (cov + cov.T) / 2 if n_eff >= RANK else None, n_eff=n_eff)
 
     def map(self) -> Map:
         """The weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from ..frontend.errors import SlamduelError
+from ..frontend.errors import Interrupted, SlamduelError
 
 COMMANDS = {
     "run": ("run backends on datasets and write a report", ".command_run"),
@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="bench",
         description="The same robot log through several SLAM backends, and a verdict that holds up.",
-        epilog="bench COMMAND --help tells more. bench run alone runs three backends on two datasets that come along.",
+        epilog="bench COMMAND --help tells more. bench run alone runs four backends on two datasets that come along.",
     )
     chosen = next((word for word in given if not word.startswith("-")), None)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -39,6 +39,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     assert action is not None  # argparse has refused every other command
     try:
         return action(namespace)
+    except Interrupted as error:
+        print(f"bench: interrupted; {error}.", file=sys.stderr)
+        return 130
     except SlamduelError as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2
@@ -49,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"bench: {error.filename or 'a file'}: {error.strerror or error}.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("bench: interrupted; what had finished is in the record.", file=sys.stderr)
+        print("bench: interrupted.", file=sys.stderr)
         return 130
 
 

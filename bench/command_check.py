@@ -26,10 +26,11 @@ def main(namespace: argparse.Namespace) -> int:
         if variant.builder is None:
             raise InputError(variant.missing)
         outcomes = check_backend(variant.builder, variant.options)
-        failed = sum(outcome.status == "failed" for outcome in outcomes)
-        failures += failed
+        statuses = [outcome.status for outcome in outcomes]
+        failures += statuses.count("failed")
         for outcome in outcomes:
             if outcome.status == "failed" or not namespace.quiet:
                 console.print(f"[{STYLE[outcome.status]}]{outcome.status:14}[/] {outcome.name}: {plain(outcome.found)}")
-        console.print(f"{plain(variant.label)}: {len(outcomes) - failed} of {len(outcomes)} checks without a failure")
+        counts = ", ".join(f"{statuses.count(status)} {status}" for status in STYLE)
+        console.print(f"{plain(variant.label)}: {counts}")
     return 1 if failures else 0

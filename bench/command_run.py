@@ -1,12 +1,13 @@
 """`bench run`: several backends on several logs, into a folder with a report."""
 
 import argparse
+import shlex
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
-from ..frontend.errors import InputError
+from ..frontend.errors import InputError, Interrupted
 from .plan import Plan
 from .report import write_report
 from .runner import recorded_plan, run
@@ -32,8 +33,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "run that was stopped goes on where it was. bench list tells all names and options."
     )
     d = DEFAULTS
-    parser.add_argument("--backend", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})")
-    parser.add_argument("--dataset", metavar="NAMES", help=f"datasets, separated by commas (default {d['dataset']})")
+    parser.add_argument(
+        "--backend", action="append", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})"
+    )
+    parser.add_argument(
+        "--dataset", action="append", metavar="NAMES", help=f"datasets, separated by commas (default {d['dataset']})"
+    )
     parser.add_argument("--seeds", type=_count, metavar="N", help=f"logs, or tries, of each (default {d['seeds']})")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
     parser.add_argument(
@@ -52,6 +57,7 @@ def main(namespace: argparse.Namespace) -> int:
     """Run; 0 where every cell is done or skipped, 1 where one is not."""
     out = namespace.out or Path("results") / time.strftime("%Y%m%d-%H%M%S")
     given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
+    given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}
     plan = recorded_plan(out)
     if plan is None:
         plan = Plan.from_words(DEFAULTS | given)
@@ -59,7 +65,10 @@ def main(namespace: argparse.Namespace) -> int:
         _refuse_another(plan, given, out)
     console = screen_console(quiet=namespace.quiet)
     with Screen(console, quiet=namespace.quiet) as screen:
-        run(plan, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
+        try:
+            run(plan, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
+        except KeyboardInterrupt:
+            raise Interrupted(f"bench run --out {shlex.quote(str(out))} goes on where this stopped") from None
     with Store(out) as store:
         write_report(store)
         found = lines(store.cells())
@@ -81,14 +90,16 @@ def _refuse_another(plan: Plan, given: dict[str, Any], out: Path) -> None:
 
 
 def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
         raise argparse.ArgumentTypeError(f"found {text}, expected a whole number, at least 1")
-    return value
+    return int(text)
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"found {text}, expected a number above 0")
     return value

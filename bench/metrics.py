@@ -14,6 +14,9 @@ from ..frontend.se2 import Array, act, compose, wrap
 INSIDE_95 = float(chdtri(3, 0.05))
 """The 95 % point of chi-square with 3 degrees of freedom."""
 
+ROUNDING = 1e-14
+"""Where a covariance's variances along its axes differ by more than this, the smallest cannot be told from zero."""
+
 RPE_DISTANCE = 1.0
 """m of path over which the relative pose error is taken."""
 
@@ -87,6 +90,14 @@ def map_rmse(estimate: Map, truth: Map, alignment: Alignment) -> float | None:
     return float(np.sqrt(((xy - truth.xy[theirs]) ** 2).sum(axis=1).mean()))
 
 
+def own_map_rmse(estimate: Map, truth: Map) -> float | None:
+    """As `map_rmse`, the landmarks that both maps have aligned by themselves; None with fewer than three of them."""
+    _, mine, theirs = np.intersect1d(estimate.ids, truth.ids, return_indices=True)
+    if len(mine) < 3:
+        return None
+    return map_rmse(estimate, truth, align(estimate.xy[mine], truth.xy[theirs]))
+
+
 def nees(estimate: Array, cov: Array, truth: Array) -> Array:
     """Normalised estimation error squared (m,) of each pose: e' C^-1 e, which is chi-square with 3 dof where C is true.
 
@@ -96,9 +107,11 @@ def nees(estimate: Array, cov: Array, truth: Array) -> Array:
     error = estimate - truth
     error[:, 2] = wrap(error[:, 2])
     known = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
-    known = known[np.linalg.eigvalsh(cov[known])[:, 0] > 0]
+    spread, axes = np.linalg.eigh(cov[known])
+    definite = spread[:, 0] > ROUNDING * spread[:, 2]
+    along = np.einsum("mij,mi->mj", axes[definite], error[known[definite]])  # the error along the axes of the ellipsoid
     values = np.full(len(error), np.nan)
-    values[known] = np.einsum("mi,mi->m", error[known], np.linalg.solve(cov[known], error[known][..., None])[..., 0])
+    values[known[definite]] = (along**2 / spread[definite]).sum(axis=1)
     return values
 
 

@@ -13,7 +13,7 @@ from .looks import Look, looks
 from .numerals import counted, listed, number
 from .scene import Scene, scene
 from .store import Row, Store
-from .summary import Line, lines
+from .summary import Line, lines, short
 from .tables import Table, cells_table, cost_table, verdict_table
 from .verdict import headline
 
@@ -65,7 +65,7 @@ def write_report(store: Store) -> None:
         "sections": sections,
         "looks": look,
         "cells": cells_table(rows, run["folders"]),
-        "counts": _counts(rows),
+        "counts": _counts(rows, run.get("cells", 0)),
         "started": datetime.fromtimestamp(run["started"], UTC),
         "digests": _digests(rows),
         "definitions": COLUMNS | WORKED_OUT,
@@ -126,9 +126,12 @@ def _facts(found: Sequence[Line], shown: Scene | None) -> str:
     return ", ".join(said)
 
 
-def _counts(rows: Sequence[Row]) -> str:
+def _counts(rows: Sequence[Row], planned: int) -> str:
+    """How many cells ended how, and how many of those planned have not been run."""
     statuses = [row.columns["status"] for row in rows]
-    return ", ".join(f"{statuses.count(status)} {status}" for status in dict.fromkeys(sorted(statuses)))
+    counts = {status: statuses.count(status) for status in sorted(statuses)}
+    counts |= {"not run yet": planned - len(rows)} if planned > len(rows) else {}
+    return ", ".join(f"{n} {status}" for status, n in counts.items())
 
 
 def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
@@ -158,7 +161,7 @@ def _rendered(template: str, page: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"md": _markdown, "on_page": on_page, "url": quote}
+    environment.filters |= {"md": _markdown, "on_page": on_page, "short": short, "url": quote}
     return environment.get_template(template).render(page)
 
 

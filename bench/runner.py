@@ -160,6 +160,7 @@ def _describe(store: Store, plan: Plan, command: list[str], workers: int) -> Non
     variants = [*plan.datasets, *plan.backends]
     about = {
         "plan": plan.words(),
+        "cells": len(plan.cells()),
         "command": shlex.join(command),
         "options": {variant.label: vars(variant.options) for variant in variants},
         "folders": {variant.label: variant.slug for variant in variants},

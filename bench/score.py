@@ -5,11 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..backends.api import Diverged
-from ..frontend.factors import Log, Map, Truth
+from ..frontend.factors import UNKNOWN, Log, Map, Truth
 from ..frontend.se2 import Array, Ints
 from .cost import Cost, cost
 from .drive import Outcome
-from .metrics import INSIDE_95, Alignment, align, aligned, ate, heading_error, map_rmse, nees, rpe
+from .metrics import INSIDE_95, Alignment, align, aligned, ate, heading_error, map_rmse, nees, own_map_rmse, rpe
+
+FEW = 0.9
+"""Truth at a smaller share of the steps than this is remarked on."""
 
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
 
@@ -26,8 +29,10 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     """Judge an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
     row: dict[str, Any] = {}
     arrays = _kept(log, outcome)
-    remarks: list[str] = []
-    if truth is not None:
+    remarks = _remarks(log, truth)
+    if truth is not None and not len(truth.t):
+        row |= _map_alone(outcome, truth)
+    elif truth is not None:
         at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
         if outcome.online is not None:
             online = outcome.online[at]
@@ -53,6 +58,27 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     return Score(row | _costs(outcome), arrays, "; ".join(remarks))
 
 
+def _remarks(log: Log, truth: Truth | None) -> list[str]:
+    """What a reader of the row must know of the log."""
+    said: list[str] = []
+    unknown = int((log.ids == UNKNOWN).sum())
+    if unknown:
+        said.append(f"{unknown} of {len(log.ids)} sightings have no id")
+    if truth is not None and len(truth.t) < FEW * len(log):
+        said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
+    return said
+
+
+def _map_alone(outcome: Outcome, truth: Truth) -> dict[str, Any]:
+    """The map's error where the landmarks' places are known and the path is not: aligned by the landmarks alone."""
+    if truth.map is None:
+        return {}
+    row = {"map_rmse_m": own_map_rmse(outcome.map, truth.map)}
+    if outcome.solution is not None:
+        row["final_map_rmse_m"] = own_map_rmse(outcome.solution.map, truth.map)
+    return row
+
+
 class _Accuracy(NamedTuple):
     row: dict[str, Any]
     path: Array
@@ -74,11 +100,15 @@ def _accuracy(truth: Truth, path: Array, landmarks: Map) -> _Accuracy:
 
 
 def _consistency(values: Array) -> dict[str, Any]:
-    """Mean NEES over its 3 degrees of freedom, and the share of steps inside the belief's own 95 % bound."""
+    """Mean NEES over its 3 degrees of freedom, and the share of steps inside the belief's own 95 % bound.
+
+    A step whose belief has no usable covariance has no bound to be inside of, and counts as outside: a filter that has
+    collapsed must not be judged by its better moments.
+    """
     known = values[np.isfinite(values)]
     if not len(known):
         return {}
-    return {"nees": float(known.mean() / 3), "nees_inside": float((known <= INSIDE_95).mean())}
+    return {"nees": float(known.mean() / 3), "nees_inside": float((known <= INSIDE_95).sum() / len(values))}
 
 
 def _fit(log: Log, outcome: Outcome) -> Cost | None:

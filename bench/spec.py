@@ -73,8 +73,8 @@ def backend_variants(text: str) -> list[BackendVariant]:
             builder = backends.find(name)
         except KeyError:
             known = [*backends.BUILTIN, *backends.plugins()]
-            hint = "; a plug-in of your own is named my_package.my_module:build"
-            raise InputError(f"--backend: there is no backend {name!r}; {_nearest(name, known)}{hint}.") from None
+            hint = "A backend of your own is named my_package.my_module:build."
+            raise InputError(f"--backend: there is no backend {name!r}; {_nearest(name, known)} {hint}") from None
         except backends.Missing as error:
             found.append(BackendVariant(name, NoOptions(), None, str(error)))
             continue
@@ -91,9 +91,9 @@ def dataset_variants(text: str) -> list[DatasetVariant]:
         try:
             source = datasets.find(name)
         except KeyError:
-            hint = "; a log folder is named by its path"
+            hint = "A log's folder is named by its path."
             raise InputError(
-                f"--dataset: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)}{hint}."
+                f"--dataset: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)} {hint}"
             ) from None
         found.append(DatasetVariant(name, read_options(source.options, given, f"dataset {name}"), source))
     return _without_repeats(found, "--dataset")
@@ -105,8 +105,8 @@ def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any
     values: dict[str, Any] = {}
     for name, text in given:
         if name not in known:
-            has = _nearest(name, known) if known else "it has none"
-            raise InputError(f"{where}: there is no option {name!r}; {has}.")
+            has = _nearest(name, known) if known else "it has none."
+            raise InputError(f"{where}: there is no option {name!r}; {has}")
         if name in values:
             raise InputError(f"{where}: option {name} is given twice, expected once.")
         values[name] = _read(known[name], typing.get_type_hints(cls)[name], text, where)
@@ -201,7 +201,7 @@ def _pieces(text: str, flag: str) -> list[str]:
 
 def _nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else "expected one of " + ", ".join(sorted(known))
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(sorted(known))}."
 
 
 def _without_repeats(found: list[V], flag: str) -> list[V]:

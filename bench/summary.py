@@ -1,6 +1,8 @@
 """A run's cells drawn together over their seeds: what the table in the terminal and the report show."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +38,16 @@ class Line(NamedTuple):
     def alone(self) -> bool:
         """Whether every cell ran alone, so that its times stand for themselves."""
         return all(row.columns["timing_alone"] for row in self.rows)
+
+
+def short(label: str) -> str:
+    """A variant's label with the paths in it cut down to their last part: room for the rest of the sentence."""
+    return re.sub(r'path=("[^"]*"|[^",\]]*)', _last_part, label)
+
+
+def _last_part(found: re.Match[str]) -> str:
+    path = Path(found[1].strip('"'))
+    return f"path=…/{path.name}" if path.parent != Path() else f"path={path.name}"
 
 
 def logs(lines: Sequence[Line]) -> int:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from .numerals import counted
 from .plan import Cell
-from .summary import Line, Spread, logs
+from .summary import Line, Spread, logs, short
 
 WIDE = 104
 """Columns from which on ranges are shown."""
@@ -52,7 +52,7 @@ class Screen:
     def running(self, cells: int, before: int) -> None:
         """That many cells are to be run; `before` more are in the record already."""
         if before and not self._quiet:
-            self._console.print(f"{before} cells are in the record already, {cells} are to be run")
+            self._console.print(f"{counted(before, 'cell')} in the record already, {cells} to be run")
         self._progress.update(self._task, description="running cells", total=cells, completed=0)
 
     def finished(self, cell: Cell, status: str, reason: str, row: dict[str, Any]) -> None:
@@ -64,7 +64,9 @@ class Screen:
         error = row.get("ate_m", row.get("final_ate_m"))
         figure = "" if error is None else f" · ATE {error:.3f} m"
         style = STATUS_STYLE.get(status, "red")
-        self._console.print(f"[{style}]{status}[/] [dim]{plain(str(cell))}[/]{figure}{plain(said)}", highlight=False)
+        self._console.print(
+            f"[{style}]{status}[/] [dim]{plain(short(str(cell)))}[/]{figure}{plain(said)}", highlight=False
+        )
 
 
 def tables(lines: Sequence[Line], width: int) -> list[Table]:
@@ -76,11 +78,11 @@ def tables(lines: Sequence[Line], width: int) -> list[Table]:
 
 
 def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
-    title = f"[bold]{plain(dataset)}[/], {counted(logs(lines), 'log')}"
+    title = f"[bold]{plain(short(dataset))}[/], {counted(logs(lines), 'log')}"
     if lines[0].truth_kind == "reference":
         title += "; truth unknown: errors are distances from the batch optimum"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
-    shown.add_column("backend", no_wrap=True)
+    shown.add_column("backend", overflow="fold")
     for heading in ("done", "ATE, m", "final, m", "NEES", "in 95 %", "step, µs", "p99"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for line in lines:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from .looks import BASELINE
 from .numerals import counted, listed, number
-from .summary import Line, Spread, logs
+from .summary import Line, Spread, logs, short
 
 _REFERENCE = (
     "Nobody knows where the robot was; errors here are distances from a reference, the batch optimum of the same "
@@ -14,7 +14,7 @@ _REFERENCE = (
 
 def headline(lines: Sequence[Line]) -> list[str]:
     """The sentences on a dataset, the most important first."""
-    name = f"{lines[0].dataset}, {counted(logs(lines), 'log')}"
+    name = f"{short(lines[0].dataset)}, {counted(logs(lines), 'log')}"
     if not any(line.done for line in lines):
         return [f"{name}: no cell is done.", *_not_done(lines)]
     if lines[0].truth_kind == "truth":
@@ -51,23 +51,37 @@ def ranked(lines: Sequence[Line], column: str) -> list[Line]:
 
 
 def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
-    """Whose error is the lowest, and how many times that the others' are; [] where nobody has the column."""
+    """Whose error is the lowest, and how many times that the others' are; [] where nobody has the column.
+
+    Those whose ranges over the seeds overlap with the lowest one's are named together, with the cheapest of them.
+    """
     found = ranked(lines, column)
     if not found:
         return []
-    first, *others = found
-    best = first.values[column]
-    if not others:
-        said = f"{first.backend}'s {what} has {_error(best)}"
+    best = found[0].values[column]
+    level = [line for line in found if line is found[0] or _overlap(line.values[column], best)]
+    if len(level) > 1:
+        medians = listed([number(line.values[column].median) for line in level])
+        cheapest = min(level, key=lambda line: line.values["cpu_s"].median if "cpu_s" in line.values else float("inf"))
+        said = f"{listed([line.backend for line in level])} have the lowest errors of the {what}, and their ranges "
+        said += f"overlap (median ATE {medians} m, {best.n} seeds); the cheapest of them is {cheapest.backend}"
+    elif len(found) > 1:
+        said = f"{found[0].backend}'s {what} has the lowest error ({_error(best)})"
     else:
-        said = f"{first.backend}'s {what} has the lowest error ({_error(best)}); "
-        said += "; ".join(f"{line.backend} {_times(line.values[column], best)}" for line in others)
+        said = f"{found[0].backend}'s {what} has {_error(best)}"
+    for line in found:
+        if line not in level:
+            said += f"; {line.backend} {_times(line.values[column], best)}"
     left = [
         f"{line.backend} ({line.done} of {len(line.rows)} done)"
         for line in lines
         if column in line.values and all(line is not other for other in found)
     ]
     return [f"{said}{f'; not ranked: {listed(left)}' if left else ''}."]
+
+
+def _overlap(value: Spread, best: Spread) -> bool:
+    return best.n > 1 and value.n > 1 and value.low <= best.high
 
 
 def _error(value: Spread) -> str:
@@ -77,20 +91,20 @@ def _error(value: Spread) -> str:
 
 
 def _times(value: Spread, best: Spread) -> str:
-    if best.median == 0:
-        return f"{number(value.median)} m"
-    text = f"{number(value.median / best.median)} times that"
-    return f"{text} (their ranges overlap)" if best.n > 1 and value.n > 1 and value.low <= best.high else text
+    return f"{number(value.median)} m" if best.median == 0 else f"{number(value.median / best.median)} times that"
 
 
 def _beliefs(lines: Sequence[Line]) -> list[str]:
-    words = {line.backend: belief_word(line) for line in lines if "nees" in line.values}
+    """How sure of themselves they are, clear or not."""
+    words = {line.backend: belief_word(line) or "not clearly either" for line in lines if "nees" in line.values}
     said = [
         f"{listed(names)} {'is' if len(names) == 1 else 'are'} {word}"
-        for word in ("consistent", "overconfident", "cautious")
+        for word in ("consistent", "overconfident", "cautious", "not clearly either")
         if (names := [backend for backend, found in words.items() if found == word])
     ]
-    return [f"By NEES, {'; '.join(said)}."] if said else []
+    if set(words.values()) <= {"not clearly either"}:
+        return []
+    return [f"By NEES, {'; '.join(said)}."]
 
 
 def _cost(lines: Sequence[Line]) -> list[str]:

@@ -10,3 +10,7 @@ class SlamduelError(Exception):
 
 class InputError(SlamduelError):
     """A file, a log, a command-line option or a combination of them that cannot be used as it stands."""
+
+
+class Interrupted(SlamduelError):
+    """The user stopped a command; the sentence says how to go on with it."""

@@ -59,7 +59,7 @@ def test_out_alone_goes_on_and_report_writes_the_files_again(
     cells = (out / "cells.csv").read_text()
     capsys.readouterr()
     assert main(["run", "--out", str(out)]) == 0
-    assert "1 cells are in the record already, 0 are to be run" in capsys.readouterr().out
+    assert "1 cell in the record already, 0 to be run" in capsys.readouterr().out
     assert (out / "cells.csv").read_text() == cells
     for path in out.iterdir():
         if path.name != "results.sqlite":

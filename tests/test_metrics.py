@@ -114,6 +114,22 @@ def test_nees_is_blank_where_there_is_no_covariance_to_divide_by() -> None:
     assert np.isnan(values[1:]).all()
 
 
+def test_nees_is_never_negative_however_thin_the_covariance() -> None:
+    rng = np.random.default_rng(10)
+    cloud = rng.normal(size=(200, 2, 3)) * (1e-3, 1e-3, 1e-5)  # two particles: rank one, but for rounding
+    covs = np.einsum("npi,npj->nij", cloud, cloud)
+    values = metrics.nees(rng.normal(size=(200, 3)), covs, np.zeros((200, 3)))
+    assert not (values < 0).any()
+
+
+def test_a_map_alone_is_aligned_by_its_landmarks() -> None:
+    rng = np.random.default_rng(11)
+    truth = Map(np.arange(6), rng.normal(size=(6, 2)), None)
+    turned = moved(np.array([3.0, -2.0, 1.0]), np.column_stack((truth.xy, np.zeros(6))))[:, :2]
+    assert metrics.own_map_rmse(Map(np.arange(6)[::-1], turned[::-1], None), truth) == pytest.approx(0, abs=1e-12)
+    assert metrics.own_map_rmse(Map(np.arange(2), turned[:2], None), truth) is None
+
+
 def batch_on(log: Log) -> tuple[Array, Map]:
     graph = find("graph")
     backend = graph.make(log.prior, graph.options(), np.random.default_rng(0))

@@ -33,11 +33,12 @@ def commands() -> list[list[str]]:
 def test_every_command_is_taken_and_names_what_exists(words: list[str]) -> None:
     parser = argparse.ArgumentParser()
     import_module(COMMANDS[words[1]][1], "slamduel.bench").arguments(parser)
-    given = vars(parser.parse_args(words[2:]))  # ends the test where an argument is not taken
-    for variant in backend_variants((given.get("backend") or "ekf").replace("my_module:build", "graph")):
-        assert variant.builder is not None, variant.missing
-    dataset = given.get("dataset") or "victoria-park"
-    assert "/" in dataset or dataset_variants(dataset)
+    given: dict[str, list[str]] = vars(parser.parse_args(words[2:]))  # ends the test where an argument is not taken
+    for names in (given.get("backend") or ()) if words[1] == "run" else ():
+        for variant in backend_variants(names.replace("my_module:build", "graph")):
+            assert variant.builder is not None, variant.missing
+    for name in given.get("dataset") or ():
+        assert "/" in name or dataset_variants(name)
 
 
 def test_every_name_is_told() -> None:

@@ -8,7 +8,7 @@ import pytest
 from slamduel.bench.axes import stretches
 from slamduel.bench.numerals import counted, listed, number, plain, span
 from slamduel.bench.store import COLUMNS, Row
-from slamduel.bench.summary import Line, Spread, lines
+from slamduel.bench.summary import Line, Spread, lines, short
 from slamduel.bench.tables import cost_table, verdict_table
 from slamduel.bench.verdict import belief_word, headline
 
@@ -77,12 +77,26 @@ def test_without_nees_there_is_no_word() -> None:
 
 
 def test_the_best_path_is_named_and_the_others_measured_by_it() -> None:
-    rows = told("a", ate_m=[0.2, 0.4, 0.3]) + told("b", ate_m=[0.1, 0.2, 0.3]) + told("c", ate_m=[3.0, 2.0, 1.0])
-    first = headline(lines(rows))[0]
-    assert first == (
+    rows = told("a", ate_m=[0.5, 0.7, 0.6]) + told("b", ate_m=[0.1, 0.2, 0.3]) + told("c", ate_m=[3.0, 2.0, 1.0])
+    assert headline(lines(rows))[0] == (
         "room, 3 logs: b's online path has the lowest error (median ATE 0.200 m, 0.100 to 0.300 over 3 seeds); "
-        "a 1.50 times that (their ranges overlap); c 10.0 times that."
+        "a 3.00 times that; c 10.0 times that."
     )
+
+
+def test_paths_whose_ranges_overlap_are_named_together_with_the_cheapest() -> None:
+    rows = told("a", ate_m=[0.2, 0.4], cpu_s=[1.0, 1.0]) + told("b", ate_m=[0.1, 0.3], cpu_s=[2.0, 2.0])
+    assert headline(lines(rows + told("c", ate_m=[2.0, 2.0])))[0] == (
+        "room, 2 logs: b and a have the lowest errors of the online path, and their ranges overlap (median ATE 0.200 "
+        "and 0.300 m, 2 seeds); the cheapest of them is a; c 10.0 times that."
+    )
+
+
+def test_a_belief_without_a_word_is_not_passed_over() -> None:
+    rows = told("a", ate_m=[0.1], nees=[9.0], nees_inside=[0.1]) + told(
+        "b", ate_m=[0.3], nees=[2.5], nees_inside=[0.93]
+    )
+    assert "By NEES, a is overconfident; b is not clearly either." in headline(lines(rows))
 
 
 def test_a_backend_that_fails_on_some_seeds_does_not_win_on_the_others() -> None:
@@ -136,3 +150,9 @@ def test_stretches_are_means_and_gaps_stay_gaps() -> None:
     short, same = stretches(t[:5], values[:5], 10)
     assert short.tolist() == t[:5].tolist()
     assert same.tolist() == values[:5].tolist()
+
+
+def test_a_path_in_a_label_is_cut_down_to_its_last_part() -> None:
+    assert short("log[path=/a/b/c d]") == "log[path=…/c d]"
+    assert short('mrclam[path="/a,x/[b]/c/",robot=3]') == "mrclam[path=…/c,robot=3]"
+    assert short("log[path=c]") == "log[path=c]"
