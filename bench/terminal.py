@@ -98,7 +98,7 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
             "" if "step_us_p99" not in v else f"{v['step_us_p99'].median:.0f}" + ("" if line.alone else "*"),
         )
     if not all(line.alone for line in lines):
-        shown.caption = "* timed while other cells ran beside it"
+        shown.caption, shown.caption_justify = "* timed while other cells ran beside it", "left"
     return shown
 
 

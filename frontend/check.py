@@ -11,6 +11,7 @@ import numpy as np
 from .errors import InputError
 from .factors import UNKNOWN, Log, Map, Prior
 from .se2 import Array
+from .table import MOST
 
 ODOMETRY = ("t", "dx", "dy", "dtheta", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt")
 SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
@@ -87,8 +88,8 @@ def _known(known: Map) -> Iterator[Problem]:
     if known.xy.shape != (n, 2) or (known.cov is not None and known.cov.shape != (2 * n, 2 * n)):
         yield Problem("prior", 0, f"the map's arrays do not fit its {n} ids, expected xy (n, 2) and cov (2n, 2n)")
         return
-    for row in np.flatnonzero(known.ids < 0):
-        yield Problem("prior", int(row), f"the map's id is {known.ids[row]}, expected 0 or more")
+    for row in np.flatnonzero((known.ids < 0) | (known.ids > MOST)):
+        yield Problem("prior", int(row), f"the map's id is {known.ids[row]}, expected 0 to {MOST}")
     _, first = np.unique(known.ids, return_index=True)
     for row in np.setdiff1d(np.arange(n), first):
         yield Problem("prior", int(row), f"the map's id {known.ids[row]} is there twice, expected once")
@@ -108,8 +109,8 @@ def _odometry(log: Log) -> Iterator[Problem]:
 
 def _sightings(log: Log) -> Iterator[Problem]:
     yield from _finite("sightings", SIGHTINGS[2:4], log.z)
-    for row in np.flatnonzero(log.ids < UNKNOWN):
-        yield Problem("sightings", int(row), f"id is {log.ids[row]}, expected 0 or more, or {UNKNOWN} for unknown")
+    for row in np.flatnonzero((log.ids < UNKNOWN) | (log.ids > MOST)):
+        yield Problem("sightings", int(row), f"id is {log.ids[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
     for row in np.flatnonzero(log.z[:, 0] <= 0):
         yield Problem("sightings", int(row), f"range is {log.z[row, 0]!s}, expected more than 0")
     yield from _angle("sightings", "bearing", log.z[:, 1])

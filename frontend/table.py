@@ -9,8 +9,8 @@ import numpy as np
 from .errors import InputError
 from .se2 import Array, Ints
 
-_WHOLE = 2.0**53
-"""Whole numbers beyond this have no double of their own."""
+MOST = 2**53
+"""The largest whole number up to which every one has a double of its own."""
 
 
 class Table(NamedTuple):
@@ -28,9 +28,9 @@ class Table(NamedTuple):
     def whole(self, name: str) -> Ints:
         """(r,) the column of that name as integers; InputError for a number that is none."""
         column = self.column(name)
-        odd = np.flatnonzero(~((np.abs(column) <= _WHOLE) & (column == np.rint(column))))
+        odd = np.flatnonzero(~((np.abs(column) <= MOST) & (column == np.rint(column))))
         if len(odd):
-            raise self.fault(odd[0], f"{name} is {column[odd[0]]!s}, expected a whole number")
+            raise self.fault(odd[0], f"{name} is {column[odd[0]]!s}, expected a whole number up to {MOST}")
         return column.astype(np.int64)
 
     def fault(self, row: SupportsIndex, message: str) -> InputError:

@@ -158,7 +158,7 @@ BAD: dict[str, tuple[str, Change, str]] = {
     "range below zero": ("sightings.csv", cell(3, 3, "-0.5"), "line 3: range is -0.5, expected more than 0"),
     "id twice": ("sightings.csv", cell(6, 2, "3"), "line 6: id 3 is there twice in step 2, expected once"),
     "id is a fraction": ("sightings.csv", cell(6, 2, "3.5"), "line 6: id is 3.5, expected a whole number"),
-    "id below -1": ("sightings.csv", cell(6, 2, "-7"), "line 6: id is -7, expected 0 or more, or -1"),
+    "id below -1": ("sightings.csv", cell(6, 2, "-7"), "line 6: id is -7, expected 0 to 9007199254740992, or -1"),
     "true id is a fraction": ("sightings.csv", cell(6, 8, "3.5"), "line 6: true_id is 3.5, expected a whole number"),
     "step out of range": ("sightings.csv", cell(7, 1, "6"), "line 7: step is 6, expected 0 to 5"),
     "steps unsorted": ("sightings.csv", cell(5, 1, "3"), "line 6: step is 2 after 3, expected rows sorted by step"),
