@@ -68,7 +68,7 @@ def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Wat
 def recorded_plan(folder: Path) -> Plan | None:
     """The plan of the run in `folder`; None where it holds none. InputError where it holds something else."""
     if (folder / FILE).is_file():
-        with Store(folder) as store:
+        with Store(folder, create=True) as store:  # a run killed at its very start may have left no tables yet
             words = store.run().get("plan")
         return None if words is None else Plan.from_words(words)
     if folder.exists() and (not folder.is_dir() or any(item.name != LOCK for item in folder.iterdir())):

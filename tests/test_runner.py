@@ -281,6 +281,13 @@ def of_run() -> list[str]:
     return found
 
 
+def test_a_run_killed_before_it_wrote_anything_is_begun_again(tmp_path: Path, log_folder: Path) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "results.sqlite").touch()
+    assert recorded_plan(tmp_path / "run") is None
+    assert len(go(tmp_path / "run", "ekf", log_folder)) == 1
+
+
 def test_two_runs_cannot_share_a_folder(tmp_path: Path, log_folder: Path) -> None:
     with claimed(tmp_path / "run"), pytest.raises(InputError, match="another run is writing"):
         go(tmp_path / "run", "ekf", log_folder)
