@@ -1,6 +1,7 @@
 """The command line: `bench run`, `list`, `check`, `report`. Errors a user can mend become one sentence and status 2."""
 
 import argparse
+import io
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -20,6 +21,9 @@ COMMANDS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; its exit status."""
     given = sys.argv[1:] if argv is None else list(argv)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal that cannot show a letter shows a question mark
+            stream.reconfigure(errors="replace")
     parser = argparse.ArgumentParser(
         prog="bench",
         description="The same robot log through several SLAM backends, and a verdict that holds up.",

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from ..datasets import archive, cache
 from ..datasets import registry as datasets
+from ..frontend.errors import InputError
 from ..frontend.factors import Truth
 from .reference import reference
 
@@ -29,7 +30,10 @@ class Prepared(NamedTuple):
 
 def run(task: Task) -> Prepared:
     """Make the log and write its archive. InputError where the dataset cannot be had."""
-    dataset = cache.prepared(task.name, datasets.find(task.name), task.options, task.seed)
+    try:
+        dataset = cache.prepared(task.name, datasets.find(task.name), task.options, task.seed)
+    except OSError as error:
+        raise InputError(f"dataset {task.name}: {error}; expected files that can be read.") from None
     truth = dataset.truth or reference(dataset.log)
     archive.save(task.archive, dataset._replace(truth=truth))
     return Prepared(dataset.log.digest, truth)

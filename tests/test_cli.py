@@ -221,3 +221,16 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     command = f"{sys.executable} -m slamduel.bench.cli list | head -1"
     done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_without_the_letters_is_no_error(tmp_path: Path, log_folder: Path) -> None:
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = ("run", "--backend", "ekf", "--dataset", log_folder, "--out", tmp_path / "run")
+    done = bench(*words, env=ascii_only)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_name_that_no_file_can_have_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / ("x" * 400)
+    assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
+    assert "expected files that can be read" in capsys.readouterr().err
