@@ -12,6 +12,8 @@ from ..frontend.aruco import Detector
 from ..frontend.camera import Camera, mounting
 from ..frontend.encoder import Encoder
 from ..frontend.factors import Dataset, Prior, Truth
+from ..frontend.markers import Markers
+from ..frontend.motion import Wheels
 from ..frontend.noise import ProportionalNoise
 from ..frontend.options import option
 from ..frontend.pipeline import Frame, Recording, build_log
@@ -80,9 +82,8 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
     recording = Recording(
         name="aruco-room",
         frames=_frames(renderer, frame_times, poses, sensor),
-        ticks=ticks,
-        encoder=ENCODER,
-        detector=Detector(DICTIONARY, SIDE, CAMERA),
+        motion=Wheels(ticks, ENCODER),
+        detector=Detector(Markers(DICTIONARY, SIDE), CAMERA),
         noise=ProportionalNoise(options.k_range, options.k_bearing, options.floor_range, options.floor_bearing),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from ..frontend.aruco import Image, predefined, square
+from ..frontend.aruco import Image, square
 from ..frontend.camera import Camera
+from ..frontend.markers import find
 from ..frontend.se2 import Array
 from .surfaces import DENSITY, Surfaces
 from .world import Marker, Room
@@ -112,7 +113,7 @@ class Renderer:
     @cached_property
     def _sheets(self) -> dict[int, Singles]:
         """Each marker's sheet, a pixel a module, white rim included: (m, m, 2) of its grey level and 1."""
-        dictionary = predefined(self.dictionary)
+        dictionary = find(self.dictionary)
         modules = dictionary.markerSize + 2
         sheets: dict[int, Singles] = {}
         for marker in self.room.markers:

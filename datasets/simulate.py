@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..frontend.encoder import Encoder
-from ..frontend.pipeline import Ticks
+from ..frontend.motion import Ticks
 from ..frontend.se2 import Array, wrap
 
 RISE = 1.0

@@ -1,6 +1,7 @@
 """A camera frame -> the ArUco markers in it, and where their centres are from the robot."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -11,7 +12,11 @@ from numpy.typing import NDArray
 
 from .camera import Camera
 from .errors import InputError
+from .markers import Markers
 from .se2 import Array
+
+_CORNER_SD = 0.1
+"""px, of each corner along each axis, as OpenCV's subpixel refinement leaves it."""
 
 Image = NDArray[np.uint8]
 
@@ -21,6 +26,7 @@ class Sighting(NamedTuple):
 
     id: int
     corners: Array  # (4, 2) px, clockwise from the marker's own top left one
+    corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
     error: float  # px, RMS distance of the corners from where `pose` puts them
     ambiguity: float  # `error` over the error of the other pose that explains a square; 1: cannot be told apart
@@ -28,21 +34,16 @@ class Sighting(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Detector:
-    """Finds the square markers of one dictionary and one size."""
+    """Finds the square markers of one dictionary."""
 
-    dictionary: str  # OpenCV's name without its prefix, such as 4X4_50
-    side: float  # m, of the black square
+    markers: Markers
     camera: Camera
 
     @cached_property
     def _opencv(self) -> cv2.aruco.ArucoDetector:
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-        return cv2.aruco.ArucoDetector(predefined(self.dictionary), parameters)
-
-    @cached_property
-    def _square(self) -> Array:
-        return square(self.side)
+        return cv2.aruco.ArucoDetector(self.markers.opencv, parameters)
 
     def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
         """The markers of a grey or BGR `image`, in the order of their ids, and how many were turned down and why.
@@ -80,14 +81,15 @@ class Detector:
         front of the camera and facing it, the one with the smaller error is taken; range and bearing of the centre
         hardly depend on the choice.
         """
+        outline = square(self.markers.side_of(name))
         rays = self.camera.undistort(corners)
-        _, turns, shifts, _ = cv2.solvePnPGeneric(self._square, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+        _, turns, shifts, _ = cv2.solvePnPGeneric(outline, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
         candidates: list[tuple[float, Array]] = []
         for turn, shift in zip(turns, shifts, strict=True):
             pose = np.eye(4)
             pose[:3, :3] = cv2.Rodrigues(turn)[0]
             pose[:3, 3] = np.ravel(shift)
-            seen = self._square @ pose[:3, :3].T + pose[:3, 3]
+            seen = outline @ pose[:3, :3].T + pose[:3, 3]
             faces = pose[:3, 2] @ pose[:3, 3] < 0
             if np.isfinite(pose).all() and (seen[:, 2] > 0).all() and faces:
                 misses = self.camera.project(seen) - corners
@@ -97,16 +99,7 @@ class Detector:
         candidates.sort(key=lambda candidate: candidate[0])
         error, pose = candidates[0]
         other = candidates[1][0] if len(candidates) > 1 else np.inf
-        return Sighting(name, corners, pose, error, error / other if other > 0 else 1.0)
-
-
-def predefined(name: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of that name, such as 4X4_50; InputError where there is none."""
-    index = getattr(cv2.aruco, f"DICT_{name}", None)
-    if index is None:
-        names = ", ".join(sorted(known.removeprefix("DICT_") for known in dir(cv2.aruco) if known.startswith("DICT_")))
-        raise InputError(f"marker dictionary: found {name!r}, expected one of {names}")
-    return cv2.aruco.getPredefinedDictionary(index)
+        return Sighting(name, corners, _CORNER_SD**2 * np.eye(8), pose, error, error / other if other > 0 else 1.0)
 
 
 def square(side: float) -> Array:
@@ -114,7 +107,7 @@ def square(side: float) -> Array:
     return side / 2 * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 
 
-def range_bearing(sightings: list[Sighting], mounting: Array) -> Array:
+def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:
     """(k, 2) range (m) and bearing (rad) of the markers' centres in the robot's plane.
 
     ArUco EKF SLAM: T_r_m = T_r_c T_c_m, range = |(x, y)|, bearing = atan2(y, x); `mounting` is T_robot_camera. The

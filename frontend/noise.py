@@ -1,10 +1,29 @@
 """How far a marker's range and bearing are trusted."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
+from .aruco import Sighting, range_bearing
 from .se2 import Array
+
+
+class Noise(Protocol):
+    """Turns sightings into measurements with their covariances."""
+
+    def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
+        """z (k, 2), ranges (m) and bearings (rad) in the robot's plane, and cov (k, 2, 2).
+
+        `mounting` is T_robot_camera.
+        """
+        ...
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What a log's notes say of it."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -24,3 +43,13 @@ class ProportionalNoise:
         slope = np.array([self.k_range, self.k_bearing])
         floor = np.array([self.floor_range, self.floor_bearing])
         return ((slope * z) ** 2 + floor**2)[:, :, None] * np.eye(2)
+
+    def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
+        """The measurements and their covariances."""
+        z = range_bearing(sightings, mounting)
+        return z, self.cov(z)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The slopes and floors."""
+        return {"model": "proportional", **asdict(self)}

@@ -1,33 +1,38 @@
 """A recording, camera frames and encoder readings, -> the log every backend is given."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .aruco import Detector, Image, range_bearing
+from .aruco import Detector, Image, Sighting
 from .check import check
-from .encoder import Encoder
 from .errors import InputError
 from .factors import Log, Prior, RangeBearing, RelativePoses, Step
-from .noise import ProportionalNoise
+from .motion import Motion
+from .noise import Noise
 from .se2 import Array
 
 
 class Frame(NamedTuple):
     """One image, and when it was taken."""
 
-    t: float  # s
-    image: Image  # (height, width) grey or (height, width, 3) BGR
+    t: float  # s, the middle of the exposure, by the clock of the motion's readings
+    image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: it could not be decoded
 
 
-class Ticks(NamedTuple):
-    """The readings of a differential drive's counters."""
+class Seen(NamedTuple):
+    """What the front end made of one frame."""
 
-    t: Array  # (m,) s, strictly increasing
-    counts: Array  # (m, 2) left and right, cumulative
+    frame: Frame
+    sightings: list[Sighting]  # all that were found, those too far away as well
+    z: Array  # (k, 2) their ranges (m) and bearings (rad)
+    cov: Array  # (k, 2, 2)
+    kept: NDArray[np.bool_]  # (k,) near enough to be in the log
+    rejected: Counter[str]  # why others were turned down
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,22 +44,23 @@ class Recording:
 
     name: str
     frames: Iterable[Frame]
-    ticks: Ticks
-    encoder: Encoder
+    motion: Motion
     detector: Detector
-    noise: ProportionalNoise
+    noise: Noise
     prior: Prior
     max_range: float = 3.0  # m; ArUco EKF SLAM drops what is farther
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
-def build_log(recording: Recording) -> Log:
+def build_log(recording: Recording, observe: Callable[[Seen], None] | None = None) -> Log:
     """The recording as a log with a step a frame; what was left out is counted in `notes["counts"]`.
 
-    Frames outside the time of the encoder's readings are left out. InputError for frames or readings out of order,
-    where no frame is left, and for numbers that no log may have.
+    Frames outside the time of the motion's readings and frames that could not be decoded are left out. `observe` is
+    called with what was found in each of the others. InputError for frames or readings out of order, where no frame is
+    left, and for numbers that no log may have.
     """
-    _check(recording.ticks)
+    recording.motion.check()
+    first, last = recording.motion.t[[0, -1]]
     counts = Counter[str]()
     steps: list[Step] = []
     latest = -np.inf
@@ -63,13 +69,22 @@ def build_log(recording: Recording) -> Log:
             raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s")
         latest = frame.t
         counts["frames"] += 1
-        if not recording.ticks.t[0] <= frame.t <= recording.ticks.t[-1]:
+        if not first <= frame.t <= last:
             counts["frames without encoder readings"] += 1
             continue
-        odometry = None
-        if steps:
-            odometry = recording.encoder.odometry(*readings(recording.ticks, steps[-1].t, frame.t))
-        steps.append(Step(frame.t, odometry, _sightings(recording, frame, counts), _NO_LOOPS))
+        if frame.image is None:
+            counts["frames that could not be decoded"] += 1
+            continue
+        odometry = recording.motion.odometry(steps[-1].t, frame.t) if steps else None
+        seen = see(recording, frame)
+        counts.update(seen.rejected)
+        counts[f"sightings beyond {recording.max_range:g} m"] += int((~seen.kept).sum())
+        counts["sightings"] += int(seen.kept.sum())
+        if observe is not None:
+            observe(seen)
+        ids = np.array([sighting.id for sighting in seen.sightings], np.int64)
+        near = RangeBearing(ids[seen.kept], seen.z[seen.kept], seen.cov[seen.kept])
+        steps.append(Step(frame.t, odometry, near, _NO_LOOPS))
     if not steps:
         raise InputError(f"{recording.name}: found no frame within the time of the encoder's readings, expected one")
     notes = {**_settings(recording), "counts": dict(counts)}
@@ -78,45 +93,28 @@ def build_log(recording: Recording) -> Log:
     return log
 
 
-def readings(ticks: Ticks, start: float, end: float) -> tuple[Array, Array]:
-    """The count increments (n, 2) from `start` to `end`, s, and how long each took, (n,) s.
-
-    A reading that `start` or `end` falls into is divided as if the wheels had turned evenly meanwhile.
-    """
-    inside = slice(np.searchsorted(ticks.t, start, "right"), np.searchsorted(ticks.t, end, "left"))
-    t = np.concatenate(([start], ticks.t[inside], [end]))
-    wheels = [np.interp(t, ticks.t, ticks.counts[:, wheel]) for wheel in (0, 1)]
-    return np.diff(np.stack(wheels, axis=-1), axis=0), np.diff(t)
-
-
-def _sightings(recording: Recording, frame: Frame, counts: Counter[str]) -> RangeBearing:
+def see(recording: Recording, frame: Frame) -> Seen:
+    """The markers in one frame, which has an image."""
+    assert frame.image is not None
     found, rejected = recording.detector.detect(frame.image)
-    z = range_bearing(found, recording.detector.camera.mounting)
-    near = z[:, 0] <= recording.max_range
-    counts.update(rejected)
-    counts[f"sightings beyond {recording.max_range:g} m"] += int((~near).sum())
-    counts["sightings"] += int(near.sum())
-    ids = np.array([sighting.id for sighting in found], np.int64)
-    return RangeBearing(ids[near], z[near], recording.noise.cov(z[near]))
-
-
-def _check(ticks: Ticks) -> None:
-    if len(ticks.t) == 0:
-        raise InputError("encoder: found no readings, expected at least one")
-    late = np.flatnonzero(~(np.diff(ticks.t) > 0))
-    if len(late):
-        row = int(late[0]) + 1
-        raise InputError(f"encoder: reading {row} is at {ticks.t[row]} s, expected later than {ticks.t[row - 1]} s")
+    z, cov = recording.noise.measure(found, recording.detector.camera.mounting)
+    return Seen(frame, found, z, cov, z[:, 0] <= recording.max_range, rejected)
 
 
 def _settings(recording: Recording) -> dict[str, Any]:
-    detector, camera = recording.detector, recording.detector.camera
+    camera, markers = recording.detector.camera, recording.detector.markers
+    sizes = {"sides": {str(name): side for name, side in markers.sides.items()}} if markers.sides else {}
     return {
         **recording.notes,
-        "encoder": {name: value for name, value in asdict(recording.encoder).items() if value is not None},
-        "noise": asdict(recording.noise),
+        **recording.motion.settings,
+        "noise": recording.noise.settings,
         "camera": {**asdict(camera), "mounting": camera.mounting.tolist()},
-        "markers": {"dictionary": detector.dictionary, "side": detector.side, "max_range": recording.max_range},
+        "markers": {
+            "dictionary": markers.dictionary,
+            "side": markers.side,
+            **sizes,
+            "max_range": recording.max_range,
+        },
     }
 
 

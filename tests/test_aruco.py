@@ -7,21 +7,22 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.frontend.aruco import Detector, Image, Sighting, predefined, range_bearing, square
+from slamduel.frontend.aruco import Detector, Image, Sighting, range_bearing, square
 from slamduel.frontend.camera import Camera, mounting
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.markers import Markers, find
 from slamduel.frontend.noise import ProportionalNoise
 from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(
     640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0.0), mounting(0.1, 0.05, 0.7, 0.3)
 )
-DETECTOR = Detector("4X4_50", 0.16, CAMERA)
+DETECTOR = Detector(Markers("4X4_50", 0.16), CAMERA)
 
 
 def sheet(name: int, module: int) -> Image:
     """Marker `name` on white paper, modules of that many pixels."""
-    drawn = np.asarray(predefined("4X4_50").generateImageMarker(name, 6 * module), np.uint8)
+    drawn = np.asarray(find("4X4_50").generateImageMarker(name, 6 * module), np.uint8)
     return np.pad(drawn, module, constant_values=255)
 
 
@@ -104,14 +105,14 @@ def test_a_frame_of_another_size_is_refused() -> None:
 
 def test_an_unknown_dictionary_is_refused() -> None:
     with pytest.raises(InputError, match=r"marker dictionary: found '4X4', expected one of .*4X4_50"):
-        Detector("4X4", 0.16, CAMERA).detect(frame())
+        Detector(Markers("4X4", 0.16), CAMERA).detect(frame())
 
 
 def seen_at(point: Array) -> Sighting:
     """A marker whose centre is at `point` (3,) of the camera frame."""
     pose = np.eye(4)
     pose[:3, 3] = point
-    return Sighting(0, np.zeros((4, 2)), pose, 0.0, 0.0)
+    return Sighting(0, np.zeros((4, 2)), np.eye(8), pose, 0.0, 0.0)
 
 
 def test_range_and_bearing_are_of_the_robots_plane() -> None:
@@ -156,7 +157,7 @@ def test_a_real_photograph() -> None:
     assert image is not None
     lens = (0.0995485, -0.206384, 0.00754589, 0.00336531, 0.0)
     camera = Camera(640, 480, (628.158, 628.156), (324.099, 260.908), lens, mounting(0, 0, 0, 0))
-    found, rejected = Detector("6X6_250", 0.05, camera).detect(np.asarray(image, np.uint8))
+    found, rejected = Detector(Markers("6X6_250", 0.05), camera).detect(np.asarray(image, np.uint8))
     assert [s.id for s in found] == sorted(PHOTOGRAPH)
     assert not rejected
     for sighting in found:

@@ -10,7 +10,8 @@ from slamduel.datasets.aruco_room import ENCODER, LOOP, TICK, Options, aruco_roo
 from slamduel.datasets.simulate import count, drive
 from slamduel.frontend.check import check
 from slamduel.frontend.factors import Dataset
-from slamduel.frontend.pipeline import readings
+from slamduel.frontend.motion import readings
+from slamduel.frontend.noise import ProportionalNoise
 from slamduel.frontend.se2 import Array, between, compose, wrap
 from textbook import TextbookEkf
 
@@ -155,8 +156,7 @@ def test_options_are_taken() -> None:
     assert truth.map is not None
     assert len(truth.map.ids) == 2
     assert truth.t.tolist() == [0.0, 0.5, 1.0]
-    assert recording.noise.k_range == 0.1
-    assert recording.noise.floor_bearing == 0.5
+    assert recording.noise == ProportionalNoise(0.1, 0.02, 0.02, 0.5)
     assert np.linalg.norm(truth.poses[-1, :2] - truth.poses[0, :2]) < 0.2
 
 
@@ -164,5 +164,7 @@ def test_frames_are_rendered_as_they_are_asked_for() -> None:
     recording, truth = record(Options(seconds=600.0), np.random.default_rng(0))
     frames = iter(recording.frames)
     assert next(frames).t == 0.0
-    assert next(frames).image.shape == (480, 640)
+    image = next(frames).image
+    assert image is not None
+    assert image.shape == (480, 640)
     assert len(truth.t) == 3001

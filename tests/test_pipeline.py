@@ -6,16 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.frontend.aruco import Detector, Image, predefined
+from slamduel.frontend.aruco import Detector, Image
 from slamduel.frontend.camera import Camera, mounting
 from slamduel.frontend.encoder import Encoder
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Prior
+from slamduel.frontend.markers import Markers, find
+from slamduel.frontend.motion import Ticks, Wheels, readings
 from slamduel.frontend.noise import ProportionalNoise
-from slamduel.frontend.pipeline import Frame, Recording, Ticks, build_log, readings
+from slamduel.frontend.pipeline import Frame, Recording, build_log
 from slamduel.frontend.se2 import compose
 
 CAMERA = Camera(160, 120, (150.0, 150.0), (79.5, 59.5), (), mounting(0, 0, 0.3, 0))
+ENCODER = Encoder(1e-3, 1e-3, 0.3, 0.02, "distance")
+UNCOUNTED = Ticks(np.array([0.0, 1.0]), np.array([[0, 0], [np.nan, 0]]))
 BLANK = np.full((120, 160), 128, np.uint8)
 
 
@@ -23,7 +27,7 @@ def marked(side: int) -> Image:
     """A frame with marker 4 in its middle, `side` px (a multiple of 6) wide."""
     image = BLANK.copy()
     rim = side // 6
-    paper = np.pad(np.asarray(predefined("4X4_50").generateImageMarker(4, side), np.uint8), rim, constant_values=255)
+    paper = np.pad(np.asarray(find("4X4_50").generateImageMarker(4, side), np.uint8), rim, constant_values=255)
     top, left = (120 - len(paper)) // 2, (160 - len(paper)) // 2
     image[top : top + len(paper), left : left + len(paper)] = paper
     return image
@@ -34,9 +38,8 @@ def recording(frames: Sequence[Frame] | Iterator[Frame], **changes: Any) -> Reco
     ticks = Ticks(t, np.stack((100 * t**2, 120 * t), axis=-1))
     settings: dict[str, Any] = {
         "name": "bench",
-        "ticks": ticks,
-        "encoder": Encoder(1e-3, 1e-3, 0.3, 0.02, "distance"),
-        "detector": Detector("4X4_50", 0.1, CAMERA),
+        "motion": Wheels(ticks, ENCODER),
+        "detector": Detector(Markers("4X4_50", 0.1), CAMERA),
         "noise": ProportionalNoise(),
         "prior": Prior(np.zeros(3), np.eye(3) * 1e-6),
     }
@@ -108,7 +111,7 @@ def test_frames_are_taken_one_at_a_time() -> None:
 
 def test_covariances_are_positive_definite_at_rest() -> None:
     t = np.array([0.0, 1.0])
-    log = build_log(recording(blank(0.0, 1.0), ticks=Ticks(t, np.zeros((2, 2)))))
+    log = build_log(recording(blank(0.0, 1.0), motion=Wheels(Ticks(t, np.zeros((2, 2))), ENCODER)))
     np.testing.assert_array_equal(log.delta_cov[1], Encoder(1, 1, 1, 0).floors.cov)
 
 
@@ -119,13 +122,17 @@ def test_covariances_are_positive_definite_at_rest() -> None:
         (blank(0.0, float("nan")), {}, "bench: frame 1 is at nan s, expected later than 0.0 s"),
         (blank(5.0), {}, "bench: found no frame within the time of the encoder's readings, expected one"),
         ([], {}, "bench: found no frame within the time of the encoder's readings, expected one"),
-        (blank(0.0), {"ticks": Ticks(np.zeros(0), np.zeros((0, 2)))}, "encoder: found no readings"),
+        (blank(0.0), {"motion": Wheels(Ticks(np.zeros(0), np.zeros((0, 2))), ENCODER)}, "encoder: found no readings"),
         (
             blank(0.0),
-            {"ticks": Ticks(np.array([0.0, 1.0, 0.5]), np.zeros((3, 2)))},
+            {"motion": Wheels(Ticks(np.array([0.0, 1.0, 0.5]), np.zeros((3, 2))), ENCODER)},
             "encoder: reading 2 is at 0.5 s, expected later than 1.0 s",
         ),
-        (blank(0.0, 0.5), {"ticks": Ticks(np.array([0.0, 1.0]), np.array([[0, 0], [np.nan, 0]]))}, "bench: odometry"),
+        (
+            blank(0.0, 0.5),
+            {"motion": Wheels(UNCOUNTED, ENCODER)},
+            "bench: odometry",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused(frames: list[Frame], changes: dict[str, Any], message: str) -> None:

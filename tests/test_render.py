@@ -8,8 +8,9 @@ import pytest
 from slamduel.datasets.render import INK, PAPER, Renderer
 from slamduel.datasets.surfaces import Surfaces, paint
 from slamduel.datasets.world import Marker, Room, furnish, wall_point
-from slamduel.frontend.aruco import Detector, Image, predefined, square
+from slamduel.frontend.aruco import Detector, Image, square
 from slamduel.frontend.camera import Camera, mounting
+from slamduel.frontend.markers import Markers, find
 from slamduel.frontend.se2 import Array
 
 LENS = (-0.208, 0.062, 0.0008, -0.0006, 0.0)
@@ -65,7 +66,7 @@ VIEWS = [
 @pytest.mark.parametrize("marker", VIEWS)
 def test_the_detector_finds_the_corners_where_they_are(marker: Array) -> None:
     made = renderer(marker, plain=False)
-    found, _ = Detector("4X4_50", SIDE, CAMERA).detect(plain_frame(made, robot()))
+    found, _ = Detector(Markers("4X4_50", SIDE), CAMERA).detect(plain_frame(made, robot()))
     assert [s.id for s in found] == [0]
     expected = corners(robot(), marker)
     # Each corner comes out a little inside the square, the four together hardly moved.
@@ -88,7 +89,7 @@ def test_every_pixel_is_the_mean_of_its_rays(marker: Array) -> None:
     rays = CAMERA.undistort(fine.reshape(-1, 2))
     on_plane = np.linalg.solve(inside[:3, [0, 1, 3]], np.column_stack((rays, np.ones(len(rays)))).T)
     a, b = on_plane[0] / on_plane[2] / SIDE * 6 + 3, 3 - on_plane[1] / on_plane[2] / SIDE * 6
-    bits = np.asarray(predefined("4X4_50").generateImageMarker(0, 6))
+    bits = np.asarray(find("4X4_50").generateImageMarker(0, 6))
     column, row = np.floor(a).astype(int), np.floor(b).astype(int)
     on_square = (column >= 0) & (column < 6) & (row >= 0) & (row < 6)
     on_sheet = (a >= -1) & (a < 7) & (b >= -1) & (b < 7)
@@ -116,7 +117,8 @@ def test_a_near_marker_hides_a_far_one() -> None:
     for order in ((near, far), (far, near)):
         room = renderer(*order).room
         named = replace(room, markers=tuple(Marker(3 if pose is near else 9, pose) for pose in order))
-        found, _ = Detector("4X4_50", SIDE, CAMERA).detect(plain_frame(replace(renderer(), room=named), robot()))
+        image = plain_frame(replace(renderer(), room=named), robot())
+        found, _ = Detector(Markers("4X4_50", SIDE), CAMERA).detect(image)
         assert [s.id for s in found] == [3]
 
 
