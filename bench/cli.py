@@ -1,4 +1,4 @@
-"""The command line: `bench run`, `list`, `check`, `report`. Errors a user can mend become one sentence and status 2."""
+"""The command line: `bench run`, `bench detect` and the others. A mendable error is one sentence and status 2."""
 
 import argparse
 import io
@@ -12,6 +12,11 @@ from ..frontend.errors import Interrupted, SlamduelError
 COMMANDS = {
     "run": ("run backends on datasets and write a report", ".command_run"),
     "list": ("list backends and datasets with their options", ".command_list"),
+    "detect": ("the markers in a recording as a log, with a report of what was found", ".command_detect"),
+    "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".command_render"),
+    "markers": ("print markers, or a calibration board, at true size", ".command_markers"),
+    "calibrate": ("calibrate a camera from views of a ChArUco board", ".command_calibrate"),
+    "speed": ("time the front end, and measure what its corners are worth", ".command_speed"),
     "check": ("hold a backend to the conformance suite", ".command_check"),
     "report": ("write the report of a run's folder again", ".command_report"),
 }

@@ -75,7 +75,7 @@ def write_report(store: Store) -> None:
         for exhibit in (*section.panels, *section.exhibits):
             write_whole(store.folder / FIGURES / f"{exhibit.name}.svg", alone(exhibit.svg))
     for name in ("report.md", "report.html"):
-        write_whole(store.folder / name, _rendered(f"{name}.jinja", page))
+        write_whole(store.folder / name, rendered(f"{name}.jinja", page))
 
 
 def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
@@ -148,7 +148,8 @@ def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
     ]
 
 
-def _rendered(template: str, page: Mapping[str, Any]) -> str:
+def rendered(template: str, page: Mapping[str, Any]) -> str:
+    """The template of that name, filled in; what goes into one of HTML is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     from .svg import on_page

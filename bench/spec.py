@@ -83,15 +83,17 @@ def backend_variants(text: str) -> list[BackendVariant]:
 
 
 def dataset_variants(text: str) -> list[DatasetVariant]:
-    """The datasets named in `text`; the path of a log's folder is a dataset too. InputError as above."""
+    """The datasets named in `text`; the path of a log or of a recording is a dataset too. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, "--dataset"):
-        if name not in datasets.BUILTIN and ("/" in name or Path(name).is_dir()):
-            name, given = "log", [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
+        if name not in datasets.BUILTIN and ("/" in name or Path(name).exists()):
+            recorded = Path(name).is_file() or (Path(name) / "robot.toml").is_file()
+            kind = "recording" if recorded else "log"
+            name, given = kind, [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
         try:
             source = datasets.find(name)
         except KeyError:
-            hint = "A log's folder is named by its path."
+            hint = "A log's folder or a recording is named by its path."
             raise InputError(
                 f"--dataset: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)} {hint}"
             ) from None

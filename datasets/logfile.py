@@ -22,16 +22,15 @@ import numpy as np
 
 from ..frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, problems
 from ..frontend.errors import InputError
-from ..frontend.factors import Dataset, Log, Map, Truth
+from ..frontend.factors import Dataset, Log, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Ints
 from ..frontend.table import Table, read_csv, symmetric, upper
-from ..frontend.tum import read_tum, write_tum
 from .logwords import read_words, write_words
 from .registry import Source
+from .truth import POSES, read_truth, write_truth
 
 TRUE_ID = ("true_id",)
-LANDMARKS = ("id", "x", "y")
 
 
 @dataclass(frozen=True)
@@ -129,11 +128,8 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
             *upper(log.loop_cov).tolist(),
         ]
         _write_lines(folder / "loops.csv", LOOPS, (",".join(map(repr, row)) for row in zip(*columns, strict=True)))
-    if truth is not None and len(truth.t):
-        write_tum(folder / "truth.tum", truth.t, truth.poses)
-    if truth is not None and truth.map is not None:
-        places = zip(truth.map.ids.tolist(), *truth.map.xy.T.tolist(), strict=True)
-        _write_lines(folder / "landmarks.csv", LANDMARKS, (",".join(map(repr, row)) for row in places))
+    if truth is not None:
+        write_truth(folder, truth)
 
 
 def _write_lines(path: Path, header: Sequence[str], rows: Iterable[str]) -> None:
@@ -143,27 +139,17 @@ def _write_lines(path: Path, header: Sequence[str], rows: Iterable[str]) -> None
 
 
 def _truth(folder: Path, kind: Literal["truth", "reference"] | None, log: Log, sightings: Table) -> Truth | None:
-    poses_file, map_file = folder / "truth.tum", folder / "landmarks.csv"
+    found = read_truth(folder)
     assigned = sightings.whole(*TRUE_ID) if sightings.columns[-1:] == TRUE_ID else None
-    if kind is None and assigned is None and not poses_file.exists() and not map_file.exists():
+    if found is None and kind is None and assigned is None:
         return None
-    t, poses = read_tum(poses_file) if poses_file.exists() else (np.zeros(0), np.zeros((0, 3)))
-    strangers = t[~np.isin(t, log.t)]
+    truth = found or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
+    strangers = truth.t[~np.isin(truth.t, log.t)]
     if len(strangers):
-        raise InputError(f"{poses_file}: t is {strangers[0]!s}, expected only times that odometry.csv has.")
-    known = _landmarks(read_csv(map_file, LANDMARKS).finite()) if map_file.exists() else None
-    for column in (t, poses) if assigned is None else (t, poses, assigned):
-        column.flags.writeable = False
-    return Truth(t, poses, known, assigned, kind or "truth")
-
-
-def _landmarks(table: Table) -> Map:
-    ids, xy = table.whole("id"), table.rows[:, 1:].copy()
-    _, first = np.unique(ids, return_index=True)
-    for row in np.setdiff1d(np.arange(len(ids)), first):
-        raise table.fault(row, f"id {ids[row]} is there twice, expected once")
-    ids.flags.writeable = xy.flags.writeable = False
-    return Map(ids, xy, None)
+        raise InputError(f"{folder / POSES}: t is {strangers[0]!s}, expected only times that odometry.csv has.")
+    if assigned is not None:
+        assigned.flags.writeable = False
+    return truth._replace(assigned=assigned, kind=kind or "truth")
 
 
 def _steps(table: Table, steps: int) -> Ints:

@@ -35,6 +35,7 @@ BUILTIN = {
     "aruco-room": ".aruco_room:source",
     "log": ".logfile:source",
     "mrclam": ".mrclam:source",
+    "recording": ".recording:source",
     "victoria-park": ".victoria_park:source",
 }
 """Name -> module of this package and the `Source` in it."""

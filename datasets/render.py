@@ -1,39 +1,58 @@
-"""Frames of a room with markers, as a camera with a curved lens would take them.
+"""Frames of a room with markers and boxes, as a camera with a curved lens would take them.
 
-Rays are followed, one a pixel, to the floor or a wall for the background, and several a pixel to the planes of the
-markers' sheets of paper, so that their edges fall where they belong to a few hundredths of a pixel.
+Rays are followed, one a pixel, to the floor or a wall for the background, and many a pixel to the planes of the
+markers' sheets of paper and to the edges of boxes, so that edges fall where they belong to a few thousandths of a
+pixel. Grey levels are light, linearly: what a lens or an exposure does to light is done to them.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ..frontend.aruco import Image, square
 from ..frontend.camera import Camera
 from ..frontend.markers import find
 from ..frontend.se2 import Array
+from .boxes import Box, Face
+from .lattice import jitter, lattice
+from .lens import Lens, Part, Patch, Singles, through
 from .surfaces import DENSITY, Surfaces
 from .world import Marker, Room
-
-Singles = NDArray[np.float32]
-
-NEAR = 0.02
-"""m before the lens; a sheet that reaches nearer, or behind it, is not drawn."""
 
 BAND = 30
 """rows of a frame that are worked on at a time: as much as stays in a core's cache."""
 
-INK, PAPER = 34.0, 222.0
-"""Grey levels of a marker."""
+INK, PAPER, CEILING = 34.0, 222.0, 188.0
+"""Grey levels of a marker, and of what is above the walls."""
+
+
+class Cover(NamedTuple):
+    """Something close to the lens that hides a part of the view."""
+
+    share: Singles  # (height, width) how much of each pixel's light it takes away
+    grey: float  # its own grey level
+
+
+class Conditions(NamedTuple):
+    """What is unlike in each frame."""
+
+    light: float | Singles = 1.0  # times the light of the scene, or (height, width)
+    cover: Cover | None = None
+
+
+CLEAR = Conditions()
 
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
-    """Takes pictures of one room through one camera."""
+    """Takes pictures of one room through one camera.
+
+    Markers that are on no box have to be behind every box, as those on floor and walls are.
+    """
 
     room: Room
     camera: Camera
@@ -41,45 +60,63 @@ class Renderer:
     surfaces: Surfaces
     blur: float = 0.6  # px, standard deviation of the lens blur
     grain: float = 2.0  # grey levels, standard deviation of the sensor's noise
-    samples: int = 4  # rays along each side of a pixel, for the markers
+    samples: int = 6  # its square is the number of rays a pixel, for the markers and the boxes' edges
+    vignetting: float = 0.4  # how much of the fall of light towards the corners; 1: the fourth power of the cosine
 
-    def frame(self, pose: Array, rng: np.random.Generator) -> Image:
-        """(height, width) grey, seen from `pose` (4, 4) T_world_camera."""
-        image = np.vstack([self._background(pose, self._rays[:, row : row + BAND]) for row in self._bands])
-        for marker in sorted(self.room.markers, key=lambda m: -float(np.linalg.norm(m.pose[:3, 3] - pose[:3, 3]))):
-            self._draw(image, marker, pose)
-        image *= self._vignette
-        image = np.asarray(cv2.GaussianBlur(image, (0, 0), self.blur), np.float32)
+    def frame(self, pose: Array, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
+        """(height, width) grey, seen from `pose` (4, 4) T_world_camera; from poses (n, 4, 4), their mean in light.
+
+        Grey levels end at 255, as a sensor's do.
+        """
+        first, *others = pose.reshape(-1, 4, 4)
+        image = self.scene(first)
+        for other in others:
+            image += self.scene(other)
+        if others:
+            image /= 1 + len(others)
+        image *= self._transmission
+        image *= conditions.light
+        if conditions.cover is not None:
+            image += conditions.cover.share * (np.float32(conditions.cover.grey) * self._transmission - image)
+        if self.blur > 0:
+            image = np.asarray(cv2.GaussianBlur(image, (0, 0), self.blur), np.float32)
         image += cv2.LUT(np.frombuffer(rng.bytes(image.size), np.uint8).reshape(image.shape), self._grains)
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0, out=image)), np.uint8)
 
-    @property
-    def _bands(self) -> range:
-        return range(0, self.camera.height, BAND)
+    def scene(self, pose: Array) -> Singles:
+        """(height, width) the grey levels of what is seen from `pose` (4, 4), before lens and sensor."""
+        rays = self.lens.rays
+        bands = range(0, self.camera.height, BAND)
+        image = np.vstack([self._background(pose, rays[:, row : row + BAND]) for row in bands])
+        eye = pose[:3, 3]
+        for marker in sorted(self.room.markers, key=lambda m: -float(np.linalg.norm(m.pose[:3, 3] - eye))):
+            if marker.box is None:
+                self._draw(image, marker, pose)
+        # Of two circles that are apart, the one of lesser power is never behind the other.
+        power = [float(((box.place[:2] - eye[:2]) ** 2).sum()) - box.radius**2 for box in self.room.boxes]
+        for index in np.argsort(power)[::-1]:
+            self._put(image, self.room.boxes[index], self.surfaces.boxes[index], pose)
+            for marker in self.room.markers:
+                if marker.box == index:
+                    self._draw(image, marker, pose)
+        return image
 
     @cached_property
-    def _rays(self) -> Singles:
-        """(3, height, width) the direction of each pixel's ray in the camera frame, with z = 1."""
-        v, u = np.mgrid[: self.camera.height, : self.camera.width]
-        rays = self.camera.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
-        return np.vstack((rays.T, np.ones(len(rays)))).reshape(3, *u.shape).astype(np.float32)
+    def lens(self) -> Lens:
+        """The camera's rays."""
+        return through(self.camera)
 
     @cached_property
-    def _slopes(self) -> tuple[Singles, Singles]:
-        """(3, height, width) d ray / du and d ray / dv: within a pixel the lens is straight."""
-        by_v, by_u = (np.asarray(slope) for slope in np.gradient(self._rays, axis=(1, 2)))
-        return by_u, by_v
+    def _transmission(self) -> Singles:
+        return self.lens.transmission(self.vignetting)
 
     @cached_property
-    def _view(self) -> Array:
-        """(2, 2) the smallest and the largest x and y of the rays."""
-        flat = self._rays[:2].reshape(2, -1)
-        return np.stack((flat.min(axis=1), flat.max(axis=1))).astype(float)
+    def _lattice(self) -> Singles:
+        return lattice(self.samples**2)
 
     @cached_property
-    def _vignette(self) -> Singles:
-        """(height, width) what the lens lets through: the fourth power of the cosine, softened."""
-        return (1 + (self._rays[:2] ** 2).sum(axis=0)) ** np.float32(-0.8)
+    def _jitter(self) -> Singles:
+        return jitter(self.camera.height, self.camera.width) / np.float32(self.samples**2)
 
     @cached_property
     def _grains(self) -> Singles:
@@ -108,7 +145,10 @@ class Renderer:
         row = np.where(to_floor < to_wall, y + half_y, wall_row)
         column, row = (np.float32(DENSITY) * metres - np.float32(0.5) for metres in (column, row))
         seen = cv2.remap(self.surfaces.image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(seen, np.float32)
+        seen = np.asarray(seen, np.float32)
+        if z.max() > self.room.height:
+            seen[z > np.float32(self.room.height)] = CEILING
+        return seen
 
     @cached_property
     def _sheets(self) -> dict[int, Singles]:
@@ -124,49 +164,67 @@ class Renderer:
 
     def _draw(self, image: Singles, marker: Marker, pose: Array) -> None:
         """Lay the marker's sheet over `image`, if the camera is in front of it."""
-        to_camera = np.linalg.inv(pose) @ marker.pose
-        if to_camera[:3, 2] @ to_camera[:3, 3] >= 0:
-            return
         sheet = self._sheets[marker.id]
         modules = len(sheet) - 2
-        outline = square(self.room.side * (modules + 2) / modules) @ to_camera[:3, :3].T + to_camera[:3, 3]
-        box = self._box(outline)
-        if box is None:
-            return
-        # From a ray to the sheet's pixels: the plane's homography, then the middle of the top left module as origin.
+        outline = square(self.room.side * (modules + 2) / modules)
+        # The middle of the top left module is the origin.
         module, middle = self.room.side / modules, (len(sheet) - 1) / 2
         to_sheet = np.array([[1 / module, 0, middle], [0, -1 / module, middle], [0, 0, 1]])
-        homography = (to_sheet @ np.linalg.inv(to_camera[:3, [0, 1, 3]])).astype(np.float32)
-        at, by_u, by_v = (np.tensordot(homography, field[:, *box], axes=1) for field in (self._rays, *self._slopes))
-        n = self.samples
-        offsets = (((np.arange(n) + 0.5) / n - 0.5).astype(np.float32)).reshape(-1, 1, 1, 1)
-        along_u = at + offsets * by_u
-        along_v = offsets * by_v
-        x, y, w = (along_u[:, None, i] + along_v[None, :, i] for i in range(3))
-        height, width = at.shape[1:]
-        x /= w
-        y /= w
-        column, row = (c.reshape(-1, width) for c in (x, y))
-        seen = cv2.remap(sheet, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)
-        seen = np.asarray(seen, np.float32).reshape(n * n, height, width, 2)
-        grey, hit = cv2.split(seen.mean(axis=0))
-        image[box] += grey - hit * image[box]
+        patch = self._patch(pose, marker.pose, outline, to_sheet)
+        if patch is None:
+            return
+        height, width = patch.at.shape[1:]
+        at, by_u, by_v = (field.reshape(2, -1) for field in (patch.at, patch.by_u, patch.by_v))
+        column, row = self._spread(at, by_u, by_v, self._jitter[:, *patch.part])
+        seen = cv2.remap(
+            sheet,
+            column.reshape(-1, width),
+            row.reshape(-1, width),
+            cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+        )
+        grey, hit = cv2.split(np.asarray(seen, np.float32).reshape(-1, height, width, 2).mean(axis=0))
+        image[patch.part] += grey - hit * image[patch.part]
 
-    def _box(self, outline: Array) -> tuple[slice, slice] | None:
-        """The rows and columns in which the convex `outline` (n, 3), in the camera frame, can show; None: nowhere."""
-        if (outline[:, 2] < NEAR).any():
+    def _put(self, image: Singles, box: Box, textures: tuple[Image, ...], pose: Array) -> None:
+        """Put the box into `image`: where two faces meet, a ray is on one of them, but for one in some ten thousand."""
+        seen = [self._face(image, face, texture, pose) for face, texture in zip(box.faces, textures, strict=True)]
+        for part, change in (found for found in seen if found is not None):
+            image[part] += change
+
+    def _face(self, image: Singles, face: Face, texture: Image, pose: Array) -> tuple[Part, Singles] | None:
+        """What a face of a box changes in `image`, and where; None: it is not seen."""
+        rows, columns = texture.shape
+        across, down = columns / face.width, rows / face.height
+        to_texture = np.array([[across, 0, (columns - 1) / 2], [0, -down, (rows - 1) / 2], [0, 0, 1]])
+        patch = self._patch(pose, face.pose, (face.outline - face.pose[:3, 3]) @ face.pose[:3, :3], to_texture)
+        if patch is None:
             return None
-        rays = outline[:, :2] / outline[:, 2:]
-        low, high = self._view
-        corner, other = np.maximum(rays.min(axis=0), low), np.minimum(rays.max(axis=0), high)
-        if (corner >= other).any():
+        size = np.array([[columns], [rows]]) - np.float32(0.5)
+        inside = ((patch.at > -0.5) & (patch.at < size[:, :, None])).all(axis=0)
+        hit = np.asarray(inside, np.float32)
+        # Only a pixel with another kind of neighbour can be partly on the face.
+        edge = np.nonzero(cv2.morphologyEx(np.asarray(inside, np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
+        at, by_u, by_v = (field[:, *edge] for field in (patch.at, patch.by_u, patch.by_v))
+        at = np.stack(self._spread(at, by_u, by_v, self._jitter[:, *patch.part][:, *edge]))
+        hit[edge] = ((at > -0.5) & (at < size[:, None])).all(axis=0).mean(axis=0)
+        column, row = patch.at
+        grey = cv2.remap(texture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return patch.part, np.asarray(hit * (grey - image[patch.part]), np.float32)
+
+    def _patch(self, pose: Array, plane: Array, outline: Array, to_texture: Array) -> Patch | None:
+        """Where a plane with the pose `plane` (4, 4) T_world_plane shows its front within `outline` (n, 3) m on it."""
+        if plane[:3, 2] @ (pose[:3, 3] - plane[:3, 3]) <= 0:
             return None
-        (x0, y0), (x1, y1) = corner, other
-        along = np.linspace(0, 1, 9)[:, None]
-        corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
-        rim = np.vstack([p + along * (q - p) for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
-        pixels = self.camera.project(np.column_stack((rim, np.ones(len(rim)))))
-        (u0, v0), (u1, v1) = np.floor(pixels.min(axis=0)).astype(int) - 1, np.ceil(pixels.max(axis=0)).astype(int) + 2
-        rows = slice(max(v0, 0), min(v1, self.camera.height))
-        columns = slice(max(u0, 0), min(u1, self.camera.width))
-        return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
+        turn, shift = pose[:3, :3].T @ plane[:3, :3], (plane[:3, 3] - pose[:3, 3]) @ pose[:3, :3]
+        part = self.lens.crop(outline @ turn.T + shift)
+        if part is None:
+            return None
+        return self.lens.patch(part, to_texture @ np.linalg.inv(np.column_stack((turn[:, :2], shift))))
+
+    def _spread(self, at: Singles, by_u: Singles, by_v: Singles, shift: Singles) -> tuple[Singles, Singles]:
+        """(samples, n) columns and rows where the rays of n pixels meet a plane, from the `Patch` of (2, n) each."""
+        shift_u, shift_v = shift.reshape(2, -1)
+        at = np.asarray(at + shift_u * by_u + shift_v * by_v, np.float32)
+        column, row = (self._lattice @ np.stack((by_u[i], by_v[i])) + at[i] for i in range(2))
+        return column, row

@@ -11,6 +11,13 @@ from ..frontend.se2 import Array, wrap
 RISE = 1.0
 """s, the time constant in which the robot gets up to speed."""
 
+SLIP, SLIP_TAIL, SLIP_MOST = 0.01, 1.5, 0.2
+"""m, the least that a wheel slips by, the exponent with which larger slips get rarer (below 2 they would have no
+variance), and m, the most."""
+
+SPIN = 0.3
+"""s, for how long a wheel spins."""
+
 
 class Loop(NamedTuple):
     """A smooth closed path: x and y as Fourier series of the lap's angle."""
@@ -29,8 +36,9 @@ class Loop(NamedTuple):
 def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
     """The true poses (n, 3) at the times `t` (n,), s, and the way covered, (n,) m.
 
-    The robot starts at rest at angle 0, heads along the path, and settles at `speed` (m/s).
+    The robot is at rest at angle 0 until t = 0, heads along the path, and settles at `speed` (m/s).
     """
+    t = np.maximum(t, 0.0)
     way = speed * (t - RISE * -np.expm1(-t / RISE))
     table = np.linspace(0.0, 2 * np.pi, 4097)
     pace = np.linalg.norm(loop.at(table)[1], axis=1)
@@ -39,13 +47,44 @@ def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
     return np.column_stack((points, wrap(np.arctan2(tangents[:, 1], tangents[:, 0])))), way
 
 
-def count(poses: Array, way: Array, t: Array, encoder: Encoder, rng: np.random.Generator) -> Ticks:
+def count(poses: Array, way: Array, t: Array, encoder: Encoder, rng: np.random.Generator, slip: float = 0.0) -> Ticks:
     """The counters' readings along the true `poses` (n, 3), `way` (n,) m and times `t` (n,).
 
-    Each wheel reads what it rolled plus white noise of the variance that `encoder` states, in whole counts.
+    Each wheel reads what it rolled plus white noise of the variance that `encoder` states, in whole counts; and, which
+    no encoder states, `slip` times a metre, on the mean, one of them spins or skids.
     """
     turned = wrap(np.diff(poses[:, 2]))
     rolled = np.diff(way)[:, None] + encoder.base / 2 * turned[:, None] * np.array([-1.0, 1.0])
     noisy = rolled + np.sqrt(encoder.variance(rolled, np.diff(t))) * rng.standard_normal(rolled.shape)
-    total = np.vstack((np.zeros(2), np.cumsum(noisy, axis=0)))
+    total = np.vstack((np.zeros(2), np.cumsum(slipped(noisy, way, t, slip, rng), axis=0)))
     return Ticks(t, np.round(total / np.array([encoder.left, encoder.right])))
+
+
+def slipped(read: Array, way: Array, t: Array, rate: float, rng: np.random.Generator) -> Array:
+    """(n - 1, 2) what the wheels read with slips in it, from what they `read` without, in m.
+
+    A Poisson process along the `way` (n,), `rate` a metre. Half of the time a wheel spins: it turns by some metres more
+    than it rolls. The other half it skids: it stands still for some metres of the way. How many is drawn from a Pareto
+    distribution, so that a few slips make up most of the error.
+    """
+    read = read.copy()
+    for place in rng.uniform(way[0], way[-1], rng.poisson(rate * (way[-1] - way[0]))):
+        wheel, spins = rng.integers(2), rng.uniform() < 0.5
+        metres = min(SLIP * (1 + rng.pareto(SLIP_TAIL)), SLIP_MOST)
+        axis, start, end = (way, place, place + metres)
+        if spins:
+            start = np.interp(place, way, t)
+            axis, end = t, start + SPIN
+        meanwhile = slice(np.searchsorted(axis, start, "right") - 1, np.searchsorted(axis, end) + 1)
+        inside = np.diff(np.clip(axis[meanwhile], start, end))
+        intervals = slice(meanwhile.start, meanwhile.start + len(inside))
+        if spins:
+            read[intervals, wheel] += metres * inside / SPIN
+        else:
+            read[intervals, wheel] *= 1 - inside / np.diff(axis[meanwhile])
+    return read
+
+
+def wrapped(ticks: Ticks, bits: int) -> Ticks:
+    """The readings as unsigned counters of so many bits give them."""
+    return Ticks(ticks.t, np.mod(ticks.counts, 2.0**bits))

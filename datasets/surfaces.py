@@ -1,4 +1,4 @@
-"""What the floor and the walls of a room look like: one grey image that a renderer samples."""
+"""What the floor and the walls of a room and its boxes look like: grey images that a renderer samples."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .boxes import Box, Face
 from .world import Room
 
 DENSITY = 160
@@ -25,15 +26,24 @@ class Surfaces(NamedTuple):
 
     image: NDArray[np.uint8]
     wall_row: int  # the row of the walls' upper edge
+    boxes: tuple[tuple[NDArray[np.uint8], ...], ...] = ()  # each box's faces, as they are seen upright
 
 
 def paint(room: Room, rng: np.random.Generator) -> Surfaces:
-    """A boarded floor, and plastered walls with a skirting board, sockets and two doors; darker towards the corners."""
+    """A boarded floor, and plastered walls with a skirting board, sockets and two doors; darker towards the corners.
+
+    Boxes darken the floor around them.
+    """
     floor, walls = _floor(room, rng), _walls(room, rng)
     image = np.full((len(floor) + len(walls), max(floor.shape[1], walls.shape[1])), 128.0)
     image[: len(floor), : floor.shape[1]] = floor
     image[len(floor) :, : walls.shape[1]] = walls
-    return Surfaces(np.clip(image, 0, 255).astype(np.uint8), len(floor))
+    for box in room.boxes:
+        _shade(image, room, box)
+    papers = rng.uniform(95, 165, len(room.boxes))
+    pairs = zip(room.boxes, papers, strict=True)
+    faces = tuple(tuple(_cardboard(face, paper, rng) for face in box.faces) for box, paper in pairs)
+    return Surfaces(np.clip(image, 0, 255).astype(np.uint8), len(floor), faces)
 
 
 def _floor(room: Room, rng: np.random.Generator) -> Grey:
@@ -75,6 +85,41 @@ def _walls(room: Room, rng: np.random.Generator) -> Grey:
         socket = _outside(u, z, middle - 0.04, middle + 0.04, 0.26, 0.34)
         grey = np.where(socket < 0, 214, grey) - 40 * _line(socket, 0.004)
     return grey * _shadow(corner)
+
+
+def _shade(image: Grey, room: Room, box: Box) -> None:
+    """Take the light from the floor around the box, and all of it from under it."""
+    reach = box.radius + 0.8
+    middle = (box.place[:2] + np.array([room.length, room.width]) / 2) * DENSITY
+    (left, top), (right, bottom) = (np.floor(middle + sign * reach * DENSITY).astype(int) for sign in (-1, 1))
+    rows = slice(max(top, 0), min(bottom, round(room.width * DENSITY)))
+    columns = slice(max(left, 0), min(right, round(room.length * DENSITY)))
+    y = np.arange(rows.start, rows.stop)[:, None] / DENSITY - room.width / 2 - box.place[1]
+    x = np.arange(columns.start, columns.stop) / DENSITY - room.length / 2 - box.place[0]
+    c, s = np.cos(box.place[2]), np.sin(box.place[2])
+    along, across = np.abs(c * x + s * y) - box.size[0] / 2, np.abs(c * y - s * x) - box.size[1] / 2
+    image[rows, columns] *= _shadow(np.hypot(np.maximum(along, 0), np.maximum(across, 0)))
+
+
+def _cardboard(face: Face, paper: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """A face of a cardboard box: ribbed, scuffed, with a strip of tape across and some print in a corner."""
+    rows, columns = round(face.height * DENSITY), round(face.width * DENSITY)
+    y, x = np.arange(rows, dtype=np.float32)[:, None] / DENSITY, np.arange(columns, dtype=np.float32) / DENSITY
+    normal = face.pose[:3, 2]
+    light = 0.82 + 0.1 * normal[0] * 0.6 - 0.1 * normal[1] * 0.8 + 0.26 * normal[2]
+    scuffs = cv2.GaussianBlur(rng.standard_normal((rows, columns), np.float32), (0, 0), 5)
+    grey = paper * light + 2 * np.sin(2 * np.pi * x / 0.035) + 30 * scuffs
+    tape = np.abs(x - face.width / 2) < 0.025
+    grey = np.where(tape, grey + 16, grey)
+    for line in range(int(rng.integers(2, 5))):
+        top, right = face.height - 0.035 - 0.018 * line, 0.03 + rng.uniform(0.04, 0.09)
+        print_ = (np.abs(y - top) < 0.005) & (x > 0.03) & (x < right) & (np.sin(2 * np.pi * x / 0.013) > -0.4)
+        grey = np.where(print_, 0.45 * grey, grey)
+    edge = np.minimum(np.minimum(x, face.width - x), np.minimum(y, face.height - y))
+    grey *= 1 - 0.2 * np.exp(-edge / 0.008)
+    if normal[2] < 0.5:
+        grey *= _shadow(2 * (face.height - y))
+    return np.clip(grey, 0, 255).astype(np.uint8)
 
 
 def _outside(u: Grey, z: Grey, left: float, right: float, bottom: float, top: float) -> Grey:

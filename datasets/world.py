@@ -1,12 +1,14 @@
-"""A room with ArUco markers on its floor and walls."""
+"""A room with ArUco markers on its floor and walls, and on boxes that stand in it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ..frontend.factors import Map
 from ..frontend.se2 import Array
+from .boxes import Box, place_boxes
 
 
 class Marker(NamedTuple):
@@ -14,6 +16,7 @@ class Marker(NamedTuple):
 
     id: int
     pose: Array  # (4, 4) T_world_marker, m; the marker's frame: x right, y up, z out of its printed face
+    box: int | None = None  # the box it is glued to, by its index; None: it is on the floor or a wall
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class Room:
     height: float  # m
     side: float  # m, of the markers' black squares
     markers: tuple[Marker, ...]
+    boxes: tuple[Box, ...] = ()  # the circles around their footprints are apart
 
     @property
     def landmarks(self) -> Map:
@@ -44,6 +48,9 @@ LOW, HIGH = 0.3, 0.75
 MARGIN = 0.3
 """m, between a marker's centre and the next corner, or, on the floor, the next wall."""
 
+SHEET = 8 / 6
+"""The side of a marker's sheet of paper over that of its black square, for dictionaries of 4 x 4 bits."""
+
 
 def furnish(length: float, width: float, height: float, side: float, markers: int, rng: np.random.Generator) -> Room:
     """A room with `markers` markers, ids from 0: every other one on the floor, the rest around the walls.
@@ -60,6 +67,26 @@ def furnish(length: float, width: float, height: float, side: float, markers: in
     poses = [_on_floor(place, heading) for place, heading in zip(places, headings, strict=True)]
     poses += [_on_wall(room, along, up) for along, up in zip(_away_from_corners(room, slots), heights, strict=True)]
     return Room(length, width, height, side, tuple(Marker(i, pose) for i, pose in enumerate(poses)))
+
+
+def furnish_with_boxes(bare: Room, boxes: int, path: Array, robot: float, rng: np.random.Generator) -> Room:
+    """The room with `boxes` boxes in it, and a third of its markers, no more than four a box, moved onto them.
+
+    The boxes stay off the markers on the floor, and at least `robot` m from every point of the `path` (n, 2). Every
+    third marker goes to a box: first one a box, on the side that looks most to the room's middle, then the tops, then
+    the next sides; somewhere on that face, upright. InputError where the boxes do not fit.
+    """
+    if not boxes:
+        return bare
+    moved = [marker.id for marker in bare.markers[2::3]][: 4 * boxes]
+    left = [marker for marker in bare.markers if marker.id not in moved]
+    on_floor = [[*marker.pose[:2, 3], SHEET * bare.side / np.sqrt(2)] for marker in left if marker.pose[2, 3] == 0]
+    keep_clear = np.vstack((np.array(on_floor).reshape(-1, 3), np.column_stack((path, np.full(len(path), robot)))))
+    placed = place_boxes(boxes, bare.length, bare.width, keep_clear, rng)
+    onto = [_on_box(placed, i, bare.side, rng) for i in range(len(moved))]
+    glued = [Marker(name, pose, i % boxes) for i, (name, pose) in enumerate(zip(moved, onto, strict=True))]
+    markers = sorted([*left, *glued], key=lambda marker: marker.id)
+    return replace(bare, markers=tuple(markers), boxes=tuple(placed))
 
 
 def wall_point(room: Room, along: Array) -> tuple[Array, Array]:
@@ -103,3 +130,15 @@ def _on_wall(room: Room, along: float, up: float) -> Array:
     """T_world_marker of a marker upright on the wall."""
     (x, y), (nx, ny) = wall_point(room, np.asarray(along))
     return np.array([[-ny, 0, nx, x], [nx, 0, ny, y], [0, 1, 0, up], [0, 0, 0, 1]], float)
+
+
+def _on_box(boxes: Sequence[Box], turn: int, side: float, rng: np.random.Generator) -> Array:
+    """T_world_marker of the marker whose `turn` it is to be glued to a box."""
+    box = boxes[turn % len(boxes)]
+    *sides, top = box.faces
+    sides.sort(key=lambda face: float(face.pose[:2, 2] @ box.place[:2]))
+    face = (sides[0], top, *sides[1:])[turn // len(boxes)]
+    free = (np.array([face.width, face.height]) - SHEET * side) / 2
+    shift = np.eye(4)
+    shift[:2, 3] = 0.8 * free * rng.uniform(-1, 1, 2)
+    return face.pose @ shift

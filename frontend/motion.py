@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from .counters import MAX_SPEED, check_counts
 from .encoder import Encoder, Floors, compose
 from .errors import InputError
 from .factors import Odometry
@@ -46,6 +47,8 @@ class Wheels:
 
     ticks: Ticks
     encoder: Encoder
+    max_speed: float = MAX_SPEED  # m/s; a wheel that rolled faster between two readings did not
+    source: str = "encoder"  # where the readings are from, for what is said of them
 
     @property
     def t(self) -> Array:
@@ -53,8 +56,10 @@ class Wheels:
         return self.ticks.t
 
     def check(self) -> None:
-        """InputError without a reading, and for one that is not later than the one before."""
-        _in_order(self.t, "encoder")
+        """InputError without a reading, for one that is not later than the one before, and for counts that jump."""
+        _in_order(self.t, self.source)
+        metres = np.array([self.encoder.left, self.encoder.right])
+        check_counts(self.t, self.ticks.counts, metres, self.max_speed, self.source)
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The counts between `start` and `end`, s, as one factor."""
@@ -93,10 +98,13 @@ class Track:
     t: Array  # (m,) s
     poses: Array  # (m, 3) in the odometry's own world frame
     noise: TrackNoise
+    max_speed: float = MAX_SPEED  # m/s; a robot that went faster between two readings did not
+    source: str = "odometry"  # where the readings are from, for what is said of them
 
     def check(self) -> None:
-        """InputError without a reading, and for one that is not later than the one before."""
-        _in_order(self.t, "odometry")
+        """InputError without a reading, for one that is not later than the one before, and for poses that jump."""
+        _in_order(self.t, self.source)
+        _check_poses(self.t, self.poses, self.max_speed, self.source)
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The motion between `start` and `end`, s, as one factor; between two readings it is taken to be even."""
@@ -113,6 +121,36 @@ class Track:
         return {"odometry": asdict(self.noise)}
 
 
+@dataclass(frozen=True)
+class Drift:
+    """Motion that nobody measured: the robot is taken to stand, and less and less sure of it.
+
+    A random walk, white in velocity: a factor's covariance does not depend on how often frames are taken.
+    """
+
+    position: float  # m per root second, along both body axes
+    turning: float  # rad per root second
+    floors: Floors = field(default_factory=Floors)
+
+    @property
+    def t(self) -> Array:
+        """(2,) all of time."""
+        return np.array([-np.inf, np.inf])
+
+    def check(self) -> None:
+        """There is nothing that could be wrong."""
+
+    def odometry(self, start: float, end: float) -> Odometry:
+        """No motion from `start` to `end`, s."""
+        growth = np.array([self.position, self.position, self.turning]) ** 2 * (end - start)
+        return Odometry(np.zeros(3), np.diag(growth) + self.floors.cov)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The growth."""
+        return {"drift": asdict(self)}
+
+
 def readings(ticks: Ticks, start: float, end: float) -> tuple[Array, Array]:
     """The count increments (n, 2) from `start` to `end`, s, and how long each took, (n,) s.
 
@@ -124,10 +162,27 @@ def readings(ticks: Ticks, start: float, end: float) -> tuple[Array, Array]:
     return np.diff(np.stack(wheels, axis=-1), axis=0), np.diff(t)
 
 
-def _in_order(t: Array, what: str) -> None:
+def _in_order(t: Array, source: str) -> None:
     if len(t) == 0:
-        raise InputError(f"{what}: found no readings, expected at least one")
+        raise InputError(f"{source}: found no readings, expected at least one")
     late = np.flatnonzero(~(np.diff(t) > 0))
     if len(late):
         row = int(late[0]) + 1
-        raise InputError(f"{what}: reading {row} is at {t[row]} s, expected later than {t[row - 1]} s")
+        raise InputError(f"{source}: reading {row} is at {t[row]} s, expected later than {t[row - 1]} s")
+
+
+def _check_poses(t: Array, poses: Array, max_speed: float, source: str) -> None:
+    """InputError for the first pose that is not finite, or farther from the one before than `max_speed` allows."""
+    for row, column in np.argwhere(~np.isfinite(poses)):
+        found = f"{('x', 'y', 'heading')[column]} is {poses[row, column]!s}"
+        raise InputError(f"{source}: in reading {row}, at {t[row]} s, {found}, expected a finite number.")
+    if len(t) < 2:
+        return
+    dt, way = np.diff(t), np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    # The messages of a stream come in bursts: the time of a typical reading is given on top.
+    for row in np.flatnonzero(way > max_speed * (dt + np.median(dt))):
+        raise InputError(
+            f"{source}: between readings {row} and {row + 1}, at {t[row]} and {t[row + 1]} s, the pose goes "
+            f"{way[row]:.4g} m in {dt[row]:.4g} s, expected at most max_speed = {max_speed:g} "
+            "m/s: odometry that was set back, or a wrong reading."
+        )

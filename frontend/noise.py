@@ -53,3 +53,31 @@ class ProportionalNoise:
     def settings(self) -> dict[str, Any]:
         """The slopes and floors."""
         return {"model": "proportional", **asdict(self)}
+
+
+@dataclass(frozen=True)
+class PropagatedNoise:
+    """What the corners' covariance makes of range and bearing, through the marker's pose and the camera's mounting.
+
+    `scale` is for what the corners do not know of, such as a mounting or a calibration that is not exact: it multiplies
+    standard deviations; the floors are added.
+    """
+
+    scale: float = 1.0
+    floor_range: float = 0.0  # m
+    floor_bearing: float = 0.0  # rad
+
+    def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
+        """The measurements and their covariances."""
+        z = range_bearing(sightings, mounting)
+        cov = np.zeros((len(z), 2, 2))
+        for k, sighting in enumerate(sightings):
+            r, (c, s) = z[k, 0], (np.cos(z[k, 1]), np.sin(z[k, 1]))
+            by_centre = np.array([[c, s], [-s / r, c / r]]) @ mounting[:2, :3]
+            cov[k] = self.scale**2 * by_centre @ sighting.centre_cov @ by_centre.T
+        return z, cov + np.diag([self.floor_range**2, self.floor_bearing**2])
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The scale and the floors."""
+        return {"model": "propagated", **asdict(self)}

@@ -5,13 +5,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from slamduel.bench.spec import read_options
 from slamduel.datasets import registry
 from slamduel.datasets.aruco_room import ENCODER, LOOP, TICK, Options, aruco_room, record
-from slamduel.datasets.simulate import count, drive
+from slamduel.datasets.simulate import count, drive, slipped, wrapped
 from slamduel.frontend.check import check
+from slamduel.frontend.counters import unwrap
+from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset
 from slamduel.frontend.motion import readings
 from slamduel.frontend.noise import ProportionalNoise
+from slamduel.frontend.noise_fit import squares
 from slamduel.frontend.se2 import Array, between, compose, wrap
 from textbook import TextbookEkf
 
@@ -79,12 +83,20 @@ def test_measurements_are_what_they_claim(lap: Dataset) -> None:
     truth = true_measurements(lap)
     error = lap.log.z - truth
     error[:, 1] = wrap(error[:, 1])
-    sd = np.sqrt(np.diagonal(lap.log.z_cov, axis1=1, axis2=2))
     assert (lap.log.z[:, 0] <= 3.0).all()
-    assert np.abs(error[:, 1] / sd[:, 1]).max() < 1  # bearings are far better than eq. (10) has them
-    assert 0.3 < np.sqrt(np.mean((error[:, 0] / sd[:, 0]) ** 2)) < 1.2
-    near = truth[:, 0] < 2
-    assert np.abs(error[near, 0]).max() < 0.1
+    # The body rocks; what that does depends on how far below the camera a marker is, of which eq. (10) knows nothing.
+    assert 1 < np.mean(squares(error, lap.log.z_cov)) < 3
+    assert np.abs(error[:, 0]).max() < 0.06
+
+
+def test_without_rocking_the_corners_know_how_wrong_they_are() -> None:
+    still = aruco_room(Options(seconds=24.0, sway=0.0, noise="propagated"), np.random.default_rng(5))
+    error = still.log.z - true_measurements(still)
+    error[:, 1] = wrap(error[:, 1])
+    assert len(error) > 150
+    # Sightings of one marker from much the same place hang together, so this is no chi-square of as many.
+    assert 1.4 < np.mean(squares(error, still.log.z_cov)) < 2.8
+    assert np.abs(error[:, 0]).max() < 0.03
 
 
 def test_dead_reckoning_drifts_and_a_filter_does_not(lap: Dataset) -> None:
@@ -156,7 +168,7 @@ def test_options_are_taken() -> None:
     assert truth.map is not None
     assert len(truth.map.ids) == 2
     assert truth.t.tolist() == [0.0, 0.5, 1.0]
-    assert recording.noise == ProportionalNoise(0.1, 0.02, 0.02, 0.5)
+    assert recording.noise == ProportionalNoise(0.1, 0.002, 0.008, 0.5)
     assert np.linalg.norm(truth.poses[-1, :2] - truth.poses[0, :2]) < 0.2
 
 
@@ -168,3 +180,85 @@ def test_frames_are_rendered_as_they_are_asked_for() -> None:
     assert image is not None
     assert image.shape == (480, 640)
     assert len(truth.t) == 3001
+
+
+def test_the_robot_rests_before_the_start() -> None:
+    poses, way = drive(LOOP, 0.4, np.array([-1.0, -0.05, 0.0]))
+    np.testing.assert_array_equal(poses, poses[[2, 2, 2]])
+    assert (way == 0).all()
+
+
+def test_slips_are_as_many_and_as_long_as_stated() -> None:
+    """Without noise: the sum of all slips against the mean of a Pareto distribution that is cut off."""
+    t: Array = np.linspace(0, 1200, 60_001, dtype=np.float64)
+    way: Array = np.linspace(0, 480, 60_001, dtype=np.float64)
+    rolled = np.full((60_000, 2), 0.008)
+    off = slipped(rolled, way, t, 1.0, np.random.default_rng(5)) - rolled
+    spun, held = np.where(off > 0, off, 0).sum(axis=0), -np.where(off < 0, off, 0).sum(axis=0)
+    # Of X = min(Pareto(1.5), 20): E X = 1 + 2 (1 - 20^-1/2), E X^2 = 1 + 4 (20^1/2 - 1), in centimetres.
+    count = 480 / 4
+    expected, sd = 0.01 * count * (3 - 2 / np.sqrt(20)), 0.01 * np.sqrt(count * (4 * np.sqrt(20) - 3))
+    np.testing.assert_allclose([*spun, *held], expected, atol=5 * sd)
+    assert (rolled + off >= -1e-12).all()  # a wheel that stands still does not turn backwards
+    assert np.abs(off).max() <= 0.4  # no counter takes this for a jump
+    assert (off == 0).mean() > 0.5
+    np.testing.assert_array_equal(slipped(rolled, way, t, 0.0, np.random.default_rng(5)), rolled)
+
+
+def test_slip_is_beyond_the_stated_noise() -> None:
+    t = TICK * np.arange(3001.0)
+    frames = np.arange(0, 60, 0.2)
+    driven = drive(LOOP, 0.4, t)
+    true = between(*(drive(LOOP, 0.4, edges)[0] for edges in (frames[:-1], frames[1:])))
+    worst: list[float] = []
+    for rate in (0.0, 0.5):
+        ticks = count(*driven, t, ENCODER, np.random.default_rng(4), rate)
+        factors = [ENCODER.odometry(*readings(ticks, a, b)) for a, b in pairwise(frames)]
+        miss = wrap(np.array([f.delta[2] for f in factors]) - true[:, 2])
+        worst.append(float(np.abs(miss / np.sqrt([f.cov[2, 2] for f in factors])).max()))
+    assert worst[0] < 4.5
+    assert worst[1] > 4.5
+
+
+def test_narrow_counters_wrap_and_come_back() -> None:
+    t = TICK * np.arange(1501.0)
+    ticks = count(*drive(LOOP, 0.4, t), t, ENCODER, np.random.default_rng(4))
+    narrow = wrapped(ticks, 16)
+    assert narrow.counts.min() >= 0
+    assert narrow.counts.max() < 2**16
+    assert np.diff(narrow.counts, axis=0).min() < -60_000
+    np.testing.assert_array_equal(unwrap(narrow.counts, 16), ticks.counts)
+
+
+@pytest.mark.parametrize("camera", ["wide", "tilted", "fisheye"])
+def test_a_hard_drive_is_still_a_log(camera: str) -> None:
+    """Every disturbance at once, through every lens."""
+    options = Options(
+        seconds=1.5,
+        frame_rate=2.0,
+        camera=camera,
+        boxes=4,
+        exposure=0.004,
+        gain_drift=0.2,
+        shadow=0.3,
+        occlusion=0.3,
+        slip=0.2,
+        counts_per_metre=1000.0,
+    )
+    log, truth = aruco_room(options, np.random.default_rng(3))
+    assert truth is not None
+    assert len(log) == 4
+    assert len(log.ids) > 3
+    default = record(Options(seconds=1.5, frame_rate=2.0), np.random.default_rng(3))[1]
+    np.testing.assert_array_equal(truth.poses, default.poses)
+    assert log.notes["encoder"]["left"] == 1e-3
+    error = log.z[:, 0] - true_measurements(Dataset(log, truth))[:, 0]
+    assert np.abs(error).max() < 0.3
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(InputError, match=r"option exposure=0\.05: expected at most .* 0\.03333 s at frame_rate=30"):
+        record(Options(exposure=0.05, frame_rate=30.0), np.random.default_rng(0))
+    for given, said in ((("camera", "none"), "pinhole, wide, tilted, fisheye"), (("boxes", "9"), "from 0 to 8")):
+        with pytest.raises(InputError, match=said):
+            read_options(Options, [given], "dataset aruco-room")

@@ -1,10 +1,13 @@
-"""The pinhole camera, its lens and its mounting."""
+"""Cameras and their lenses."""
 
+import cv2
 import numpy as np
 import pytest
 
-from slamduel.frontend.camera import Camera, mounting
+from slamduel.frontend.camera import Camera
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.mounting import mounting
+from slamduel.frontend.se2 import Array
 
 LENSES: dict[str, tuple[float, ...]] = {
     "none": (),
@@ -58,17 +61,100 @@ def test_a_lens_of_unknown_length_is_refused(length: int) -> None:
         camera((0.0,) * length).project(np.ones((1, 3)))
 
 
-def test_mounting_looks_ahead_and_down() -> None:
-    pose = mounting(forward=0.1, left=0.2, up=0.7, tilt=0.3)
-    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-15)
-    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
-    np.testing.assert_allclose(pose @ [0, 0, 1, 0], [np.cos(0.3), 0, -np.sin(0.3), 0])  # where it looks
-    np.testing.assert_allclose(
-        pose @ [1, 0, 0, 0], [0, -1, 0, 0], atol=1e-15
-    )  # right in the image is the robot's right
-    np.testing.assert_allclose(pose @ [0, 0, 0, 1], [0.1, 0.2, 0.7, 1])
+STRONG = (-0.35, 0.12, 0.001, -0.0005, -0.015)
+FOLDING = (-0.4, 0.05, 0.001, 0.001)
+FISHEYES: dict[str, tuple[tuple[float, ...], float]] = {
+    "150 degrees": ((-0.0121, 0.0043, -0.0021, 0.0003), 245.0),
+    "wider than the image": ((0.02, -0.01, 0.003, -0.001), 150.0),
+    "folding": ((-0.2, -0.01, 0.003, -0.001), 200.0),
+}
 
 
-def test_mounting_of_the_documents_robot() -> None:
-    published = [[0, 0.258819, 0.965926, 0.18], [-1, 0, 0, -0.1], [0, -0.965926, 0.258819, 0], [0, 0, 0, 1]]
-    np.testing.assert_allclose(mounting(0.18, -0.1, 0, np.deg2rad(-15)), published, atol=1e-6)
+def fisheye(distortion: tuple[float, ...], focal: float) -> Camera:
+    return Camera(640, 480, (focal, focal * 0.99), (321.7, 238.4), distortion, mounting(0, 0, 0, 0), "fisheye")
+
+
+def everywhere(step: float = 16) -> Array:
+    u, v = np.meshgrid(np.arange(0.0, 640, step), np.arange(0.0, 480, step))
+    return np.stack((u.ravel(), v.ravel()), axis=-1)
+
+
+def there_and_back(lens: Camera, pixels: Array) -> tuple[Array, Array]:
+    """How far off pixels come back, for those that have a ray, and the rays."""
+    rays = lens.undistort(pixels)
+    known = np.isfinite(rays).all(axis=1)
+    back = lens.project(np.column_stack((rays[known], np.ones(known.sum()))))
+    return np.abs(back - pixels[known]), rays
+
+
+def test_undistort_is_exact_where_opencvs_iteration_is_not() -> None:
+    lens = Camera(640, 480, (300.0, 300.0), (320.0, 240.0), STRONG, mounting(0, 0, 0, 0))
+    pixels = everywhere()
+    plain = np.asarray(cv2.undistortPoints(pixels.reshape(-1, 1, 2), lens.matrix, lens.coefficients), float)
+    plain = plain.reshape(-1, 2)
+    assert np.abs(lens.project(np.column_stack((plain, np.ones(len(plain))))) - pixels).max() > 1e-3
+    off, _ = there_and_back(lens, pixels)
+    assert off.max() < 1e-6
+
+
+def test_past_its_reach_a_lens_has_no_rays() -> None:
+    lens = Camera(640, 480, (400.0, 400.0), (320.0, 240.0), FOLDING, mounting(0, 0, 0, 0))
+    off, rays = there_and_back(lens, everywhere())
+    assert off.max() < 1e-6
+    length = np.hypot(*rays.T)
+    assert np.nanmax(length) < lens.reach
+    # The radial part's own largest value, looked for on a fine grid: pixels well inside have rays, those outside none.
+    r = np.linspace(0, 2, 20001)
+    curve = r * (1 - 0.4 * r**2 + 0.05 * r**4)
+    top = np.argmax(curve[r < 1.5])
+    assert lens.reach == pytest.approx(r[top], abs=1e-3)
+    from_axis = np.hypot(*(everywhere() - [320, 240]).T) / 400
+    assert np.isfinite(length[from_axis < 0.97 * curve[top]]).all()
+    assert np.isnan(length[from_axis > 1.03 * curve[top]]).all()
+
+
+def test_undistort_does_not_take_the_other_ray_of_a_pixel() -> None:
+    lens = Camera(640, 480, (400.0, 400.0), (320.0, 240.0), FOLDING, mounting(0, 0, 0, 0))
+    inner = np.array([[0.5, 0.2], [-0.7, 0.6], [0.0, 0.95]])
+    pixels = lens.project(np.column_stack((inner, np.ones(3))))
+    np.testing.assert_allclose(lens.undistort(pixels), inner, atol=1e-9)
+
+
+@pytest.mark.parametrize(("distortion", "focal"), FISHEYES.values(), ids=FISHEYES.keys())
+def test_undistort_undoes_a_fisheye(distortion: tuple[float, ...], focal: float) -> None:
+    lens = fisheye(distortion, focal)
+    pixels = everywhere()
+    off, rays = there_and_back(lens, pixels)
+    assert off.max() < 1e-6
+    # The model written out: which distorted angles are reached before it turns back or has come to 90 degrees.
+    k = np.array(distortion)
+    angle = np.linspace(0, np.pi / 2, 100001)
+    curve = angle * (1 + k[0] * angle**2 + k[1] * angle**4 + k[2] * angle**6 + k[3] * angle**8)
+    falling = np.flatnonzero(np.diff(curve) < 0)
+    most = curve[falling[0]] if len(falling) else curve[-1]
+    distorted = np.hypot(*((pixels - [321.7, 238.4]) / lens.focal).T)
+    np.testing.assert_array_equal(np.isfinite(rays).all(axis=1), distorted < most)
+
+
+def test_a_fisheyes_angles_are_the_model_written_out() -> None:
+    k1, k2, k3, k4 = lens = (-0.0121, 0.0043, -0.0021, 0.0003)
+    x, y, z = 0.4, -0.9, 0.5
+    a = np.arctan2(np.hypot(x, y), z)
+    d = a * (1 + k1 * a**2 + k2 * a**4 + k3 * a**6 + k4 * a**8) / np.hypot(x, y)
+    (pixel,) = fisheye(lens, 245.0).project(np.array([[x, y, z]]))
+    assert pixel == pytest.approx([245 * d * x + 321.7, 245 * 0.99 * d * y + 238.4])
+
+
+def test_a_fisheyes_axis_is_straight_ahead() -> None:
+    np.testing.assert_allclose(fisheye((0.1, 0.0, 0.0, 0.0), 200.0).undistort(np.array([[321.7, 238.4]])), [[0, 0]])
+
+
+def test_a_fisheye_has_four_coefficients() -> None:
+    with pytest.raises(InputError, match="camera distortion: found 5 coefficients, expected 4"):
+        fisheye((0.0,) * 5, 200.0).project(np.ones((1, 3)))
+
+
+def test_an_unknown_model_is_refused() -> None:
+    lens = Camera(640, 480, (1.0, 1.0), (0.0, 0.0), (), np.eye(4), "mirror")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(InputError, match="camera model: found 'mirror', expected pinhole or fisheye"):
+        lens.project(np.ones((1, 3)))

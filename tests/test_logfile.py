@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slamduel.datasets import logfile
+from slamduel.datasets import truth as truth_files
 from slamduel.frontend.check import problems
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset, Truth
@@ -88,7 +89,7 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.M
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(logfile, "write_tum", full)
+    monkeypatch.setattr(truth_files, "write_tum", full)
     with pytest.raises(InputError, match=r"cannot be written \(No space left on device\)"):
         logfile.write(tmp_path / "log", *small_dataset())
     assert os.listdir(tmp_path) == []

@@ -29,16 +29,24 @@ def commands() -> list[list[str]]:
     return [shlex.split(line) for line in found]
 
 
+def written() -> set[str]:
+    """What earlier commands leave."""
+    return {words[words.index("--out") + 1] for words in commands() if "--out" in words}
+
+
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
 def test_every_command_is_taken_and_names_what_exists(words: list[str]) -> None:
     parser = argparse.ArgumentParser()
     import_module(COMMANDS[words[1]][1], "slamduel.bench").arguments(parser)
-    given: dict[str, list[str]] = vars(parser.parse_args(words[2:]))  # ends the test where an argument is not taken
+    given: dict[str, list[str] | str] = vars(
+        parser.parse_args(words[2:])
+    )  # ends the test where an argument is not taken
     for names in (given.get("backend") or ()) if words[1] == "run" else ():
         for variant in backend_variants(names.replace("my_module:build", "graph")):
             assert variant.builder is not None, variant.missing
-    for name in given.get("dataset") or ():
-        assert "/" in name or dataset_variants(name)
+    named = given.get("dataset") or ()
+    for name in [named] if isinstance(named, str) else named:
+        assert "/" in name or name in written() or dataset_variants(name)
 
 
 def test_every_name_is_told() -> None:

@@ -9,8 +9,9 @@ from slamduel.datasets.render import INK, PAPER, Renderer
 from slamduel.datasets.surfaces import Surfaces, paint
 from slamduel.datasets.world import Marker, Room, furnish, wall_point
 from slamduel.frontend.aruco import Detector, Image, square
-from slamduel.frontend.camera import Camera, mounting
+from slamduel.frontend.camera import Camera
 from slamduel.frontend.markers import Markers, find
+from slamduel.frontend.mounting import mounting
 from slamduel.frontend.se2 import Array
 
 LENS = (-0.208, 0.062, 0.0008, -0.0006, 0.0)
@@ -70,7 +71,7 @@ def test_the_detector_finds_the_corners_where_they_are(marker: Array) -> None:
     assert [s.id for s in found] == [0]
     expected = corners(robot(), marker)
     # Each corner comes out a little inside the square, the four together hardly moved.
-    np.testing.assert_allclose(found[0].corners, expected, atol=0.8)
+    np.testing.assert_allclose(found[0].corners, expected, atol=0.9)
     np.testing.assert_allclose((found[0].corners - expected).mean(axis=0), 0, atol=0.2)
 
 
@@ -98,9 +99,9 @@ def test_every_pixel_is_the_mean_of_its_rays(marker: Array) -> None:
     middle = CAMERA.undistort(picked.astype(float))
     expected = grey * (1 + (middle**2).sum(axis=1)) ** -0.8
     difference = image[picked[:, 1], picked[:, 0]] - expected
-    # 4 x 4 rays miss an edge's place by an eighth of a pixel at the most; on the mean they do not.
-    assert np.abs(difference).max() < (PAPER - INK) / 8 + 1
-    assert np.abs(difference.mean()) < 0.6
+    # 16 rays, each in a strip of its own, miss the share on either side of an edge by little; on the mean they do not.
+    assert np.abs(difference).max() < (PAPER - INK) / 10 + 1
+    assert np.abs(difference.mean()) < 0.3
 
 
 def test_a_marker_turned_away_or_behind_is_not_seen() -> None:

@@ -1,0 +1,110 @@
+"""Small ROS bags for the tests, written message by message."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+KINDS = ("ros1", "ros2", "mcap", "mcap folder")
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+COUNTS = "geometry_msgs/msg/QuaternionStamped"
+ODOMETRY = "nav_msgs/msg/Odometry"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+
+
+class Said(NamedTuple):
+    """A message: `build(new)` makes its content, `new(type, *values)` a part of it."""
+
+    topic: str
+    type: str
+    stamp: int  # ns, of the header
+    build: Callable[[Any], dict[str, Any]]
+    received: int | None = None  # ns; None: at once
+
+
+def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
+    """The bag's path."""
+    old = kind == "ros1"
+    types = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
+    path = folder / ("drive.bag" if old else "drive")
+    writer: Any = Writer1(path) if old else Writer2(path, version=8, storage_plugin=plugin)
+    connections = dict[str, Any]()
+
+    def new(type_name: str, *values: Any) -> Any:
+        return types.types[type_name](*values)
+
+    with writer:
+        for said in messages:
+            if said.topic not in connections:
+                connections[said.topic] = writer.add_connection(said.topic, said.type, typestore=types)
+            stamp = new("builtin_interfaces/msg/Time", *divmod(said.stamp, 10**9))
+            header = new("std_msgs/msg/Header", *([0] if old else []), stamp, "frame")
+            content = said.build(new)
+            if old and said.type == CAMERA_INFO:
+                content = {name.upper() if name in "dkrp" else name: value for name, value in content.items()}
+            message = types.types[said.type](header=header, **content)
+            encode = types.serialize_ros1 if old else types.serialize_cdr
+            received = said.stamp if said.received is None else said.received
+            writer.write(connections[said.topic], received, encode(message, said.type))
+    return path / "drive.mcap" if kind == "mcap" else path
+
+
+def image(stamp: int, pixels: Any, received: int | None = None, topic: str = "/image", encoding: str = "mono8") -> Said:
+    height, width = pixels.shape[:2]
+    content = {"height": height, "width": width, "encoding": encoding, "is_bigendian": 0, "step": width}
+    content |= {"data": np.ascontiguousarray(pixels, np.uint8).ravel()}
+    return Said(topic, IMAGE, stamp, lambda new: content, received)
+
+
+def compressed(stamp: int, content: bytes, kind: str = "jpeg", topic: str = "/image/compressed") -> Said:
+    return Said(topic, COMPRESSED, stamp, lambda new: {"format": kind, "data": np.frombuffer(content, np.uint8)})
+
+
+def counts(stamp: int, *four: float, topic: str = "/encoder", received: int | None = None) -> Said:
+    return Said(topic, COUNTS, stamp, lambda new: {"quaternion": new("geometry_msgs/msg/Quaternion", *four)}, received)
+
+
+def odometry(stamp: int, x: float, y: float, turn: tuple[float, float, float, float]) -> Said:
+    def build(new: Any) -> dict[str, Any]:
+        pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", x, y, 0.0), _quaternion(new, turn))
+        still = new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+        twist = new("geometry_msgs/msg/Twist", still, still)
+        return {
+            "child_frame_id": "base_link",
+            "pose": new("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36)),
+            "twist": new("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36)),
+        }
+
+    return Said("/odom", ODOMETRY, stamp, build)
+
+
+def _quaternion(new: Any, turn: tuple[float, float, float, float]) -> Any:
+    return new("geometry_msgs/msg/Quaternion", *turn)
+
+
+def camera_info(stamp: int, k: Any, d: Any, topic: str = "/camera_info", model: str = "plumb_bob") -> Said:
+    return Said(
+        topic,
+        CAMERA_INFO,
+        stamp,
+        lambda new: {
+            "height": 480,
+            "width": 640,
+            "distortion_model": model,
+            "d": np.array(d, float),
+            "k": np.array(k, float),
+            "r": np.eye(3).ravel(),
+            "p": np.zeros(12),
+            "binning_x": 0,
+            "binning_y": 0,
+            "roi": new("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False),
+        },
+    )
