@@ -10,6 +10,8 @@ The parameters are, in this order:
 
 The last eleven are the `look`. p and q are the pattern's centred coordinates, u / m - 1/2 and v / m - 1/2, where u and
 v count its m modules from the first corner.
+
+It is one file because numba's cache of compiled code looks at the file that a function is in, and not at what it calls.
 """
 
 import math
