@@ -2,10 +2,10 @@
 
 import argparse
 import io
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
 
 from ..frontend.errors import Interrupted, SlamduelError
 
@@ -37,16 +37,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     chosen = next((word for word in given if not word.startswith("-")), None)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     action: Callable[[argparse.Namespace], int] | None = None
-    for name, (summary, module) in COMMANDS.items():
-        command = subparsers.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if name == chosen:
-            implementation = import_module(module, __package__)
-            implementation.arguments(command)
-            action = implementation.main
-    sys.path.append(str(Path.cwd()))  # so that my_module:build is found in the folder one stands in
-    namespace = parser.parse_args(given)
-    assert action is not None  # argparse has refused every other command
     try:
+        for name, (summary, module) in COMMANDS.items():
+            command = subparsers.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+            if name == chosen:
+                implementation = import_module(module, __package__)
+                implementation.arguments(command)
+                action = implementation.main
+        sys.path.append(os.getcwd())  # so that my_module:build is found in the folder one stands in
+        namespace = parser.parse_args(given)
+        assert action is not None  # argparse has refused every other command
         return action(namespace)
     except Interrupted as error:
         print(f"bench: interrupted; {error}.", file=sys.stderr)

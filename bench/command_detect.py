@@ -65,6 +65,8 @@ def main(namespace: argparse.Namespace) -> int:
         console.print(_noise_table(findings))
         console.print(plain(toml(findings.calibration).rstrip()), highlight=False)
     console.print(f"report: {plain(str(out / PAGE))}", highlight=False, soft_wrap=True)
+    if not findings.sightings.kept.any():
+        return 0  # there is nothing to race backends on
     console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
     return 0
 
@@ -84,7 +86,8 @@ def _noise_table(findings: Findings) -> Table:
     )
     for heading in headings:
         shown.add_column(heading, justify="right")
-    for one in findings.bins:
+    assert findings.calibration is not None
+    for one in findings.calibration.bins:
         shown.add_row(
             f"{one.low:g}-{one.high:g}",
             f"{one.sightings:,}",

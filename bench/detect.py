@@ -73,24 +73,24 @@ def detect(recording: Recording, truth: Truth | None, wishes: Wishes, advance: C
 
     with wishes.preview or nullcontext():
         log = build_log(replace(recording, frames=counted(recording.frames)), observe)
-        camera, markers = recording.detector.camera, recording.detector.markers
-        advice = [plausible_length(first, markers)]
-        advice += diagnose(empty.images, markers, camera) if hardly_any(detection) else []
-        sentences = [_sentence(one) for one in advice if one is not None]
-        findings = _findings(recording, log, truth, detection, sentences, wishes)
+    camera, markers = recording.detector.camera, recording.detector.markers
+    advice = [plausible_length(first, markers)]
+    advice += diagnose(empty.images, markers, camera) if hardly_any(detection) else []
+    sentences = [_sentence(one) for one in advice if one is not None]
+    findings = _findings(recording, log, truth, detection, sentences, wishes)
 
-        def write(folder: Path) -> None:
-            logfile.write(folder, log, findings.truth)
-            if findings.calibration is not None:
-                (folder / NOISE).write_text(toml(findings.calibration), encoding="utf-8")
-            write_detection_report(folder, wishes.out, findings, contact.pictures())
+    def write(folder: Path) -> None:
+        logfile.write(folder, log, findings.truth)
+        if findings.calibration is not None:
+            (folder / NOISE).write_text(toml(findings.calibration), encoding="utf-8")
+        write_detection_report(folder, wishes.out, findings, contact.pictures())
 
-        write_folder(wishes.out, write)
+    write_folder(wishes.out, write)
     return findings
 
 
 def _sentence(words: str) -> str:
-    return words[:1].upper() + words[1:].removesuffix(".") + "."
+    return words[:1].upper() + words[1:] + ("" if words.endswith((".", "?")) else ".")
 
 
 def _findings(
@@ -105,7 +105,6 @@ def _findings(
         bins = range_table(seen.z, errors, [seen.cov], range_bins(seen.z[:, 0]))
     if true is not None and wishes.calibrate_noise:
         calibration = calibrate(sightings, true, range_bins(sightings.z[sightings.kept, 0]))
-        bins = calibration.bins
     return Findings(
         log, known, recording.max_range, detection.size, detection.t, sightings, true, bins, advice, calibration
     )

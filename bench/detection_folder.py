@@ -14,6 +14,8 @@ OURS = LOG | {"detection.html", "contact.png", "noise.toml"}
 
 def check_place(out: Path) -> None:
     """InputError where `out` is neither new, nor empty, nor the folder of an earlier detection with nothing added."""
+    if out.is_symlink():
+        raise InputError(f"--out {out}: is a link, expected the folder itself, or a new place.")
     if not out.exists():
         return
     if not out.is_dir():

@@ -103,7 +103,10 @@ def as_json(f: Findings, out: str) -> dict[str, Any]:
         "left_out": dict(left_out(f.log)),
         "advice": list(f.advice),
         "truth": None if f.truth is None else f.truth.kind,
-        "by_range": [one._asdict() | {"squares": dict(zip(NOISES, one.squares, strict=False))} for one in f.bins],
+        "by_range": [
+            one._asdict() | {"squares": dict(zip(NOISES, one.squares, strict=False))}
+            for one in (f.calibration.bins if f.calibration else f.bins)
+        ],
     }
     if f.calibration is not None:
         c = f.calibration

@@ -2,11 +2,11 @@
 
 import difflib
 import hashlib
+import os
 import types
 import typing
 from collections.abc import Iterable, Sequence
 from dataclasses import Field, dataclass, fields
-from pathlib import Path
 from typing import Any, TypeVar
 
 from ..backends import registry as backends
@@ -86,8 +86,8 @@ def dataset_variants(text: str) -> list[DatasetVariant]:
     """The datasets named in `text`; the path of a log or of a recording is a dataset too. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, "--dataset"):
-        if name not in datasets.BUILTIN and ("/" in name or Path(name).exists()):
-            recorded = Path(name).is_file() or (Path(name) / "robot.toml").is_file()
+        if name not in datasets.BUILTIN and ("/" in name or os.path.exists(name)):
+            recorded = os.path.isfile(name) or os.path.isfile(os.path.join(name, "robot.toml"))
             kind = "recording" if recorded else "log"
             name, given = kind, [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
         try:

@@ -126,7 +126,8 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
 def _noise(options: Options) -> Noise:
     """The noise that is stated for the sightings."""
     if options.noise == "propagated":
-        return PropagatedNoise()
+        # The corners do not know that the body rocks.
+        return PropagatedNoise(1.0, *((options.floor_range, options.floor_bearing) if options.sway else (0.0, 0.0)))
     return ProportionalNoise(options.k_range, options.k_bearing, options.floor_range, options.floor_bearing)
 
 

@@ -11,6 +11,9 @@ from typing import Any
 from ..frontend.errors import InputError
 from ..frontend.table import text
 
+HUGE = 1e12
+"""No length, time or factor of a robot's is as large."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -99,4 +102,5 @@ class Settings:
 
 
 def _is_number(found: Any) -> bool:
-    return isinstance(found, int | float) and not isinstance(found, bool) and math.isfinite(found)
+    """Whether it is a number that something on a robot can have; a NaN is within no bounds."""
+    return isinstance(found, int | float) and not isinstance(found, bool) and -HUGE < found < HUGE

@@ -251,7 +251,7 @@ def _slopes(
     return a0 * rxx + a1 * ryx, a0 * rxy + a1 * ryy, b0 * rxx + b1 * ryx, b0 * rxy + b1 * ryy
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _weigh(u: float, sigma: float, kurtosis: float, weights: Array) -> int:
     """How much of each of four modules in a row a pixel at `u` sees, under a blur of `sigma` modules.
 
@@ -286,7 +286,7 @@ def _weigh(u: float, sigma: float, kurtosis: float, weights: Array) -> int:
     return edge - 2
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _accumulate(
     places: Array,
     pattern: NDArray[np.bool_],

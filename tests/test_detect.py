@@ -250,8 +250,10 @@ def test_calibrated_noise_is_the_noise_there_is(tmp_path: Path, seed: int) -> No
         # Held against 4.5 standard errors, and the bend by fitting to readings and not to true ranges: k^2.
         assert abs(fit.k - k) < 4.5 * fit.k_error + k**2
         assert abs(fit.floor - floor) < 4.5 * fit.floor_error + k**2
-    n = sum(one.sightings for one in f.bins)
-    before, after, _ = np.average([one.squares for one in f.bins], axis=0, weights=[one.sightings for one in f.bins])
+    assert f.calibration is not None
+    bins = f.calibration.bins
+    n = sum(one.sightings for one in bins)
+    before, after, _ = np.average([one.squares for one in bins], axis=0, weights=[one.sightings for one in bins])
     assert abs(after - 2) < 6 * 2 / np.sqrt(n)
     assert before < 1  # the default is a cautious one
     assert c.likelier == "proportional"
