@@ -31,7 +31,6 @@ TICK = 0.02  # s between encoder readings
 START_SD = 1e-3  # m and rad; the robot starts exactly where the prior says
 SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated with the noise that the encoder states"
 
-CAMERA = CAMERAS["pinhole"]
 
 ENCODER = Encoder(left=1.6e-4, right=1.6e-4, base=0.36, k=0.01, noise="distance")
 
