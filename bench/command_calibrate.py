@@ -92,11 +92,11 @@ def main(namespace: argparse.Namespace) -> int:
         found = calibrate(views.used, views.size, namespace.model)
     except InputError as error:
         raise InputError(". ".join([str(error), *reasons])) from None
-    write_opencv(namespace.out, found.camera)
-    if namespace.camera_info is not None:
-        write_camera_info(namespace.camera_info, found.camera)
     if namespace.picture is not None:
         write_picture(namespace.picture, found)
+    if namespace.camera_info is not None:
+        write_camera_info(namespace.camera_info, found.camera)
+    write_opencv(namespace.out, found.camera)  # last, so that where it is new all the others are
     _report(console, found, reasons)
     for path in (namespace.out, namespace.camera_info, namespace.picture):
         if path is not None:

@@ -99,7 +99,11 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         noise=robot.noise,
         prior=robot.prior,
         max_range=robot.max_range,
-        notes={"source": path.name, "time_offset": robot.time_offset, "exposure": robot.exposure},
+        notes={
+            "source": path.name.encode("utf-8", "replace").decode(),
+            "time_offset": robot.time_offset,
+            "exposure": robot.exposure,
+        },
     )
     return Opened(recording, streams.truth, streams.length)
 

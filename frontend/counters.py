@@ -86,5 +86,5 @@ def _fit(counts: Array, bits: int) -> bool:
 
 def _resets(counts: Array, steps: Array, usual: Array) -> Flags:
     """(m - 1, 2) where both wheels' counters are at about zero at once, from much farther than a usual step."""
-    jumps = (np.abs(counts[1:]) <= usual + 1) & (np.abs(steps) > 10 * (usual + 1))
+    jumps = (np.abs(counts[1:]) <= usual + 1) & (np.abs(steps) > 4 * (usual + 1))
     return np.broadcast_to(jumps.all(axis=1, keepdims=True), steps.shape)

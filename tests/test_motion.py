@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from slamduel.frontend.counters import unwrap
+from slamduel.frontend.counters import MAX_SPEED, check_counts, unwrap
 from slamduel.frontend.encoder import Encoder, Floors
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.motion import Drift, Motion, Ticks, Track, TrackNoise, Wheels
@@ -224,3 +224,11 @@ def test_what_a_log_is_told() -> None:
     assert wheels(driven()).settings["encoder"]["base"] == 0.3
     assert Drift(0.3, 0.2).settings["drift"]["turning"] == 0.2
     assert Track(T, poses(driven()), TrackNoise(0.5)).settings["odometry"]["forward"] == 0.5
+
+
+def test_a_reset_soon_after_the_start() -> None:
+    """Both wheels are back at nothing from five steps away: at a speed that is possible, and yet no wheel did that."""
+    counts = 50.0 * np.concatenate((np.arange(6), np.arange(20)))[:, None] * np.ones(2)
+    t: Array = np.arange(len(counts)) / 50.0
+    with pytest.raises(InputError, match=r"between readings 5 and 6.*from 250 to 0.*it looks like a reset"):
+        check_counts(t, counts, np.full(2, 1e-4), MAX_SPEED, "ticks.csv")
