@@ -1,13 +1,16 @@
 # make demo   a first run on data that comes along, and its report
 # make test   lint, types and tests
-# Both make their own environment in .venv first; another Python is named by PYTHON=python3.12.
+# make study-isam2        iSAM2's settings against one another
+# make study-consistency  which EKFs are as sure of themselves as they may be, on 50 of Huang's circles
+# make study-city         an EKF with 10,000 landmarks
+# All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
 
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit clean
+.PHONY: demo test lint types unit clean study-isam2 study-consistency study-city
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -27,6 +30,26 @@ types: $(VENV)/.installed-dev
 
 unit: $(VENV)/.installed-dev
 	$(BIN)/pytest -n auto
+
+# Settings of iSAM2 against one another: what each costs a step, and how far it ends from the optimum.
+ISAM2_VARIANTS := isam2 isam2[relinearize_skip=1] isam2[relinearize_skip=10] isam2[relinearize_skip=1000] \
+	isam2[relinearize_threshold=0.1] isam2[relinearize_threshold=0.01] \
+	isam2[relinearize_skip=10,relinearize_threshold=0.1] isam2[partial_check=true] isam2[factorization=cholesky]
+
+study-isam2: $(VENV)/.installed
+	rm -rf results/study-isam2
+	$(BIN)/bench run --out results/study-isam2 --dataset aruco-room,victoria-park --seeds 2 \
+		$(foreach variant,$(ISAM2_VARIANTS),--backend '$(variant)')
+
+# A filter that gives up is a finding here, not a failure of the study.
+study-consistency: $(VENV)/.installed
+	rm -rf results/study-consistency
+	-$(BIN)/bench run --out results/study-consistency --oracle --dataset circle --seeds 50 \
+		--backend 'ekf[jacobians=ideal],ekf[jacobians=first-estimates],invariant-ekf,ekf,ukf'
+
+study-city: $(VENV)/.installed
+	rm -rf results/study-city
+	$(BIN)/bench run --out results/study-city --dataset 'city[landmarks=10000,steps=20000]' --backend ekf --seeds 1 --memory 5000
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(f"Python 3.11 or newer is needed, found {sys.version.split()[0]}; name one with PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'

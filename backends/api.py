@@ -23,14 +23,14 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from ..frontend.errors import SlamduelError
-from ..frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ..frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from ..frontend.options import NoOptions, option
 from ..frontend.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
 
 __all__ = [
     "UNKNOWN", "Array", "Backend", "Belief", "Builder", "Diverged", "Ints", "Map", "NoOptions", "Odometry", "Pose",
-    "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "act", "act_jacobians", "between", "compose",
-    "compose_jacobians", "option", "wrap",
+    "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth", "TruthWanted", "WantsTruth", "act",
+    "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
 Pose = Array
@@ -45,6 +45,8 @@ class Belief(NamedTuple):
     nis: float | None = None  # normalised innovation squared of the step's sightings, summed
     nis_dof: int = 0  # degrees of freedom of nis: 2 for each sighting that has an innovation
     n_eff: float | None = None  # effective number of particles
+    ancestors: int | None = None  # how many of the particles at the start the present ones descend from
+    refused: int = 0  # sightings of the step that a gate kept out
     assigned: Ints | None = None  # (k,) the landmark each sighting of the step was taken for
 
 
@@ -84,6 +86,22 @@ class Backend(Protocol):
         ...
 
 
+@runtime_checkable
+class WantsTruth(Protocol):
+    """A backend that can be told the truth, for a study of what it would do if it linearised there.
+
+    `bench run --oracle` tells it, openly, and marks the rows of those that used it; without that flag nobody does.
+    """
+
+    def tell(self, truth: Truth) -> bool:
+        """Take the truth of the log, before its first step; whether this backend, with its options, makes use of it."""
+        ...
+
+
+class TruthWanted(SlamduelError):
+    """Raised by a backend whose options need the truth, at its first step without; its cell ends as `skipped`."""
+
+
 class Diverged(SlamduelError):
     """Raised by a backend whose numbers left the domain on which it is defined; its cell ends as `diverged`."""
 
@@ -95,7 +113,8 @@ class Builder:
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
     `random`: it draws from `rng`, so it is run once a seed even where the log is always the same. `loops`: it takes
     RelativePoses factors; a log that has some is skipped for a backend that does not. `associates`: it finds landmarks
-    for sightings with id UNKNOWN by itself; for the others these are taken out of the log, and counted.
+    for sightings with id UNKNOWN by itself; for the others these are taken out of the log, and counted. `forgets`: it
+    lets go of landmarks that are long out of view, so that it does not close loops.
     """
 
     make: Callable[[Prior, Any, np.random.Generator], Backend]
@@ -103,6 +122,7 @@ class Builder:
     random: bool = False
     loops: bool = False
     associates: bool = False
+    forgets: bool = False
 
     @property
     def summary(self) -> str:

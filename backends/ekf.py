@@ -1,120 +1,193 @@
 """EKF-SLAM with known correspondence, as in ArUco EKF SLAM, eqs (5)-(20).
 
-The state is (x, y, heading, m1x, m1y, m2x, ...) with one joint covariance. Only the blocks that an equation changes are
-touched: a motion changes the pose's three rows and columns, a sighting is a rank-2 correction of the whole.
+The state is (x, y, heading, m1x, m1y, m2x, ...) with one joint covariance. The document's way is to take one sighting
+after another, each linearised where the last one left the mean; `update=joint` stacks those of a frame into one update
+linearised at the prediction. The equations themselves are in `_ekf`, a frame a call, on a `Joint` belief; a large map
+is worked on through its `Active` part, which gives the same answers (see `compressed`).
+
+Where Jacobians are taken decides what the filter believes to observe. At the mean (`standard`) the heading becomes
+known though nothing measures it, and the filter is too sure of itself. `first-estimates` (Huang, Mourikis and
+Roumeliotis, IJRR 29(5), 2010, the FEJ-EKF) takes every landmark at its first estimate, and the pose at its prediction
+both for the sightings there and for the motions from and to it. `ideal` takes them at the truth, which only a study
+has.
 """
+
+from dataclasses import dataclass
+from math import log
 
 import numpy as np
 
-from ..frontend.factors import Map, Prior, RangeBearing, Step
-from ..frontend.se2 import wrap
-from .api import Belief, Builder, Diverged, NoOptions, Pose
-from .models import innovation, place, predict, sight
+from ..frontend.factors import Map, Prior, Step, Truth
+from ..frontend.options import option
+from ..frontend.se2 import Array, Ints
+from ._blas import routine
+from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, STANDARD, frame
+from .api import Belief, Builder, Diverged, Pose, TruthWanted
+from .compressed import Active
+from .joint import Joint
 
-SPACE = 64
-"""State entries reserved at first; doubled whenever they run out."""
+WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL}
+
+LARGEST = 5000
+"""Landmarks up to which a map comes with its joint covariance, which takes 0.8 GB there."""
+
+SIGHTINGS = 16
+"""Sightings a frame that there is space for at first."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Where the models are linearised, which sightings are believed, and from when on the filter is compressed."""
+
+    jacobians: str = option(
+        "standard",
+        "where Jacobians are taken: at the mean, at first estimates (Huang 2010), at the truth (needs --oracle)",
+        choices=tuple(WHERE),
+    )
+    update: str = option(
+        "sequential",
+        "one sighting after another, each linearised anew, or those of a frame jointly at the prediction",
+        choices=("sequential", "joint"),
+    )
+    gate: float = option(
+        0.0,
+        "refuse a sighting whose innovation is further off than this share of right ones is (chi-square); 0: none is",
+        minimum=0,
+        maximum=0.999999999,
+    )
+    confirm: int = option(
+        3, "with a gate: sightings that must agree with a landmark before others are refused for its sake", minimum=0
+    )
+    compress_above: int = option(
+        100, "landmarks above which only the part of the map in view is updated each step, the rest later", minimum=0
+    )
 
 
 class Ekf:
-    """The extended Kalman filter of ArUco EKF SLAM: one sighting after another, the map grown as markers appear."""
+    """The extended Kalman filter of ArUco EKF SLAM: one sighting after another, the map grown as markers appear.
 
-    def __init__(self, prior: Prior, options: NoOptions, rng: np.random.Generator) -> None:
-        del options, rng
-        self._slot: dict[int, int] = {}  # landmark id -> its x's place in the state
-        self._mean = np.zeros(SPACE)
-        self._cov = np.zeros((SPACE, SPACE))
-        self._mean[:3], self._cov[:3, :3] = prior.pose, prior.cov
-        self._size = 3
-        self._nis, self._nis_dof = 0.0, 0
+    With a gate, a sighting is tested against its innovation's covariance before it is used (chi-square, 2 degrees of
+    freedom), in a joint update given those before it in the frame. A first sighting cannot be tested, and it may itself
+    be the wrong one: until `confirm` others have agreed with it, one that fails the test replaces the landmark instead
+    of being refused. Nothing is lost by that, as a first sighting says nothing of the pose; one that agreed by chance
+    with a wrong landmark has moved the pose by no more than the gate lets through. Sightings that agree are used from
+    the second on, and landmarks that nothing has confirmed are on the map all the same.
+    """
+
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        del rng
+        self._options = options
+        self._where = WHERE[options.jacobians]
+        self._gate = -2 * log(1 - options.gate) if options.gate > 0 else 0.0  # the quantile, at two degrees of freedom
+        self._confirm = options.confirm
+        self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
+        self._whole = Joint(prior.pose, prior.cov, fixed_points=self._where != STANDARD)
+        self._part: Active | None = None
+        self._slot: dict[int, int] = {}  # landmark id -> its place in the whole
+        self._truth: Truth | None = None
+        self._true_pose = np.zeros(3)
+        self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
+        self._slots, self._z, self._z_cov = _frame_of(SIGHTINGS)
+        self._nis, self._nis_dof, self._refused = 0.0, 0, 0
         if prior.map is not None:
-            self._adopt(prior.map)
+            self._whole.adopt(prior.map)
+            self._whole.agreed[: len(prior.map.ids)] = self._confirm
+            self._slot = {landmark: i for i, landmark in enumerate(prior.map.ids.tolist())}
+
+    def tell(self, truth: Truth) -> bool:
+        """Take the truth to linearise at; False unless the Jacobians are to be ideal."""
+        if self._where != IDEAL:
+            return False
+        self._truth = truth
+        self._pose_at = {t: i for i, t in enumerate(truth.t.tolist())}
+        known = truth.map
+        self._xy_of = {} if known is None else dict(zip(known.ids.tolist(), known.xy, strict=True))
+        for landmark, slot in self._slot.items():
+            self._linearise_at_truth(landmark, slot)
+        return True
 
     def step(self, step: Step) -> Pose:
-        """Predict with the odometry, then take one sighting after another: correct, or add a marker not yet known."""
+        """Predict with the odometry and fold the sightings in: correct, or add a marker not yet known."""
+        if self._where == IDEAL:
+            self._true_pose[:] = self._truth_at(step.t)
+        known, slot = len(self._slot), self._slot
+        if self._part is None and known > self._options.compress_above:
+            self._part = Active(self._whole, self._dgemm, fixed_points=self._where != STANDARD)
+        ids, z, R = step.sightings
+        k = len(ids)
+        slots = [slot.setdefault(landmark, len(slot)) for landmark in ids.tolist()]
+        if len(slot) > known:
+            self._make_space(ids.tolist(), slots)
+        part = self._whole
+        if self._part is not None:
+            part, slots = self._part, self._part.bring(slots, known)
+        if k > len(self._slots):
+            self._slots, self._z, self._z_cov = _frame_of(2 * k)
+        self._slots[:k], self._z[:k], self._z_cov[:k] = slots, z, R
         if step.odometry is not None:
-            self._predict(step)
-        self._nis, self._nis_dof = 0.0, 0
-        for k, landmark in enumerate(step.sightings.ids.tolist()):
-            if landmark in self._slot:
-                self._correct(step.sightings, k)
-            else:
-                self._add(step.sightings, k)
-        return self._mean[:3].copy()
+            self._motion[0], self._motion[1:] = step.odometry
+        failed, why, self._nis, self._nis_dof, self._refused = frame(
+            part.mean, part.points, part.predicted, part.agreed, part.pose, part.cross, part.flat,
+            part.transition, part.information, part.pull,
+            2 * (part.landmarks - len(slot) + known), part.columns,
+            step.odometry is not None, self._motion, self._true_pose, k, self._slots, self._z, self._z_cov,
+            self._where, self._options.update == "joint", self._gate, self._options.confirm,
+            part.owed_pose, part.owed_map, part.owed_transition, self._dgemm, self._dsyrk,
+        )  # fmt: skip
+        if why == AT_ROBOT:
+            raise Diverged(
+                f"the estimate of landmark {ids[failed]} lies at the robot's own position: it has no bearing"
+            )
+        if why == INDEFINITE:
+            raise Diverged(f"the innovation covariance of landmark {ids[failed]} is not positive definite")
+        return part.mean[:3].copy()
 
     def belief(self) -> Belief:
-        """The pose's marginal and the NIS of the step's sightings of landmarks already known."""
+        """The pose's marginal and the NIS of those sightings of landmarks already known that were used."""
+        part = self._whole if self._part is None else self._part
         nis = self._nis if self._nis_dof else None
-        return Belief(self._mean[:3].copy(), self._cov[:3, :3].copy(), nis, self._nis_dof)
+        return Belief(part.mean[:3].copy(), part.pose.copy(), nis, self._nis_dof, refused=self._refused)
 
     def map(self) -> Map:
-        """All landmarks with their joint covariance, in the order in which they were first seen."""
-        n = self._size
+        """All landmarks in the order in which they were first seen, with their joint covariance up to `LARGEST`."""
+        whole = self._whole
+        if self._part is not None:  # settled on a copy: asking must not change what comes after
+            whole = whole.copy()
+            self._part.settle_with(whole)
         ids = np.fromiter(self._slot, np.int64, len(self._slot))
-        return Map(ids, self._mean[3:n].reshape(-1, 2).copy(), self._cov[3:n, 3:n].copy())
+        return Map(ids, whole.xy(), whole.cov() if len(ids) <= LARGEST else None)
 
     def finish(self) -> None:
         """None: a filter does not look back."""
 
-    def _predict(self, step: Step) -> None:
-        """Eqs (5)-(9): the pose's block becomes G C G' + N, its cross-covariance with the map G C."""
-        assert step.odometry is not None
-        n, P = self._size, self._cov
-        self._mean[:3], G, N = predict(self._mean[:3], step.odometry)
-        P[:3, :n] = G @ P[:3, :n]
-        P[3:n, :3] = P[:3, 3:n].T
-        block = P[:3, :3] @ G.T + N
-        P[:3, :3] = (block + block.T) / 2
+    def _make_space(self, ids: list[int], slots: list[int]) -> None:
+        """For landmarks that are new."""
+        self._whole.grow(len(self._slot))
+        if self._where == IDEAL:
+            for landmark, slot in zip(ids, slots, strict=True):
+                self._linearise_at_truth(landmark, slot)
 
-    def _correct(self, seen: RangeBearing, k: int) -> None:
-        """Eqs (11)-(16) for one known landmark, written as P - W W' with W = P H' L^-T and S = L L'."""
-        n, P = self._size, self._cov
-        at = self._slot[int(seen.ids[k])]
-        expected, by_pose, by_landmark = sight(self._mean[:3], self._mean[at : at + 2])
-        PHt = P[:n, :3] @ by_pose.T + P[:n, at : at + 2] @ by_landmark.T
-        S = by_pose @ PHt[:3] + by_landmark @ PHt[at : at + 2] + seen.cov[k]
-        try:
-            L_inv = np.linalg.inv(np.linalg.cholesky(S))
-        except np.linalg.LinAlgError:
-            raise Diverged(f"the innovation covariance of landmark {seen.ids[k]} is not positive definite") from None
-        nu = L_inv @ innovation(seen.z[k], expected)
-        W = PHt @ L_inv.T
-        self._mean[:n] += W @ nu
-        self._mean[2] = wrap(self._mean[2])
-        P[:n, :n] -= W @ W.T
-        self._nis += float(nu @ nu)
-        self._nis_dof += 2
+    def _truth_at(self, t: float) -> Array:
+        """The true pose at time t (s), to the last bit."""
+        if self._truth is None:
+            raise TruthWanted("ekf[jacobians=ideal] linearises at the truth, which `bench run --oracle` tells it")
+        i = self._pose_at.get(t)
+        if i is None:
+            raise TruthWanted(f"ekf[jacobians=ideal] needs the true pose of every step; there is none at t = {t:.6g} s")
+        return self._truth.poses[i]
 
-    def _add(self, seen: RangeBearing, k: int) -> None:
-        """Eqs (17)-(20), and the cross-covariance of the new landmark with all the rest: Gp times the pose's rows."""
-        n, P = self._grown(2), self._cov
-        xy, by_pose, by_z = place(self._mean[:3], seen.z[k])
-        cross = by_pose @ P[:3, :n]
-        own = cross[:, :3] @ by_pose.T + by_z @ seen.cov[k] @ by_z.T
-        self._mean[n : n + 2] = xy
-        P[n : n + 2, :n] = cross
-        P[:n, n : n + 2] = cross.T
-        P[n : n + 2, n : n + 2] = (own + own.T) / 2
-        self._slot[int(seen.ids[k])] = n
-
-    def _adopt(self, known: Map) -> None:
-        """Start from a given map; one without covariance is held fixed: its block stays zero, and so does its gain."""
-        n, m = self._grown(2 * len(known.ids)), self._size
-        self._mean[n:m] = known.xy.ravel()
-        if known.cov is not None:
-            self._cov[n:m, n:m] = known.cov
-        self._slot = {int(i): n + 2 * k for k, i in enumerate(known.ids)}
-
-    def _grown(self, more: int) -> int:
-        """Make the state `more` entries longer and return its size before."""
-        before = self._size
-        self._size += more
-        space = len(self._mean)
-        if self._size > space:
-            space = max(2 * space, self._size)
-            mean, cov = np.zeros(space), np.zeros((space, space))
-            mean[:before], cov[:before, :before] = self._mean[:before], self._cov[:before, :before]
-            self._mean, self._cov = mean, cov
-        return before
+    def _linearise_at_truth(self, landmark: int, slot: int) -> None:
+        xy = self._xy_of.get(landmark)
+        if xy is None:
+            raise TruthWanted(
+                f"ekf[jacobians=ideal] needs the true place of every landmark; that of {landmark} is lacking"
+            )
+        self._whole.points[3 + 2 * slot : 5 + 2 * slot] = xy
 
 
-build = Builder(Ekf)
+def _frame_of(k: int) -> tuple[Ints, Array, Array]:
+    """Space for the sightings of a frame, k at most."""
+    return np.zeros(k, np.int64), np.zeros((k, 2)), np.zeros((k, 2, 2))
+
+
+build = Builder(Ekf, options=Options)

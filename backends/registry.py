@@ -14,8 +14,11 @@ BUILTIN = {
     "dead-reckoning": "slamduel.backends.dead_reckoning:build",
     "ekf": "slamduel.backends.ekf:build",
     "fastslam": "slamduel.backends.fastslam:build",
+    "fixed-lag": "slamduel.backends.fixed_lag:build",
     "graph": "slamduel.backends.graph:build",
+    "invariant-ekf": "slamduel.backends.invariant_ekf:build",
     "isam2": "slamduel.backends.isam2:build",
+    "ukf": "slamduel.backends.ukf:build",
 }
 GROUP = "slamduel.backends"
 

@@ -26,6 +26,10 @@ class NotApplicable(Exception):
     """A check does not concern this backend; the text says why."""
 
 
+class GaveUp(Exception):
+    """A backend raised Diverged where it may; the text is the reason it gave."""
+
+
 class Trial(NamedTuple):
     """All that a backend answered over one log of n steps."""
 

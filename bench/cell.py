@@ -14,14 +14,15 @@ from typing import Any
 import numpy as np
 
 from ..backends import registry as backends
-from ..backends.api import Diverged
+from ..backends.api import Diverged, TruthWanted
 from ..datasets import archive
 from ..frontend.errors import SlamduelError
-from ..frontend.factors import UNKNOWN, Log
+from ..frontend.factors import UNKNOWN, Log, Truth
 from .drive import drive
 from .score import score
 
 MEGABYTE = 1 << 20
+TOLD = "was told the truth: linearised there"
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Task:
     seed: int
     log: Path  # the prepared log's archive
     memory_mb: int
+    oracle: bool = False  # tell the backend the truth, if it wants to know
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,12 @@ def run(task: Task) -> Result:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
         if builder.associates:
             row["ignored"] = 0
-        outcome = drive(builder, task.options, log, lambda: generator(task.seed, task.backend))
+        outcome = drive(builder, task.options, log, lambda: generator(task.seed, task.backend), _oracle(task))
     except Diverged as error:
         return Result("diverged", str(error), row)
+    except TruthWanted as error:
+        unknown = "nobody knows the truth of this log, so --oracle has none to tell; " if task.oracle else ""
+        return Result("skipped", unknown + str(error), row)
     except SlamduelError as error:
         return Result("error", str(error), row)
     except MemoryError:
@@ -77,7 +82,14 @@ def run(task: Task) -> Result:
         return Result("error", _where(error), row, traceback=traceback.format_exc())
     row["peak_mb"] = max(_peak_mb() - before_mb, 0.0)
     judged = score(log, outcome, archive.load(task.log).truth)
-    return Result("done", judged.remark, row | judged.row, judged.arrays)
+    said = [TOLD] * outcome.told + [judged.remark] * bool(judged.remark)
+    return Result("done", "; ".join(said), row | judged.row, judged.arrays)
+
+
+def _oracle(task: Task) -> Truth | None:
+    """What the backend is told, where the run says so: a batch optimum is no truth."""
+    truth = archive.load(task.log).truth if task.oracle else None
+    return truth if truth is not None and truth.kind == "truth" else None
 
 
 def _about(log: Log) -> dict[str, Any]:

@@ -16,7 +16,7 @@ COMMANDS = {
     "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".command_render"),
     "markers": ("print markers, or a calibration board, at true size", ".command_markers"),
     "calibrate": ("calibrate a camera from views of a ChArUco board", ".command_calibrate"),
-    "speed": ("time the front end, and measure what its corners are worth", ".command_speed"),
+    "speed": ("time a step of every backend, or of the front end, against stated references", ".command_speed"),
     "check": ("hold a backend to the conformance suite", ".command_check"),
     "report": ("write the report of a run's folder again", ".command_report"),
 }

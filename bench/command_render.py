@@ -38,6 +38,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(namespace: argparse.Namespace) -> int:
     """Render the drive once and write it in every format; 0."""
     variant = _variant(namespace.dataset)
+    if variant.options.outliers > 0:
+        raise InputError(f"bench render: found {variant.label}: frames are what they are, only a log has outliers.")
     if namespace.seed < 0:
         raise InputError(f"--seed {namespace.seed}: expected a whole number, at least 0.")
 

@@ -21,6 +21,9 @@ DEFAULTS: dict[str, Any] = {
     "seeds": 3,
     "timeout_s": 1800.0,
     "memory_mb": 8000,
+    "map": None,
+    "map_fixed": False,
+    "oracle": False,
 }
 """What a run is when nothing is said."""
 
@@ -50,6 +53,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--memory", dest="memory_mb", type=_count, metavar="MB", help=f"limit a cell (default {d['memory_mb']} MB)"
     )
+    parser.add_argument(
+        "--map",
+        metavar="RESULT",
+        help="localise on the map that an earlier run left: the folder of one of its cells, results/x/NAME/0/ekf, "
+        "or 'results/x/NAME/*/ekf' for a map a seed, or results/x where it has no other map; or a file with "
+        "id,x,y[,cxx,cxy,cyy]. The log's start must be known in the frame of the map; what it lacks is added as new",
+    )
+    parser.add_argument(
+        "--map-fixed", action="store_true", default=None, help="hold that map fixed, leaving its covariance aside"
+    )
+    parser.add_argument(
+        "--oracle",
+        action="store_true",
+        default=None,
+        help="tell the truth to backends that have a use for it, such as ekf[jacobians=ideal]; their rows are marked",
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -73,6 +92,8 @@ def main(namespace: argparse.Namespace) -> int:
         write_report(store)
         found = lines(store.cells())
     console.print(*tables(found, console.width))
+    if plan.left_out():
+        console.print(plan.left_out(), highlight=False, markup=False, soft_wrap=True)
     console.print(f"report: {out / 'report.html'}", highlight=False, soft_wrap=True)
     return 0 if all(row.columns["status"] in ("done", "skipped") for line in found for row in line.rows) else 1
 
@@ -80,7 +101,7 @@ def main(namespace: argparse.Namespace) -> int:
 def _refuse_another(plan: Plan, given: dict[str, Any], out: Path) -> None:
     """InputError where `out` holds a run of another plan than the one asked for."""
     recorded = plan.words()
-    asked = Plan.from_words(recorded | given).words()
+    asked = Plan.from_words(recorded | {"map_digest": None} | given).words()
     for name, value in asked.items():
         if value != recorded[name]:
             raise InputError(

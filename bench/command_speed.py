@@ -1,103 +1,50 @@
-"""`bench speed --frontend`: what every corner refinement costs, side by side with how good and how honest it is."""
+"""`bench speed`: what a step of every backend costs as the map grows; with `--frontend`, what a marker's corners cost.
+
+Either study prints tables, and writes them as CSV with a picture where it is asked to.
+"""
 
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from ..frontend.errors import InputError
-from ..frontend.files import write_whole
-from .frontend_study import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
-from .frontend_tables import Row, accuracy_table, as_csv, cost_table, misreading_table
+from . import speed_backends, speed_frontend
 from .terminal import screen_console
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("--frontend", action="store_true", required=True, help="the detector, with each of its corner refinements")
-    add("--placements", type=int, metavar="N", help=f"markers looked at for each distance ({FULL.placements})")
-    add(
-        "--clutter", type=int, metavar="N", help=f"frames without a marker, full of what resembles one ({FULL.clutter})"
-    )
-    add("--crowded", type=int, metavar="N", help=f"frames with six markers, looked through ({FULL.crowded})")
-    add("--seed", type=int, default=0, help="of everything that is drawn at random (0)")
-    add("--quick", action="store_true", help=f"a look: {QUICK.placements} placements and frames of each kind")
+    add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
+    add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
+    add("--quick", action="store_true", help="a look: little of everything, for no figure that counts")
     add("--csv", type=Path, metavar="FILE", help="also write the figures")
-    add("--out", type=Path, metavar="FOLDER", help="also write frontend.csv and a picture, frontend.png, there")
+    add("--out", type=Path, metavar="FOLDER", help="also write the figures and a picture of them there")
     add("--quiet", action="store_true", help="print nothing but errors")
+    speed_backends.arguments(parser.add_argument_group("backends"))
+    speed_frontend.arguments(parser.add_argument_group("--frontend"))
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Measure and print; 0."""
-    extent = _extent(namespace)
+    """Measure and print; 0, whatever was found."""
+    chosen, other = (speed_frontend, speed_backends) if namespace.frontend else (speed_backends, speed_frontend)
+    _check(namespace, other.OPTIONS)
+    console = screen_console(quiet=namespace.quiet)
+    for path in chosen.study(namespace, console):
+        console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
+    """InputError for an option of the study that was not asked for, and for what neither can work with."""
+    for name in foreign:
+        if getattr(namespace, name) not in (None, False):
+            asked = "--frontend times the detector" if namespace.frontend else "without --frontend backends are timed"
+            raise InputError(f"--{name}: {asked}, which has no such option")
+    if namespace.seed < 0:
+        raise InputError(f"--seed {namespace.seed}: expected 0 or more")
     if namespace.csv is not None and not namespace.csv.parent.is_dir():
         raise InputError(
             f"--csv {namespace.csv}: there is no folder {namespace.csv.parent}, expected one that is there"
         )
     if namespace.out is not None and namespace.out.exists() and not namespace.out.is_dir():
         raise InputError(f"--out {namespace.out}: found a file, expected a folder or nothing")
-    console = screen_console(quiet=namespace.quiet)
-    rows = _measure(Study(namespace.seed), extent, console)
-    written: list[Path] = []
-    if namespace.csv is not None:
-        write_whole(namespace.csv, as_csv(rows))
-        written.append(namespace.csv)
-    if namespace.out is not None:
-        written += _write(namespace.out, rows)
-    for path in written:
-        console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
-    return 0
-
-
-def _extent(namespace: argparse.Namespace) -> Extent:
-    """What was asked for; InputError for a number that makes no study."""
-    extent = QUICK if namespace.quick else FULL
-    for flag, least in (("placements", 2), ("clutter", 0), ("crowded", 0)):
-        count = getattr(namespace, flag)
-        if count is not None and count < least:
-            raise InputError(f"--{flag} {count}: expected {least} or more")
-        if count is not None:
-            extent = extent._replace(**{flag: count})
-    if namespace.seed < 0:
-        raise InputError(f"--seed {namespace.seed}: expected 0 or more")
-    return extent
-
-
-def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
-    """Every study in turn, each table printed as soon as it is there."""
-    rows: list[Row] = []
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(compact=True))
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        task = progress.add_task("timing", total=steps(extent))
-
-        def advance() -> None:
-            progress.advance(task)
-
-        costs = list(study.costs(extent.timed, advance))
-        console.print(cost_table(costs))
-        rows += costs
-        for name, distances, streak in (("placements", STILL, 0.0), ("moving", MOVING, STREAK)):
-            progress.update(task, description=name)
-            found = [study.accuracy(distance, streak, extent.placements, advance) for distance in distances]
-            console.print(accuracy_table([row for at in found for row in at]))
-            rows += [row for at in found for row in at]
-        if extent.clutter + extent.crowded:
-            progress.update(task, description="wrong ids")
-            misread = list(study.misreadings(extent, advance))
-            console.print(misreading_table(misread))
-            rows += misread
-    return rows
-
-
-def _write(folder: Path, rows: list[Row]) -> list[Path]:
-    """The figures and the picture of them, in `folder`."""
-    from .frontend_figure import write_figure
-
-    folder.mkdir(parents=True, exist_ok=True)
-    table, picture = folder / "frontend.csv", folder / "frontend.png"
-    write_whole(table, as_csv(rows))
-    write_figure(picture, [row for row in rows if isinstance(row, Accuracy)])
-    return [table, picture]

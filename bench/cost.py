@@ -28,11 +28,18 @@ class Cost(NamedTuple):
         return sum(self)
 
 
+TERMS = Cost._fields
+"""The names of the terms."""
+
+
 def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
-    """J of `path` (n, 3) and `landmarks` on `log`; None where the map lacks a landmark that was sighted.
+    """J of `path` (n, 3) and `landmarks` on `log`; None where the map lacks a landmark that was sighted or given.
 
     A given map with covariance is a part of the prior.
     """
+    given = log.prior.map
+    if given is not None and not np.isin(given.ids, landmarks.ids).all():
+        return None
     seen = log.ids != UNKNOWN
     order = np.argsort(landmarks.ids)
     place = np.searchsorted(landmarks.ids[order], log.ids[seen])

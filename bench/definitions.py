@@ -28,7 +28,11 @@ COLUMNS: dict[str, Column] = {
     "steps": Column("steps", "", "Keyframes of the log."),
     "sightings": Column("sightings", "", "Landmark sightings in it."),
     "ignored": Column("ignored", "", "Sightings of unknown landmarks, left out for a backend that cannot place them."),
-    "landmarks": Column("landmarks", "", "Landmarks in the final map; in the online map where there is no final one."),
+    "landmarks": Column(
+        "landmarks",
+        "",
+        "Landmarks in the final map, in the online map where there is no final one; those of a given map included.",
+    ),
     "ate_m": Column(
         "ATE online",
         "m",
@@ -39,7 +43,10 @@ COLUMNS: dict[str, Column] = {
     "heading_rad": Column("heading", "rad", "Root mean square of the wrapped heading error, online, aligned."),
     "rpe_m": Column("RPE", "m", "Relative pose error of the online path over each metre of the known path, by evo."),
     "map_rmse_m": Column(
-        "map", "m", "Root mean square distance of the online map's landmarks from the known ones, aligned as the path."
+        "map",
+        "m",
+        "Root mean square distance of the online map's landmarks from the known ones, aligned as the path; those of a "
+        "given map are among them.",
     ),
     "nees": Column(
         "NEES / 3",
@@ -58,7 +65,8 @@ COLUMNS: dict[str, Column] = {
         "J",
         "1",
         "What batch SLAM minimises: the squared residuals of all factors, weighted by their stated covariances, at the "
-        "final path and map, at the online ones where there are no final ones. Needs no known path.",
+        "final path and map, at the online ones where there are no final ones. A given map with covariance is part of "
+        "the prior. Needs no known path.",
     ),
     "step_us_mean": Column("step mean", "µs", "Process CPU time of a step, mean over the log."),
     "step_us_p50": Column("step p50", "µs", "Process CPU time of a step: half of them cost less."),
@@ -84,5 +92,28 @@ WORKED_OUT: dict[str, Column] = {
         "CPU time of all steps over the time the log covers: below 100 % the backend keeps up. Blank where the log's "
         "times are its step numbers.",
     ),
+    "j_prior": Column("prior", "1", "The part of J that the start pose, and a given map with covariance, account for."),
+    "j_odometry": Column("odometry", "1", "The part of J that the motions between keyframes account for."),
+    "j_sightings": Column("sightings", "1", "The part of J that the sightings of landmarks account for."),
+    "j_loops": Column("loops", "1", "The part of J that the loop closures account for."),
+    "j_final": Column("J, final path", "1", "J of the path and map smoothed over the whole log: the sum of its parts."),
+    "j_online": Column(
+        "J, online path",
+        "1",
+        "J of the path of the poses given step by step, and of the last map. A sighting moves such a path at a stroke, "
+        "by what no odometry has reported: a filter's J is large by nature, and no measure of its accuracy.",
+    ),
+    "n_eff_least": Column(
+        "fewest effective particles",
+        "",
+        "The lowest effective sample size, 1 / sum of squared weights, after any step: few particles carried all the "
+        "weight then.",
+    ),
+    "ancestors_left": Column(
+        "ancestors left",
+        "",
+        "How many of the particles at the start those at the end descend from: of one, all share a single early path.",
+    ),
+    "refused_share": Column("refused", "", "Share of the sightings that the backend's gate kept out."),
 }
 """Columns that are in the report's tables alone."""

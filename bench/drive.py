@@ -13,10 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ..backends.api import Backend, Belief, Builder, Diverged, Solution
+from ..backends.api import Backend, Belief, Builder, Diverged, Solution, WantsTruth
 from ..frontend.errors import SlamduelError
-from ..frontend.factors import Log, Map, Step
+from ..frontend.factors import Log, Map, Step, Truth
 from ..frontend.se2 import Array, Ints
+
+FARTHEST = 1e9
+"""m from the origin: more than any coordinates on Earth, national grids included."""
 
 WARM_UP = 20
 """Steps that a backend of its own runs through before the clock is started: compilation and first imports are over."""
@@ -35,6 +38,8 @@ class Outcome:
     nis: Array  # (n,) NaN where there is none
     nis_dof: Ints  # (n,)
     n_eff: Array  # (n,) NaN where there are no particles
+    ancestors: Array  # (n,) of the particles, NaN where there are none or they are not counted
+    refused: Ints  # (n,) sightings that a gate kept out
     map: Map
     solution: Solution | None
     step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
@@ -44,17 +49,26 @@ class Outcome:
     setup_ns: int
     finish_ns: int
     clock_ns: int  # what was taken off each
+    told: bool  # it was told the truth, and makes use of it
 
 
-def drive(builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator]) -> Outcome:
+def drive(
+    builder: Builder,
+    options: Any,
+    log: Log,
+    generator: Callable[[], np.random.Generator],
+    truth: Truth | None = None,
+) -> Outcome:
     """Run the backend through `log`; `generator` makes one in the same state every time it is called.
+
+    A `truth` is told to a backend that wants it, each time that one is made, outside of what is timed.
 
     Raises Diverged where a number is not finite, Broken where the contract is not kept, and whatever the backend does.
     """
     log = log if builder.associates else log.identified()
     steps = list(log)
-    _warm_up(builder, options, log, generator)
-    clock = _clock_cost()
+    _warm_up(builder, options, log, generator, truth)
+    clock = clock_cost()
 
     gc.collect()
     gc.disable()
@@ -62,7 +76,8 @@ def drive(builder: Builder, options: Any, log: Log, generator: Callable[[], np.r
         start = time.process_time_ns()
         backend = builder.make(log.prior, options, generator())
         setup_ns = time.process_time_ns() - start
-        online, step_ns, wall_ns = _timing_pass(backend, steps)
+        told = _tell(backend, truth)
+        online, step_ns, wall_ns = timing_pass(backend, steps)
         start = time.process_time_ns()
         finished = backend.finish()
         finish_ns = time.process_time_ns() - start
@@ -72,6 +87,7 @@ def drive(builder: Builder, options: Any, log: Log, generator: Callable[[], np.r
     del backend, finished
 
     backend = builder.make(log.prior, options, generator())
+    _tell(backend, truth)
     beliefs, belief_ns = _belief_pass(backend, steps, online)
     start = time.process_time_ns()
     found = backend.map()
@@ -82,6 +98,8 @@ def drive(builder: Builder, options: Any, log: Log, generator: Callable[[], np.r
         nis=np.array([np.nan if b is None or b.nis is None else b.nis for b in beliefs]),
         nis_dof=np.array([0 if b is None else b.nis_dof for b in beliefs]),
         n_eff=np.array([np.nan if b is None or b.n_eff is None else b.n_eff for b in beliefs]),
+        ancestors=np.array([np.nan if b is None or b.ancestors is None else b.ancestors for b in beliefs]),
+        refused=np.array([0 if b is None else b.refused for b in beliefs]),
         map=_checked_map(found, "map()"),
         solution=solution,
         step_ns=np.maximum(step_ns - clock, 0),
@@ -91,15 +109,24 @@ def drive(builder: Builder, options: Any, log: Log, generator: Callable[[], np.r
         setup_ns=setup_ns,
         finish_ns=finish_ns,
         clock_ns=clock,
+        told=told,
     )
 
 
 _NO_COV = np.full((3, 3), np.nan)
 
 
-def _warm_up(builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator]) -> None:
+def _tell(backend: Backend, truth: Truth | None) -> bool:
+    """Tell the backend the truth, where there is one to tell and it wants to know; whether it makes use of it."""
+    return truth is not None and isinstance(backend, WantsTruth) and backend.tell(truth)
+
+
+def _warm_up(
+    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None
+) -> None:
     """Take a backend of its own through the log's first steps, every method once."""
     backend = builder.make(log.prior, options, generator())
+    _tell(backend, truth)
     for step in log.head(min(WARM_UP, len(log))):
         backend.step(step)
     backend.belief()
@@ -107,7 +134,7 @@ def _warm_up(builder: Builder, options: Any, log: Log, generator: Callable[[], n
     backend.finish()
 
 
-def _clock_cost() -> int:
+def clock_cost() -> int:
     """ns that reading both clocks before and after an empty call takes, as the loop below sees it; the median."""
     costs = []
     for _ in range(1000):
@@ -118,7 +145,7 @@ def _clock_cost() -> int:
     return int(np.median(costs))
 
 
-def _timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
+def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
     """The online path (n, 3), and each step's CPU and wall time in ns."""
     poses: list[Any] = []
     cpu, wall = np.zeros((2, len(steps)), np.int64)
@@ -154,7 +181,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> t
 
 def _checked_pose(pose: Any, k: int) -> Array | None:
     """A copy of what step() returned at step k."""
-    return None if pose is None else _finite(pose, (3,), f"step {k}: the pose")
+    return None if pose is None else _on_earth(pose, (3,), f"step {k}: the pose")
 
 
 def _checked_belief(belief: Any, k: int) -> Belief | None:
@@ -171,7 +198,7 @@ def _checked_solution(solution: Any, n: int) -> Solution | None:
         return None
     if not isinstance(solution, Solution):
         raise Broken(f"finish() returned {type(solution).__name__}, expected Solution or None")
-    path = _finite(solution.path, (n, 3), "finish(): the path")
+    path = _on_earth(solution.path, (n, 3), "finish(): the path")
     return solution._replace(path=path, map=_checked_map(solution.map, "finish()"))
 
 
@@ -181,6 +208,15 @@ def _checked_map(found: Any, where: str) -> Map:
     n = len(found.ids)
     cov = None if found.cov is None else _finite(found.cov, (2 * n, 2 * n), f"{where}: the map's covariance")
     return Map(np.array(found.ids, np.int64), _finite(found.xy, (n, 2), f"{where}: the map"), cov)
+
+
+def _on_earth(poses: Any, shape: tuple[int, ...], what: str) -> Array:
+    """As `_finite`, for poses: whatever ends beyond `FARTHEST` has numbers that mean nothing any more."""
+    found = _finite(poses, shape, what)
+    far = float(np.abs(found[..., :2]).max(initial=0.0))
+    if far > FARTHEST:
+        raise Diverged(f"{what} is {far:.1e} m from the origin, farther than the {FARTHEST:.0e} m of any log")
+    return found
 
 
 def _finite(values: Any, shape: tuple[int, ...], what: str) -> Array:

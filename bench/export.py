@@ -12,13 +12,17 @@ import numpy as np
 from ..frontend.files import write_whole
 from ..frontend.se2 import Array
 from ..frontend.tum import write_tum
-from .store import COLUMNS, Store
+from .cost import TERMS
+from .store import COLUMNS, Row, Store
 
 STEPS = (
     "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",
-    "error_m", "nees", "nis", "nis_dof", "n_eff", "step_us", "wall_us", "belief_us",
+    "error_m", "nees", "nis", "nis_dof", "n_eff", "step_us", "wall_us", "belief_us", "ancestors", "refused",
 )  # fmt: skip
 """The columns of steps.csv. error_m is of the aligned path; a blank is not known."""
+
+COST = ("dataset", "dataset_options", "backend", "options", "seed", "path", *TERMS, "total")
+"""The columns of cost.csv: J by its terms, at the final path and map, at the online ones where there are no final."""
 
 MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
 
@@ -29,6 +33,7 @@ def export(store: Store) -> None:
     slugs: dict[str, str] = run["folders"]
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
     write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
+    terms: list[list[Any]] = []
     for row in rows:
         c = row.columns
         place = folder / slugs[label(c["dataset"], c["dataset_options"])] / str(c["seed"])
@@ -37,12 +42,23 @@ def export(store: Store) -> None:
             place.mkdir(parents=True, exist_ok=True)
             write_tum(place / "truth.tum", truth["t"], truth["poses"])
         if c["status"] == "done":
-            _export_cell(place / slugs[label(c["backend"], c["options"])], store.arrays(row), truth)
+            arrays = store.arrays(row)
+            _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
+            terms += _terms(row, arrays)
+    write_whole(folder / "cost.csv", _csv(COST, terms))
 
 
 def label(name: str, options: str) -> str:
     """A variant as the command line takes it."""
     return f"{name}[{options}]" if options else name
+
+
+def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
+    """The cell's row of cost.csv; none where its J is not defined."""
+    if "cost_terms" not in arrays:
+        return []
+    values = arrays["cost_terms"].tolist()
+    return [[*row.key, "final" if "final" in arrays else "online", *values, sum(values)]]
 
 
 def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> None:
@@ -61,6 +77,7 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
 
 def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
     n = len(arrays["t"])
+    none = np.full(n, np.nan)  # a record of an earlier version has not every array
     error, consistency = np.full((2, n), np.nan)
     if "aligned" in arrays:
         error[arrays["at"]] = np.hypot(*(arrays["aligned"] - truth["poses"])[:, :2].T)
@@ -73,8 +90,10 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
     after = np.column_stack(
         (arrays["n_eff"], arrays["step_ns"] / 1e3, arrays["wall_ns"] / 1e3, arrays["belief_ns"] / 1e3)
     )
+    inside = np.column_stack((arrays.get("ancestors", none), arrays.get("refused", none)))
     for k in range(n):
-        yield k, *_blank(table[k]), int(arrays["nis_dof"][k]), *_blank(after[k])
+        counts = (None if count != count else int(count) for count in inside[k])
+        yield k, *_blank(table[k]), int(arrays["nis_dof"][k]), *_blank(after[k]), *counts
 
 
 def _blank(values: Array) -> list[float | None]:

@@ -1,9 +1,13 @@
 """What a run consists of: dataset variants x backend variants x seeds, as cells."""
 
 import random
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..frontend.errors import InputError
+from . import given_map
+from .given_map import GivenMap
 from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
 
 
@@ -33,6 +37,8 @@ class Plan:
     seeds: int
     timeout_s: float
     memory_mb: int
+    map: GivenMap | None = None  # what every log's prior gets: the task is localisation then
+    oracle: bool = False  # backends that want to know are told the truth
 
     def cells(self) -> list[Cell]:
         """All cells, in an order that is shuffled but always the same.
@@ -43,10 +49,28 @@ class Plan:
             Cell(dataset, backend, seed)
             for dataset in self.datasets
             for backend in self.backends
-            for seed in range(self.seeds if dataset.source.seeded or _random(backend) else 1)
+            for seed in self._seeds(dataset, backend)
         ]
         random.Random(0).shuffle(cells)
         return cells
+
+    def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
+        wanted = range(self.seeds if dataset.source.seeded or _random(backend) else 1)
+        return wanted if self.map is None else self.map.seeds(dataset, wanted)
+
+    def left_out(self) -> str:
+        """Which seeds are not run as nobody mapped their world, in a sentence; "" where all are."""
+        if self.map is None:
+            return ""
+        sentences: list[str] = []
+        for dataset in self.datasets:
+            run = self.map.seeds(dataset, range(self.seeds))
+            if dataset.source.seeded and len(run) < self.seeds:
+                seeds = ", ".join(str(seed) for seed in run)
+                sentences.append(
+                    f"{dataset.label}: run for seed {seeds} of {self.seeds} alone, whose world the map is of."
+                )
+        return " ".join(sentences)
 
     def words(self) -> dict[str, Any]:
         """The plan in the words of the command line, from which `from_words` makes it again."""
@@ -56,6 +80,10 @@ class Plan:
             "seeds": self.seeds,
             "timeout_s": self.timeout_s,
             "memory_mb": self.memory_mb,
+            "map": None if self.map is None else self.map.source,
+            "map_fixed": self.map is not None and self.map.fixed,
+            "map_digest": None if self.map is None else self.map.digest,
+            "oracle": self.oracle,
         }
 
     @classmethod
@@ -67,7 +95,25 @@ class Plan:
             words["seeds"],
             words["timeout_s"],
             words["memory_mb"],
+            _map(words),
+            bool(words.get("oracle")),
         )
+
+
+def _map(words: dict[str, Any]) -> GivenMap | None:
+    """The given map that the words name; InputError where it is no longer the one whose digest they have."""
+    source, expected = words.get("map"), words.get("map_digest")  # a run of an earlier version has neither
+    if source is None:
+        if words.get("map_fixed"):
+            raise InputError("--map-fixed: there is no map to hold fixed, expected --map beside it.")
+        return None
+    found = given_map.read(source, fixed=words["map_fixed"])
+    if expected is not None and found.digest != expected:
+        raise InputError(
+            f"--map {source}: has changed since this run was begun: its digest is {found.digest[:12]}, expected "
+            f"{expected[:12]}; run into another folder."
+        )
+    return found
 
 
 def _random(backend: BackendVariant) -> bool:

@@ -1,8 +1,14 @@
-"""What the fork server imports once, so that a worker process starts with it: nothing but imports."""
+"""What the fork server does once, so that a worker process starts with it: imports, and numba brought to life.
+
+The first call of any compiled function in a process sets numba up, half a second that every cell would pay: it is made
+here, and what it leaves is inherited.
+"""
 
 # pyright: reportUnusedImport=false
 import contextlib
 
+from ..backends import registry
+from ..frontend.errors import InputError
 from . import cell, prepare  # noqa: F401
 
 with contextlib.suppress(ImportError):  # a worker that needs one of these and cannot have it will say so itself
@@ -11,3 +17,12 @@ with contextlib.suppress(ImportError):  # a worker that needs one of these and c
     from evo.core import metrics, trajectory  # noqa: F401
 
     cv2.setNumThreads(1)
+
+with contextlib.suppress(ImportError):
+    from ..backends import _models
+
+    _models.wrap(0.0)
+
+for name in registry.BUILTIN:
+    with contextlib.suppress(InputError):
+        registry.find(name)

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 from ..datasets import archive, cache
 from ..datasets import registry as datasets
 from ..frontend.errors import InputError
-from ..frontend.factors import Truth
+from ..frontend.factors import Dataset, Map, Truth
+from .given_map import localising
 from .reference import reference
 
 
@@ -19,6 +20,7 @@ class Task:
     options: Any
     seed: int
     archive: Path
+    map: Map | None = None  # goes into the log's prior
 
 
 class Prepared(NamedTuple):
@@ -34,6 +36,7 @@ def run(task: Task) -> Prepared:
         dataset = cache.prepared(task.name, datasets.find(task.name), task.options, task.seed)
     except OSError as error:
         raise InputError(f"dataset {task.name}: {error}; expected files that can be read.") from None
-    truth = dataset.truth or reference(dataset.log)
-    archive.save(task.archive, dataset._replace(truth=truth))
-    return Prepared(dataset.log.digest, truth)
+    log = dataset.log if task.map is None else localising(dataset.log, task.map, f"dataset {task.name}")
+    truth = dataset.truth or reference(log)
+    archive.save(task.archive, Dataset(log, truth))
+    return Prepared(log.digest, truth)

@@ -6,15 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
+import numpy as np
+
 from ..frontend.files import write_whole
 from .definitions import COLUMNS, WORKED_OUT
+from .diagnostics import diagnosed
 from .export import label
 from .looks import Look, looks
 from .numerals import counted, listed, number
 from .scene import Scene, scene
 from .store import Row, Store
 from .summary import Line, lines, short
-from .tables import Table, cells_table, cost_table, verdict_table
+from .tables import Table, cells_table, cost_table, fit_table, inner_table, verdict_table
 from .verdict import headline
 
 if TYPE_CHECKING:
@@ -44,6 +47,9 @@ class Section(NamedTuple):
     facts: str
     verdict: Table
     cost: Table
+    fit: Table  # J by its terms
+    fit_note: str
+    inner: Table  # particles and gates
     alone: bool  # no time in it is marked
     scene: Scene | None
     panels: Sequence["Exhibit"]  # the paths
@@ -56,7 +62,7 @@ def write_report(store: Store) -> None:
     from .svg import alone  # matplotlib: a run should not wait for it before it begins
 
     run, rows = store.run(), list(store.cells())
-    found = lines(rows)
+    found = [diagnosed(store, line) for line in lines(rows)]
     look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
     datasets = dict.fromkeys(line.dataset for line in found)
     sections = [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets]
@@ -68,6 +74,7 @@ def write_report(store: Store) -> None:
         "counts": _counts(rows, run.get("cells", 0)),
         "started": datetime.fromtimestamp(run["started"], UTC),
         "digests": _digests(rows),
+        "given": run.get("map"),
         "definitions": COLUMNS | WORKED_OUT,
     }
     (store.folder / FIGURES).mkdir(exist_ok=True)
@@ -92,6 +99,9 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         facts=_facts(found, shown),
         verdict=verdict_table(found),
         cost=cost_table(found, shown.lengths if shown else {}),
+        fit=fit_table(found),
+        fit_note=_fit_note(found),
+        inner=inner_table(found),
         alone=all(line.alone for line in found),
         scene=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
@@ -124,6 +134,23 @@ def _facts(found: Sequence[Line], shown: Scene | None) -> str:
     if length:
         said.append(f"{number(length)} s")
     return ", ".join(said)
+
+
+def _fit_note(found: Sequence[Line]) -> str:
+    """What J is to be held against: its size were all stated noise true; and why that of an online path is large."""
+    numbers = {
+        (3 * (c["steps"] - 1), 2 * (c["sightings"] - c["ignored"]))
+        for c in (row.columns for line in found for row in line.rows)
+        if c["status"] == "done" and c["sightings"] is not None
+    }
+    said = ""
+    if numbers:
+        motions, seen = np.median(list(numbers), axis=0)
+        said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings."
+    if any("j_online" in line.values for line in found):
+        said += " A filter's online path jumps where a sighting corrects it, and no odometry has reported the jump: "
+        said += "its J is large by nature, and no fault."
+    return said
 
 
 def _counts(rows: Sequence[Row], planned: int) -> str:

@@ -17,6 +17,7 @@ from . import prepare
 from .export import export
 from .machine import environment
 from .plan import Cell, Plan
+from .spec import DatasetVariant
 from .store import FILE, Store
 from .workers import Ended, execute
 
@@ -134,10 +135,7 @@ def _prepare(plan: Plan, scratch: Path, watcher: Watcher) -> _Logs:
     keys = {(c.dataset.label, c.seed): _log_seed(c) for c in plan.cells()}
     by_label = {dataset.label: dataset for dataset in plan.datasets}
     wanted = sorted({(name, drawn) for (name, _), drawn in keys.items()})
-    tasks = [
-        prepare.Task(by_label[name].name, by_label[name].options, seed, scratch / f"{k}.npz")
-        for k, (name, seed) in enumerate(wanted)
-    ]
+    tasks = [_preparation(plan, by_label[name], seed, scratch / f"{k}.npz") for k, (name, seed) in enumerate(wanted)]
     watcher.preparing(len(tasks))
     ready: dict[tuple[str, int], _Ready] = {}
     for ended in execute(prepare.run, tasks, workers=os.cpu_count() or 1):
@@ -147,6 +145,11 @@ def _prepare(plan: Plan, scratch: Path, watcher: Watcher) -> _Logs:
         ready[name, seed] = _Ready(tasks[ended.task].archive, *ended.value)
         watcher.prepared(f"{name} · seed {seed}")
     return {(name, seed): ready[name, drawn] for (name, seed), drawn in keys.items()}
+
+
+def _preparation(plan: Plan, dataset: DatasetVariant, seed: int, archive: Path) -> prepare.Task:
+    given = None if plan.map is None else plan.map.of(dataset, seed)
+    return prepare.Task(dataset.name, dataset.options, seed, archive, given)
 
 
 def _log_seed(cell: Cell) -> int:
@@ -166,6 +169,7 @@ def _describe(store: Store, plan: Plan, command: list[str], workers: int) -> Non
         "folders": {variant.label: variant.slug for variant in variants},
         "random": [v.label for v in plan.backends if v.builder is not None and v.builder.random],
         "environment": environment(),
+        "map": None if plan.map is None else plan.map.words(),
         "workers": workers,
         "timing_policy": TIMING_POLICY,
         "started": time.time(),
@@ -210,6 +214,7 @@ def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Wat
             c.seed,
             logs[c.dataset.label, c.seed].archive,
             plan.memory_mb,
+            plan.oracle,
         )
         for c in able
     ]

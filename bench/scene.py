@@ -60,7 +60,7 @@ def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs:
 
 def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:
     first = {row.columns["seed"]: row for row in reversed(rows)}
-    return {seed: _length(store.arrays(row).get("t", np.zeros(0))) for seed, row in first.items()}
+    return {seed: _length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()}
 
 
 def _length(t: Array) -> float | None:

@@ -7,12 +7,16 @@ import numpy as np
 from ..backends.api import Diverged
 from ..frontend.factors import UNKNOWN, Log, Map, Truth
 from ..frontend.se2 import Array, Ints
+from ..frontend.table import upper
 from .cost import Cost, cost
 from .drive import Outcome
 from .metrics import INSIDE_95, Alignment, align, aligned, ate, heading_error, map_rmse, nees, own_map_rmse, rpe
 
 FEW = 0.9
 """Truth at a smaller share of the steps than this is remarked on."""
+
+JOINT_MOST = 1_000
+"""Landmarks up to which a map's joint covariance is kept: 16 MB then, as float64; 0.4 MB for 150 of them."""
 
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
 
@@ -61,6 +65,9 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
 def _remarks(log: Log, truth: Truth | None) -> list[str]:
     """What a reader of the row must know of the log."""
     said: list[str] = []
+    given = log.prior.map
+    if given is not None and not np.isin(given.ids, log.ids).any():
+        said.append(f"none of the {len(given.ids)} landmarks of the given map is sighted")
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")
@@ -139,13 +146,19 @@ def _costs(outcome: Outcome) -> dict[str, float]:
 
 
 def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
-    """The arrays that a record keeps; of a map's joint covariance the blocks (n, 2, 2) on its diagonal."""
+    """The arrays that a record keeps.
+
+    Of each map's covariance the blocks (n, 2, 2) on its diagonal; of the final map's, or the online one's where that of
+    the final is not known, the upper triangle of the whole as well, row by row: what another run can start from.
+    """
     arrays: dict[str, Array | Ints] = {
         "t": log.t,
         "cov": outcome.cov,
         "nis": outcome.nis,
         "nis_dof": outcome.nis_dof,
         "n_eff": outcome.n_eff,
+        "ancestors": outcome.ancestors,
+        "refused": outcome.refused,
         "step_ns": outcome.step_ns,
         "wall_ns": outcome.wall_ns,
         "belief_ns": outcome.belief_ns,
@@ -156,7 +169,12 @@ def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
     if outcome.solution is not None:
         arrays["final"] = outcome.solution.path
         arrays |= _map_arrays("final_map", outcome.solution.map)
-    return arrays | _map_arrays("map", outcome.map)
+    arrays |= _map_arrays("map", outcome.map)
+    maps = {"map": outcome.map} if outcome.solution is None else {"final_map": outcome.solution.map, "map": outcome.map}
+    known = [(prefix, landmarks.cov) for prefix, landmarks in maps.items() if landmarks.cov is not None]
+    if known and len(known[0][1]) <= 2 * JOINT_MOST:
+        arrays[f"{known[0][0]}_joint"] = upper(known[0][1][None])[:, 0]
+    return arrays
 
 
 def _map_arrays(prefix: str, landmarks: Map) -> dict[str, Array | Ints]:

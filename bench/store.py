@@ -8,7 +8,7 @@ cells  a row a cell: the columns of cells.csv, and its arrays (numpy's .npz) for
 import io
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -125,10 +125,10 @@ class Store:
         for *values, traceback in self._db.execute(query):
             yield Row(dict(zip(COLUMNS, values, strict=True)), traceback)
 
-    def arrays(self, row: Row) -> dict[str, Any]:
-        """A cell's arrays by name."""
+    def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
+        """A cell's arrays by name; of `names`, where given, those that it has."""
         where = " AND ".join(f"{name} = ?" for name in ("dataset", "dataset_options", "backend", "options", "seed"))
-        return _unpacked(self._db.execute(f"SELECT arrays FROM cells WHERE {where}", row.key).fetchone()[0])
+        return _unpacked(self._db.execute(f"SELECT arrays FROM cells WHERE {where}", row.key).fetchone()[0], names)
 
     def _write(self, statement: str, values: Sequence[Any]) -> None:
         """One transaction; InputError where the file can no longer be written to, with all before it safe."""
@@ -144,6 +144,6 @@ def _packed(arrays: Mapping[str, Any]) -> bytes:
     return file.getvalue()
 
 
-def _unpacked(blob: bytes) -> dict[str, Any]:
+def _unpacked(blob: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
     with np.load(io.BytesIO(blob), allow_pickle=False) as members:
-        return dict(members)
+        return {name: members[name] for name in members.files if names is None or name in names}

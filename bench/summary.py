@@ -77,5 +77,10 @@ def _spreads(rows: list[Row]) -> dict[str, Spread]:
     for name in [name for name in rows[0].columns if name not in _WORDS]:
         values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
         if values:
-            spreads[name] = Spread(float(np.median(values)), min(values), max(values), len(values))
+            spreads[name] = spread(values)
     return spreads
+
+
+def spread(values: Sequence[Any]) -> Spread:
+    """Of the values of a column, one or more."""
+    return Spread(float(np.median(values)), min(values), max(values), len(values))

@@ -11,9 +11,11 @@ from .summary import Line, Spread
 from .verdict import belief_word, ranked
 
 ACCURACY = (
-    "ate_m", "final_ate_m", "heading_rad", "nees", "nees_inside", "map_rmse_m", "final_map_rmse_m", "cost_j",
+    "ate_m", "final_ate_m", "heading_rad", "nees", "nees_inside", "map_rmse_m", "final_map_rmse_m",
     "landmarks",
 )  # fmt: skip
+FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
+INNER = ("n_eff_least", "ancestors_left", "refused_share")
 COSTS = ("step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "finish_s", "cpu_s", "peak_mb")
 CELLS = (
     "ate_m", "final_ate_m", "ate_origin_m", "heading_rad", "rpe_m", "nees", "nees_inside", "map_rmse_m", "cost_j",
@@ -23,7 +25,8 @@ CELLS = (
 WITH_RANGE = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
 TIMES = {"step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "finish_s", "cpu_s", "real_time"}
 SECONDS = {"finish_s", "cpu_s"}
-PERCENT = {"nees_inside", "real_time"}
+COUNTS = {"landmarks", "ancestors_left"}
+PERCENT = {"nees_inside", "real_time", "refused_share"}
 
 SHORTEST_S = 0.001
 """s; a filter's finish does nothing, and what that nothing takes is no figure."""
@@ -95,6 +98,29 @@ def cost_table(lines: Sequence[Line], lengths: Mapping[int, float | None]) -> Ta
     return _table(lines, (*COSTS[:4], "real_time", *COSTS[4:]), entry, {})
 
 
+def fit_table(lines: Sequence[Line]) -> Table:
+    """J and what it is made of: medians, and the least of all marked."""
+    totals = [(line.values[name].median, line) for line in lines for name in FIT[-2:] if name in line.values]
+    least = min(totals, key=lambda total: total[0])[1] if len(totals) > 1 else None
+
+    def entry(line: Line, name: str) -> Entry:
+        if name not in line.values:
+            return Entry("")
+        return Entry(_text(name, line.values[name]), best=name in FIT[-2:] and line is least)
+
+    return _table([line for _, line in totals], FIT, entry, {})
+
+
+def inner_table(lines: Sequence[Line]) -> Table:
+    """What goes on inside the estimators that tell: those of particles, and those that gate."""
+    telling = [line for line in lines if any(name in line.values for name in INNER)]
+
+    def entry(line: Line, name: str) -> Entry:
+        return Entry(_text(name, line.values[name])) if name in line.values else Entry("")
+
+    return _table(telling, INNER, entry, {})
+
+
 def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
     """Every cell by itself; what is not done has a status and no numbers."""
     names = [name for name in CELLS if any(row.columns[name] is not None for row in rows)]
@@ -159,4 +185,4 @@ def _one(name: str, value: Any) -> str:
         return f"{number(100 * value)} %"
     if name in SECONDS and value < SHORTEST_S:
         return f"<{SHORTEST_S:g}"
-    return f"{value:,.0f}" if name == "landmarks" else number(value)
+    return f"{value:,.0f}" if name in COUNTS else number(value)

@@ -15,6 +15,9 @@ from .summary import Line, Spread, logs, short
 WIDE = 104
 """Columns from which on ranges are shown."""
 
+LOST = 1e6
+"""m, or NEES, from which on a figure is shown by its order."""
+
 STATUS_STYLE = {"done": "green", "skipped": "yellow"}
 
 
@@ -92,7 +95,7 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
             f"{line.done}/{len(line.rows)}",
             _metres(v.get("ate_m"), with_range),
             _metres(v.get("final_ate_m"), with_range),
-            "" if "nees" not in v else f"{v['nees'].median:.2f}",
+            "" if "nees" not in v else f"{v['nees'].median:{'.2f' if v['nees'].median < LOST else '.1e'}}",
             "" if "nees_inside" not in v else f"{100 * v['nees_inside'].median:.0f} %",
             "" if "step_us_p50" not in v else f"{v['step_us_p50'].median:.0f}",
             "" if "step_us_p99" not in v else f"{v['step_us_p99'].median:.0f}" + ("" if line.alone else "*"),
@@ -103,13 +106,13 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
 
 
 def _metres(value: Spread | None, with_range: bool) -> str:
-    """To a millimetre, or to a thousandth where that is coarser."""
+    """To a millimetre, or to a thousandth where that is coarser; what is lost altogether by its order alone."""
     if value is None:
         return ""
-    digits = 3 if value.median < 10 else 2 if value.median < 100 else 1
+    form = ".3f" if value.median < 10 else ".2f" if value.median < 100 else ".1f" if value.high < LOST else ".1e"
     if value.n == 1 or not with_range:
-        return f"{value.median:.{digits}f}"
-    return f"{value.median:.{digits}f} ({value.low:.{digits}f}-{value.high:.{digits}f})"
+        return f"{value.median:{form}}"
+    return f"{value.median:{form}} ({value.low:{form}}-{value.high:{form}})"
 
 
 def plain(text: str) -> str:

@@ -18,6 +18,7 @@ from ..frontend.options import option
 from ..frontend.pipeline import Recording, build_log
 from .cameras import CAMERAS
 from .exposure import Disturbances, take
+from .outliers import swapped
 from .registry import Source
 from .render import Renderer
 from .simulate import Loop, count, drive
@@ -71,12 +72,17 @@ class Options:
     occlusion: float = option(0.0, "share of frames that something partly covers", minimum=0.0, maximum=1.0)
     slip: float = option(0.0, "wheel slips a metre, which no noise states", minimum=0.0, maximum=5.0)
     counts_per_metre: float = option(6250.0, "resolution of the wheel counters", minimum=10.0, maximum=1e7)
+    outliers: float = option(0.0, "share of sightings taken for another marker's", minimum=0.0, maximum=0.5)
 
 
 def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
     """Rendered camera frames of a room with ArUco markers, and wheel encoders; another room a seed."""
     recording, truth = record(options, rng)
-    return Dataset(build_log(recording), truth)
+    log = build_log(recording)
+    if options.outliers == 0:
+        return Dataset(log, truth)
+    # Drawn after everything else, so that the log is the clean one but for its outliers.
+    return swapped(log, truth, options.outliers, rng.spawn(1)[0])
 
 
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:

@@ -33,6 +33,8 @@ class Source:
 
 BUILTIN = {
     "aruco-room": ".aruco_room:source",
+    "circle": ".circle:source",
+    "city": ".city:source",
     "log": ".logfile:source",
     "mrclam": ".mrclam:source",
     "recording": ".recording:source",

@@ -4,9 +4,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from slamduel.backends.api import Belief, Map, Odometry, Pose, Prior, Solution, Step
+from slamduel.backends.api import Belief, Diverged, Map, Odometry, Pose, Prior, RangeBearing, Solution, Step
+from slamduel.bench.textbook_ekf import TextbookEkf
 from slamduel.frontend.se2 import Array
-from textbook import TextbookEkf
 
 
 class Sound:
@@ -292,6 +292,75 @@ class ShortSolution(Sound):
 
     def finish(self) -> Solution | None:
         return Solution(np.array(self.path[1:]), self.map())
+
+
+class LostAtZeroRange(Sound):
+    """Divides by a range."""
+
+    def step(self, step: Step) -> Pose | None:
+        pose = super().step(step)
+        return np.full(3, np.nan) if (step.sightings.z[:, 0] < 1e-6).any() else pose
+
+
+class SmallTable(Sound):
+    """Looks landmarks up in a table of a million."""
+
+    def step(self, step: Step) -> Pose | None:
+        for landmark in step.sightings.ids.tolist():
+            if landmark > 10**6:
+                raise KeyError(landmark)
+        return super().step(step)
+
+
+class ShutsItsEyes(Sound):
+    """Quietly leaves out what it has no room for."""
+
+    def step(self, step: Step) -> Pose | None:
+        ids, z, cov = step.sightings
+        fits = ids < 2**16
+        return super().step(step._replace(sightings=RangeBearing(ids[fits], z[fits], cov[fits])))
+
+
+class GivesUp(Sound):
+    """Diverges, whatever the log."""
+
+    def step(self, step: Step) -> Pose | None:
+        raise Diverged("the numbers looked odd")
+
+
+class LosesItsMap(Sound):
+    """Ends with a map that is not finite."""
+
+    def map(self) -> Map:
+        ids, xy, _ = super().map()
+        return Map(ids, np.full_like(xy, np.inf), None)
+
+
+class InTicks(Sound):
+    """Takes the time for a number of ticks of 0.1 s, and rolls on by itself in between."""
+
+    t = 0.0
+
+    def step(self, step: Step) -> Pose | None:
+        ticks, self.t = (step.t - self.t) / 0.1, step.t
+        if step.odometry is not None:
+            step = step._replace(odometry=Odometry(step.odometry.delta * ticks, step.odometry.cov))
+        return super().step(step)
+
+
+ADVERSE: list[tuple[type[Sound], str, str]] = [
+    (LostAtZeroRange, "zero-range", "the online path is not finite from step 0 on"),
+    (SmallTable, "huge-ids", f"it raised KeyError: {2**53} ({__file__}"),
+    (ShutsItsEyes, "huge-ids", "the final map lacks 5 of 6 landmarks sighted, id 2147483647 for one"),
+    (UnwrappedInnovations, "across-the-cut", "off at step"),
+    (GivesUp, "one-step", "it gave up: the numbers looked odd; expected it done"),
+    (LosesItsMap, "one-landmark", "map() has a xy that is not finite"),
+    (InTicks, "uneven-time", "off at step"),
+    (Halting, "no-sightings", "off at step"),
+    (Backwards, "no-sightings", "off at step"),
+    (DividesByDistance, "an-hour-in-the-dark", "not finite from step 1 on"),
+]
+"""Each with an adversarial log on which it cannot pass."""
 
 
 BROKEN: list[tuple[type[Sound], str, str]] = [

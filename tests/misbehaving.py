@@ -68,6 +68,11 @@ class NotANumber(Reckoning):
         return self.pose if self.steps < TROUBLE_AT else np.array([np.nan, 0.0, 0.0])
 
 
+class LeavesTheEarth(Reckoning):
+    def answer(self) -> Pose:
+        return self.pose if self.steps < TROUBLE_AT else self.pose + np.array([3e12, 0.0, 0.0])
+
+
 class GivesUp(Reckoning):
     def trouble(self) -> None:
         raise Diverged("the covariance is no longer positive definite")
@@ -158,6 +163,7 @@ class Slow(Reckoning):
 
 raises = Builder(Raises)
 not_a_number = Builder(NotANumber)
+leaves_the_earth = Builder(LeavesTheEarth)
 gives_up = Builder(GivesUp)
 loops_for_ever = Builder(LoopsForEver)
 sleeps_for_ever = Builder(SleepsForEver)

@@ -94,6 +94,8 @@ class Record:
             arrays["nees"] = rng.chisquare(3, steps)
             row |= {"nees": 1.1, "nees_inside": 0.95, "heading_rad": rng.uniform(0.01, 0.1)}
         row |= columns
+        if row["cost_j"] is not None:
+            arrays["cost_terms"] = row["cost_j"] * np.array((0.1, 0.2, 0.7, 0.0))
         self.store.put_cell(row, {name: a for name, a in arrays.items() if name not in leave_out}, "")
         return row
 

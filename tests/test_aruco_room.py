@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.spec import read_options
+from slamduel.bench.textbook_ekf import TextbookEkf
 from slamduel.datasets import registry
 from slamduel.datasets.aruco_room import ENCODER, LOOP, TICK, Options, aruco_room, record
 from slamduel.datasets.simulate import count, drive, slipped, wrapped
@@ -17,7 +18,6 @@ from slamduel.frontend.motion import readings
 from slamduel.frontend.noise import ProportionalNoise
 from slamduel.frontend.noise_fit import squares
 from slamduel.frontend.se2 import Array, between, compose, wrap
-from textbook import TextbookEkf
 
 SHORT = Options(seconds=4.0)
 

@@ -11,7 +11,7 @@ from broken_backends import BROKEN, Sound
 from slamduel.backends import registry
 from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Solution, Step, option
 from slamduel.bench.candidate import Candidate, Failed, stays_near
-from slamduel.bench.conformance import CHECKS, Outcome, check_backend, examine
+from slamduel.bench.conformance import CHECKS, QUICK, Outcome, check_backend, examine
 from slamduel.bench.conformance_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
 from slamduel.frontend.se2 import Array, compose
 
@@ -26,7 +26,7 @@ def build(make: Callable[..., Backend], **how: Any) -> Builder:
 
 
 def outcome(builder: Builder, name: str) -> Outcome:
-    check = next(check for check in CHECKS if check.__name__ == name.replace("-", "_"))
+    check = next(check for check in CHECKS if check.name == name)
     return examine(check, Candidate(builder, builder.options()))
 
 
@@ -37,7 +37,7 @@ def test_a_sound_backend_passes_everything() -> None:
         "unknown-landmarks-are-told-apart",
         "loop-closures-are-used",
     }
-    assert len({found.name for found in outcomes}) == len(CHECKS) == len(outcomes)
+    assert len({found.name for found in outcomes}) == len(QUICK) == len(outcomes)
     assert all(found.title.endswith(".") and found.found for found in outcomes)
 
 
@@ -176,4 +176,6 @@ def test_distances_are_told_with_their_step() -> None:
 
 @pytest.mark.parametrize("name", sorted(registry.BUILTIN))
 def test_what_comes_with_slamduel_conforms(name: str) -> None:
-    assert [found for found in check_backend(registry.find(name)) if found.status == "failed"] == []
+    outcomes = check_backend(registry.find(name), checks=CHECKS)
+    assert [found for found in outcomes if found.status == "failed"] == []
+    assert {found.status for found in outcomes[len(QUICK) :]} <= {"passed", "gave up"}

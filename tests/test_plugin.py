@@ -13,9 +13,10 @@ import pytest
 from slamduel.backends import registry
 from slamduel.backends.api import Builder
 from slamduel.bench.conformance import check_backend
+from slamduel.bench.textbook_ekf import TextbookEkf
 from slamduel.frontend.factors import Log
 from slamduel.frontend.se2 import Array, between
-from textbook import TextbookEkf, random_log
+from textbook import random_log
 
 EXAMPLE = Path(__file__).parent / "example_plugin"
 

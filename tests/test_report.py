@@ -242,6 +242,38 @@ def test_dead_reckoning_does_not_stretch_the_frame() -> None:
         assert [bool(panel.caption) for panel in panels] == [False, True]
 
 
+def test_j_is_told_by_its_parts_and_particles_and_gates_where_there_are_any(tmp_path: Path) -> None:
+    made = Record(tmp_path / "r")
+    n_eff, refused = np.linspace(90, 40, STEPS), np.arange(STEPS) == 7
+    for backend, more in {
+        "plain": {"n_eff": np.full(STEPS, np.nan), "refused": np.zeros(STEPS, np.int64)},
+        "particles": {"n_eff": n_eff, "ancestors": np.linspace(100, 11, STEPS).round()},
+        "gated": {"refused": refused.astype(np.int64)},
+    }.items():
+        paths = ("online", "final") if backend == "plain" else ("online",)
+        row = made.cell(
+            "room",
+            "truth",
+            backend,
+            paths=paths,
+            cost_j={"plain": 2000.0, "particles": 3000.0, "gated": 4000.0}[backend],
+        )
+        (kept,) = [found for found in made.store.cells() if found.columns["backend"] == backend]
+        made.store.put_cell(row, made.store.arrays(kept) | more, "")
+    write_report(made.store)
+    made.store.close()
+    text = (tmp_path / "r" / "report.md").read_text(encoding="utf-8")
+    tables = [[line for line in part.splitlines() if line.startswith("|")] for part in text.split("\n\n")]
+    fit, inner = (next(t for t in tables if t and word in t[0]) for word in ("J, final path", "ancestors left"))
+    assert fit[0] == "| backend | done | prior | odometry | sightings | J, final path | J, online path |"
+    assert "| plain | 1/1 | 200 | 400 | 1,400 | **2,000** |  |" in fit
+    assert "| gated | 1/1 | 400 | 800 | 2,800 |  | 4,000 |" in fit
+    assert inner[0] == "| backend | done | fewest effective particles | ancestors left | refused |"
+    assert inner[2:] == ["| gated | 1/1 |  |  | 14.3 % |", "| particles | 1/1 | 40.0 | 11 |  |"]
+    assert f"True noise would give about {3 * (STEPS - 1)} of odometry and 14.0 of sightings." in text
+    assert "its J is large by nature" in text
+
+
 def test_looks_are_told_apart() -> None:
     names = [f"backend-{k}" for k in range(20)]
     chosen = looks(["dead-reckoning", *names, "backend-3"])

@@ -18,6 +18,7 @@ import pytest
 from slamduel.bench.plan import Cell, Plan
 from slamduel.bench.runner import claimed, recorded_plan, run
 from slamduel.bench.store import COLUMNS, Row, Store
+from slamduel.bench.workers import execute
 from slamduel.datasets import logfile
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log
@@ -107,7 +108,7 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, log_folder: Path) -> 
         has = {path.name for path in folder.iterdir()}
         expected = {"map.csv"}
         expected |= set() if row["backend"] == "graph" else {"online.tum", "steps.csv"}
-        expected |= {"final.tum"} if row["backend"] in ("isam2", "graph") else set()
+        expected |= {"final.tum"} if row["backend"] in ("fastslam", "isam2", "graph") else set()
         assert has == expected, row["backend"]
         if "steps.csv" in has:
             with (folder / "steps.csv").open(newline="") as file:
@@ -126,6 +127,7 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, log_folder: Path) -> 
     [
         ("raises", "error", "ValueError: the [brackets] of this message are <b>not</b> markup (misbehaving.py:"),
         ("not_a_number", "diverged", "step 4: the pose is not finite"),
+        ("leaves_the_earth", "diverged", "step 4: the pose is 3.0e+12 m from the origin, farther than the 1e+09 m"),
         ("gives_up", "diverged", "the covariance is no longer positive definite"),
         ("loops_for_ever", "timeout", "not finished after 3 s"),
         ("sleeps_for_ever", "timeout", "not finished after 3 s"),
@@ -286,6 +288,13 @@ def test_a_run_killed_before_it_wrote_anything_is_begun_again(tmp_path: Path, lo
     (tmp_path / "run" / "results.sqlite").touch()
     assert recorded_plan(tmp_path / "run") is None
     assert len(go(tmp_path / "run", "ekf", log_folder)) == 1
+
+
+def test_a_worker_starts_with_all_backends_imported_and_numba_at_work() -> None:
+    modules = "__import__('sys').modules"
+    asked = [f"'slamduel.backends.{name}' in {modules}" for name in ("ekf", "fastslam", "graph")]
+    called = f"len({modules}['slamduel.backends._models'].wrap.signatures)"
+    assert [ended.value for ended in execute(eval, [*asked, called], workers=1)] == [True, True, True, 1]
 
 
 def test_two_runs_cannot_share_a_folder(tmp_path: Path, log_folder: Path) -> None:

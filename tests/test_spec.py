@@ -64,7 +64,7 @@ def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: st
         ("", "found an empty name"),
         ("ekf,ekf", "ekf is named twice"),
         ("fastslam[particles=7],fastslam[particles=7]", "fastslam[particles=7] is named twice"),
-        ("ekf[particles=3]", "backend ekf: there is no option 'particles'; it has none."),
+        ("dead-reckoning[particles=3]", "backend dead-reckoning: there is no option 'particles'; it has none."),
         ("fastslam[particles]", "found 'particles', expected option=value"),
         ("fastslam[particles=3", "expected every bracket and quote to be closed"),
         ("fastslam[particles=3]x", "expected the brackets to close at the end"),
@@ -124,7 +124,7 @@ def test_a_plan_comes_back_from_its_words() -> None:
         "memory_mb": 100,
     }
     plan = Plan.from_words(words)
-    assert plan.words() == words
+    assert plan.words() == words | {"map": None, "map_fixed": False, "map_digest": None, "oracle": False}
     cells = [(c.dataset.name, c.backend.name, c.seed) for c in plan.cells()]
     assert sorted(cells) == [
         ("aruco-room", "ekf", 0),

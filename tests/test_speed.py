@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.bench import command_speed
+from slamduel.bench import speed_frontend
 from slamduel.bench.cli import main
 from slamduel.bench.frontend_study import Accuracy, Cost, Extent, Misreadings, Study, errors_of, steps
 from slamduel.bench.frontend_tables import COLUMNS
@@ -87,7 +87,7 @@ def test_the_command_prints_and_writes(
         def misreadings(self, extent: Extent, progress: object) -> list[Misreadings]:  # pyright: ignore[reportIncompatibleMethodOverride]
             return [Misreadings("clutter", "template", extent.clutter, 0, 0)]
 
-    monkeypatch.setattr(command_speed, "Study", Little)
+    monkeypatch.setattr(speed_frontend, "Study", Little)
     out, table = tmp_path / "out", tmp_path / "t.csv"
     arguments = ["--frontend", "--quick", "--clutter", "7", "--csv", str(table), "--out", str(out)]
     assert main(["speed", *arguments]) == 0
@@ -126,10 +126,3 @@ def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     (tmp_path / "there").write_text("")
     assert main(["speed", "--frontend", "--out", str(tmp_path / "there")]) == 2
     assert "found a file, expected a folder" in capsys.readouterr().err
-
-
-def test_what_is_timed_has_to_be_said(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main(["speed"])
-    assert stopped.value.code == 2
-    assert "required: --frontend" in capsys.readouterr().err

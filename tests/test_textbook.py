@@ -6,9 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from slamduel.bench.textbook_ekf import TextbookEkf, wrapped
 from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from slamduel.frontend.se2 import Array, between
-from textbook import TextbookEkf, TextbookKalman, moved, random_log, wrapped
+from textbook import TextbookKalman, moved, random_log
 
 
 def differences(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:

@@ -1,34 +1,12 @@
-"""EKF-SLAM as the ArUco EKF document writes it, with every matrix in full: the yardstick other filters are held to.
-
-Nothing here is quick and nothing is shared with the package's own estimators: the equations stand as printed, (5)-(9)
-for the motion, (11)-(16) for a sighting and (17)-(20) for a new landmark, with what the document leaves out put right.
-The motion is any body-frame delta, of which the document's midpoint model is one, and its noise is turned to the world
-by the heading before the motion; bearings of innovations are wrapped; a new landmark is correlated with everything the
-pose is correlated with; the sighting that creates a landmark is used for nothing else.
-"""
+"""What tests share: the linear Kalman filter, and random logs with covariances that hold."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from slamduel.frontend.factors import (
-    Dataset,
-    Log,
-    Map,
-    Odometry,
-    Prior,
-    RangeBearing,
-    RelativePoses,
-    Step,
-    Truth,
-)
+from slamduel.bench.textbook_ekf import wrapped
+from slamduel.frontend.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from slamduel.frontend.se2 import Array, Ints
-
-
-def wrapped(angle: float) -> float:
-    """An angle (rad) in (-pi, pi]."""
-    turned = float(np.arctan2(np.sin(angle), np.cos(angle)))
-    return np.pi if turned == -np.pi else turned
 
 
 class TextbookKalman:
@@ -51,110 +29,6 @@ class TextbookKalman:
         self.mean = self.mean + K @ innovation
         self.cov = (np.eye(len(self.mean)) - K @ H) @ self.cov
         return float(innovation @ np.linalg.inv(S) @ innovation)
-
-
-class TextbookEkf:
-    """Dense EKF-SLAM with known ids; the state is (x, y, heading, then x and y of each landmark).
-
-    One sighting after another, in the log's order, each linearised where the last one left the mean. With `together`
-    the sightings of landmarks known before the step are stacked into a single update, linearised at the prediction,
-    and the new landmarks are added after it: a different filter, equal only where the models are linear.
-    """
-
-    def __init__(self, prior: Prior, *, together: bool = False) -> None:
-        known = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None) if prior.map is None else prior.map
-        n = 3 + 2 * len(known.ids)
-        self.mean = np.concatenate((prior.pose, known.xy.ravel()))
-        self.cov = np.zeros((n, n))  # a map without covariance is held fixed: its rows stay zero
-        self.cov[:3, :3] = prior.cov
-        if known.cov is not None:
-            self.cov[3:, 3:] = known.cov
-        self.ids = known.ids.tolist()  # landmark i of the map is ids[i]
-        self.together = together
-        self.nis = 0.0  # of the last step's sightings, summed
-        self.nis_dof = 0
-
-    def step(self, step: Step) -> Array:
-        """Predict, then fold the sightings in; returns the pose (3,)."""
-        self.nis, self.nis_dof = 0.0, 0
-        if step.odometry is not None:
-            self.predict(step.odometry)
-        seen = list(zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True))
-        if self.together:
-            self.update([sighting for sighting in seen if sighting[0] in self.ids])
-            seen = [sighting for sighting in seen if sighting[0] not in self.ids]
-        for landmark, z, Q in seen:
-            if landmark in self.ids:
-                self.update([(landmark, z, Q)])
-            else:
-                self.add(landmark, z, Q)
-        return self.mean[:3].copy()
-
-    def predict(self, odometry: Odometry) -> None:
-        """The motion, eqs (5)-(9)."""
-        n = len(self.mean)
-        theta = self.mean[2]
-        dx, dy, dtheta = odometry.delta
-        F = np.eye(3, n)  # takes the pose out of the state; its transpose is F of eq. (5)
-        V = np.array([[np.cos(theta), -np.sin(theta), 0], [np.sin(theta), np.cos(theta), 0], [0, 0, 1]])
-        G = np.eye(n)  # eq. (7)
-        G[0, 2] = -np.sin(theta) * dx - np.cos(theta) * dy  # eq. (3)
-        G[1, 2] = np.cos(theta) * dx - np.sin(theta) * dy
-        self.mean = self.mean + F.T @ V @ np.array([dx, dy, dtheta])  # eq. (5)
-        self.mean[2] = wrapped(self.mean[2])
-        self.cov = G @ self.cov @ G.T + F.T @ V @ odometry.cov @ V.T @ F  # eqs (6), (8), (9)
-
-    def update(self, sightings: Sequence[tuple[int, Array, Array]]) -> None:
-        """Sightings (id, z, Q) of landmarks that are on the map, stacked into one update: eqs (11)-(16)."""
-        if not sightings:
-            return
-        k = len(sightings)
-        H = np.zeros((2 * k, len(self.mean)))
-        Q = np.zeros((2 * k, 2 * k))
-        innovation = np.zeros(2 * k)
-        for i, (landmark, z, cov) in enumerate(sightings):
-            rows = slice(2 * i, 2 * i + 2)
-            expected, H[rows] = self.expected(landmark)
-            innovation[rows] = z[0] - expected[0], wrapped(z[1] - expected[1])
-            Q[rows, rows] = cov
-        S = H @ self.cov @ H.T + Q
-        K = self.cov @ H.T @ np.linalg.inv(S)  # eq. (15)
-        self.mean = self.mean + K @ innovation
-        self.mean[2] = wrapped(self.mean[2])
-        self.cov = (np.eye(len(self.mean)) - K @ H) @ self.cov
-        self.nis += float(innovation @ np.linalg.inv(S) @ innovation)
-        self.nis_dof += 2 * k
-
-    def expected(self, landmark: int) -> tuple[Array, Array]:
-        """The sighting (2,) of a landmark as the mean has it, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""
-        j = 3 + 2 * self.ids.index(landmark)
-        x, y, theta = self.mean[:3]
-        delta_x, delta_y = self.mean[j] - x, self.mean[j + 1] - y
-        q = delta_x**2 + delta_y**2
-        r = np.sqrt(q)
-        H_v = np.array(
-            [
-                [-r * delta_x, -r * delta_y, 0, r * delta_x, r * delta_y],
-                [delta_y, -delta_x, -q, -delta_y, delta_x],
-            ]
-        )
-        F_i = np.zeros((5, len(self.mean)))
-        F_i[:3, :3] = np.eye(3)
-        F_i[3:, j : j + 2] = np.eye(2)
-        return np.array([r, wrapped(np.arctan2(delta_y, delta_x) - theta)]), H_v @ F_i / q
-
-    def add(self, landmark: int, z: Array, Q: Array) -> None:
-        """A landmark seen for the first time, eqs (17)-(20), and its cross-covariance with all that was there."""
-        x, y, theta = self.mean[:3]
-        r, phi = z
-        c, s = np.cos(theta + phi), np.sin(theta + phi)
-        G_p = np.array([[1, 0, -r * s], [0, 1, r * c]])  # eq. (19)
-        G_z = np.array([[c, -r * s], [s, r * c]])  # eq. (20)
-        cross = G_p @ self.cov[:3, :]  # (2, n)
-        own = G_p @ self.cov[:3, :3] @ G_p.T + G_z @ Q @ G_z.T  # eq. (18)
-        self.mean = np.concatenate((self.mean, [x + r * c, y + r * s]))  # eq. (17)
-        self.cov = np.block([[self.cov, cross.T], [cross, own]])
-        self.ids.append(landmark)
 
 
 def random_covariance(rng: np.random.Generator, sd: Sequence[float]) -> Array:

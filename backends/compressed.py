@@ -1,0 +1,135 @@
+"""The compressed filter (Guivant and Nebot, IEEE Trans. Robotics and Automation 17(3), 2001): exact, and mostly local.
+
+While only the pose and the landmarks of a part A are moved, seen or added, what happens to the rest B is linear in what
+B was correlated with at the start: with G and H the Jacobians of a motion and a sighting of the part,
+
+    Phi <- G Phi                          a motion
+    Phi <- (1 - K H) Phi                  a sighting, nu = z - h, S = H P H' + R
+    Psi <- Psi + Phi' H' S^-1 H Phi
+    theta <- theta + Phi' H' S^-1 nu
+
+and the rest can wait, however large it is, until it is asked for:
+
+    P_AB <- Phi P_AB,  P_BB <- P_BB - P_BA Psi P_AB,  x_B <- x_B + P_BA theta.
+
+A landmark of B that comes into view joins A at once, for the price of its own rows of these equations; a new one joins
+with a row of Phi that is the pose's, seen through its Jacobian, and with zeros in B's books. So the rest is settled
+only when the part has become too large, and the part then begins anew with the landmarks last seen.
+"""
+
+import numpy as np
+
+from . import _compressed, _triangle
+from ._ekf import OWED
+from .joint import Joint
+
+MOST = 64
+"""Landmarks that the part may hold. More make every step dearer, fewer make settling with the rest more frequent."""
+
+KEPT = 12
+"""Landmarks, those last seen, with which the part begins anew."""
+
+
+class Active(Joint):
+    """The active part of a joint belief, and what is owed to the rest of it."""
+
+    def __init__(self, whole: Joint, dgemm: int, *, fixed_points: bool) -> None:
+        super().__init__(whole.mean[:3], whole.pose, fixed_points=fixed_points)
+        self.points[:3] = whole.points[:3]
+        self._whole, self._dgemm = whole, dgemm
+        self._members = np.zeros(len(self.agreed), np.int64)  # the part's landmarks, by their place in the whole
+        self._place: dict[int, int] = {}  # and back
+        self._last_seen: dict[int, int] = {}
+        self._frame = 0
+        self._begin([])
+
+    def bring(self, slots: list[int], known: int) -> list[int]:
+        """The places in the part of the whole's landmarks `slots`, of which those from `known` on are new.
+
+        They are fetched where they are not in it, and the rest is settled with first where it would become too large.
+        """
+        self._frame += 1
+        place = self._place
+        absent = [slot for slot in slots if slot not in place]
+        if absent:
+            if self.landmarks + len(absent) > MOST:
+                present = [slot for slot in slots if slot in place]
+                self._last_seen.update(dict.fromkeys(present, self._frame))
+                self.settle_with(self._whole)
+                recent = sorted(place, key=lambda slot: self._last_seen[slot], reverse=True)
+                self._begin(recent[: max(KEPT, len(present))])
+                place = self._place
+            for slot in sorted(absent, key=lambda slot: slot >= known):  # stable: the new ones last, in their order
+                self._join(slot, new=slot >= known)
+        self._last_seen.update(dict.fromkeys(slots, self._frame))
+        return [place[slot] for slot in slots]
+
+    def settle_with(self, whole: Joint) -> None:
+        """Bring a whole as it was when the part was taken from it up to date; the part is only read."""
+        n, m = 2 * whole.landmarks, self.columns
+        before = np.empty((m, n))
+        _compressed.rows_of(whole.cross, whole.flat, self._members, self.landmarks, n, before)
+        lower = np.tril(self.information[:m, :m])
+        gained = (lower + np.tril(lower, -1).T) @ before
+        after = self.transition[:m, :m] @ before
+        whole.mean[:3] = self.mean[:3]
+        whole.mean[3 : 3 + n] += self.pull[:m] @ before
+        whole.pose[:] = self.pose
+        _triangle.subtract_product(whole.flat, n, before, gained, self._dgemm)
+        _compressed.give_back(
+            whole.mean, whole.cross, whole.flat, n, self._members, self.landmarks,
+            self.mean, self.cross, self.flat, after,
+        )  # fmt: skip
+        members = self._members[: self.landmarks]
+        whole.agreed[members] = self.agreed[: self.landmarks]
+        if whole.points is not whole.mean:
+            pairs = whole.points[3:].reshape(-1, 2)
+            pairs[members] = self.points[3 : 3 + n].reshape(-1, 2)[: self.landmarks]
+
+    def _begin(self, slots: list[int]) -> None:
+        """Hold these landmarks, with nothing owed: Phi = 1, Psi = 0, theta = 0."""
+        whole, a = self._whole, len(slots)
+        self.grow(a)
+        self._members[:a] = slots
+        self._place = {slot: i for i, slot in enumerate(slots)}
+        self._last_seen = {slot: self._last_seen[slot] for slot in slots}
+        _compressed.load(whole.mean, whole.cross, whole.flat, self._members, a, self.mean, self.cross, self.flat)
+        self.agreed[:a] = whole.agreed[slots]
+        self._copy_points(0)
+        space = len(self.mean)
+        self.transition, self.information, self.pull = np.eye(space), np.zeros((space, space)), np.zeros(space)
+        self.owed_transition = np.zeros((OWED, space))
+
+    def _join(self, slot: int, *, new: bool) -> None:
+        """Hold one landmark more."""
+        whole, a = self._whole, self.landmarks
+        self.grow(a + 1)
+        self._members[a], self._place[slot] = slot, a
+        self._copy_points(a)
+        self.agreed[a] = whole.agreed[slot]
+        self.transition[3 + 2 * a : 5 + 2 * a] = 0.0  # a new landmark's rows are made from the pose's
+        self.transition[:, 3 + 2 * a : 5 + 2 * a] = 0.0
+        if not new:
+            _compressed.fetch(
+                whole.mean, whole.cross, whole.flat, self._members, a,
+                self.mean, self.cross, self.flat, self.transition, self.information, self.pull,
+            )  # fmt: skip
+
+    def _copy_points(self, first: int) -> None:
+        whole, n = self._whole, self.landmarks
+        if whole.points is not whole.mean:
+            pairs = self.points[3:].reshape(-1, 2)
+            pairs[first:n] = whole.points[3:].reshape(-1, 2)[self._members[first:n]]
+
+    def grow(self, landmarks: int) -> None:
+        """Have space for so many landmarks; Phi is square."""
+        self.columns = 3 + 2 * landmarks
+        before = len(self.mean)
+        super().grow(landmarks)
+        more = len(self.mean) - before
+        if more:
+            self._members = np.pad(self._members, (0, more // 2))
+            self.transition = np.pad(self.transition, ((0, more), (0, more)))
+            self.information = np.pad(self.information, ((0, more), (0, more)))
+            self.pull = np.pad(self.pull, (0, more))
+            self.owed_transition = np.zeros((OWED, len(self.mean)))
