@@ -22,7 +22,6 @@ from .drive import drive
 from .score import score
 
 MEGABYTE = 1 << 20
-TOLD = "was told the truth: linearised there"
 
 
 @dataclass(frozen=True)

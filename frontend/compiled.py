@@ -11,8 +11,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import njit
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -25,9 +23,21 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """
     if not Path(function.__code__.co_filename).name.startswith("_"):
         raise ValueError(f"{function.__code__.co_filename}: a file with inner loops begins with an underscore")
+    from numba import njit
+
     dispatcher: Any = njit(cache=True, error_model="numpy")(function)
     dispatcher._cache._cache_file._source_stamp = stamp()
+    _ready.append(dispatcher.overloads)
     return cast(Callable[P, R], dispatcher)
+
+
+_ready: list[dict[Any, Any]] = []
+"""Of every function its machine code by the types of its arguments, as far as this process has made or loaded it."""
+
+
+def ready() -> int:
+    """How many pieces of machine code this process has made or loaded; it grows at a function's first call."""
+    return sum(map(len, _ready))
 
 
 @cache
