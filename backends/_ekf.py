@@ -17,7 +17,7 @@ from ..frontend.compiled import compiled
 from ..frontend.se2 import Array, Ints
 from ._blas import add_product, add_square
 from ._models import moved, placed, sighted, wrap
-from ._triangle import REAL, put, subtract_square, take
+from ._triangle import REAL, add_square_of, put, take
 
 OWED = 48
 """Rows that may be owed before they are folded in; a frame of more than 24 sightings takes several passes."""
@@ -106,7 +106,7 @@ def settle(
                 cross[i, j] -= a * Wm[q, j]
             for j in range(m):
                 transition[i, j] -= a * Y[q, j]
-    subtract_square(flat, n, Wm, rank, dgemm, dsyrk)
+    add_square_of(flat, n, -1.0, Wm, rank, dgemm, dsyrk)
     if m > 0:
         wide, out = Y.shape[1], transition.shape[1]
         below = transition.ctypes.data + REAL * 3 * out

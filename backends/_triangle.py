@@ -6,6 +6,8 @@ more than n^2 / 2 entries, and a correction of low rank is a product (BLAS 3) an
 the diagonal in a diagonal block means nothing.
 """
 
+import numpy as np
+
 from ..frontend.compiled import compiled
 from ..frontend.se2 import Array
 from ._blas import add_product, add_square
@@ -15,6 +17,9 @@ PANEL = 1016
 
 REAL = 8
 """Bytes of a float64."""
+
+LARGE = 32 << 20
+"""Entries of a matrix (256 MB) above which another panel must not cost a second copy of it."""
 
 
 @compiled
@@ -29,6 +34,17 @@ def row(i: int) -> int:
     """Where row i begins."""
     b = i // PANEL
     return PANEL * PANEL * b * (b + 1) // 2 + (i - b * PANEL) * (b + 1) * PANEL
+
+
+def grown(flat: Array, n: int) -> Array:
+    """The same matrix with space for n rows at least, the new ones zero: `flat` itself, or one that takes its place."""
+    entries = space(n)
+    if entries > max(LARGE, len(flat)):
+        flat.resize(entries, refcheck=False)  # in place: the system moves pages, and copies nothing
+    elif entries > len(flat):  # numpy asks for large pages when it allocates, but not when it resizes
+        before, flat = flat, np.zeros(entries)
+        flat[: len(before)] = before
+    return flat
 
 
 @compiled
@@ -66,16 +82,16 @@ def put(flat: Array, i: int, n: int, rows: Array) -> None:
 
 
 @compiled
-def subtract_square(flat: Array, n: int, W: Array, rank: int, dgemm: int, dsyrk: int) -> None:
-    """P -= W' W for the first `rank` rows of W (_, >= n)."""
+def add_square_of(flat: Array, n: int, sign: float, W: Array, rank: int, dgemm: int, dsyrk: int) -> None:
+    """P += sign W' W for the first `rank` rows of W (_, >= n)."""
     first, out = W.ctypes.data, flat.ctypes.data
     width = W.shape[1]
     for top in range(0, n, PANEL):
         rows, stride = min(PANEL, n - top), top + PANEL
         panel = out + REAL * row(top)
         if top > 0:
-            add_product(dgemm, top, rows, rank, -1.0, first, width, first + REAL * top, width, panel, stride)
-        add_square(dsyrk, rows, rank, -1.0, first + REAL * top, width, panel + REAL * top, stride)
+            add_product(dgemm, top, rows, rank, sign, first, width, first + REAL * top, width, panel, stride)
+        add_square(dsyrk, rows, rank, sign, first + REAL * top, width, panel + REAL * top, stride)
 
 
 @compiled

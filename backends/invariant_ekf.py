@@ -16,7 +16,8 @@ import numpy as np
 
 from ..frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ..frontend.se2 import Array
-from . import _invariant
+from . import _invariant, _triangle
+from ._blas import routine
 from .api import Belief, Builder, Diverged, NoOptions, Pose
 
 SPACE = 64
@@ -35,9 +36,10 @@ class InvariantEkf:
         self._known = np.zeros((0, 2))  # landmarks held fixed, m from the origin
         self._n = 0  # entries of the landmarks' mean
         self._mean = np.zeros(0)
-        self._block = np.zeros(0)  # the landmarks' covariance, lower triangle, row after row
-        self._strip = np.zeros((3, 0))  # the pose's rows of the covariance
-        self._owed, self._sign, self._count = np.zeros((_invariant.RANK, 0)), np.zeros(_invariant.RANK), 0
+        self._strip = np.zeros((3, 3))  # the pose's rows of the covariance
+        self._flat = np.zeros(0)  # the landmarks' covariance, less what is owed to it: see _triangle, _invariant
+        self._owed, self._owing = np.zeros((_invariant.RANK, 0)), np.zeros(2, np.int64)
+        self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._reserve(SPACE)
         self._strip[:, :3] = prior.cov  # at the origin itself both errors are one
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
@@ -64,11 +66,10 @@ class InvariantEkf:
     def map(self) -> Map:
         """All landmarks, with their joint covariance in plain coordinates; those held fixed first, the rest as seen."""
         n, fixed = self._n, self._known.size
-        block, around = np.zeros((n, n)), _lever(self._mean[:n])
-        triangle = self._block[: n * (n + 1) // 2].copy()
-        _invariant.fold(triangle, n, self._owed.copy(), self._sign.copy(), self._count)
-        block[np.tril_indices(n)] = triangle
-        block += np.tril(block, -1).T
+        block, around = np.empty((n, n)), _lever(self._mean[:n])
+        flat = self._flat.copy()  # asking must not change what comes after
+        _invariant.fold(flat, n, self._owed, self._owing.copy(), self._dgemm, self._dsyrk)
+        _triangle.whole(flat, n, block)
         turned = np.outer(around, self._strip[2, 3 : n + 3])
         cov = np.zeros((fixed + n, fixed + n))
         cov[fixed:, fixed:] = block + (turned + turned.T) + self._strip[2, 2] * np.outer(around, around)
@@ -82,18 +83,10 @@ class InvariantEkf:
         return np.array([self._pose[0] + self._origin[0], self._pose[1] + self._origin[1], self._pose[2]])
 
     def _predict(self, odometry: Odometry) -> None:
-        self._count = _invariant.move(
-            self._pose,
-            self._mean,
-            self._strip,
-            self._block,
-            self._n,
-            np.array(odometry.delta),
-            np.array(odometry.cov),
-            self._owed,
-            self._sign,
-            self._count,
-        )
+        _invariant.move(
+            self._pose, self._mean, self._strip, self._flat, self._n, np.array(odometry.delta), np.array(odometry.cov),
+            self._owed, self._owing, self._dgemm, self._dsyrk,
+        )  # fmt: skip
 
     def _take(self, seen: RangeBearing) -> None:
         """Correct by the sightings of landmarks that are known, and add the others, all in their order."""
@@ -103,22 +96,11 @@ class InvariantEkf:
             fresh = [landmark for landmark in seen.ids.tolist() if landmark not in slot]
             slot.update(zip(fresh, range(count, count + len(fresh)), strict=True))
             self._reserve(2 * len(slot))
-        self._n, self._count, wrong = _invariant.take(
-            self._pose,
-            self._mean,
-            self._strip,
-            self._block,
-            self._n,
-            self._known,
-            np.array(slots),
-            np.array(seen.z),
-            np.array(seen.cov, order="C"),
-            self._owed,
-            self._sign,
-            self._count,
-            self._columns,
-            self._nis,
-        )
+        self._n, wrong = _invariant.observe(
+            self._pose, self._mean, self._strip, self._flat, self._n, self._known,
+            np.array(slots), np.array(seen.z), np.array(seen.cov, order="C"),
+            self._owed, self._owing, self._nis, self._dgemm, self._dsyrk,
+        )  # fmt: skip
         if wrong:
             raise Diverged(_invariant.WRONG[wrong])
 
@@ -139,18 +121,17 @@ class InvariantEkf:
         around = _lever(self._mean[:n])
         self._strip[:, 3 : n + 3] = -np.outer(self._strip[:, 2], around)
         block = given.cov + self._strip[2, 2] * np.outer(around, around)
-        self._block[: n * (n + 1) // 2] = block[np.tril_indices(n)]
+        _triangle.store(self._flat, block)
 
     def _reserve(self, entries: int) -> None:
-        """Make room for that many entries of the landmarks' mean, and for half as many again where there is none."""
-        space, before = max(SPACE, entries + entries // 2), len(self._mean)
-        if entries <= before:
+        """Make room for that many entries of the landmarks' mean; in the vectors for half as many again."""
+        self._flat = _triangle.grown(self._flat, entries)
+        if entries <= len(self._mean):
             return
-        self._mean.resize(space, refcheck=False)
-        self._block.resize(space * (space + 1) // 2, refcheck=False)  # in place where the system can
-        self._strip = np.hstack((self._strip, np.zeros((3, space + 3 - self._strip.shape[1]))))
-        self._owed = np.hstack((self._owed, np.zeros((_invariant.RANK, space - before))))
-        self._columns = np.empty((2, space + 3))
+        more = max(SPACE, entries + entries // 2) - len(self._mean)
+        self._mean = np.pad(self._mean, (0, more))
+        self._strip = np.pad(self._strip, ((0, 0), (0, more)))
+        self._owed = np.pad(self._owed, ((0, 0), (0, more)))
 
 
 def _lever(mean: Array) -> Array:

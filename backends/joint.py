@@ -9,9 +9,6 @@ from ..frontend.se2 import Array
 from . import _triangle
 from ._ekf import OWED
 
-LARGE = 32 << 20
-"""Entries of a matrix (256 MB) above which another panel must not cost a second copy of it."""
-
 SPACE = 64
 """Landmarks that the vectors have space for at first; doubled whenever it runs out. The matrix grows by panels."""
 
@@ -39,12 +36,7 @@ class Joint:
     def grow(self, landmarks: int) -> None:
         """Have space for so many landmarks; the new ones' entries are zero."""
         self.landmarks = landmarks
-        entries = _triangle.space(2 * landmarks)
-        if entries > max(LARGE, len(self.flat)):
-            self.flat.resize(entries, refcheck=False)  # in place: the system moves pages, and copies nothing
-        elif entries > len(self.flat):  # numpy asks for large pages when it allocates, but not when it resizes
-            before, self.flat = self.flat, np.zeros(entries)
-            self.flat[: len(before)] = before
+        self.flat = _triangle.grown(self.flat, 2 * landmarks)
         space = len(self.agreed)
         if landmarks <= space:
             return

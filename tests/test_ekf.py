@@ -274,8 +274,10 @@ def test_the_triangle_is_a_symmetric_matrix(n: int) -> None:
     _triangle.store(flat, full)
     W, M, out, rows = rng.normal(size=(9, n + 5)), rng.normal(size=(7, n)), np.empty((n, n)), np.empty((2, n))
     dgemm, dsyrk = routine("dgemm"), routine("dsyrk")
-    _triangle.subtract_square(flat, n, W, 8, dgemm, dsyrk)
+    _triangle.add_square_of(flat, n, -1.0, W, 8, dgemm, dsyrk)
     full -= W[:8, :n].T @ W[:8, :n]
+    _triangle.add_square_of(flat, n, 1.0, W[6:], 3, dgemm, dsyrk)
+    full += W[6:, :n].T @ W[6:, :n]
     psi = np.diag(np.arange(1.0, 8))
     _triangle.subtract_product(flat, n, M, psi @ M, dgemm)
     full -= M.T @ psi @ M

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from slamduel.backends import _invariant
+from slamduel.backends import _invariant, _triangle
+from slamduel.backends._blas import routine
 from slamduel.backends.api import Diverged
 from slamduel.backends.invariant_ekf import InvariantEkf
 from slamduel.bench.textbook_ekf import TextbookEkf
-from slamduel.frontend.factors import Log, Map, Odometry, Prior, Step
+from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, Step
 from slamduel.frontend.options import NoOptions
 from slamduel.frontend.se2 import Array, compose, wrap
 from textbook import random_log
@@ -172,7 +173,7 @@ def test_it_is_the_papers_filter() -> None:
 
 
 def test_a_map_that_outgrows_its_room_and_frames_that_outgrow_what_may_be_owed() -> None:
-    log = random_log(np.random.default_rng(3), 12, 45, radius=30.0).log
+    log = random_log(np.random.default_rng(3), 12, 60, radius=30.0).log
     assert max(len(step.sightings.ids) for step in log) > _invariant.RANK / 2
     agree(log)
 
@@ -251,16 +252,51 @@ def test_covariances_stay_positive_definite_over_a_long_log() -> None:
             assert all(np.array_equal(cov, cov.T) and np.linalg.eigvalsh(cov)[0] > 0 for cov in covs)
 
 
-@pytest.mark.parametrize(("n", "count"), [(1, 1), (7, 3), (1100, 16), (40, 9)])
-def test_what_is_owed_is_added(n: int, count: int) -> None:
+@pytest.mark.parametrize(("n", "sighted", "turned"), [(2, 2, 0), (8, 0, 3), (1100, 40, 8), (40, 10, 9)])
+def test_what_is_owed_is_added(n: int, sighted: int, turned: int) -> None:
+    """Sightings' rows, from the first on, are taken off, turns', up to the last, are added; those between are not."""
     rng = np.random.default_rng(n)
-    owed, sign = rng.standard_normal((_invariant.RANK, n)), rng.choice([-1.0, 1.0], _invariant.RANK)
+    owed = rng.standard_normal((_invariant.RANK, n + 2))
+    sign = np.concatenate((np.full(sighted, -1.0), np.zeros(_invariant.RANK - sighted - turned), np.ones(turned)))
     symmetric = rng.standard_normal((n, n))
     symmetric += symmetric.T
-    expected = symmetric + (owed[:count].T * sign[:count]) @ owed[:count]
-    triangle = symmetric[np.tril_indices(n)]
-    _invariant.fold(triangle, n, owed, sign, count)
-    assert triangle == pytest.approx(expected[np.tril_indices(n)], abs=1e-12)
+    expected = symmetric + (owed[:, :n].T * sign) @ owed[:, :n]
+    flat, owing = _triangle.grown(np.zeros(0), n), np.array([sighted, turned])
+    _triangle.store(flat, symmetric)
+    rows, found = np.empty((2, n)), np.empty((n, n))
+    at = n // 4 * 2
+    _invariant.gather(flat, n, at, owed, owing, rows)
+    assert rows == pytest.approx(expected[at : at + 2], abs=1e-12)
+    _invariant.fold(flat, n, owed, owing, routine("dgemm"), routine("dsyrk"))
+    _triangle.whole(flat, n, found)
+    assert found == pytest.approx(expected, abs=1e-12)
+    assert not owing.any()
+
+
+def test_a_map_that_is_asked_for_changes_nothing() -> None:
+    """Whatever is owed at the time: not a bit of the path, the beliefs or the last map."""
+    log = random_log(np.random.default_rng(12), 60, 30, radius=20.0).log
+    asked, left = make(log.prior), make(log.prior)
+    for step in log:
+        assert np.array_equal(asked.step(step), left.step(step))
+        asked.map()
+        asked.belief()
+    for one, other in ((asked.belief().cov, left.belief().cov), (asked.map().cov, left.map().cov)):
+        assert one is not None
+        assert other is not None
+        assert np.array_equal(one, other)
+
+
+def test_turns_alone_may_be_all_that_is_owed() -> None:
+    """More motions than may be owed, with nothing in sight, then sightings again."""
+    log = random_log(np.random.default_rng(13), _invariant.RANK + 20, 6, radius=4.0).log
+    blind = [
+        step._replace(sightings=RangeBearing(step.sightings.ids[:0], step.sightings.z[:0], step.sightings.cov[:0]))
+        if 3 <= k < _invariant.RANK + 10
+        else step
+        for k, step in enumerate(log)
+    ]
+    agree(Log.from_steps("blind", log.prior, blind))
 
 
 def test_numbers_that_left_their_domain_end_it() -> None:
