@@ -170,7 +170,7 @@ class Ekf:
     def _truth_at(self, t: float) -> Array:
         """The true pose at time t (s), to the last bit."""
         if self._truth is None:
-            raise TruthWanted("ekf[jacobians=ideal] linearises at the truth, which `bench run --oracle` tells it")
+            raise TruthWanted("ekf[jacobians=ideal] linearises at the truth: it needs bench run --oracle")
         i = self._pose_at.get(t)
         if i is None:
             raise TruthWanted(f"ekf[jacobians=ideal] needs the true pose of every step; there is none at t = {t:.6g} s")

@@ -22,7 +22,7 @@ from .api import Belief, Builder, Diverged, Pose, Solution
 class Options:
     """How long the window is, and iSAM2's settings in it."""
 
-    lag: float = option(20.0, "length of the window, s", minimum=0)
+    lag: float = option(20.0, "length of the window, s; a loop that takes longer is not closed", minimum=1e-3)
     relinearize_threshold: float = option(
         0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
     )

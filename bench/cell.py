@@ -20,6 +20,7 @@ from ..frontend.errors import SlamduelError
 from ..frontend.factors import UNKNOWN, Log, Truth
 from .drive import drive
 from .score import score
+from .summary import TOLD
 
 MEGABYTE = 1 << 20
 

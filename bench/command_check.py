@@ -15,6 +15,9 @@ STYLE = {"passed": "green", "gave up": "yellow", "failed": "bold red", "not appl
 TIMEOUT_S = 120.0
 """Ten times what the slowest check takes of those that come along, and enough to compile a backend's inner loops."""
 
+LONGEST_S = 86_400
+"""s; a day for one check."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
@@ -35,8 +38,8 @@ def main(namespace: argparse.Namespace) -> int:
     """Print every check's outcome; 1 where one failed."""
     console = Console(highlight=False, soft_wrap=True)
     checks = chosen([word.strip() for word in namespace.only.split(",") if word.strip()])
-    if not namespace.timeout > 0:
-        raise InputError(f"--timeout is {namespace.timeout:g}, expected more than 0 s.")
+    if not 0 < namespace.timeout <= LONGEST_S:
+        raise InputError(f"--timeout is {namespace.timeout:g}, expected more than 0 s and at most {LONGEST_S:,} s.")
     failures = 0
     for variant in backend_variants(namespace.backend):
         if variant.builder is None:

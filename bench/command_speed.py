@@ -48,3 +48,8 @@ def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
         )
     if namespace.out is not None and namespace.out.exists() and not namespace.out.is_dir():
         raise InputError(f"--out {namespace.out}: found a file, expected a folder or nothing")
+    if namespace.out is not None:  # before an hour's measurements, not after
+        try:
+            namespace.out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"--out {namespace.out}: {error.strerror}; expected a folder that can be made") from None

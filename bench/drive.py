@@ -77,8 +77,7 @@ def drive(
     gc.collect()
     gc.disable()
     try:
-        ready = -1
-        while ready != compiled.ready():  # a part of the log that the warm-up did not come to needed code of its own
+        while True:
             ready = compiled.ready()
             start = time.process_time_ns()
             backend = builder.make(log.prior, options, generator())
@@ -88,6 +87,8 @@ def drive(
             start = time.process_time_ns()
             finished = backend.finish()
             finish_ns = time.process_time_ns() - start
+            if ready == compiled.ready():  # else a part of the log that the warm-up did not come to needed new code
+                break
     finally:
         gc.enable()
     solution = _checked_solution(finished, len(steps))

@@ -40,6 +40,7 @@ class GivenMap:
     maps: Mapping[int, Map]  # by the seed of the log that it was made of
     kinds: frozenset[str]  # what is known of their covariances
     world: str  # the dataset it was made of, where that makes another world a seed; else ""
+    made_of: str = ""  # that dataset with its options, "" for a file
 
     def seeds(self, dataset: DatasetVariant, wanted: Iterable[int]) -> list[int]:
         """Those of `wanted` whose log is of a world that was mapped. InputError where there is none."""
@@ -90,7 +91,7 @@ def read(source: str, *, fixed: bool) -> GivenMap:
     path = Path(source)
     if path.is_file():
         known = read_landmarks(path)
-        return _given(source, fixed, {0: _Known(known, FIXED if known.cov is None else BLOCKS)}, "")
+        return _given(source, fixed, {0: _Known(known, FIXED if known.cov is None else BLOCKS)}, "", "")
     for folder in (path, *path.resolve().parents[:3]):
         if (folder / FILE).is_file():
             return _from_record(source, fixed, folder, path)
@@ -110,11 +111,11 @@ class _Known(NamedTuple):
     kind: str
 
 
-def _given(source: str, fixed: bool, found: Mapping[int, _Known], world: str) -> GivenMap:
+def _given(source: str, fixed: bool, found: Mapping[int, _Known], world: str, made_of: str) -> GivenMap:
     if fixed:
         found = {seed: _Known(known.map._replace(cov=None), FIXED) for seed, known in found.items()}
     maps = {seed: _checked(known.map, source) for seed, known in found.items()}
-    return GivenMap(source, fixed, maps, frozenset(known.kind for known in found.values()), world)
+    return GivenMap(source, fixed, maps, frozenset(known.kind for known in found.values()), world, made_of)
 
 
 def _checked(known: Map, source: str) -> Map:
@@ -153,7 +154,7 @@ def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap
                 f"--map {source}: holds {len(named)} maps, expected one of: {', '.join(named[:NAMED])}{more}."
             )
         maps = {row.columns["seed"]: _from_arrays(store.arrays(row, ARRAYS)) for row in found.values()}
-    return _given(source, fixed, maps, world)
+    return _given(source, fixed, maps, world, label(first["dataset"], first["dataset_options"]))
 
 
 def _place(row: Row, slugs: Mapping[str, str]) -> Path:

@@ -58,12 +58,17 @@ class Plan:
         wanted = range(self.seeds if dataset.source.seeded or _random(backend) else 1)
         return wanted if self.map is None else self.map.seeds(dataset, wanted)
 
-    def left_out(self) -> str:
-        """Which seeds are not run as nobody mapped their world, in a sentence; "" where all are."""
+    def remarks(self) -> str:
+        """What a given map leaves out or may not fit, in sentences: seeds whose world nobody mapped, other places."""
         if self.map is None:
             return ""
         sentences: list[str] = []
         for dataset in self.datasets:
+            made_of = self.map.made_of
+            if made_of == dataset.label:
+                sentences.append(f"{dataset.label}: the map was made of this very log, whose sightings count twice.")
+            elif made_of:
+                sentences.append(f"{dataset.label}: the map is of {made_of}, and no help but in the same place.")
             run = self.map.seeds(dataset, range(self.seeds))
             if dataset.source.seeded and len(run) < self.seeds:
                 seeds = ", ".join(str(seed) for seed in run)

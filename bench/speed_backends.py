@@ -160,7 +160,6 @@ def _written(namespace: argparse.Namespace, rows: Sequence[Row], reached: Sequen
     if namespace.out is not None:
         from .speed_figure import write_figure
 
-        namespace.out.mkdir(parents=True, exist_ok=True)
         table, compared, picture = (namespace.out / name for name in ("backends.csv", "ratios.csv", "backends.png"))
         write_whole(table, as_csv(rows))
         write_whole(compared, ratios_as_csv(reached))

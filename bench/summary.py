@@ -10,6 +10,9 @@ import numpy as np
 from .export import label
 from .store import Row
 
+TOLD = "was told the truth: linearised there"
+"""In the reason of a cell whose backend made use of --oracle."""
+
 
 class Spread(NamedTuple):
     """A value over the seeds that have one."""
@@ -38,6 +41,11 @@ class Line(NamedTuple):
     def alone(self) -> bool:
         """Whether every cell ran alone, so that its times stand for themselves."""
         return all(row.columns["timing_alone"] for row in self.rows)
+
+    @property
+    def told(self) -> bool:
+        """Whether it was told the truth, and so does not compete."""
+        return any(TOLD in (row.columns["reason"] or "") for row in self.rows)
 
 
 def short(label: str) -> str:

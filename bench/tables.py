@@ -154,7 +154,10 @@ def _table(
         [
             TableRow(
                 line.backend,
-                [Entry(f"{line.done}/{len(line.rows)}"), *(column[k] for _, column in kept)],
+                [
+                    Entry(f"{line.done}/{len(line.rows)}", "told the truth" if line.told else ""),
+                    *(column[k] for _, column in kept),
+                ],
                 "done" if line.done == len(line.rows) else "some failed",
             )
             for k, line in enumerate(lines)

@@ -91,7 +91,7 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
     for line in lines:
         v = line.values
         shown.add_row(
-            plain(line.backend),
+            plain(line.backend) + " \N{DAGGER}" * line.told,
             f"{line.done}/{len(line.rows)}",
             _metres(v.get("ate_m"), with_range),
             _metres(v.get("final_ate_m"), with_range),
@@ -100,8 +100,10 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
             "" if "step_us_p50" not in v else f"{v['step_us_p50'].median:.0f}",
             "" if "step_us_p99" not in v else f"{v['step_us_p99'].median:.0f}" + ("" if line.alone else "*"),
         )
-    if not all(line.alone for line in lines):
-        shown.caption, shown.caption_justify = "* timed while other cells ran beside it", "left"
+    notes = ["* timed while other cells ran beside it"] * (not all(line.alone for line in lines))
+    notes += ["\N{DAGGER} was told the truth (--oracle)"] * any(line.told for line in lines)
+    if notes:
+        shown.caption, shown.caption_justify = "\n".join(notes), "left"
     return shown
 
 

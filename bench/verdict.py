@@ -44,8 +44,9 @@ def ranked(lines: Sequence[Line], column: str) -> list[Line]:
     """The lines that have the column, the lowest median first.
 
     Without those that have cells missing, as long as there are others: what is left of them is their luckier seeds.
+    One that was told the truth does not compete.
     """
-    having = [line for line in lines if column in line.values]
+    having = [line for line in lines if column in line.values and not line.told]
     whole = [line for line in having if line.done == len(line.rows)]
     return sorted(whole or having, key=lambda line: line.values[column].median)
 
@@ -75,8 +76,9 @@ def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
     left = [
         f"{line.backend} ({line.done} of {len(line.rows)} done)"
         for line in lines
-        if column in line.values and all(line is not other for other in found)
+        if column in line.values and all(line is not other for other in found) and not line.told
     ]
+    left += [f"{line.backend} (was told the truth)" for line in lines if column in line.values and line.told]
     return [f"{said}{f'; not ranked: {listed(left)}' if left else ''}."]
 
 

@@ -37,7 +37,9 @@ HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 class Options:
     """The city, the drive, and how well it is measured."""
 
-    landmarks: int = option(1000, "landmarks along the streets; with more of them the city grows", minimum=40)
+    landmarks: int = option(
+        1000, "landmarks along the streets; with more of them the city grows", minimum=40, maximum=1_000_000
+    )
     steps: int = option(2000, "steps of the drive", minimum=2, maximum=1_000_000)
     stride: float = option(1.0, "way from step to step, m", minimum=0.05, maximum=10.0)
     speed: float = option(2.0, "speed of the robot, m/s", minimum=0.05, maximum=50.0)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.bench.cell import TOLD
 from slamduel.bench.cli import main
 from slamduel.bench.store import Row, Store
+from slamduel.bench.summary import TOLD
 from slamduel.datasets import logfile
 from textbook import random_log
 
