@@ -97,8 +97,8 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
             _metres(v.get("final_ate_m"), with_range),
             "" if "nees" not in v else f"{v['nees'].median:{'.2f' if v['nees'].median < LOST else '.1e'}}",
             "" if "nees_inside" not in v else f"{100 * v['nees_inside'].median:.0f} %",
-            "" if "step_us_p50" not in v else f"{v['step_us_p50'].median:.0f}",
-            "" if "step_us_p99" not in v else f"{v['step_us_p99'].median:.0f}" + ("" if line.alone else "*"),
+            "" if "step_us_p50" not in v else _whole(v["step_us_p50"].median),
+            "" if "step_us_p99" not in v else _whole(v["step_us_p99"].median) + ("" if line.alone else "*"),
         )
     notes = ["* timed while other cells ran beside it"] * (not all(line.alone for line in lines))
     notes += ["\N{DAGGER} was told the truth (--oracle)"] * any(line.told for line in lines)
@@ -107,10 +107,16 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
     return shown
 
 
+def _whole(value: float) -> str:
+    return "<1" if value < 0.5 else f"{value:.0f}"
+
+
 def _metres(value: Spread | None, with_range: bool) -> str:
     """To a millimetre, or to a thousandth where that is coarser; what is lost altogether by its order alone."""
     if value is None:
         return ""
+    if value.high < 0.0005:
+        return "<0.001"
     form = ".3f" if value.median < 10 else ".2f" if value.median < 100 else ".1f" if value.high < LOST else ".1e"
     if value.n == 1 or not with_range:
         return f"{value.median:{form}}"
