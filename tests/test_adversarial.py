@@ -209,4 +209,4 @@ def test_the_command_says_how_many_are_done(capsys: pytest.CaptureFixture[str]) 
     assert "sure-sightings:" not in said
     assert "misbehaving:gives_up: adversarial logs: 0 done, 1 with a named reason, 1 failed" in said
     assert main(["check", "ekf", "--timeout", "0"]) == 2
-    assert "--timeout is 0, expected more than 0 s." in capsys.readouterr().err
+    assert "--timeout is 0, expected more than 0 s and at most 86,400 s." in capsys.readouterr().err
