@@ -1,20 +1,15 @@
 """A calibration in one picture: where in the image corners were seen, how far off they are, and which views are bad."""
 
-import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from ..frontend.charuco import GRID, Calibration, coverage
 from .axes import short
 from .looks import COLOURS
-
-KINDS = (".png", ".svg", ".pdf")
+from .picture import picture
 
 ARROW = 0.04
 """Of the image's width, what the arrow of a large residual takes."""
@@ -22,32 +17,19 @@ ARROW = 0.04
 NAMED = 40
 """Views up to which each bar has its name."""
 
-_STYLE: dict[str, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "text.parse_math": False,
-}
 _GOOD, _BAD, _EMPTY, _INK = COLOURS[0], COLOURS[1], "#eeeeee", "#222222"
 
 
 def write_picture(path: Path, found: Calibration) -> None:
-    """Draw `found` into `path`, whole or not at all; its suffix, one of KINDS, says in which format."""
+    """Draw `found` into `path`, whole or not at all; its suffix says in which format."""
     bars = min(len(found.fits), NAMED)
-    with style.context(["default", _STYLE]):
-        figure = Figure(figsize=(10.5, max(4.6, 1.4 + 0.19 * bars)), layout="constrained")
+    with picture(path, (10.5, max(4.6, 1.4 + 0.19 * bars))) as figure:
         image, errors = figure.subplots(1, 2, width_ratios=(2, 1))
         _image(image, found)
         _errors(errors, found)
         (fx, fy), (sx, sy) = found.camera.focal, found.sd[:2]
         title = f"fx {fx:.1f} ± {sx:.1f} px, fy {fy:.1f} ± {sy:.1f} px; {len(found.fits)} views, RMS {found.rms:.2f} px"
         figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-        beside = path.with_name(f".{path.name}.part")
-        figure.savefig(beside, format=path.suffix.lower().removeprefix("."), dpi=120)
-    os.replace(beside, path)
 
 
 def _image(axes: Axes, found: Calibration) -> None:

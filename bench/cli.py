@@ -12,6 +12,10 @@ from ..frontend.errors import Interrupted, SlamduelError
 COMMANDS = {
     "run": ("run backends on datasets and write a report", ".command_run"),
     "list": ("list backends and datasets with their options", ".command_list"),
+    "show": ("a picture of a log, and its numbers", ".command_show"),
+    "validate": ("everything that is wrong with a log, with file and row", ".command_validate"),
+    "fetch": ("download a published log from its publisher", ".command_fetch"),
+    "export": ("write a log as a g2o file, as a folder of CSV files or as TUM paths", ".command_export"),
     "detect": ("the markers in a recording as a log, with a report of what was found", ".command_detect"),
     "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".command_render"),
     "markers": ("print markers, or a calibration board, at true size", ".command_markers"),

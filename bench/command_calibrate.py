@@ -19,8 +19,9 @@ from ..frontend.board import Board, View, find_corners, read_board
 from ..frontend.calibration import write_camera_info, write_opencv
 from ..frontend.charuco import MODELS, Calibration, calibrate
 from ..frontend.errors import InputError
-from .calibration_picture import KINDS, write_picture
+from .calibration_picture import write_picture
 from .numerals import counted, listed
+from .picture import KINDS
 from .terminal import plain, screen_console
 
 CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from ..datasets.recording import open_recording
 from ..datasets.robot import read_robot
+from .arguments import positive
 from .detect import Wishes, detect
 from .detection_folder import check_place
 from .detection_progress import Progress
@@ -35,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)"
     )
-    parser.add_argument("--seconds", type=_positive, metavar="N", help="stop after the first N seconds")
+    parser.add_argument("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
     parser.add_argument(
         "--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth"
     )
@@ -96,13 +97,3 @@ def _noise_table(findings: Findings) -> Table:
             *map(number, one.squares),
         )
     return shown
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"found {text}, expected a number above 0")
-    return value

@@ -11,7 +11,8 @@ import numpy as np
 
 from ..backends.models import innovation, sight
 from ..frontend.factors import UNKNOWN, Log, Map
-from ..frontend.se2 import Array, between, wrap
+from ..frontend.se2 import Array, between
+from ..frontend.truth_errors import difference, rows_of
 
 
 class Cost(NamedTuple):
@@ -40,29 +41,32 @@ def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
     given = log.prior.map
     if given is not None and not np.isin(given.ids, landmarks.ids).all():
         return None
-    seen = log.ids != UNKNOWN
-    order = np.argsort(landmarks.ids)
-    place = np.searchsorted(landmarks.ids[order], log.ids[seen])
-    if len(landmarks.ids) == 0:
-        if seen.any():
-            return None
-    elif not np.array_equal(landmarks.ids[order][np.minimum(place, len(order) - 1)], log.ids[seen]):
+    sighted = misfits(log, path, landmarks)
+    if sighted is None:
         return None
-    xy = landmarks.xy[order][place] if seen.any() else np.zeros((0, 2))
-    z = log.z[seen]
-    expected = sight(path[log.sighting_step[seen]], xy)[0] if len(z) else z
     step = log.loop_step
     return Cost(
         prior=_prior(log, path, landmarks),
-        odometry=_squared(_wrapped(between(path[:-1], path[1:]) - log.delta[1:]), log.delta_cov[1:]),
-        sightings=_squared(innovation(z.copy(), expected), log.z_cov[seen]),
-        loops=_squared(_wrapped(between(path[log.loop_to], path[step]) - log.loop_delta), log.loop_cov),
+        odometry=_squared(difference(between(path[:-1], path[1:]), log.delta[1:]), log.delta_cov[1:]),
+        sightings=float(sighted.sum()),
+        loops=_squared(difference(between(path[log.loop_to], path[step]), log.loop_delta), log.loop_cov),
     )
+
+
+def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
+    """The squared Mahalanobis distance (s,) of each of the log's sightings with an id; None where one is not mapped."""
+    seen = log.ids != UNKNOWN
+    row = rows_of(landmarks.ids, log.ids[seen])
+    if (row < 0).any():
+        return None
+    z = log.z[seen]
+    expected = sight(path[log.sighting_step[seen]], landmarks.xy[row])[0] if len(z) else z
+    return _each_squared(innovation(z.copy(), expected), log.z_cov[seen])
 
 
 def _prior(log: Log, path: Array, landmarks: Map) -> float:
     known = log.prior.map
-    off = _squared(_wrapped((path[0] - log.prior.pose)[None]), log.prior.cov[None])
+    off = _squared(difference(path[:1], log.prior.pose[None]), log.prior.cov[None])
     if known is None or known.cov is None:
         return off
     row = {landmark: k for k, landmark in enumerate(landmarks.ids.tolist())}
@@ -70,11 +74,13 @@ def _prior(log: Log, path: Array, landmarks: Map) -> float:
     return off + _squared((xy - known.xy).reshape(1, -1), known.cov[None])
 
 
-def _wrapped(difference: Array) -> Array:
-    difference[:, 2] = wrap(difference[:, 2])
-    return difference
-
-
 def _squared(error: Array, cov: Array) -> float:
     """Sum of e' C^-1 e over rows."""
-    return float(np.einsum("ni,ni->", error, np.linalg.solve(cov, error[..., None])[..., 0])) if len(error) else 0.0
+    return float(_each_squared(error, cov).sum())
+
+
+def _each_squared(error: Array, cov: Array) -> Array:
+    """(n,) e' C^-1 e of every row."""
+    if not len(error):
+        return np.zeros(0)
+    return np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])

@@ -46,7 +46,7 @@ COLUMNS: dict[str, Column] = {
         "map",
         "m",
         "Root mean square distance of the online map's landmarks from the known ones, aligned as the path; those of a "
-        "given map are among them.",
+        "given map are among them. Where the landmarks' places are known and the path is not, aligned by themselves.",
     ),
     "nees": Column(
         "NEES / 3",

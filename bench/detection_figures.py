@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.factors import Log, Truth
-from ..frontend.se2 import Array, Ints, compose
+from ..frontend.se2 import Array, Ints
 from .axes import legend
 from .detection import AMBIGUOUS, Sightings, in_log
 from .looks import COLOURS
@@ -56,10 +57,7 @@ def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[Exhibit]:
 
 def path_figure(log: Log, truth: Truth | None) -> Exhibit:
     """Where the robot was by its own odometry alone, and where it was."""
-    path = [log.prior.pose]
-    for delta in log.delta[1:]:
-        path.append(compose(path[-1], delta))
-    reckoned = np.array(path)
+    reckoned = dead_reckoned(log)
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()

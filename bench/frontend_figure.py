@@ -1,38 +1,24 @@
 """The front end's study in one picture: bias, spread and honesty by distance, a line a refinement."""
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from .axes import logarithmic
 from .frontend_study import Accuracy
 from .looks import looks
+from .picture import picture
 
 HONEST = (1.6, 2.4)
 """The band in which a mean normalised squared error of two numbers is taken for honest."""
-
-_STYLE: dict[str, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "text.parse_math": False,
-}
 
 
 def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
     """Draw the rows of a still camera into `path`, a PNG, whole or not at all; of a moving one, the last panel's."""
     still = [row for row in rows if row.streak == 0]
-    with style.context(["default", _STYLE]):
-        figure = Figure(figsize=(12.5, 4.2), layout="constrained")
+    with picture(path, (12.5, 4.2)) as figure:
         bias, spread, honesty = figure.subplots(1, 3)
         _lines(bias, still, lambda row: 1e3 * abs(row.bias))
         bias.set_title("Bias of the distance, without its sign, mm")
@@ -43,9 +29,6 @@ def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
         figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), handlelength=2.6)
         for axes in (bias, spread, honesty):
             axes.set_xlabel("distance, m")
-        beside = path.with_name(f".{path.name}.part")
-        figure.savefig(beside, format="png", dpi=120)
-    os.replace(beside, path)
 
 
 def _lines(axes: Axes, rows: Sequence[Accuracy], value: Callable[[Accuracy], float]) -> None:

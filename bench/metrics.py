@@ -10,6 +10,7 @@ from scipy.special import chdtri
 
 from ..frontend.factors import Map
 from ..frontend.se2 import Array, act, compose, wrap
+from ..frontend.truth_errors import difference
 
 INSIDE_95 = float(chdtri(3, 0.05))
 """The 95 % point of chi-square with 3 degrees of freedom."""
@@ -104,8 +105,7 @@ def nees(estimate: Array, cov: Array, truth: Array) -> Array:
     `cov` is (m, 3, 3). NaN where there is no covariance, or none that is positive definite. The error is taken from the
     known start, not aligned: it is the belief in the world frame that is judged.
     """
-    error = estimate - truth
-    error[:, 2] = wrap(error[:, 2])
+    error = difference(estimate, truth)
     known = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
     spread, axes = np.linalg.eigh(cov[known])
     definite = spread[:, 0] > ROUNDING * spread[:, 2]

@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 
 from ..datasets import archive, cache
 from ..datasets import registry as datasets
-from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Map, Truth
 from .given_map import localising
-from .reference import reference
+from .reference import known
 
 
 @dataclass(frozen=True)
@@ -32,11 +31,8 @@ class Prepared(NamedTuple):
 
 def run(task: Task) -> Prepared:
     """Make the log and write its archive. InputError where the dataset cannot be had."""
-    try:
-        dataset = cache.prepared(task.name, datasets.find(task.name), task.options, task.seed)
-    except OSError as error:
-        raise InputError(f"dataset {task.name}: {error}; expected files that can be read.") from None
+    dataset = cache.prepared(task.name, datasets.find(task.name), task.options, task.seed)
     log = dataset.log if task.map is None else localising(dataset.log, task.map, f"dataset {task.name}")
-    truth = dataset.truth or reference(log)
+    truth = known(log, dataset.truth)
     archive.save(task.archive, Dataset(log, truth))
     return Prepared(log.digest, truth)

@@ -16,7 +16,7 @@ from .looks import Look, looks
 from .numerals import counted, listed, number
 from .scene import Scene, scene
 from .store import Row, Store
-from .summary import Line, lines, short
+from .summary import Line, lines, remarks, short
 from .tables import Table, cells_table, cost_table, fit_table, inner_table, verdict_table
 from .verdict import headline
 
@@ -43,6 +43,7 @@ class Section(NamedTuple):
     dataset: str
     anchor: str
     kind: str  # "truth", "reference" or ""
+    places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
     headline: Sequence[str]
     facts: str
     verdict: Table
@@ -62,13 +63,10 @@ def write_report(store: Store) -> None:
     from .svg import alone  # matplotlib: a run should not wait for it before it begins
 
     run, rows = store.run(), list(store.cells())
-    found = [diagnosed(store, line) for line in lines(rows)]
-    look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
-    datasets = dict.fromkeys(line.dataset for line in found)
-    sections = [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets]
+    parts, look = sections(store)
     page = {
         "run": run,
-        "sections": sections,
+        "sections": parts,
         "looks": look,
         "cells": cells_table(rows, run["folders"]),
         "counts": _counts(rows, run.get("cells", 0)),
@@ -78,11 +76,20 @@ def write_report(store: Store) -> None:
         "definitions": COLUMNS | WORKED_OUT,
     }
     (store.folder / FIGURES).mkdir(exist_ok=True)
-    for section in sections:
+    for section in parts:
         for exhibit in (*section.panels, *section.exhibits):
             write_whole(store.folder / FIGURES / f"{exhibit.name}.svg", alone(exhibit.svg))
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))
+
+
+def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
+    """What there is to say of each dataset, and how each backend looks in all of it."""
+    run = store.run()
+    found = [diagnosed(store, line) for line in lines(store.cells())]
+    look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
+    datasets = dict.fromkeys(line.dataset for line in found)
+    return [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets], look
 
 
 def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
@@ -95,6 +102,7 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         dataset=found[0].dataset,
         anchor=slug,
         kind=found[0].truth_kind,
+        places="truth" if found[0].surveyed else found[0].truth_kind,
         headline=headline(found),
         facts=_facts(found, shown),
         verdict=verdict_table(found),
@@ -114,8 +122,9 @@ def _failures(line: Line) -> list[Failure]:
     alike: dict[tuple[str, str], list[Row]] = {}
     for row in line.rows:
         c = row.columns
-        if c["status"] != "done" or c["reason"]:
-            alike.setdefault((c["status"], c["reason"] or ""), []).append(row)
+        reason = remarks(c["reason"] or "")
+        if c["status"] != "done" or reason:
+            alike.setdefault((c["status"], reason), []).append(row)
     return [
         Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
         for (status, reason), rows in alike.items()
@@ -179,7 +188,7 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
     """The template of that name, filled in; what goes into one of HTML is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    from .svg import on_page
+    from .svg import alone, on_page
 
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
@@ -189,7 +198,7 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"md": _markdown, "on_page": on_page, "short": short, "url": quote}
+    environment.filters |= {"md": _markdown, "on_page": on_page, "alone": alone, "short": short, "url": quote}
     return environment.get_template(template).render(page)
 
 

@@ -22,6 +22,9 @@ from .store import FILE, Store
 from .workers import Ended, execute
 
 LOCK = ".lock"
+LOGS = "logs"
+"""The folder, in a run's, of logs that were handed over in Python."""
+
 TIMING_POLICY = (
     "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
     "warm-up on a backend of its own. Beliefs, map and finish are timed apart, in a second pass whose path is the same "
@@ -72,7 +75,7 @@ def recorded_plan(folder: Path) -> Plan | None:
         with Store(folder, create=True) as store:  # a run killed at its very start may have left no tables yet
             words = store.run().get("plan")
         return None if words is None else Plan.from_words(words)
-    if folder.exists() and (not folder.is_dir() or any(item.name != LOCK for item in folder.iterdir())):
+    if folder.exists() and (not folder.is_dir() or any(item.name not in (LOCK, LOGS) for item in folder.iterdir())):
         raise InputError(f"--out {folder}: found something that is no run; expected a new or empty folder, or a run's.")
     return None
 

@@ -11,6 +11,7 @@ from ..frontend.table import upper
 from .cost import Cost, cost
 from .drive import Outcome
 from .metrics import INSIDE_95, Alignment, align, aligned, ate, heading_error, map_rmse, nees, own_map_rmse, rpe
+from .summary import REFERENCE, SURVEYED
 
 FEW = 0.9
 """Truth at a smaller share of the steps than this is remarked on."""
@@ -71,6 +72,10 @@ def _remarks(log: Log, truth: Truth | None) -> list[str]:
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")
+    if truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth":
+        said.append(SURVEYED)
+    if truth is not None and truth.words:
+        said.append(REFERENCE + truth.words)
     if truth is not None and len(truth.t) < FEW * len(log):
         said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
     return said
@@ -101,9 +106,18 @@ def _accuracy(truth: Truth, path: Array, landmarks: Map) -> _Accuracy:
         "ate_origin_m": ate(path, truth.poses),
         "heading_rad": heading_error(moved, truth.poses),
         "rpe_m": rpe(truth.t, path, truth.poses),
-        "map_rmse_m": None if truth.map is None else map_rmse(landmarks, truth.map, alignment),
+        "map_rmse_m": _map_error(truth, landmarks, alignment),
     }
     return _Accuracy(row, moved, alignment)
+
+
+def _map_error(truth: Truth, landmarks: Map, alignment: Alignment) -> float | None:
+    """The map's error, aligned as the path; true places beside a reference path are in another frame than that."""
+    if truth.map is None:
+        return None
+    return (
+        map_rmse(landmarks, truth.map, alignment) if truth.places == truth.kind else own_map_rmse(landmarks, truth.map)
+    )
 
 
 def _consistency(values: Array) -> dict[str, Any]:

@@ -7,10 +7,12 @@ import types
 import typing
 from collections.abc import Iterable, Sequence
 from dataclasses import Field, dataclass, fields
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ..backends import registry as backends
 from ..backends.api import Builder, NoOptions
+from ..datasets import graph_files
 from ..datasets import registry as datasets
 from ..datasets.registry import Source
 from ..frontend.errors import InputError
@@ -83,22 +85,28 @@ def backend_variants(text: str) -> list[BackendVariant]:
 
 
 def dataset_variants(text: str) -> list[DatasetVariant]:
-    """The datasets named in `text`; the path of a log or of a recording is a dataset too. InputError as above."""
+    """The datasets named in `text`; the path of a log, of a graph or of a recording is one too. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, "--dataset"):
-        if name not in datasets.BUILTIN and ("/" in name or os.path.exists(name)):
-            recorded = os.path.isfile(name) or os.path.isfile(os.path.join(name, "robot.toml"))
-            kind = "recording" if recorded else "log"
-            name, given = kind, [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
+        graph = name.lower().endswith(graph_files.SUFFIXES)
+        if name not in datasets.BUILTIN and ("/" in name or graph or os.path.exists(name)):
+            name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
         try:
             source = datasets.find(name)
         except KeyError:
-            hint = "A log's folder or a recording is named by its path."
+            hint = "A log's folder, a graph's file or a recording is named by its path."
             raise InputError(
                 f"--dataset: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)} {hint}"
             ) from None
         found.append(DatasetVariant(name, read_options(source.options, given, f"dataset {name}"), source))
     return _without_repeats(found, "--dataset")
+
+
+def _kind(path: str) -> str:
+    """The dataset that reads what is at `path`."""
+    if Path(path).suffix.lower() in graph_files.SUFFIXES and not os.path.isdir(path):
+        return graph_files.format_of(Path(path))
+    return "recording" if os.path.isfile(path) or os.path.isfile(os.path.join(path, "robot.toml")) else "log"
 
 
 def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any:

@@ -4,19 +4,17 @@ A point is the median step, the line up from it ends at the 99th percentile, and
 curve is named where it ends, with the power with which it grows. References are grey.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from ..frontend.se2 import Array
 from .axes import logarithmic, short
 from .looks import Look, looks
+from .picture import GRID, picture
 from .speed_ratios import exponent
 from .speed_timing import Row
 
@@ -32,20 +30,6 @@ LINE = 11.5
 
 HEIGHT = 6.6
 """Inches."""
-
-_STYLE: dict[str, Any] = {
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "text.parse_math": False,
-}
 
 
 class _Curve(NamedTuple):
@@ -85,9 +69,8 @@ def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
     if not panels:
         return False
     costs = [us for curves, _ in panels for curve in curves for us in (*curve.p50, *curve.slowest)]
-    with style.context(["default", _STYLE]):
-        wide = [1.6 if curves is by_map else 1.0 for curves, _ in panels]
-        figure = Figure(figsize=(1.0 + 4.2 * sum(wide), HEIGHT), layout="constrained")
+    wide = [1.6 if curves is by_map else 1.0 for curves, _ in panels]
+    with picture(path, (1.0 + 4.2 * sum(wide), HEIGHT), GRID) as figure:
         every = figure.subplots(1, len(panels), squeeze=False, width_ratios=wide)[0]
         for axes, (curves, along) in zip(every, panels, strict=True):
             _scale(axes, curves, costs)
@@ -107,9 +90,6 @@ def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
             ha="left",
             fontsize=10,
         )
-        beside = path.with_name(f".{path.name}.part")
-        figure.savefig(beside, format="png", dpi=120)
-    os.replace(beside, path)
     return True
 
 

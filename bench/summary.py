@@ -14,6 +14,13 @@ TOLD = "was told the truth: linearised there"
 """In the reason of a cell whose backend made use of --oracle."""
 
 
+SURVEYED = "the landmarks' true places are known, and the map is measured from them"
+"""In the reason of a cell whose path is measured from a reference."""
+
+REFERENCE = "reference: "
+"""In the reason of a cell, before what the reference is where it is not the plain batch optimum."""
+
+
 class Spread(NamedTuple):
     """A value over the seeds that have one."""
 
@@ -46,6 +53,22 @@ class Line(NamedTuple):
     def told(self) -> bool:
         """Whether it was told the truth, and so does not compete."""
         return any(TOLD in (row.columns["reason"] or "") for row in self.rows)
+
+    @property
+    def surveyed(self) -> bool:
+        """Whether its map is measured from true places, though nobody knows where the robot was."""
+        return any(SURVEYED in (row.columns["reason"] or "") for row in self.rows)
+
+    @property
+    def reference(self) -> str:
+        """What its path is measured from where nobody knows the true one."""
+        said = [part for row in self.rows for part in (row.columns["reason"] or "").split("; ")]
+        return next((part.removeprefix(REFERENCE) for part in said if part.startswith(REFERENCE)), "the batch optimum")
+
+
+def remarks(reason: str) -> str:
+    """A cell's reason without what the verdict says of the whole log: what places are measured from."""
+    return "; ".join(part for part in reason.split("; ") if part != SURVEYED and not part.startswith(REFERENCE))
 
 
 def short(label: str) -> str:

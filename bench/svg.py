@@ -12,6 +12,8 @@ from typing import Any
 from matplotlib import style
 from matplotlib.figure import Figure
 
+from .picture import GRID, PLAIN
+
 INK, RULE, PAPER = "#010203", "#040506", "#070809"
 """Stand-ins for the colours of the page: they are replaced once the figure is text."""
 
@@ -21,8 +23,9 @@ _ON_PAGE = {INK: "currentColor", RULE: "var(--rule)", PAPER: "var(--paper)"}
 _ALONE = {INK: "#222222", RULE: "#dddddd", PAPER: "#ffffff"}
 
 _STYLE: dict[str, Any] = {
+    **PLAIN,
+    **GRID,
     "svg.fonttype": "none",  # text stays text
-    "text.parse_math": False,  # a label may hold dollar signs
     "path.simplify_threshold": 0.3,  # points; thins what cannot be seen
     "font.size": 8.5,
     "axes.labelsize": 8.5,
@@ -31,14 +34,8 @@ _STYLE: dict[str, Any] = {
     "ytick.labelsize": 8,
     "legend.fontsize": 8,
     "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.6,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.linewidth": 0.6,
     "grid.color": RULE,
     "lines.linewidth": 1.3,
     **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK),

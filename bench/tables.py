@@ -82,8 +82,15 @@ def verdict_table(lines: Sequence[Line]) -> Table:
         note = span(value) if name in WITH_RANGE else ""
         return Entry(_text(name, value), word, note, best.get(name) is line)
 
-    reference = FROM_REFERENCE if lines[0].truth_kind == "reference" else {}
-    return _table(lines, ACCURACY, entry, reference)
+    return _table(lines, ACCURACY, entry, _from_reference(lines))
+
+
+def _from_reference(lines: Sequence[Line]) -> Mapping[str, str]:
+    """Headings that are other ones where distances are not errors."""
+    if lines[0].truth_kind != "reference":
+        return {}
+    kept = {"map_rmse_m", "final_map_rmse_m"} if lines[0].surveyed else set[str]()
+    return {name: heading for name, heading in FROM_REFERENCE.items() if name not in kept}
 
 
 def cost_table(lines: Sequence[Line], lengths: Mapping[int, float | None]) -> Table:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from .numerals import counted
 from .plan import Cell
-from .summary import Line, Spread, logs, short
+from .summary import Line, Spread, logs, remarks, short
 
 WIDE = 104
 """Columns from which on ranges are shown."""
@@ -63,7 +63,7 @@ class Screen:
         self._progress.advance(self._task)
         if self._quiet:
             return
-        said = f": {reason}" if reason else ""
+        said = f": {remarks(reason)}" if remarks(reason) else ""
         error = row.get("ate_m", row.get("final_ate_m"))
         figure = "" if error is None else f" · ATE {error:.3f} m"
         style = STATUS_STYLE.get(status, "red")
@@ -83,10 +83,11 @@ def tables(lines: Sequence[Line], width: int) -> list[Table]:
 def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
     title = f"[bold]{plain(short(dataset))}[/], {counted(logs(lines), 'log')}"
     if lines[0].truth_kind == "reference":
-        title += "; truth unknown: errors are distances from the batch optimum"
+        title += f"; truth unknown: errors{' of paths' * lines[0].surveyed} are distances from {lines[0].reference}"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", overflow="fold")
-    for heading in ("done", "ATE, m", "final, m", "NEES", "in 95 %", "step, µs", "p99"):
+    surveyed = lines[0].surveyed
+    for heading in ("done", "ATE, m", "final, m", *["map, m"] * surveyed, "NEES", "in 95 %", "step, µs", "p99"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for line in lines:
         v = line.values
@@ -95,6 +96,7 @@ def _table(dataset: str, lines: Sequence[Line], *, with_range: bool) -> Table:
             f"{line.done}/{len(line.rows)}",
             _metres(v.get("ate_m"), with_range),
             _metres(v.get("final_ate_m"), with_range),
+            *[_metres(v.get("final_map_rmse_m", v.get("map_rmse_m")), with_range)] * surveyed,
             "" if "nees" not in v else f"{v['nees'].median:{'.2f' if v['nees'].median < LOST else '.1e'}}",
             "" if "nees_inside" not in v else f"{100 * v['nees_inside'].median:.0f} %",
             "" if "step_us_p50" not in v else _whole(v["step_us_p50"].median),

@@ -7,9 +7,10 @@ from .numerals import counted, listed, number
 from .summary import Line, Spread, logs, short
 
 _REFERENCE = (
-    "Nobody knows where the robot was; errors here are distances from a reference, the batch optimum of the same "
-    "factors, which smoothers come close to by construction."
+    "Nobody knows where the robot was; errors here are distances from a reference, {} of the same factors, which "
+    "smoothers come close to by construction."
 )
+_SURVEYED = " The landmarks' places are known: the map's error is one, all landmarks aligned by themselves."
 
 
 def headline(lines: Sequence[Line]) -> list[str]:
@@ -22,7 +23,11 @@ def headline(lines: Sequence[Line]) -> list[str]:
         said += [f"Smoothed at the end of the log: {s}" for s in _ranking(lines, "final_ate_m", "final path")]
         said = (said or [f"{name}: no backend gave a path."]) + _beliefs(lines)
     elif lines[0].truth_kind == "reference":
-        said = [f"{name}: no verdict on accuracy. {_REFERENCE}"]
+        reference = _REFERENCE.format(lines[0].reference) + _SURVEYED * lines[0].surveyed
+        said = [f"{name}: no verdict on accuracy of paths. {reference}"]
+        if lines[0].surveyed:
+            said += _ranking(lines, "map_rmse_m", "online map", "RMSE")
+            said += [f"At the end of the log: {s}" for s in _ranking(lines, "final_map_rmse_m", "final map", "RMSE")]
     else:
         said = [f"{name}: no verdict on accuracy. There is no known path to hold the estimates against."]
     return said + _cost(lines) + _not_done(lines)
@@ -51,7 +56,7 @@ def ranked(lines: Sequence[Line], column: str) -> list[Line]:
     return sorted(whole or having, key=lambda line: line.values[column].median)
 
 
-def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
+def _ranking(lines: Sequence[Line], column: str, what: str, measure: str = "ATE") -> list[str]:
     """Whose error is the lowest, and how many times that the others' are; [] where nobody has the column.
 
     Those whose ranges over the seeds overlap with the lowest one's are named together, with the cheapest of them.
@@ -65,11 +70,11 @@ def _ranking(lines: Sequence[Line], column: str, what: str) -> list[str]:
         medians = listed([number(line.values[column].median) for line in level])
         cheapest = min(level, key=lambda line: line.values["cpu_s"].median if "cpu_s" in line.values else float("inf"))
         said = f"{listed([line.backend for line in level])} have the lowest errors of the {what}, and their ranges "
-        said += f"overlap (median ATE {medians} m, {best.n} seeds); the cheapest of them is {cheapest.backend}"
+        said += f"overlap (median {measure} {medians} m, {best.n} seeds); the cheapest of them is {cheapest.backend}"
     elif len(found) > 1:
-        said = f"{found[0].backend}'s {what} has the lowest error ({_error(best)})"
+        said = f"{found[0].backend}'s {what} has the lowest error ({_error(best, measure)})"
     else:
-        said = f"{found[0].backend}'s {what} has {_error(best)}"
+        said = f"{found[0].backend}'s {what} has {_error(best, measure)}"
     for line in found:
         if line not in level:
             said += f"; {line.backend} {_times(line.values[column], best)}"
@@ -86,10 +91,12 @@ def _overlap(value: Spread, best: Spread) -> bool:
     return best.n > 1 and value.n > 1 and value.low <= best.high
 
 
-def _error(value: Spread) -> str:
+def _error(value: Spread, measure: str) -> str:
     if value.n == 1:
-        return f"ATE {number(value.median)} m in one seed"
-    return f"median ATE {number(value.median)} m, {number(value.low)} to {number(value.high)} over {value.n} seeds"
+        return f"{measure} {number(value.median)} m in one seed"
+    return (
+        f"median {measure} {number(value.median)} m, {number(value.low)} to {number(value.high)} over {value.n} seeds"
+    )
 
 
 def _times(value: Spread, best: Spread) -> str:

@@ -12,7 +12,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -92,9 +92,22 @@ def _started(
     descriptor, name = tempfile.mkstemp(dir=folder)
     os.close(descriptor)
     process = context.Process(target=_work, args=(theirs, function, task, name), daemon=False)
-    process.start()
+    with _nameless_main():
+        process.start()
     theirs.close()
     return _Worker(index, process, ours, Path(name), time.monotonic() + timeout_s, alone=True)
+
+
+@contextlib.contextmanager
+def _nameless_main() -> Generator[None]:
+    """Without a main module that a child could import: a script that calls us would call us again in every child."""
+    main = sys.modules["__main__"].__dict__
+    kept = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
+    main["__spec__"] = None
+    try:
+        yield
+    finally:
+        main.update(kept)
 
 
 def _work(pipe: Connection, function: Callable[[Any], Any], task: Any, output: str) -> None:

@@ -34,8 +34,8 @@ def save(path: Path, dataset: Dataset) -> None:
         members |= {"truth.t": truth.t, "truth.poses": truth.poses} | _map_members("truth.map", truth.map)
         if truth.assigned is not None:
             members["truth.assigned"] = truth.assigned
-    kind = None if truth is None else truth.kind
-    words = {"name": log.name, "notes": dict(log.notes), "truth": kind, "members": [*members]}
+    about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
+    words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     members["words"] = np.frombuffer(json.dumps(words).encode(), np.uint8)
 
     descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -81,7 +81,7 @@ def _truth(members: Members, words: Words) -> Truth | None:
         return None
     assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
     known = _map(members, "truth.map")
-    return Truth(_frozen(members["truth.t"]), _frozen(members["truth.poses"]), known, assigned, words["truth"])
+    return Truth(_frozen(members["truth.t"]), _frozen(members["truth.poses"]), known, assigned, **words["truth"])
 
 
 def _map_members(name: str, known: Map | None) -> dict[str, Any]:

@@ -57,7 +57,10 @@ def generator(name: str, seed: int) -> np.random.Generator:
 
 
 def _made(name: str, source: Source, options: Any, seed: int) -> Dataset:
-    dataset = source.make(options, generator(name, seed))
+    try:
+        dataset = source.make(options, generator(name, seed))
+    except OSError as error:
+        raise InputError(f"dataset {name}: {error}; expected files that can be read.") from None
     check(dataset.log, where=f"dataset {name}")
     return dataset
 

@@ -19,6 +19,7 @@ from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, wrap
 from .drawn import in_reach, odometry, prior, sightings
+from .mishaps import Mishaps, befallen
 from .registry import Source
 
 BASE = 0.5
@@ -29,8 +30,8 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options:
-    """The drive, and how well it is measured."""
+class Options(Mishaps):
+    """The drive, how well it is measured, and what goes wrong."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)
     landmarks: int = option(20, "landmarks near the circle", minimum=1, maximum=1000)
@@ -71,7 +72,7 @@ def circle(options: Options, rng: np.random.Generator) -> Dataset:
         z_cov,
         notes={"source": "simulated after Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010"},
     )
-    return Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth"))
+    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def _round(options: Options) -> Array:

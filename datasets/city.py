@@ -12,6 +12,7 @@ from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints, wrap
 from .drawn import in_reach, odometry, prior, sightings
+from .mishaps import Mishaps, befallen
 from .registry import Source
 
 BLOCK = 20.0
@@ -34,8 +35,8 @@ HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
 
 @dataclass(frozen=True)
-class Options:
-    """The city, the drive, and how well it is measured."""
+class Options(Mishaps):
+    """The city, the drive, how well it is measured, and what goes wrong."""
 
     landmarks: int = option(
         1000, "landmarks along the streets; with more of them the city grows", minimum=40, maximum=1_000_000
@@ -78,7 +79,7 @@ def city(options: Options, rng: np.random.Generator) -> Dataset:
             "landmarks sighted": len(np.unique(row)),
         },
     )
-    return Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth"))
+    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def side(landmarks: int) -> int:

@@ -1,10 +1,14 @@
 """Measurements drawn from the very noise that they state: what the worlds without a camera are made with."""
 
+from itertools import pairwise
+
 import numpy as np
 
-from ..frontend.encoder import Floors, roll
+from ..frontend.encoder import Encoder, Floors, roll
 from ..frontend.factors import Prior
+from ..frontend.motion import Ticks, readings
 from ..frontend.se2 import Array, Ints, between, wrap
+from ..frontend.truth_errors import sighted_from
 
 START_SD = 1e-3
 """m and rad, of the prior; the belief at step 0 is off by as much."""
@@ -36,6 +40,19 @@ def odometry(poses: Array, rolling: Array, sd: Array, rng: np.random.Generator) 
     return np.concatenate((np.zeros((1, 3)), delta)), np.concatenate((np.zeros((1, 3, 3)), cov))
 
 
+def counted(ticks: Ticks, encoder: Encoder, t: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """What a robot's wheel counters make of its way between the times `t` (n,): deltas (n, 3), covariances (n, 3, 3).
+
+    Row 0 is for nothing before it. The counters know nothing of the floors, whose errors are drawn here.
+    """
+    factors = [encoder.odometry(*readings(ticks, start, end)) for start, end in pairwise(t.tolist())]
+    delta, cov = np.zeros((len(t), 3)), np.zeros((len(t), 3, 3))
+    delta[1:], cov[1:] = [factor.delta for factor in factors], [factor.cov for factor in factors]
+    delta[1:] += np.sqrt(np.diag(encoder.floors.cov)) * rng.standard_normal((len(factors), 3))
+    delta[:, 2] = wrap(delta[:, 2])
+    return delta, cov
+
+
 def in_reach(poses: Array, xy: Array, nearest: float, farthest: float) -> tuple[Ints, Ints]:
     """Which of the landmarks `xy` (n, 2) are between two distances, m, of each pose: the steps and the rows of `xy`.
 
@@ -55,11 +72,15 @@ def sightings(poses: Array, xy: Array, sd: float, rng: np.random.Generator) -> t
 
     A landmark's place is off by `sd` m along the line of sight and across it: in bearing by sd / r.
     """
-    x, y = (xy - poses[:, :2]).T
-    r = np.hypot(x, y)
-    spread = np.stack((np.full_like(r, sd), sd / r), axis=-1)
-    z = np.stack((r, np.arctan2(y, x) - poses[:, 2]), axis=-1) + spread * rng.standard_normal((len(r), 2))
+    r = np.hypot(*(xy - poses[:, :2]).T)
+    return polar(poses, xy, np.stack((np.full_like(r, sd), sd / r), axis=-1), rng)
+
+
+def polar(poses: Array, xy: Array, sd: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """As `sightings`, with the standard deviations `sd` (2,) or (s, 2) of range (m) and bearing (rad)."""
+    spread = np.broadcast_to(sd, xy.shape)
+    z = sighted_from(poses, xy) + spread * rng.standard_normal(xy.shape)
     z[:, 1] = wrap(z[:, 1])
-    cov = np.zeros((len(r), 2, 2))
+    cov = np.zeros((len(xy), 2, 2))
     cov[:, [0, 1], [0, 1]] = spread**2
     return z, cov

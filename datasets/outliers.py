@@ -13,16 +13,21 @@ def swapped(log: Log, truth: Truth, share: float, rng: np.random.Generator) -> D
     That is one without a sighting at the same step, so that an id still comes once a step at most; where there is none,
     the sighting is left as it was. The truth's `assigned` has the ids of before, the notes how many were changed.
     """
-    ids = log.ids.copy()
-    everyone, step = np.unique(ids), log.sighting_step
+    everyone, ids = np.unique(log.ids, return_inverse=True)
+    step = log.sighting_step
     planted = 0
     for k in rng.permutation(len(ids))[: round(share * len(ids))]:
         here = slice(log.sighting_first[step[k]], log.sighting_first[step[k] + 1])
-        others = np.setdiff1d(everyone, ids[here])
-        others = others[others != log.ids[k]]
-        if len(others):
-            ids[k] = rng.choice(others)
+        others = len(everyone) - len(taken := np.unique(ids[here]))
+        if others:
+            # The n-th of those that are not here: each that is here, in order, moves it one on.
+            n = rng.integers(others)
+            for one in taken:
+                n += one <= n
+            ids[k] = n
             planted += 1
+    ids = everyone[ids]
     ids.flags.writeable = False
     notes = {**log.notes, "outliers": f"{planted} of {len(ids)} sightings have another landmark's id"}
-    return Dataset(replace(log, ids=ids, notes=notes), truth._replace(assigned=log.ids))
+    assigned = log.ids if truth.assigned is None else truth.assigned
+    return Dataset(replace(log, ids=ids, notes=notes), truth._replace(assigned=assigned))

@@ -32,12 +32,21 @@ class Source:
 
 
 BUILTIN = {
+    "aruco-robot": ".aruco_robot:source",
     "aruco-room": ".aruco_room:source",
+    "bailey": ".bailey:source",
     "circle": ".circle:source",
     "city": ".city:source",
+    "csv": ".tables:source",
+    "dlr": ".dlr:source",
+    "freiburg": ".freiburg:source",
+    "g2o": ".g2o:source",
+    "gtsam": ".gtsam_text:source",
     "log": ".logfile:source",
+    "matlab-report": ".matlab_report:source",
     "mrclam": ".mrclam:source",
     "recording": ".recording:source",
+    "toro": ".toro:source",
     "victoria-park": ".victoria_park:source",
 }
 """Name -> module of this package and the `Source` in it."""

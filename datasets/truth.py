@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..frontend.factors import Map, Truth
+from ..frontend.factors import Map, Truth, digest_of
+from ..frontend.scan import Scan, attempted, strict
 from ..frontend.se2 import Array, wrap
-from ..frontend.table import read_csv
-from ..frontend.tum import read_tum, write_tum
+from ..frontend.table import scan_csv
+from ..frontend.tum import scan_tum, write_tum
 
 POSES = "truth.tum"
 PLACES = "landmarks.csv"
@@ -23,13 +24,36 @@ LONGEST_GAP = 0.5
 
 def read_truth(folder: Path) -> Truth | None:
     """The truth in `folder`, None where there is no file of it; InputError names the file and line of a fault."""
-    poses_file, map_file = folder / POSES, folder / PLACES
-    if not poses_file.exists() and not map_file.exists():
+    return strict(scan_truth(folder))
+
+
+def scan_truth(folder: Path, times: Array | None = None) -> Scan[Truth | None]:
+    """What `read_truth` reads, without what is no good; with `times`, a pose at any other is not."""
+    path = known = None
+    if (folder / POSES).exists():
+        path = yield from attempted(scan_tum(folder / POSES, times))
+    if (folder / PLACES).exists():
+        known = yield from attempted(_scan_places(folder / PLACES))
+    if path is None and known is None:
         return None
-    t, poses = read_tum(poses_file) if poses_file.exists() else (np.zeros(0), np.zeros((0, 3)))
-    known = _places(map_file) if map_file.exists() else None
+    t, poses = path or (np.zeros(0), np.zeros((0, 3)))
     t.flags.writeable = poses.flags.writeable = False
     return Truth(t, poses, known, None, "truth")
+
+
+def digest(truth: Truth) -> str:
+    """sha256, in hexadecimal, of all that a log's folder keeps of a truth: all but the covariance of its map."""
+    known = truth.map
+    return digest_of(
+        {
+            f"kind {truth.kind}": None,
+            "t": truth.t,
+            "poses": truth.poses,
+            "map.ids": None if known is None else known.ids,
+            "map.xy": None if known is None else known.xy,
+            "assigned": truth.assigned,
+        }
+    )
 
 
 def write_truth(folder: Path, truth: Truth) -> None:
@@ -65,11 +89,14 @@ def sample(truth: Truth, t: Array) -> Truth:
     return truth._replace(t=times, poses=poses)
 
 
-def _places(path: Path) -> Map:
-    table = read_csv(path, COLUMNS).finite()
+def _scan_places(path: Path) -> Scan[Map]:
+    table = yield from scan_csv(path, COLUMNS)
+    table = yield from table.scan_finite()
+    table = (yield from table.scan_whole("id")).sound()
+    names = table.column("id")
+    _, first = np.unique(names, return_index=True)
+    twice = np.isin(np.arange(len(names)), first, invert=True)
+    table = (yield from table.refuse(twice, lambda row: f"id {names[row]:.0f} is there twice, expected once")).sound()
     ids, xy = table.whole("id"), table.rows[:, 1:].copy()
-    _, first = np.unique(ids, return_index=True)
-    for row in np.setdiff1d(np.arange(len(ids)), first):
-        raise table.fault(row, f"id {ids[row]} is there twice, expected once")
     ids.flags.writeable = xy.flags.writeable = False
     return Map(ids, xy, None)

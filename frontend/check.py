@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from .errors import InputError
-from .factors import UNKNOWN, Log, Map, Prior
+from .factors import ROUNDING, UNKNOWN, Log, Map, Prior
 from .se2 import Array
 from .table import MOST
 
@@ -149,7 +149,7 @@ def _covariance(table: Table, cov: Array, name: str = "the covariance", first: i
     with np.errstate(all="ignore"):
         diagonal = np.einsum("mii->mi", cov)
         scale = np.sqrt(np.abs(diagonal[:, :, None] * diagonal[:, None, :]))
-        even = (np.abs(cov - cov.swapaxes(1, 2)) <= 1e-9 * scale).all((1, 2))
+        even = (np.abs(cov - cov.swapaxes(1, 2)) <= ROUNDING * scale).all((1, 2))
         rest, definite = cov.copy(), np.ones(len(cov), bool)
         for i in range(k):
             definite &= rest[:, i, i] > _LEAST_PIVOT * diagonal[:, i]

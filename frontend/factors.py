@@ -16,6 +16,9 @@ import numpy as np
 
 from .se2 import Array, Ints
 
+ROUNDING = 1e-9
+"""The share of its own scale by which the halves of a covariance may differ."""
+
 UNKNOWN = -1
 """The id of a sighting whose landmark the front end could not tell."""
 
@@ -79,6 +82,8 @@ class Truth(NamedTuple):
     map: Map | None  # the landmarks' true places
     assigned: Ints | None  # (s,) the true id of every sighting of the log, where sightings with unknown id have one
     kind: Literal["truth", "reference"]  # "reference": the batch optimum of a log whose truth nobody knows
+    places: Literal["truth", "reference"] = "truth"  # whose map; landmarks may be surveyed where no path is known
+    words: str = ""  # what the reference is, where there is more to say than that it is the batch optimum
 
 
 class Dataset(NamedTuple):
@@ -88,7 +93,7 @@ class Dataset(NamedTuple):
     truth: Truth | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """A robot's log as columns; iterating or indexing it gives `Step` views. Build one with `from_arrays`.
 
@@ -142,15 +147,15 @@ class Log:
             prior=_frozen_prior(prior),
             t=_frozen(t),
             delta=_frozen(_without_first(delta)),
-            delta_cov=_frozen(_without_first(delta_cov)),
+            delta_cov=_frozen(_without_first(_even(delta_cov))),
             sighting_first=_frozen_ids(np.searchsorted(sighting_step, np.arange(n + 1))),
             ids=_frozen_ids(ids),
             z=_frozen(z),
-            z_cov=_frozen(z_cov),
+            z_cov=_frozen(_even(z_cov)),
             loop_first=_frozen_ids(np.searchsorted(loop_step, np.arange(n + 1))),
             loop_to=_frozen_ids(none if loop_to is None else loop_to),
             loop_delta=_frozen(np.zeros((0, 3)) if loop_delta is None else loop_delta),
-            loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else loop_cov),
+            loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else _even(loop_cov)),
             notes=dict(notes or {}),
         )
 
@@ -182,6 +187,13 @@ class Log:
     def __len__(self) -> int:
         return len(self.t)
 
+    def __repr__(self) -> str:
+        known = self.ids[self.ids != UNKNOWN]
+        said = [f"{len(self)} steps", f"{len(self.ids)} sightings of {len(np.unique(known))} landmarks"]
+        said += [f"{len(self.ids) - len(known)} of them unknown"] * (len(known) < len(self.ids))
+        said += [f"{len(self.loop_to)} loop closures"] * bool(len(self.loop_to))
+        return f"<Log {self.name!r}: {', '.join(said)}>"
+
     def __iter__(self) -> Iterator[Step]:
         return (self[k] for k in range(len(self)))
 
@@ -211,7 +223,7 @@ class Log:
     def digest(self) -> str:
         """sha256, in hexadecimal, of everything a backend is given: two logs with one digest are the same factors."""
         known = self.prior.map
-        columns: dict[str, Any] = {
+        columns: dict[str, Array | Ints | None] = {
             "prior.pose": self.prior.pose,
             "prior.cov": self.prior.cov,
             "prior.map.ids": None if known is None else known.ids,
@@ -219,15 +231,7 @@ class Log:
             "prior.map.cov": None if known is None else known.cov,
         }
         columns |= {name: getattr(self, name) for name in _COLUMNS}
-        total = hashlib.sha256()
-        for name, column in columns.items():
-            if column is None:
-                total.update(f"{name} none\n".encode())
-                continue
-            little_endian = np.ascontiguousarray(column).astype(column.dtype.newbyteorder("<"), copy=False)
-            total.update(f"{name} {little_endian.dtype.str} {little_endian.shape}\n".encode())
-            total.update(little_endian.tobytes())
-        return total.hexdigest()
+        return digest_of(columns)
 
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself where it has none."""
@@ -263,6 +267,19 @@ class Log:
         )
 
 
+def digest_of(columns: Mapping[str, Array | Ints | None]) -> str:
+    """sha256, in hexadecimal, of columns with their names, types and shapes."""
+    total = hashlib.sha256()
+    for name, column in columns.items():
+        if column is None:
+            total.update(f"{name} none\n".encode())
+            continue
+        little_endian = np.ascontiguousarray(column).astype(column.dtype.newbyteorder("<"), copy=False)
+        total.update(f"{name} {little_endian.dtype.str} {little_endian.shape}\n".encode())
+        total.update(little_endian.tobytes())
+    return total.hexdigest()
+
+
 _COLUMNS = (
     "t",
     "delta",
@@ -276,6 +293,19 @@ _COLUMNS = (
     "loop_delta",
     "loop_cov",
 )
+
+
+def _even(cov: Array) -> Array:
+    """`cov` (m, k, k) with halves that differ by rounding alone replaced by their mean; others are left for `check`."""
+    if cov.ndim != 3 or cov.shape[1] != cov.shape[2]:
+        return cov
+    other = cov.swapaxes(1, 2)
+    if np.array_equal(cov, other, equal_nan=True):
+        return cov
+    variance = np.einsum("mii->mi", cov)
+    with np.errstate(all="ignore"):
+        scale = np.sqrt(np.abs(variance[:, :, None] * variance[:, None, :]))
+        return np.where(np.abs(cov - other) <= ROUNDING * scale, (cov + other) / 2, cov)
 
 
 def _frozen(values: Array) -> Array:

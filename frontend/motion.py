@@ -108,10 +108,11 @@ class Track:
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The motion between `start` and `end`, s, as one factor; between two readings it is taken to be even."""
-        inside = slice(np.searchsorted(self.t, start, "right"), np.searchsorted(self.t, end, "left"))
-        t = np.concatenate(([start], self.t[inside], [end]))
-        columns = (*self.poses.T[:2], np.unwrap(self.poses[:, 2]))
-        poses = np.stack([np.interp(t, self.t, column) for column in columns], axis=-1)
+        first, last = np.searchsorted(self.t, start, "right"), np.searchsorted(self.t, end, "left")
+        t = np.concatenate(([start], self.t[first:last], [end]))
+        around = slice(max(first - 1, 0), last + 1)  # the readings that `start` and `end` lie between are enough
+        columns = (*self.poses[around, :2].T, np.unwrap(self.poses[around, 2]))
+        poses = np.stack([np.interp(t, self.t[around], column) for column in columns], axis=-1)
         delta = between(poses[:-1], poses[1:])
         return compose(delta, self.noise.cov(delta), self.noise.floors)
 

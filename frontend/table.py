@@ -1,16 +1,25 @@
-"""Text files of numbers, a row a line: read in one go while they are good, and line by line to name what is not."""
+"""Text files of numbers, a row a line: read in one go while they are good, and line by line to name what is not.
 
-from collections.abc import Sequence
+Every reader here is the strict form of a scan, which names all that is wrong and not only the first.
+"""
+
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple, SupportsIndex
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InputError
+from .scan import Scan, strict
 from .se2 import Array, Ints
 
 MOST = 2**53
 """The largest whole number up to which every one has a double of its own."""
+
+
+CHUNK = 100_000
+"""Lines that are parsed at once, and again one by one if one of them is no good."""
 
 
 class Table(NamedTuple):
@@ -20,6 +29,7 @@ class Table(NamedTuple):
     columns: tuple[str, ...]
     rows: Array  # (r, columns)
     lines: Ints  # (r,) counted from 1
+    broken: Ints = np.zeros(0, np.int64)  # the rows in which a fault was found
 
     def column(self, name: str) -> Array:
         """(r,) the column of that name."""
@@ -27,11 +37,7 @@ class Table(NamedTuple):
 
     def whole(self, name: str) -> Ints:
         """(r,) the column of that name as integers; InputError for a number that is none."""
-        column = self.column(name)
-        odd = np.flatnonzero(~((np.abs(column) <= MOST) & (column == np.rint(column))))
-        if len(odd):
-            raise self.fault(odd[0], f"{name} is {column[odd[0]]!s}, expected a whole number up to {MOST}")
-        return column.astype(np.int64)
+        return strict(self.scan_whole(name)).column(name).astype(np.int64)
 
     def fault(self, row: SupportsIndex, message: str) -> InputError:
         """The error that says `message` of `row`."""
@@ -39,9 +45,40 @@ class Table(NamedTuple):
 
     def finite(self) -> "Table":
         """Itself; InputError for a number that is not finite."""
-        for row, column in np.argwhere(~np.isfinite(self.rows)):
-            raise self.fault(row, f"{self.columns[column]} is {self.rows[row, column]!s}, expected a finite number")
-        return self
+        return strict(self.scan_finite())
+
+    def refuse(self, bad: NDArray[np.bool_], message: Callable[[int], str]) -> Scan["Table"]:
+        """Itself with the rows where `bad` (r,) is true broken; of those that were not, each is a fault."""
+        rows = np.flatnonzero(bad)
+        for row in np.setdiff1d(rows, self.broken):
+            yield self.fault(row, message(int(row)))
+        return self._replace(broken=np.union1d(self.broken, rows)) if len(rows) else self
+
+    def scan_whole(self, *names: str) -> Scan["Table"]:
+        """Itself; a number in those columns that is no integer is a fault."""
+        broken, message = self.broken, "{} is {!s}, expected a whole number up to " + str(MOST)
+        for name in names:
+            column = self.column(name)
+            odd = ~((np.abs(column) <= MOST) & (column == np.rint(column)))
+            refused = yield from self.refuse(odd, lambda row, it=column, of=name: message.format(of, it[row]))
+            broken = np.union1d(broken, refused.broken)
+        return self._replace(broken=broken)
+
+    def scan_finite(self) -> Scan["Table"]:
+        """Itself; a number that is not finite is a fault."""
+        bad = ~np.isfinite(self.rows)
+        bad[self.broken] = False
+        for row, column in np.argwhere(bad):
+            yield self.fault(row, f"{self.columns[column]} is {self.rows[row, column]!s}, expected a finite number")
+        return self._replace(broken=np.union1d(self.broken, np.flatnonzero(bad.any(axis=1))))
+
+    def sound(self) -> "Table":
+        """The rows that are not broken."""
+        return self.take(np.delete(np.arange(len(self.rows)), self.broken)) if len(self.broken) else self
+
+    def take(self, rows: Ints) -> "Table":
+        """Those rows, in that order."""
+        return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
 
 def read_csv(path: Path, columns: Sequence[str], optional: Sequence[str] = (), blank_after: int | None = None) -> Table:
@@ -50,23 +87,25 @@ def read_csv(path: Path, columns: Sequence[str], optional: Sequence[str] = (), b
     With `blank_after`, the first row fills that many cells and leaves the others blank, which reads as NaN.
     InputError names the file, the line and the column of what cannot be read; NaN and infinity can.
     """
+    return strict(scan_csv(path, columns, optional, blank_after))
+
+
+def scan_csv(
+    path: Path, columns: Sequence[str], optional: Sequence[str] = (), blank_after: int | None = None
+) -> Scan[Table]:
+    """The table of `read_csv`, in which a row with a cell that cannot be read is broken, and all NaN.
+
+    InputError for a file that is not there, is no text or has another header.
+    """
     lines = text(path).split("\n")
     header = [cell.strip() for cell in lines[0].split(",")]
     columns = (*columns, *optional) if optional and len(header) > len(columns) else tuple(columns)
     _check_header(path, header, columns)
-    head = list[list[float]]()
+    parts = list[Table]()
     if blank_after is not None and len(lines) > 1 and lines[1]:
-        cells = lines[1].split(",")
-        _check_width(path, 2, cells, columns)
-        filled = [_number(path, 2, *pair) for pair in zip(columns[:blank_after], cells, strict=False)]
-        for name, cell in zip(columns[blank_after:], cells[blank_after:], strict=True):
-            if cell.strip():
-                raise InputError(f"{path}, line 2: {name} is {cell!r}, expected nothing in the first row.")
-        head = [filled + [np.nan] * (len(columns) - blank_after)]
-    rows, numbers = _rows(path, lines, 1 + len(head), columns, ",")
-    if head:
-        rows, numbers = np.concatenate((np.array(head), rows)), np.concatenate(([2], numbers))
-    return Table(path, columns, rows, numbers)
+        row = yield from _scan_first(path, lines[1].split(","), columns, blank_after)
+        parts = [_table(path, columns, [row], [2])]
+    return (yield from _scan_rows(path, lines, 1 + len(parts), columns, ",", parts))
 
 
 def read_spaced(path: Path, columns: Sequence[str]) -> Table:
@@ -74,10 +113,14 @@ def read_spaced(path: Path, columns: Sequence[str]) -> Table:
 
     InputError as from `read_csv`.
     """
+    return strict(scan_spaced(path, columns))
+
+
+def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
+    """The table of `read_spaced`, broken where `scan_csv` says."""
     lines = text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
-    rows, numbers = _rows(path, lines, first, columns, None)
-    return Table(path, tuple(columns), rows, numbers)
+    return (yield from _scan_rows(path, lines, first, tuple(columns), None, []))
 
 
 def text(path: Path) -> str:
@@ -88,7 +131,7 @@ def text(path: Path) -> str:
         raise InputError(f"{path}: there is no such file.") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
-    if not content.strip():
+    if not content or content.isspace():
         raise InputError(f"{path}: the file is empty.")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
@@ -111,31 +154,87 @@ def symmetric(triangles: Array) -> Array:
     return triangles[:, np.maximum(index, index.T)]
 
 
-def _rows(
-    path: Path, lines: Sequence[str], first: int, columns: Sequence[str], delimiter: str | None
-) -> tuple[Array, Ints]:
-    """The rows from lines[first] on, (r, columns), and the number of each one's line, (r,)."""
+def _scan_rows(
+    path: Path, lines: Sequence[str], first: int, columns: tuple[str, ...], delimiter: str | None, before: list[Table]
+) -> Scan[Table]:
+    """The table of the rows `before` and of those from lines[first] on."""
     last = len(lines)
     while last > first and not lines[last - 1].strip():
         last -= 1
-    if last == first:
-        return np.zeros((0, len(columns))), np.zeros(0, np.int64)
-    try:
-        rows = np.loadtxt(lines[first:last], delimiter=delimiter, comments=None, ndmin=2)
-    except ValueError:
-        rows = None
-    if rows is not None and rows.shape == (last - first, len(columns)):
-        return rows, np.arange(first + 1, last + 1)
+    parts = [*before]
+    for begin in range(first, last, CHUNK):
+        chunk = lines[begin : min(begin + CHUNK, last)]
+        rows = _parsed(chunk, delimiter)
+        if rows is not None and rows.shape == (len(chunk), len(columns)):
+            parts.append(Table(path, columns, rows, np.arange(begin + 1, begin + 1 + len(chunk))))
+        else:
+            parts.append((yield from _scan_lines(path, chunk, begin + 1, columns, delimiter)))
+    if not parts:
+        return _table(path, columns, [], [])
+    starts = np.cumsum([0, *(len(part.rows) for part in parts[:-1])])
+    return Table(
+        path,
+        columns,
+        np.concatenate([part.rows for part in parts]),
+        np.concatenate([part.lines for part in parts]),
+        np.concatenate([part.broken + start for part, start in zip(parts, starts, strict=True)]),
+    )
 
-    numbers, found = list[int](), list[list[float]]()
-    for number, line in enumerate(lines[first:last], start=first + 1):
-        if not line.strip() or (delimiter is None and line.lstrip().startswith("#")):
-            continue
-        cells = line.split(delimiter)
-        _check_width(path, number, cells, columns)
-        found.append([_number(path, number, *pair) for pair in zip(columns, cells, strict=True)])
-        numbers.append(number)
-    return np.array(found), np.array(numbers)
+
+def _parsed(lines: Sequence[str], delimiter: str | None) -> Array | None:
+    """All lines in one go; None where one is no row of numbers."""
+    if not any(line.strip() for line in lines):
+        return None
+    try:
+        return np.loadtxt(lines, delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError:
+        return None
+
+
+def _scan_lines(
+    path: Path, lines: Sequence[str], first: int, columns: tuple[str, ...], delimiter: str | None
+) -> Scan[Table]:
+    """The rows of `lines`, of which the first has the number `first`, but for blank lines and comments."""
+    rows, numbers = list[list[float] | None](), list[int]()
+    for number, line in enumerate(lines, start=first):
+        if line.strip() and not (delimiter is None and line.lstrip().startswith("#")):
+            rows.append((yield from _scan_cells(path, number, line.split(delimiter), columns)))
+            numbers.append(number)
+    return _table(path, columns, rows, numbers)
+
+
+def _table(path: Path, columns: tuple[str, ...], rows: Sequence[list[float] | None], numbers: Sequence[int]) -> Table:
+    """The table of `rows`, of which those that are None are broken."""
+    filled = [[np.nan] * len(columns) if row is None else row for row in rows]
+    broken = np.array([k for k, row in enumerate(rows) if row is None], np.int64)
+    return Table(path, columns, np.array(filled).reshape(-1, len(columns)), np.array(numbers, np.int64), broken)
+
+
+def _scan_first(path: Path, cells: Sequence[str], columns: Sequence[str], filled: int) -> Scan[list[float] | None]:
+    """The first row, line 2, of which only the first `filled` cells are not blank; None if it is broken."""
+    if len(cells) != len(columns):
+        return (yield from _scan_cells(path, 2, cells, columns))
+    row = yield from _scan_cells(path, 2, cells[:filled], columns[:filled])
+    for name, cell in zip(columns[filled:], cells[filled:], strict=True):
+        if cell.strip():
+            yield InputError(f"{path}, line 2: {name} is {cell!r}, expected nothing in the first row.")
+            row = None
+    return None if row is None else row + [np.nan] * (len(columns) - filled)
+
+
+def _scan_cells(path: Path, number: int, cells: Sequence[str], columns: Sequence[str]) -> Scan[list[float] | None]:
+    """A row of numbers; None if it is broken."""
+    if len(cells) != len(columns):
+        wanted = f"{len(columns)} ({','.join(columns)})"
+        yield InputError(f"{path}, line {number}: found {len(cells)} columns, expected {wanted}.")
+        return None
+    row = [_number(cell) for cell in cells]
+    for name, cell, found in zip(columns, cells, row, strict=True):
+        if found is None:
+            what = f"is {cell.strip()!r}" if cell.strip() else "is blank"
+            yield InputError(f"{path}, line {number}: {name} {what}, expected a number.")
+    whole = [found for found in row if found is not None]
+    return whole if len(whole) == len(row) else None
 
 
 def _check_header(path: Path, found: Sequence[str], columns: Sequence[str]) -> None:
@@ -153,17 +252,11 @@ def _check_header(path: Path, found: Sequence[str], columns: Sequence[str]) -> N
     raise InputError(f"{path}, line 1: found the columns {','.join(found)}, {expected}, in this order.")
 
 
-def _check_width(path: Path, number: int, cells: Sequence[str], columns: Sequence[str]) -> None:
-    if len(cells) != len(columns):
-        wanted = f"{len(columns)} ({','.join(columns)})"
-        raise InputError(f"{path}, line {number}: found {len(cells)} columns, expected {wanted}.")
-
-
-def _number(path: Path, number: int, column: str, cell: str) -> float:
+def _number(cell: str) -> float | None:
+    """None for what is none."""
+    if "_" in cell or not cell.isascii():  # float() reads 1_000, and digits of every script
+        return None
     try:
-        if "_" not in cell and cell.isascii():  # float() reads 1_000, and digits of every script
-            return float(cell)
+        return float(cell)
     except ValueError:
-        pass
-    found = f"{column} is {cell.strip()!r}" if cell.strip() else f"{column} is blank"
-    raise InputError(f"{path}, line {number}: {found}, expected a number.")
+        return None

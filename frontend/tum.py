@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .scan import Scan, strict
 from .se2 import Array
-from .table import read_spaced
+from .table import scan_spaced
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -28,13 +29,26 @@ def read_tum(path: Path) -> tuple[Array, Array]:
 
     InputError names the file and line of what cannot be used.
     """
-    table = read_spaced(path, COLUMNS).finite()
+    return strict(scan_tum(path))
+
+
+def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]]:
+    """What `read_tum` reads, without the lines that are no good; with `times`, one at any other is not."""
+    table = yield from scan_spaced(path, COLUMNS)
+    table = yield from table.scan_finite()
+    if times is not None:
+        t = table.column("t")
+        table = yield from table.refuse(
+            ~np.isin(t, times), lambda row: f"t is {t[row]!s}, expected only times that odometry.csv has"
+        )
+    table = table.sound()
     t, qz, qw = table.column("t"), table.column("qz"), table.column("qw")
-    for row in np.flatnonzero(np.diff(t) <= 0) + 1:
-        raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
-    for row in np.flatnonzero((qz == 0) & (qw == 0)):
-        raise table.fault(row, "qz and qw are both 0, expected a turn about z")
-    return t, np.stack((table.column("x"), table.column("y"), _heading(qz, qw)), axis=-1)
+    back = np.append(False, np.diff(t) <= 0)[: len(t)]
+    table = yield from table.refuse(back, lambda row: f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
+    table = yield from table.refuse((qz == 0) & (qw == 0), lambda _: "qz and qw are both 0, expected a turn about z")
+    table = table.sound()
+    heading = _heading(table.column("qz"), table.column("qw"))
+    return table.column("t"), np.stack((table.column("x"), table.column("y"), heading), axis=-1)
 
 
 def _heading(qz: Array, qw: Array) -> Array:

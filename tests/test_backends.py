@@ -168,8 +168,9 @@ def test_ekf_ends_where_it_should_on_victoria_park(victoria_park: Log, optimum: 
     assert np.sqrt((distance**2).mean()) == pytest.approx(11.0, abs=0.1)
 
 
-def test_isam2_ends_at_the_optimum_of_victoria_park(victoria_park: Log, optimum: Solution) -> None:
-    final = run("isam2", victoria_park)[0].finish()
+def test_isam2_ends_at_the_optimum_of_a_third_of_victoria_park(victoria_park: Log) -> None:
+    part = victoria_park.head(2400)
+    optimum, final = (run(name, part)[0].finish() for name in ("graph", "isam2"))
     distance = np.hypot(*(final.path - optimum.path)[:, :2].T)
     assert np.sqrt((distance**2).mean()) < 0.1
 

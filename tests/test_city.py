@@ -113,3 +113,14 @@ def test_the_smallest_city_is_one_block() -> None:
     check(made.log, "city")
     assert made.log.notes["blocks along a side"] == 1
     check(city(Options(landmarks=40, steps=500), generator("city", 0)).log, "city")
+
+
+def test_mishaps_befall_a_city(made: Dataset) -> None:
+    """They alone: the city, the drive and what is left of the sightings stay."""
+    poor = city(Options(missing=0.5, clutter=0.5), generator("city", 0))
+    check(poor.log, "city")
+    np.testing.assert_array_equal(known(poor)[0].poses, known(made)[0].poses)
+    kept = poor.log.z[poor.log.ids >= 0]
+    assert np.isin(kept[:, 0], made.log.z[:, 0]).all()
+    assert len(kept) / len(made.log.z) == pytest.approx(0.5, abs=6 * 0.5 / np.sqrt(len(made.log.z)))
+    assert np.sum(poor.log.ids < 0) == poor.log.notes["mishaps"]["false sightings"] > 0

@@ -38,17 +38,19 @@ def test_run_prints_a_table_and_where_the_report_is(tmp_path: Path, log_folder: 
     assert done.stderr == ""
 
 
-def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path) -> None:
-    done = bench("run", "--quiet", "--backend", "ekf", "--dataset", log_folder, "--out", tmp_path / "run")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Nor do its workers, which have the same streams."""
+    words = ["--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / "run")]
+    assert main(["run", "--quiet", *words]) == 0
+    assert capfd.readouterr() == ("", "")
 
 
-def test_a_cell_that_fails_is_exit_status_1(tmp_path: Path, log_folder: Path) -> None:
-    here = {"PYTHONPATH": str(Path(__file__).parent)}
-    words = ("run", "--backend", "ekf,misbehaving:raises", "--dataset", log_folder, "--out", tmp_path / "run")
-    done = bench(*words, env=here)
-    assert done.returncode == 1
-    assert "ValueError: the [brackets] of this" in done.stdout
+def test_a_cell_that_fails_is_exit_status_1(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--backend", "ekf,misbehaving:raises", "--dataset", str(log_folder), "--out", str(tmp_path / "run")]
+    assert main(["run", *words]) == 1
+    assert "ValueError: the [brackets] of this" in capsys.readouterr().out
 
 
 def test_out_alone_goes_on_and_report_writes_the_files_again(

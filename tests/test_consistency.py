@@ -30,6 +30,8 @@ IDEAL, FIRST, INVARIANT, STANDARD = (
     "ekf",
 )
 SEEDS = 50
+STEPS = 1500
+"""Six laps of the ten: what diverges has done so by then."""
 LAP = 2 * np.pi / Options().turn_rate  # steps of a second
 DIVERGED = 10.0
 """A mean NEES / 3 above this: errors three times as large as believed, all along."""
@@ -39,7 +41,7 @@ class Runs(NamedTuple):
     """A filter's runs, one a seed; a run that raised Diverged has an infinite mean and NaN from there on."""
 
     mean: Array  # (SEEDS,) mean NEES / 3
-    steps: Array  # (SEEDS, n) NEES / 3 of every step
+    steps: Array  # (SEEDS, STEPS) NEES / 3 of every step
 
 
 def run(variant: BackendVariant, made: Dataset, steps: list[Step]) -> Array:
@@ -59,7 +61,7 @@ def run(variant: BackendVariant, made: Dataset, steps: list[Step]) -> Array:
             covs[k] = belief.cov
     except Diverged:
         pass
-    return nees(poses, covs, made.truth.poses) / 3
+    return nees(poses, covs, made.truth.poses[: len(steps)]) / 3
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +70,7 @@ def runs() -> dict[str, Runs]:
     found: dict[str, list[Array]] = {variant.label: [] for variant in variants}
     for seed in range(SEEDS):
         made = circle(Options(), generator("circle", seed))
-        steps = list(made.log)
+        steps = list(made.log.head(STEPS))
         for variant in variants:
             found[variant.label].append(run(variant, made, steps))
     tables = {name: np.array(rows) for name, rows in found.items()}
@@ -93,7 +95,7 @@ def test_the_standard_filter_is_overconfident(runs: dict[str, Runs]) -> None:
 def test_on_the_same_logs_the_standard_filter_is_worse(runs: dict[str, Runs], other: str) -> None:
     """In pairs, by the sign: means would be those of the runs that diverge."""
     worse = runs[STANDARD].mean > runs[other].mean
-    assert worse.sum() >= 37  # of 50; a fair coin falls so once in 2,000
+    assert worse.sum() >= 36  # of 50; a fair coin falls so once in 750
 
 
 def test_it_also_diverges_most_often(runs: dict[str, Runs]) -> None:

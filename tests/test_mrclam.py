@@ -6,12 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fuzzing import survivors
 from slamduel.datasets import logfile, mrclam
 from slamduel.datasets.mrclam import Options
+from slamduel.datasets.published import place
 from slamduel.frontend.check import problems
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log
+from slamduel.frontend.factors import UNKNOWN, Dataset, Log
 from slamduel.frontend.se2 import Array, chain, compose
+
+ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
 
 EPOCH = 1248444187.0
 HEADER = "# UTIAS Multi-Robot Cooperative Localization and Mapping Dataset\n# a second line\n"
@@ -54,8 +58,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def read(folder: Path, **options: float) -> Dataset:
-    return mrclam.source.make(Options(str(folder), **options), np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
+def read(folder: Path, **options: float | str) -> Dataset:
+    return mrclam.source.make(Options(path=str(folder), **options), np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
 
 
 def test_keyframes_are_sightings_and_full_seconds_of_the_common_time(folder: Path):
@@ -97,7 +101,7 @@ def test_commands_are_held_and_motions_are_exact_arcs(folder: Path):
         [(0, 0, 0.4), (SPEED, -TURN, 0.6)],
         [(SPEED, -TURN, 1.0)],
     ]
-    log = read(folder).log
+    log = read(folder, forward=0.05, lateral=0.01, turn=0.1, rest=0.05).log
     for k, parts in enumerate(pieces, start=1):
         delta, cov = np.zeros(3), np.zeros((3, 3))
         for v, omega, dt in parts:
@@ -142,9 +146,6 @@ def test_a_log_without_a_landmark_in_sight_is_a_log(folder: Path):
     assert list(problems(log)) == []
 
 
-ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
-
-
 def replaced(name: str, old: str, new: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_text(FILES[name].replace(old, new, 1))
 
@@ -177,9 +178,74 @@ def test_a_bad_file_is_named(folder: Path, change: Callable[[Path], object], nam
     assert words in str(caught.value)
 
 
-def test_the_path_has_to_be_given():
-    with pytest.raises(InputError, match=r"option path .* not given"):
-        mrclam.source.make(Options(), np.random.default_rng(0))
+def test_without_a_path_it_is_the_copy_that_was_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"mrclam-7 is not on this machine: bench fetch mrclam-7 .*path="):
+        mrclam.source.make(Options(dataset=7), np.random.default_rng(0))
+    for folder in (place("mrclam-7"), place("mrclam-8") / "MRCLAM_Dataset8"):
+        folder.mkdir(parents=True)
+        for name, content in FILES.items():
+            (folder / name).write_text(content)
+    by_set = [mrclam.source.make(Options(dataset=k), np.random.default_rng(0)).log for k in (7, 8)]
+    assert [log.name for log in by_set] == ["mrclam-7-robot-1", "mrclam-8-robot-1"]
+    assert by_set[0].digest == by_set[1].digest
+
+
+def test_the_path_may_hold_the_folder_of_the_dataset(folder: Path):
+    alone = read(folder).log.digest
+    (inside := folder / "MRCLAM_Dataset9").mkdir()
+    for name in FILES:
+        (folder / name).rename(inside / name)
+    assert read(folder, dataset=9).log.digest == alone
+    with pytest.raises(InputError, match=r"Robot1_Odometry.dat: there is no such file"):
+        read(folder, dataset=8)
+
+
+def test_other_robots_are_kept_as_unknown_and_counted(folder: Path):
+    more = rows((3.0, 14, 1.0, 0.0), (3.25, 5, 0.8, 1.0), (3.25, 14, 0.9, -1.0), (3.25, 14, 0.9, -1.1))
+    old = FILES[MEASUREMENT]
+    head, tail = old.split("190.000", 1)
+    (folder / MEASUREMENT).write_text(
+        head.rpartition("\n")[0] + "\n" + more.removeprefix(HEADER) + tail.partition("\n")[2]
+    )
+    without, log = read(folder).log, read(folder, robots="unknown").log
+    np.testing.assert_allclose(log.t, [0, 1, 1.25, 2, 2.25, 3, 4, 5], atol=1e-6)
+    np.testing.assert_array_equal(log.ids, [6, 7, UNKNOWN, UNKNOWN, UNKNOWN, 7])
+    np.testing.assert_array_equal(log.z[2:5], [[1.0, 0.0], [0.8, 1.0], [0.9, -1.0]])
+    assert list(problems(log)) == []
+    assert log.notes["kept as unknown"] == {"of another robot": 3}
+    assert log.notes["dropped"] == without.notes["dropped"] | {"of another robot": 0, "repeated at one time": 2}
+    assert without.notes["kept as unknown"] == {"of another robot": 0}
+    assert without.notes["dropped"]["of another robot"] == 4
+    np.testing.assert_array_equal(log.identified().z, without.z)  # what a backend that needs ids is handed
+
+
+def test_a_robot_that_saw_nothing_has_a_log(folder: Path):
+    (folder / MEASUREMENT).write_text(HEADER)
+    dataset = read(folder)
+    assert len(dataset.log.ids) == 0
+    assert list(problems(dataset.log)) == []
+
+
+def fit(dataset: Dataset) -> None:
+    assert list(problems(dataset.log)) == []
+    assert dataset.truth is not None
+    assert np.isfinite(dataset.truth.poses).all()
+    assert (np.abs(dataset.truth.poses[:, 2]) <= np.pi).all()
+    assert set(dataset.truth.t.tolist()) <= set(dataset.log.t.tolist())
+    assert len(dataset.log) < 1000
+    assert dataset.log.notes["kept as unknown"]["of another robot"] == (dataset.log.ids == UNKNOWN).sum()
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_damaged_file_is_read_or_turned_down_with_a_sentence(folder: Path, name: str):
+    def of_the_folder(_: Path) -> Dataset:
+        return read(folder, robots="unknown")
+
+    found, sentences = survivors(of_the_folder, folder / name, cases=300, seed=len(name), fit=fit)
+    assert len(found) > 30
+    assert len(sentences) > 30
+    assert sum(name in sentence for sentence in sentences) >= 0.8 * len(sentences)
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from room_drives import room_drive
 from slamduel.backends.api import Diverged
 from slamduel.bench.metrics import align, aligned, ate
 from slamduel.bench.spec import backend_variants, read_options
@@ -14,9 +15,6 @@ from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset, Log, Truth
 from textbook import random_log
 
-DRIVE = Options(seconds=45.0, frame_rate=2.0)
-"""More than a lap of the figure of eight, at a low frame rate."""
-
 SEED = 0
 SHARE = 0.05
 DRAWS = 5
@@ -24,7 +22,7 @@ DRAWS = 5
 
 @pytest.fixture(scope="module")
 def clean() -> Dataset:
-    return aruco_room(DRIVE, generator("aruco-room", SEED))
+    return room_drive(SEED)[0]
 
 
 def truth_of(made: Dataset) -> Truth:

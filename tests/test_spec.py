@@ -101,6 +101,35 @@ def test_a_path_is_short_for_a_log(tmp_path: Any) -> None:
     assert (variant.name, variant.options.path) == ("log", str(tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("file", "rows", "kind"),
+    [
+        ("a.g2o", "VERTEX_SE2 0 0 0 0", "g2o"),
+        ("a.G2O", "# by hand\n\nEDGE_SE2 0 1", "g2o"),
+        ("a.g2o", "VERTEX2 0 0 0 0\nEDGE2 0 1", "gtsam"),
+        ("a.g2o", "EDGE_SE2 0 1\nLANDMARK2 0 1", "gtsam"),
+        ("a.graph", "VERTEX2 0 0 0 0\nEDGE2 0 1", "toro"),
+        ("a.graph", "VERTEX2 0 0 0 0\nEDGE2 0 1\nBR 0 1", "gtsam"),
+        ("a.graph", "ODOMETRY 0 1", "gtsam"),
+        ("a.graph", "EDGE_SE2 0 1", "g2o"),
+        ("a.toro", "EDGE2 0 1", "toro"),
+    ],
+)
+def test_a_graph_s_path_is_short_for_its_reader(file: str, rows: str, kind: str, tmp_path: Any) -> None:
+    (tmp_path / file).write_text(rows)
+    (variant,) = dataset_variants(str(tmp_path / file))
+    assert (variant.name, variant.options.path) == (kind, str(tmp_path / file))
+
+
+def test_a_graph_that_is_not_there_is_a_sentence(tmp_path: Any) -> None:
+    with pytest.raises(InputError, match=r"none\.g2o: there is no such file"):
+        dataset_variants(str(tmp_path / "none.g2o"))
+    with pytest.raises(InputError, match=r"none\.g2o: there is no such file"):
+        dataset_variants("none.g2o")
+    (tmp_path / "folder.g2o").mkdir()
+    assert dataset_variants(str(tmp_path / "folder.g2o"))[0].name == "log"
+
+
 def test_variants_of_one_backend_have_folders_of_their_own() -> None:
     plain, many, more = backend_variants("fastslam,fastslam[particles=200],fastslam[particles=300]")
     assert plain.slug == "fastslam"

@@ -6,9 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from slamduel.frontend import table
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.scan import Scan, attempted, counted, strict
 from slamduel.frontend.se2 import Array
-from slamduel.frontend.table import read_csv, read_spaced, symmetric, upper
+from slamduel.frontend.table import Table, read_csv, read_spaced, scan_csv, scan_spaced, symmetric, upper
 
 
 @given(arrays(float, st.tuples(st.integers(1, 8), st.just(3)), elements=st.floats(allow_nan=False)))
@@ -67,3 +69,83 @@ def test_triangles_and_matrices_are_inverse(k: int):
     np.testing.assert_array_equal(full, full.swapaxes(1, 2))
     np.testing.assert_array_equal(full[:, 0, 1], triangles[:, 1])
     np.testing.assert_array_equal(upper(full).T, triangles)
+
+
+def told(scan: Scan[Table]) -> tuple[list[str], Table]:
+    """The faults, from the number of the line on, and what was read all the same."""
+    faults = list[str]()
+    while True:
+        try:
+            faults.append(str(next(scan)).partition(", line ")[2])
+        except StopIteration as end:
+            return faults, end.value
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 3, 100])
+def test_a_scan_names_every_cell_and_keeps_the_good_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunk: int):
+    monkeypatch.setattr(table, "CHUNK", chunk)
+    (tmp_path / "a.csv").write_text("a,b\n1,2\nx,y\n\n3\n\n\n5,nan\n7,8\n\n")
+    faults, found = told(scan_csv(tmp_path / "a.csv", ("a", "b")))
+    assert faults == [
+        "3: a is 'x', expected a number.",
+        "3: b is 'y', expected a number.",
+        "5: found 1 columns, expected 2 (a,b).",
+    ]
+    np.testing.assert_array_equal(found.broken, [1, 2])
+    np.testing.assert_array_equal(found.rows, [[1, 2], [np.nan] * 2, [np.nan] * 2, [5, np.nan], [7, 8]])
+    np.testing.assert_array_equal(found.lines, [2, 3, 5, 8, 9])
+    sound = found.sound()
+    np.testing.assert_array_equal(sound.lines, [2, 8, 9])
+    faults, found = told(found.scan_finite())
+    assert faults == ["8: b is nan, expected a finite number."]
+    np.testing.assert_array_equal(found.sound().rows, [[1, 2], [7, 8]])
+
+
+def test_every_odd_number_is_named(tmp_path: Path):
+    (tmp_path / "a.dat").write_text("1 0.5\n0.5 nan\n3 4\n")
+    faults, found = told(scan_spaced(tmp_path / "a.dat", ("a", "b")))
+    assert not faults
+    faults, found = told(found.scan_whole("a", "b"))
+    assert [fault.partition(", ")[0] for fault in faults] == ["2: a is 0.5", "1: b is 0.5", "2: b is nan"]
+    np.testing.assert_array_equal(found.sound().whole("b"), [4])
+
+
+def test_a_row_is_refused_once(tmp_path: Path):
+    (tmp_path / "a.dat").write_text("1\n2\n3\n")
+    found = read_spaced(tmp_path / "a.dat", ("a",))
+    bad = np.array([True, False, True])
+    faults, found = told(found.refuse(bad, lambda row: f"row {row} is odd"))
+    assert faults == ["1: row 0 is odd.", "3: row 2 is odd."]
+    assert told(found.refuse(bad, lambda row: f"row {row} is odd"))[0] == []
+
+
+def faulty(faults: int, fatal: bool) -> Scan[str]:
+    """A scan with so many faults, which gives up at last or does not."""
+    for k in range(faults):
+        yield InputError(f"fault {k}.")
+    if fatal:
+        raise InputError("the end.")
+    return "read"
+
+
+def test_a_strict_scan_raises_the_first_fault():
+    assert strict(faulty(0, False)) == "read"
+    for scan in (faulty(2, False), faulty(2, True)):
+        with pytest.raises(InputError, match=r"fault 0\."):
+            strict(scan)
+    with pytest.raises(InputError, match=r"the end\."):
+        strict(faulty(0, True))
+
+
+def test_an_attempted_scan_yields_what_it_raises():
+    assert [str(fault) for fault in attempted(faulty(2, True))] == ["fault 0.", "fault 1.", "the end."]
+    assert strict(attempted(faulty(0, False))) == "read"
+
+
+@pytest.mark.parametrize("faults", [0, 3])
+def test_faults_are_counted_and_passed_on(faults: int):
+    scan = counted(faulty(faults, False))
+    assert len([next(scan) for _ in range(faults)]) == faults
+    with pytest.raises(StopIteration) as end:
+        next(scan)
+    assert end.value.value == ("read", faults)

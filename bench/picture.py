@@ -1,0 +1,47 @@
+"""A figure as a file of its own, and the plain style that the figures share."""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from matplotlib import style
+from matplotlib.figure import Figure
+
+KINDS = (".png", ".svg", ".pdf")
+"""What a picture's name may end in: its format."""
+
+PLAIN: Mapping[str, Any] = {
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "text.parse_math": False,  # a label may hold dollar signs
+}
+"""The style of every figure, in a file or on a page."""
+
+GRID: Mapping[str, Any] = {
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e6e6",
+    "grid.linewidth": 0.6,
+}
+"""The style of those with a grid."""
+
+_STYLE: dict[str, Any] = {**PLAIN, "font.size": 9, "axes.titlesize": 10, "axes.titlelocation": "left"}
+_DATE = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+
+
+@contextmanager
+def picture(path: Path, size: tuple[float, float], more: Mapping[str, Any] | None = None) -> Iterator[Figure]:
+    """A figure of `size` (inches) to draw on, which then is the file at `path`, whole; where drawing fails there is none.
+
+    The suffix of `path`, one of KINDS, says in which format; `more` is added to the style.
+    """
+    kind = path.suffix.lower()
+    beside = path.with_name(f".{path.name}.part")
+    with style.context(["default", _STYLE | dict(more or {})]):
+        figure = Figure(figsize=size, layout="constrained")
+        yield figure
+        figure.savefig(beside, format=kind.removeprefix("."), dpi=120, metadata=_DATE[kind])
+    os.replace(beside, path)

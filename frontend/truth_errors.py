@@ -1,0 +1,55 @@
+"""Measured minus true, of those measurements of which the truth is known."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .factors import UNKNOWN, Log, Truth
+from .se2 import Array, Ints, between, wrap
+
+
+class Errors(NamedTuple):
+    """Of a log's sightings, or of its motions."""
+
+    row: Ints  # (m,) of the log's sightings, or steps
+    values: Array  # (m, 2) range, bearing; or (m, 3) in the coordinates of delta
+
+
+def sighting_errors(log: Log, truth: Truth) -> Errors:
+    """Of the sightings from a step with a true pose of a landmark with a true place; a true id goes before a given."""
+    ids = log.ids if truth.assigned is None else truth.assigned
+    if truth.map is None:
+        return Errors(np.zeros(0, np.int64), np.zeros((0, 2)))
+    pose, place = rows_of(truth.t, log.t[log.sighting_step]), rows_of(truth.map.ids, ids)
+    row = np.flatnonzero((pose >= 0) & (place >= 0) & (ids != UNKNOWN))
+    return Errors(row, difference(log.z[row], sighted_from(truth.poses[pose[row]], truth.map.xy[place[row]])))
+
+
+def odometry_errors(log: Log, truth: Truth) -> Errors:
+    """Of the motions between neighbouring steps that both have a true pose."""
+    pose = rows_of(truth.t, log.t)
+    row = np.flatnonzero((pose[1:] >= 0) & (pose[:-1] >= 0)) + 1
+    right = between(truth.poses[pose[row - 1]], truth.poses[pose[row]])
+    return Errors(row, difference(log.delta[row], right))
+
+
+def sighted_from(poses: Array, xy: Array) -> Array:
+    """The true range (m) and bearing (rad, not wrapped) (s, 2) of the points `xy` (s, 2) from the poses (s, 3)."""
+    x, y = (xy - poses[:, :2]).T
+    return np.stack((np.hypot(x, y), np.arctan2(y, x) - poses[:, 2]), axis=-1)
+
+
+def difference(found: Array, right: Array) -> Array:
+    """`found` minus `right`, sightings (m, 2) or poses or motions (m, 3), the angle, which is last, wrapped."""
+    error = found - right
+    error[:, -1] = wrap(error[:, -1])
+    return error
+
+
+def rows_of(known: Array | Ints, wanted: Array | Ints) -> Ints:
+    """Where each of `wanted` is in `known`, whose entries are distinct; -1 where it is not."""
+    if not len(known):
+        return np.full(len(wanted), -1)
+    order = np.argsort(known)
+    place = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
+    return np.where(known[place] == wanted, place, -1)

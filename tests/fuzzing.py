@@ -1,0 +1,106 @@
+"""Damaged files: what every reader has to take or to turn down with a sentence."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from slamduel.frontend.errors import InputError
+
+T = TypeVar("T")
+
+WORDS = (
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e400",
+    b"1e-320",
+    b"99999999999999999999",
+    b"0x10",
+    b"\xff\xfe",
+    b"\0",
+    b",",
+    b" ",
+    b"#",
+)
+"""What somebody's other program may have written where a number belongs."""
+
+
+def damaged(content: bytes, cases: int, seed: int) -> Iterator[bytes]:
+    """`content` damaged in so many ways: bits turned, the end cut off, lines lost, doubled, swapped, cells changed."""
+    rng = np.random.default_rng(seed)
+    kinds = (_bits, _cut, _lost, _doubled, _swapped, _word)
+    for case in range(cases):
+        yield kinds[case % len(kinds)](content, rng)
+
+
+def survivors(
+    read: Callable[[Path], T], path: Path, cases: int, seed: int, fit: Callable[[T], object] | None = None
+) -> tuple[list[T], list[str]]:
+    """What `read` makes of the file `path` damaged in so many ways, and the sentences with which it turned others down.
+
+    Anything but an InputError goes through to the test, as does what `fit` raises on what was read. Sentences are one
+    line and name the file or the folder.
+    """
+    content = path.read_bytes()
+    found, sentences = list[T](), list[str]()
+    try:
+        for broken in damaged(content, cases, seed):
+            path.write_bytes(broken)
+            try:
+                one = read(path)
+            except InputError as error:
+                sentence = str(error)
+                assert sentence.endswith("."), sentence
+                assert "\n" not in sentence, sentence
+                assert path.name in sentence or str(path.parent) in sentence, sentence
+                sentences.append(sentence)
+            else:
+                if fit is not None:
+                    fit(one)
+                found.append(one)
+    finally:
+        path.write_bytes(content)
+    return found, sentences
+
+
+def _bits(content: bytes, rng: np.random.Generator) -> bytes:
+    broken = bytearray(content)
+    for place in rng.integers(len(broken), size=rng.integers(1, 5)):
+        broken[place] ^= 1 << int(rng.integers(8))
+    return bytes(broken)
+
+
+def _cut(content: bytes, rng: np.random.Generator) -> bytes:
+    return content[: rng.integers(len(content))]
+
+
+def _lost(content: bytes, rng: np.random.Generator) -> bytes:
+    lines = content.splitlines(keepends=True)
+    del lines[int(rng.integers(len(lines)))]
+    return b"".join(lines)
+
+
+def _doubled(content: bytes, rng: np.random.Generator) -> bytes:
+    lines = content.splitlines(keepends=True)
+    k = int(rng.integers(len(lines)))
+    return b"".join(lines[: k + 1] + lines[k:])
+
+
+def _swapped(content: bytes, rng: np.random.Generator) -> bytes:
+    lines = content.splitlines(keepends=True)
+    one, other = rng.integers(len(lines), size=2)
+    lines[one], lines[other] = lines[other], lines[one]
+    return b"".join(lines)
+
+
+def _word(content: bytes, rng: np.random.Generator) -> bytes:
+    lines = content.splitlines(keepends=True)
+    k = int(rng.integers(len(lines)))
+    comma = b"," in lines[k]
+    cells = lines[k].split(b"," if comma else None)
+    if cells:
+        cells[int(rng.integers(len(cells)))] = WORDS[int(rng.integers(len(WORDS)))]
+    lines[k] = (b"," if comma else b" ").join(cells).rstrip(b"\n") + b"\n"
+    return b"".join(lines)
