@@ -30,7 +30,7 @@ types: $(VENV)/.installed-dev
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 
 unit: $(VENV)/.installed-dev
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist worksteal
 
 # Settings of iSAM2 against one another: what each costs a step, and how far it ends from the optimum.
 ISAM2_VARIANTS := isam2 isam2[relinearize_skip=1] isam2[relinearize_skip=10] isam2[relinearize_skip=1000] \

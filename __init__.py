@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .bench.load import load as load
+    from .bench.portrait import show as show
     from .bench.result import Result as Result
     from .bench.result import run as run
     from .frontend.errors import SlamduelError as SlamduelError
@@ -38,11 +39,13 @@ __all__ = [
     "Truth",
     "load",
     "run",
+    "show",
 ]
 
 _PLACES = {
     "Result": ".bench.result",
     "run": ".bench.result",
+    "show": ".bench.portrait",
     "load": ".bench.load",
     "SlamduelError": ".frontend.errors",
 }

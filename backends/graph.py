@@ -39,7 +39,7 @@ class Options:
     """When Levenberg-Marquardt stops, GTSAM's defaults stopping far too early on large graphs; and what is left out."""
 
     relative_tolerance: float = option(1e-12, "stop where J falls by a smaller share in one iteration", minimum=0)
-    iterations: int = option(200, "most iterations", minimum=1)
+    iterations: int = option(1000, "most iterations", minimum=1)
     loss: str = option("none", "robust loss of the sightings", choices=("none", *LOSSES))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
     gnc: bool = option(False, "leave out sightings by graduated non-convexity; loss is then that of the start")

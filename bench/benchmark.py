@@ -1,11 +1,13 @@
 """A whole run, from words to a folder with its report: what `bench run` and `slamduel.run` both do."""
 
+import contextlib
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..frontend.errors import InputError, Interrupted
+from .arguments import as_whole
 from .plan import Plan
 from .report import write_report
 from .runner import Watcher, recorded_plan, run
@@ -29,18 +31,33 @@ def benchmark(given: Mapping[str, Any], out: Path, workers: int, command: list[s
 
     InputError where that run is another one than what is asked for.
     """
-    plan = recorded_plan(out)
-    if plan is None:
-        plan = Plan.from_words(DEFAULTS | dict(given))
-    else:
-        _refuse_another(plan, given, out)
+    workers = as_whole("jobs", workers, 1)
+    plan = planned(given, out)
     try:
         run(plan, out, workers, command, watcher)
     except KeyboardInterrupt:
+        if not begun(out):
+            raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None
         raise Interrupted(f"bench run --out {shlex.quote(str(out))} goes on where this stopped") from None
     with Store(out) as store:
         write_report(store)
     return plan
+
+
+def planned(given: Mapping[str, Any], out: Path) -> Plan:
+    """The plan of the run in `out`, else what `given` and DEFAULTS say. InputError as for `benchmark`."""
+    plan = recorded_plan(out)
+    if plan is None:
+        return Plan.from_words(DEFAULTS | dict(given))
+    _refuse_another(plan, given, out)
+    return plan
+
+
+def begun(out: Path) -> bool:
+    """Whether `out` holds a run to go on with."""
+    with contextlib.suppress(InputError):
+        return recorded_plan(out) is not None
+    return False
 
 
 def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> None:

@@ -14,9 +14,9 @@ from ..datasets.g2owriter import write_g2o
 from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset
+from ..frontend.files import beside
 from ..frontend.tum import write_tum
 from .load import made, one
-from .terminal import plain
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,18 +50,18 @@ def main(namespace: argparse.Namespace) -> int:
         raise InputError(f"--out {out}: exists and is not an empty folder, expected a new one.")
     dataset = made(variant, namespace.seed)
 
-    beside = out.absolute().parent / f".{out.absolute().name}.{os.getpid()}.part"
+    part = beside(out)
     try:
-        beside.mkdir(parents=True)
-        said = [sentence for name in formats for sentence in FORMATS[name](beside, dataset)]
-        os.replace(beside, out)
+        part.mkdir(parents=True)
+        said = [sentence for name in formats for sentence in FORMATS[name](part, dataset)]
+        os.replace(part, out)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
-    console = Console(highlight=False, soft_wrap=True, quiet=namespace.quiet)
+        shutil.rmtree(part, ignore_errors=True)
+    console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     for file, what in said:
-        console.print(plain(f"{out / file}: {what}"))
+        console.print(f"{out / file}: {what}")
     return 0
 
 

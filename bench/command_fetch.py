@@ -82,14 +82,14 @@ def _told(name: str, arrival: Arrival | None, console: Console) -> None:
     if arrival is None:
         return
     if all(log.files.values()):
-        console.print("  every file has the sha256 of the published one")
+        console.print("  every file has the sha256 of the published one.")
     else:
         console.print(f"  what the publisher's sha256 would be is not known here; found and recorded in {shelf.SUMS}:")
         for file, digest in arrival.files.items():
             console.print(f"  {digest}  {file}")
     if arrival.archive is not None and log.archive is not None:
         same = "is the one" if arrival.archive == log.archive else f"is not the one ({log.archive})"
-        console.print(f"  the archive's sha256, {arrival.archive}, {same} that others report")
+        console.print(f"  the archive's sha256, {arrival.archive}, {same} that others report.")
     console.print(f"  {log.citation}\n  licence: {log.licence}")
 
 
@@ -98,7 +98,7 @@ def _check(names: list[str], console: Console) -> int:
     if not names:
         names = [name for name in PUBLISHED if place(name).exists()]
         if not names:
-            console.print("no published log is here")
+            console.print("no published log is here.")
     status = 0
     for name in names:
         if not place(name).exists():
@@ -106,7 +106,7 @@ def _check(names: list[str], console: Console) -> int:
             status = 2
         elif found := shelf.faults(name):
             for fault in found:
-                print(f"bench: {fault}.", file=sys.stderr)
+                print(f"bench: {fault}", file=sys.stderr)
             print(f"bench: bench fetch {name} --again gets {name} anew.", file=sys.stderr)
             status = 2
         else:

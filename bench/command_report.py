@@ -20,5 +20,5 @@ def main(namespace: argparse.Namespace) -> int:
     with Store(namespace.folder) as store:
         export(store)
         write_report(store)
-    Console(highlight=False, soft_wrap=True).print(f"report: {namespace.folder / 'report.html'}")
+    Console(highlight=False, markup=False, soft_wrap=True).print(f"report: {namespace.folder / 'report.html'}")
     return 0

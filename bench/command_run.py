@@ -69,5 +69,5 @@ def main(namespace: argparse.Namespace) -> int:
     console.print(*tables(found, console.width))
     if plan.remarks():
         console.print(plan.remarks(), highlight=False, markup=False, soft_wrap=True)
-    console.print(f"report: {out / 'report.html'}", highlight=False, soft_wrap=True)
+    console.print(f"report: {out / 'report.html'}", highlight=False, markup=False, soft_wrap=True)
     return 0 if all(row.columns["status"] in ("done", "skipped") for line in found for row in line.rows) else 1

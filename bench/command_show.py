@@ -48,8 +48,9 @@ def main(namespace: argparse.Namespace) -> int:
     out = namespace.out or (
         None if namespace.json else Path(f"{_file(variant, namespace.log) or variant.slug}-log.png")
     )
-    if out is not None:
-        _check_place(out)
+    place = out.resolve() if out is not None and out.is_symlink() else out  # a link stays: its target is written
+    if place is not None:
+        _check_place(place)
     dataset = made(variant, namespace.seed)
     console = screen_console(quiet=namespace.quiet or namespace.json)
     drawn = shown(dataset, namespace.solve)
@@ -63,17 +64,17 @@ def main(namespace: argparse.Namespace) -> int:
         print(json.dumps(as_json(variant.label, namespace.seed, found, drawn), indent=2, allow_nan=False))
     else:
         _print(console, label, found, drawn, dataset.log.notes)
-    if out is None:
+    if place is None:
         return 0
     from .log_figure import Subject, write_picture  # matplotlib: the numbers are there before it is
 
     subject = Subject(label, dataset, drawn, back, found)
-    if out.suffix.lower() == ".html":
+    if place.suffix.lower() == ".html":
         from .log_page import write_page
 
-        write_page(out, subject)
+        write_page(place, subject)
     else:
-        write_picture(out, subject)
+        write_picture(place, subject)
     console.print(f"picture: {out}", highlight=False, markup=False, soft_wrap=True)
     return 0
 
@@ -104,7 +105,8 @@ def _print(console: Console, label: str, found: Numbers, drawn: Shown, notes: Ma
 
 def _file(variant: DatasetVariant, given: str) -> str:
     """The name of the file or folder that was given as the log, "" where a dataset was named."""
-    return Path(given).resolve().stem if getattr(variant.options, "path", None) == given.strip() else ""
+    named = given.strip().strip('"')
+    return Path(named).resolve().stem if getattr(variant.options, "path", None) == named else ""
 
 
 def _check_place(out: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..datasets import logfile
+from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Dataset
 from ..frontend.scan import Scan, attempted
 from .arguments import seed
@@ -32,9 +33,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Print the problems and remarks of every log; 2 if one has a problem."""
-    variants = [variant for text in namespace.log for variant in dataset_variants(text)]
     shown = float("inf") if namespace.all else SHOWN
-    return max(_validated(variant, namespace.seed, shown) for variant in variants)
+    return max(_found_and_validated(text, namespace.seed, shown) for text in namespace.log)
+
+
+def _found_and_validated(text: str, seed: int, shown: float) -> int:
+    """Print what there is to say of the logs that `text` names; the exit status."""
+    try:
+        variants = dataset_variants(text, "bench validate")
+    except InputError as error:
+        print(error)
+        return 2
+    return max(_validated(variant, seed, shown) for variant in variants)
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:

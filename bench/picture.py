@@ -1,7 +1,7 @@
 """A figure as a file of its own, and the plain style that the figures share."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,8 +33,8 @@ _DATE = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
 @contextmanager
-def picture(path: Path, size: tuple[float, float], more: Mapping[str, Any] | None = None) -> Iterator[Figure]:
-    """A figure of `size` (inches) to draw on, which then is the file at `path`, whole; where drawing fails there is none.
+def picture(path: Path, size: tuple[float, float], more: Mapping[str, Any] | None = None) -> Generator[Figure]:
+    """A figure of `size` (inches) to draw on, which is put in the file at `path` at the end, whole or not at all.
 
     The suffix of `path`, one of KINDS, says in which format; `more` is added to the style.
     """

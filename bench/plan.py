@@ -7,6 +7,7 @@ from typing import Any
 
 from ..frontend.errors import InputError
 from . import given_map
+from .arguments import as_positive, as_switch, as_text, as_whole
 from .given_map import GivenMap
 from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
 
@@ -93,26 +94,27 @@ class Plan:
 
     @classmethod
     def from_words(cls, words: dict[str, Any]) -> "Plan":
-        """InputError where a name or an option is not right."""
+        """InputError where a name, an option or a limit is not right."""
         return cls(
-            tuple(backend_variants(words["backend"])),
-            tuple(dataset_variants(words["dataset"])),
-            words["seeds"],
-            words["timeout_s"],
-            words["memory_mb"],
+            tuple(backend_variants(as_text("backend", words["backend"]))),
+            tuple(dataset_variants(as_text("dataset", words["dataset"]))),
+            as_whole("seeds", words["seeds"], 1),
+            as_positive("timeout_s", words["timeout_s"]),
+            as_whole("memory_mb", words["memory_mb"], 1),
             _map(words),
-            bool(words.get("oracle")),
+            as_switch("oracle", words.get("oracle", False)),
         )
 
 
 def _map(words: dict[str, Any]) -> GivenMap | None:
     """The given map that the words name; InputError where it is no longer the one whose digest they have."""
     source, expected = words.get("map"), words.get("map_digest")  # a run of an earlier version has neither
+    fixed = as_switch("map_fixed", words.get("map_fixed", False))
     if source is None:
-        if words.get("map_fixed"):
+        if fixed:
             raise InputError("--map-fixed: there is no map to hold fixed, expected --map beside it.")
         return None
-    found = given_map.read(source, fixed=words["map_fixed"])
+    found = given_map.read(as_text("map", source), fixed=fixed)
     if expected is not None and found.digest != expected:
         raise InputError(
             f"--map {source}: has changed since this run was begun: its digest is {found.digest[:12]}, expected "

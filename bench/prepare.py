@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from ..datasets import archive, cache
 from ..datasets import registry as datasets
+from ..datasets.truth import digest
 from ..frontend.factors import Dataset, Map, Truth
 from .given_map import localising
 from .reference import known
@@ -26,7 +27,8 @@ class Prepared(NamedTuple):
     """A log that is ready in its archive."""
 
     digest: str
-    truth: Truth | None
+    truth: Truth | None  # the reference, where the dataset has none
+    told: str | None  # the digest of the dataset's own truth
 
 
 def run(task: Task) -> Prepared:
@@ -35,4 +37,4 @@ def run(task: Task) -> Prepared:
     log = dataset.log if task.map is None else localising(dataset.log, task.map, f"dataset {task.name}")
     truth = known(log, dataset.truth)
     archive.save(task.archive, Dataset(log, truth))
-    return Prepared(log.digest, truth)
+    return Prepared(log.digest, truth, None if dataset.truth is None else digest(dataset.truth))

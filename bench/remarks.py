@@ -9,6 +9,7 @@ import numpy as np
 
 from ..frontend.factors import UNKNOWN, Dataset, Log
 from ..frontend.se2 import Array
+from ..frontend.table import LARGEST
 
 GAP = 10.0
 """A gap in time, of the median time between steps."""
@@ -29,10 +30,15 @@ FEW = 10
 """Rows below which nothing is odd."""
 
 
-def remarks(dataset: Dataset) -> Iterator[str]:
+def remarks(dataset: Dataset) -> list[str]:
     """Everything odd about the log, a sentence each without its full stop."""
-    log = dataset.log
+    with np.errstate(over="ignore"):  # what is beyond all numbers is infinite, and remarked as such
+        return list(_remarks(dataset.log))
+
+
+def _remarks(log: Log) -> Iterator[str]:
     yield from _times(log)
+    yield from _sizes(log)
     yield from _motions(log)
     if not len(log.ids):
         yield "there is no sighting: every estimate will be that of dead reckoning"
@@ -57,6 +63,20 @@ def _times(log: Log) -> Iterator[str]:
         )
 
 
+def _sizes(log: Log) -> Iterator[str]:
+    """Lengths beyond those that graphs may have."""
+    for name, lengths, first in (
+        ("motion", np.abs(log.delta[1:, :2]).max(axis=1), "the first at step {}"),
+        ("range", log.z[:, 0], "the first of sighting {}"),
+        ("loop closure", np.abs(log.loop_delta[:, :2]).max(axis=1), "the first of loop closure {}"),
+    ):
+        beyond = np.flatnonzero(lengths > LARGEST)
+        if len(beyond):
+            row = int(beyond[0]) + (name == "motion")
+            largest = f"the largest of {lengths.max():.3g} m"
+            yield f"{_count(len(beyond), name)} of more than {LARGEST:g} m, {largest}, {first.format(row)}"
+
+
 def _motions(log: Log) -> Iterator[str]:
     if len(log) <= FEW:
         return
@@ -75,12 +95,12 @@ def _motions(log: Log) -> Iterator[str]:
 
 def _score(values: Array) -> Array:
     """(n,) how many standard deviations of all others each value is from the mean of all others."""
-    n = len(values)
-    off = values - values.mean()
+    n, size = len(values), max(float(np.abs(values).max()), 1.0)
+    share = values / size  # the squares of what is huge would be infinite
+    off = share - share.mean()
     others = off * n / (n - 1)
     left = np.maximum((np.sum(off**2) - off**2 * n / (n - 1)) / (n - 1), 0.0)
-    floor = 1e-9 * max(float(np.abs(values).max()), 1.0)  # under it the sums are rounding
-    return np.abs(others) / np.maximum(np.sqrt(left), floor)
+    return np.abs(others) / np.maximum(np.sqrt(left), 1e-9)  # under which the sums are rounding
 
 
 def _sightings(log: Log) -> Iterator[str]:

@@ -155,7 +155,8 @@ def _fit_note(found: Sequence[Line]) -> str:
     said = ""
     if numbers:
         motions, seen = np.median(list(numbers), axis=0)
-        said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings."
+        said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings at the true "
+        said += "path and map; an optimum has less."
     if any("j_online" in line.values for line in found):
         said += " A filter's online path jumps where a sighting corrects it, and no odometry has reported the jump: "
         said += "its J is large by nature, and no fault."

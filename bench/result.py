@@ -1,23 +1,34 @@
 """What a run left in its folder, for Python and for a notebook, where it shows itself."""
 
 import base64
+import contextlib
 import re
+import shutil
+import tempfile
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..datasets import logfile
+from ..datasets import truth as truths
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Truth
 from ..frontend.se2 import Array
-from .benchmark import DEFAULTS, benchmark
-from .plan import Plan
+from .arguments import as_whole
+from .benchmark import DEFAULTS, begun, benchmark, planned
 from .report import rendered, sections
 from .runner import LOGS
+from .spec import backend_variants, dataset_at, dataset_variants
 from .store import Store
 from .summary import lines
 from .terminal import Screen, screen_console, tables
+
+ASKER = "slamduel.run"
+"""In whose name arguments are refused."""
+
+LONGEST = 60
+"""Letters of a log's name that its folder has: no file system takes more than 255 bytes."""
 
 Named = str | Path | Log | Dataset
 """A dataset: as on the command line, the path of a log or of a recording, or a log that Python holds."""
@@ -97,50 +108,124 @@ def run(
     it was. `limits` are those of the command line: timeout_s, memory_mb, map, map_fixed, oracle. SlamduelError, with a
     sentence, for anything that cannot be used.
     """
-    folder = Path(out) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
+    folder = (
+        Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
+    )
     unknown = sorted(set(limits) - set(DEFAULTS))
     if unknown:
-        raise InputError(f"slamduel.run: there is no argument {unknown[0]!r}, expected one of {', '.join(DEFAULTS)}.")
+        raise InputError(f"{ASKER}: there is no argument {unknown[0]!r}, expected one of {', '.join(DEFAULTS)}.")
     given: dict[str, Any] = {name: value for name, value in limits.items() if value is not None}
+    if isinstance(given.get("map"), Path):
+        given["map"] = str(given["map"])
     if seeds is not None:
         given["seeds"] = seeds
     if backend is not None:
-        given["backend"] = backend if isinstance(backend, str) else ",".join(backend)
-    Plan.from_words(DEFAULTS | given)  # before anything is written
+        given["backend"] = _backends(backend)
+    held: dict[Path, Dataset] = {}
     if dataset is not None:
-        given["dataset"] = ",".join(_word(one, folder) for one in _each(dataset, truth))
+        given["dataset"] = ",".join(_word(one, folder, held) for one in _each(dataset, truth))
+    elif truth is not None:
+        raise _astray()
+    as_whole("jobs", jobs, 1)
+    planned(given, folder)
     console = screen_console(quiet=quiet)
-    with Screen(console, quiet=quiet) as screen:
-        benchmark(given, folder, jobs, ["slamduel.run", *(f"{name}={value}" for name, value in given.items())], screen)
+    with _written(held, folder), Screen(console, quiet=quiet) as screen:
+        benchmark(given, folder, jobs, [ASKER, *(f"{name}={value}" for name, value in given.items())], screen)
     return Result(folder)
 
 
-def _each(dataset: Named | Iterable[Named], truth: Truth | None) -> list[Named]:
+def _kind(name: str, value: Any, kind: Any) -> Any:
+    if not isinstance(value, kind):
+        raise InputError(f"{ASKER}: {name} is {value!r}, expected a text or a Path.")
+    return value
+
+
+def _backends(backend: Any) -> str:
+    """The backends as the command line names them."""
+    several = [backend] if isinstance(backend, str) else backend if isinstance(backend, Sequence) else [None]
+    if not all(isinstance(one, str) for one in several):
+        raise InputError(f"{ASKER}: backend is {backend!r}, expected names: a text, or a list of texts.")
+    names = ",".join(several)
+    backend_variants(names, ASKER)
+    return names
+
+
+def _each(dataset: Any, truth: Any) -> list[Named]:
     """The datasets, a log together with its truth."""
-    several = [dataset] if isinstance(dataset, str | Path | Log | Dataset) else list(dataset)
+    several: list[Any] = [dataset]
+    if isinstance(dataset, Iterable) and not isinstance(dataset, str | Log | Dataset):
+        several = list(dataset)
+    for found in several:
+        if not isinstance(found, str | Path | Log | Dataset):
+            raise InputError(f"{ASKER}: dataset is {found!r}, expected a name, a path, a Log or a Dataset(log, truth).")
+    if not several:
+        raise InputError(f"{ASKER}: dataset is empty, expected at least one.")
     if truth is None:
         return several
     if len(several) != 1 or not isinstance(several[0], Log):
-        raise InputError("slamduel.run: found a truth, expected one Log that it belongs to, or Dataset(log, truth).")
+        raise _astray()
     return [Dataset(several[0], truth)]
 
 
-def _word(dataset: Named, folder: Path) -> str:
-    """What the command line would call the dataset; a log that Python holds is written into the run's folder first."""
+def _astray() -> InputError:
+    return InputError(f"{ASKER}: found a truth, expected one Log that it belongs to, or Dataset(log, truth).")
+
+
+def _word(dataset: Named, folder: Path, held: dict[Path, Dataset]) -> str:
+    """What the command line would call the dataset; a log that Python holds is `held`, by its place in the folder.
+
+    InputError where it cannot be used, or where its place is taken by another one.
+    """
     if isinstance(dataset, str):
+        dataset_variants(dataset, ASKER)
         return dataset
     if isinstance(dataset, Path):
-        return f'"{dataset}"' if "," in str(dataset) else str(dataset)
+        return dataset_at(dataset, ASKER).label
     log, truth = dataset if isinstance(dataset, Dataset) else (dataset, None)
-    plain = re.sub(r"[^\w.-]+", "-", log.name).strip("-.") or "log"
-    place = folder / LOGS / plain
-    if not place.exists():
-        logfile.write(place, log, truth)
-    elif logfile.read(place).log.digest != log.digest:
+    if not isinstance(log, Log):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
+        raise InputError(f"{ASKER}: the log of a dataset is {log!r}, expected a Log.")
+    logfile.check_writable(log, truth)
+    place = folder / LOGS / (re.sub(r"[^\w.-]+", "-", log.name)[:LONGEST].strip("-.") or "log")
+    if place in held:
+        both = f"{held[place].log.name!r} and {log.name!r}"
         raise InputError(
-            f"{place}: holds another log named {log.name}, expected the same one, or another name or folder."
+            f"{ASKER}: found logs named {both}, which would both be kept in {place}; expected other names."
         )
-    return f'log[path="{place}"]'
+    label = dataset_at(place, ASKER, "log").label
+    if place.exists() and not _same(logfile.read(place), Dataset(log, truth)):
+        raise InputError(
+            f"{place}: holds another log named {log.name}, or another truth of it, expected the same, or another name "
+            "or folder."
+        )
+    held[place] = Dataset(log, truth)
+    return label
+
+
+def _same(kept: Dataset, given: Dataset) -> bool:
+    """Whether `given` is what was `kept`: written and read as well, it has the same factors and the same truth."""
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        logfile.write(Path(scratch) / LOGS, *given)
+        again = logfile.read(Path(scratch) / LOGS)
+    told = [None if truth is None else truths.digest(truth) for truth in (kept.truth, again.truth)]
+    return kept.log.digest == again.log.digest and told[0] == told[1]
+
+
+@contextlib.contextmanager
+def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
+    """The logs that Python holds in their places; gone again, with what was made for them, if no run was begun."""
+    missing = [path for path in (folder / LOGS, folder, *folder.parents) if not path.exists()]
+    new = [place for place in held if not place.exists()]
+    try:
+        for place in new:
+            logfile.write(place, *held[place])
+        yield
+    finally:
+        if not begun(folder):
+            for place in new:
+                shutil.rmtree(place, ignore_errors=True)
+            for path in missing if new else ():
+                with contextlib.suppress(OSError):  # not empty: somebody else's
+                    path.rmdir()
 
 
 def _data(svg: str) -> str:

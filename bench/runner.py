@@ -64,6 +64,7 @@ def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Wat
             _describe(store, plan, command, workers)
             for c in plan.cells():
                 _record_log(store, c, logs[c.dataset.label, c.seed])
+            _record_truths(store, logs)
             _run_cells(store, plan, logs, workers, watcher)
             store.put_run("finished", time.time())
             export(store)
@@ -124,6 +125,7 @@ class _Ready(NamedTuple):
     archive: Path
     digest: str
     truth: Truth | None
+    told: str | None  # the digest of the dataset's own truth
 
 
 _Logs = dict[tuple[str, int], _Ready]
@@ -198,6 +200,20 @@ def _record_log(store: Store, cell: Cell, log: _Ready) -> None:
         if log.truth.map is not None:
             arrays |= {"ids": log.truth.map.ids, "xy": log.truth.map.xy}
     store.put_log(name, options, seed, log.digest, log.truth.kind if log.truth else "", arrays)
+
+
+def _record_truths(store: Store, logs: _Logs) -> None:
+    """Keep the digests of the datasets' own truths; InputError where one is no longer what the cells were scored by."""
+    known: dict[str, str | None] = store.run().get("truths", {})  # a run of an earlier version has none
+    told = {f"{name}, seed {seed}": log.told for (name, seed), log in logs.items()}
+    for log, now in told.items():
+        if (before := known.get(log, now)) != now:
+            found, expected = ("no truth" if digest is None else digest[:12] for digest in (now, before))
+            raise InputError(
+                f"--out {store.folder}: the truth of {log}, has changed since this run was begun: its digest is "
+                f"{found}, expected {expected}; run into another folder."
+            )
+    store.put_run("truths", known | told)
 
 
 def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Watcher) -> None:

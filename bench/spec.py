@@ -3,6 +3,7 @@
 import difflib
 import hashlib
 import os
+import re
 import types
 import typing
 from collections.abc import Iterable, Sequence
@@ -67,27 +68,27 @@ class DatasetVariant(Variant):
 V = TypeVar("V", bound=Variant)
 
 
-def backend_variants(text: str) -> list[BackendVariant]:
-    """The backends named in `text`. InputError names what is wrong, and the nearest right name."""
+def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant]:
+    """The backends named in `text`. InputError names who asked, what is wrong, and the nearest right name."""
     found: list[BackendVariant] = []
-    for name, given in _split(text, "--backend"):
+    for name, given in _split(text, asker):
         try:
             builder = backends.find(name)
         except KeyError:
             known = [*backends.BUILTIN, *backends.plugins()]
             hint = "A backend of your own is named my_package.my_module:build."
-            raise InputError(f"--backend: there is no backend {name!r}; {_nearest(name, known)} {hint}") from None
+            raise InputError(f"{asker}: there is no backend {name!r}; {_nearest(name, known)} {hint}") from None
         except backends.Missing as error:
             found.append(BackendVariant(name, NoOptions(), None, str(error)))
             continue
         found.append(BackendVariant(name, read_options(builder.options, given, f"backend {name}"), builder))
-    return _without_repeats(found, "--backend")
+    return _without_repeats(found, asker)
 
 
-def dataset_variants(text: str) -> list[DatasetVariant]:
+def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant]:
     """The datasets named in `text`; the path of a log, of a graph or of a recording is one too. InputError as above."""
     found: list[DatasetVariant] = []
-    for name, given in _split(text, "--dataset"):
+    for name, given in _split(text, asker):
         graph = name.lower().endswith(graph_files.SUFFIXES)
         if name not in datasets.BUILTIN and ("/" in name or graph or os.path.exists(name)):
             name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
@@ -96,10 +97,24 @@ def dataset_variants(text: str) -> list[DatasetVariant]:
         except KeyError:
             hint = "A log's folder, a graph's file or a recording is named by its path."
             raise InputError(
-                f"--dataset: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)} {hint}"
+                f"{asker}: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)} {hint}"
             ) from None
         found.append(DatasetVariant(name, read_options(source.options, given, f"dataset {name}"), source))
-    return _without_repeats(found, "--dataset")
+    return _without_repeats(found, asker)
+
+
+def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVariant:
+    """The dataset that reads what is at `path`, whatever that is called; a log that is yet to come has its `kind` told.
+
+    InputError, in the name of the `asker`, for a path that a label cannot hold.
+    """
+    text = str(path)
+    if '"' in text:
+        raise InputError(f"{asker}: {path}: found a double quote in the path, expected one without.")
+    kind = kind or _kind(text)
+    source = datasets.find(kind)
+    text = os.path.join(".", text) if text == "none" else text  # an option that is none is not given
+    return DatasetVariant(kind, source.options(path=text), source)
 
 
 def _kind(path: str) -> str:
@@ -133,6 +148,8 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
     if text == "none" and type(None) in kinds:
         return None
     kind = next(k for k in kinds if k is not type(None))
+    if not text and kind is str and type(None) in kinds:
+        raise InputError(f"{where}: option {field.name} is empty, expected {_expected(field, kind)}.")
     try:
         value = _KINDS[kind][0](text)
     except (KeyError, ValueError):
@@ -176,10 +193,11 @@ def _help(field: Field[Any]) -> str:
 
 
 def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
-    """`a,b[x=1,y="2,3"]` as [("a", []), ("b", [("x", "1"), ("y", "2,3")])]."""
+    """`a,"b,c"[x=1,y="2,3"]` as [("a", []), ("b,c", [("x", "1"), ("y", "2,3")])]."""
     found: list[tuple[str, list[tuple[str, str]]]] = []
     for part in _pieces(text, flag):
-        name, bracket, inside = part.partition("[")
+        quoted, rest = re.fullmatch(r'("[^"]*")?(.*)', part, re.DOTALL).groups("")  # pyright: ignore[reportOptionalMemberAccess]
+        name, bracket, inside = rest.partition("[")
         if bracket and not inside.endswith("]"):
             raise InputError(f"{flag} {part}: expected the brackets to close at the end, as in name[option=value].")
         given: list[tuple[str, str]] = []
@@ -187,11 +205,21 @@ def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
             option, equals, value = pair.partition("=")
             if not equals:
                 raise InputError(f"{flag} {part}: found {pair!r}, expected option=value.")
-            given.append((option.strip(), value.strip().strip('"')))
-        if not name.strip():
+            given.append((option.strip(), _unquoted(value, flag)))
+        name = _unquoted(quoted + name, flag)
+        if not name:
             raise InputError(f"{flag} {text!r}: found an empty name, expected names separated by commas.")
-        found.append((name.strip(), given))
+        found.append((name, given))
     return found
+
+
+def _unquoted(text: str, flag: str) -> str:
+    """`text` without the space around it, or as it is between double quotes; it has none within."""
+    text = text.strip()
+    bare = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
+    if '"' in bare:
+        raise InputError(f"{flag}: found {text}, expected double quotes around the whole of it or none.")
+    return bare
 
 
 def _pieces(text: str, flag: str) -> list[str]:
@@ -228,4 +256,4 @@ def _text(value: Any) -> str:
 
 
 def _quoted(text: str) -> str:
-    return f'"{text}"' if any(c in text for c in ",[]") else text
+    return f'"{text}"' if any(c in text for c in ",[]") or text != text.strip() else text

@@ -59,7 +59,6 @@ def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
     by_map = _curves([row for row in timed if row.particles is None], shown, "landmarks")
     particles = [row for row in timed if row.particles is not None]
     panels = [(by_map, "landmarks on the map, N")] if by_map else []
-    particles = [row for row in timed if row.particles is not None]
     if particles:
         least, landmarks = min(row.particles or 0 for row in particles), _common(particles)
         few = [row for row in particles if row.particles == least]

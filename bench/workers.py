@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,6 +61,7 @@ def execute(
         os.environ[name] = "1"
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOAD)
+    _start_server()
     waiting = list(enumerate(tasks))[::-1]
     running: list[_Worker] = []
     with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
@@ -83,6 +85,20 @@ def execute(
         finally:
             for worker in running:
                 _kill(worker)
+
+
+def _start_server() -> None:
+    """Start the fork server, if it is not there, deaf to Ctrl-C from its first moment on, as its children then are.
+
+    The server ignores it only once it has imported everything; a terminal interrupts it too, but to end it is ours.
+    """
+    resource_tracker.ensure_running()  # which would lift the block when the server has it started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with _nameless_main():
+            forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _started(
@@ -113,7 +129,10 @@ def _nameless_main() -> Generator[None]:
 def _work(pipe: Connection, function: Callable[[Any], Any], task: Any, output: str) -> None:
     """The life of a worker process."""
     os.setsid()
-    descriptor = os.open(output, os.O_WRONLY | os.O_APPEND)
+    try:
+        descriptor = os.open(output, os.O_WRONLY | os.O_APPEND)
+    except FileNotFoundError:  # whoever asked was interrupted before this process was there
+        os._exit(0)
     for stream in (1, 2):
         os.dup2(descriptor, stream)
     _die_with_the_server(pipe)

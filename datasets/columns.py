@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..frontend.cells import header_names, no_number, number, other_count, other_header, shown
 from ..frontend.errors import InputError
 from ..frontend.se2 import Array, Ints
 from ..frontend.table import Table, text
@@ -16,11 +17,14 @@ def read_columns(path: Path, *choices: Sequence[str]) -> Table:
     InputError names the file, the line and the column of what cannot be read, and says what columns would do.
     """
     lines: list[str] = text(path).split("\n")
-    header = [cell.strip().strip('"') for cell in lines[0].split(",")]
+    header = [name.strip('"') for name in header_names(lines[0])]
     chosen = next((columns for columns in choices if set(columns) <= set(header)), None)
     if chosen is None:
+        hint = next(filter(None, (other_header(lines[0], columns) for columns in choices)), None)
         wanted = ", or ".join(",".join(columns) for columns in choices)
-        raise InputError(f"{path}, line 1: found the columns {','.join(header)}, expected {wanted} among them.")
+        raise InputError(
+            f"{path}, line 1: {hint or f'found the columns {shown(header)}, expected {wanted} among them'}."
+        )
     for name in chosen:
         if header.count(name) > 1:
             raise InputError(f"{path}, line 1: column {name!r} is there {header.count(name)} times, expected once.")
@@ -34,21 +38,16 @@ def read_columns(path: Path, *choices: Sequence[str]) -> Table:
 
 def _rows(path: Path, lines: list[str], numbers: Ints, header: Sequence[str], places: Sequence[int]) -> Array:
     """(r, columns) the cells at `places` of the lines with these numbers."""
-    found = list[list[float]]()
-    for number in numbers.tolist():
-        cells = lines[number - 1].split(",")
+    rows = list[list[float]]()
+    for line in numbers.tolist():
+        cells = lines[line - 1].split(",")
         if len(cells) != len(header):
-            raise InputError(f"{path}, line {number}: found {len(cells)} columns, expected {len(header)}.")
-        found.append([_number(path, number, header[place], cells[place]) for place in places])
-    return np.array(found)
-
-
-def _number(path: Path, number: int, column: str, cell: str) -> float:
-    cell = cell.strip().strip('"')
-    try:
-        if "_" not in cell and cell.isascii():  # float() reads 1_000, and digits of every script
-            return float(cell)
-    except ValueError:
-        pass
-    found = f"{column} is {cell!r}" if cell else f"{column} is blank"
-    raise InputError(f"{path}, line {number}: {found}, expected a number.")
+            raise InputError(f"{path}, line {line}: {other_count(cells, header, ',')}.")
+        row = list[float]()
+        for place in places:
+            cell = cells[place].strip().strip('"')
+            if (found := number(cell)) is None:
+                raise InputError(f"{path}, line {line}: {header[place]} {no_number(cell)}.")
+            row.append(found)
+        rows.append(row)
+    return np.array(rows)

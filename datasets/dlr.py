@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from ..frontend.cells import shortened
 from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Dataset, Log, Prior
 from ..frontend.frames import as_range_bearing
@@ -107,7 +108,7 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
             step.append(len(steps) - 1)
         else:
             wanted = f"STEP, an image and {len(_MOTION)} numbers, or LANDMARK_C, {len(_CIRCLE)} numbers and an id"
-            raise row.fault(f"found {row.word!r} and {len(row.cells)} fields, expected {wanted}")
+            raise row.fault(f"found {shortened(row.word)} and {len(row.cells)} fields, expected {wanted}")
     if not steps:
         raise InputError(f"{path}: there is no STEP row, expected at least one.")
     return steps, circles, np.array(step, np.int64)
@@ -117,7 +118,7 @@ def _check_image(row: Row, before: list[Row]) -> None:
     """InputError unless the number that the image's name ends with follows that of the last one: no motion is lost."""
     found = _FRAME.search(row.cells[0])
     if found is None:
-        raise row.fault(f"the image is {row.cells[0]!r}, expected a name that ends with its number")
+        raise row.fault(f"the image is {shortened(row.cells[0])}, expected a name that ends with its number")
     last = _FRAME.search(before[-1].cells[0]) if before else None
     if last and int(found[1]) != int(last[1]) + 1:
         raise row.fault(f"the image has number {int(found[1])}, expected {int(last[1]) + 1}, the next after the last")

@@ -58,7 +58,7 @@ def downloaded(url: str, part: Path, watcher: Watcher) -> Path:
         except Failed as error:
             if attempt == TRIES - 1:
                 raise Failed(f"{error}, at the last of {TRIES} tries") from None
-            watcher.says(f"{url}: {error}; trying again")
+            watcher.says(f"{url}: {error}; trying again.")
             time.sleep(PAUSE * 2**attempt)
         else:
             break

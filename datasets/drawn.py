@@ -45,10 +45,10 @@ def counted(ticks: Ticks, encoder: Encoder, t: Array, rng: np.random.Generator) 
 
     Row 0 is for nothing before it. The counters know nothing of the floors, whose errors are drawn here.
     """
-    factors = [encoder.odometry(*readings(ticks, start, end)) for start, end in pairwise(t.tolist())]
     delta, cov = np.zeros((len(t), 3)), np.zeros((len(t), 3, 3))
-    delta[1:], cov[1:] = [factor.delta for factor in factors], [factor.cov for factor in factors]
-    delta[1:] += np.sqrt(np.diag(encoder.floors.cov)) * rng.standard_normal((len(factors), 3))
+    for k, (start, end) in enumerate(pairwise(t.tolist()), start=1):
+        delta[k], cov[k] = encoder.odometry(*readings(ticks, start, end))
+    delta[1:] += np.sqrt(np.diag(encoder.floors.cov)) * rng.standard_normal((len(t) - 1, 3))
     delta[:, 2] = wrap(delta[:, 2])
     return delta, cov
 

@@ -5,6 +5,7 @@ then. Where nothing helps, the sentence says what was found where, and how to do
 """
 
 import html
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,14 +21,12 @@ from .unpack import NotPublished, sha256_of
 
 HREF = re.compile(r"""href\s*=\s*["']?([^"'\s>]+)""", re.IGNORECASE)
 
-
-WAITING = "another process is fetching it; waiting for that one"
+WAITING = "another process is fetching it; waiting for that one."
 
 
 class Arrival(NamedTuple):
-    """What came: from where, the sha256 of what was downloaded (None: it was a folder) and that of each file."""
+    """What came: the sha256 of the archive (None: it was a folder) and that of each file."""
 
-    origin: str
     archive: str | None
     files: dict[str, str]
 
@@ -44,9 +43,9 @@ def fetch(name: str, watcher: Watcher, *, url: str | None = None, again: bool = 
         for address in [url] if url else _addresses(name, part, watcher, answers):
             try:
                 downloaded(address, part, watcher)
-                arrival = Arrival(address, sha256_of(part), shelf.install(name, part, address))
+                arrival = Arrival(sha256_of(part), shelf.install(name, part, address))
             except (Refused, Failed) as error:
-                answers.append(f"{address}: {error}")
+                answers.append(_answer(address, error))
             except NotPublished as error:
                 discard(part)
                 answers.append(str(error))
@@ -59,18 +58,26 @@ def fetch(name: str, watcher: Watcher, *, url: str | None = None, again: bool = 
 
 def take(name: str, source: Path, watcher: Watcher) -> Arrival:
     """Put the published log `name` in its place out of the file or folder `source`. Raises InputError."""
+    source = Path(os.path.abspath(source))  # what `.` is called may tell what it holds
+    expected = f"expected a file or folder with {PUBLISHED[name].title}"
     if not source.exists():
-        raise InputError(f"{source}: there is no such file or folder; expected {PUBLISHED[name].title}.")
+        raise InputError(f"{source}: there is no such file or folder; {expected}.")
+    if not (source.is_file() or source.is_dir()):  # a pipe may never end, nor even begin
+        raise InputError(f"{source}: a pipe, a socket or a device; {expected}.")
     with shelf.alone(name, lambda: watcher.says(f"{name}: {WAITING}")):
         files = shelf.install(name, source, str(source))
-    return Arrival(str(source), None if source.is_dir() else sha256_of(source), files)
+    return Arrival(None if source.is_dir() else sha256_of(source), files)
 
 
 def _by_hand(name: str, url: str | None = None) -> str:
     """How a person gets it, and how far the publisher's addresses are to be trusted, where those were tried."""
     log = PUBLISHED[name]
     known = "" if url else f"About these addresses: {log.addresses}.\n"
-    return f"{known}By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE"
+    return f"{known}By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE."
+
+
+def _answer(address: str, error: Exception) -> str:
+    return f"{address}: {' '.join(str(error).split()).rstrip('.')}."
 
 
 def _addresses(name: str, part: Path, watcher: Watcher, answers: list[str]) -> Iterator[str]:
@@ -83,12 +90,12 @@ def _addresses(name: str, part: Path, watcher: Watcher, answers: list[str]) -> I
         try:
             text = downloaded(page, part, watcher).read_text(encoding="utf-8", errors="replace")
         except (Refused, Failed) as error:
-            answers.append(f"{page}: {error}")
+            answers.append(_answer(page, error))
             continue
         finally:
             discard(part)
         links = dict.fromkeys(urljoin(page, html.unescape(link)) for link in HREF.findall(text))
         matching = [link for link in links if re.search(log.link, link, re.IGNORECASE)]
         if not matching:
-            answers.append(f"{page}: no link to the archive was recognised on it")
+            answers.append(f"{page}: no link to the archive was recognised on it.")
         yield from matching

@@ -25,14 +25,15 @@ from typing import Any
 
 import numpy as np
 
+from ..frontend.cells import shortened
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints, wrap
-from ..frontend.table import read_spaced
+from ..frontend.table import LARGEST, read_spaced
 from .published import fetched
 from .registry import Source
-from .stepwise import FLOORED, LARGEST, Row, definite, read_rows
+from .stepwise import FLOORED, Row, definite, read_rows
 
 _MOTION = ("rot1", "trans", "rot2")
 _SENSOR = ("id", "range", "bearing")
@@ -140,7 +141,9 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
         if row.word == "ODOMETRY":
             motions.append(row)
         elif row.word != "SENSOR":
-            raise row.fault(f"found {row.word!r}, expected ODOMETRY {' '.join(_MOTION)} or SENSOR {' '.join(_SENSOR)}")
+            raise row.fault(
+                f"found {shortened(row.word)}, expected ODOMETRY {' '.join(_MOTION)} or SENSOR {' '.join(_SENSOR)}"
+            )
         elif not motions:
             raise row.fault("a sighting before the first ODOMETRY, expected it after")
         else:
@@ -153,7 +156,9 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
 
 def _sightings(rows: list[Row], step: Ints, options: Options) -> tuple[Ints, Array, int]:
     """Ids (s,), ranges and bearings (s, 2), and how many ranges were set to NEAREST."""
-    z = np.array([row.numbers(_SENSOR, row.cells)[1:] for row in rows]).reshape(-1, 2)
+    for row in rows:
+        row.check_count(_SENSOR, row.cells)
+    z = np.array([row.numbers(_SENSOR[1:], row.cells[1:]) for row in rows]).reshape(-1, 2)
     ids = np.array([row.identity(row.cells[0], 0) for row in rows], np.int64)
     seen = set[tuple[int, int]]()
     for row, key in zip(rows, zip(step.tolist(), ids.tolist(), strict=True), strict=True):
@@ -178,9 +183,7 @@ def _world(path: Path) -> Map:
         raise table.fault(row, f"landmark {ids[row]} is there twice, expected once")
     for row in np.flatnonzero(ids < 0):
         raise table.fault(row, f"id is {ids[row]}, expected 0 or more")
-    for row, column in np.argwhere(np.abs(table.rows[:, 1:]) > LARGEST):
-        raise table.fault(row, f"{'xy'[column]} is {table.rows[row, 1 + column]!s}, expected at most {LARGEST:g}")
-    return Map(ids, table.rows[:, 1:], None)
+    return Map(ids, table.bounded(-LARGEST, LARGEST, "x", "y").rows[:, 1:], None)
 
 
 def _notes(options: Options, lifted: int, floored: int) -> dict[str, Any]:

@@ -7,8 +7,9 @@
     truth.tum        t x y z qx qy qz qw                             optional
     landmarks.csv    id,x,y                                          the landmarks' true places; optional
 
-Of a covariance the upper triangle is stored. Notes that are None, and the covariance of a true map, are left out. Under [contents] log.toml also has the rows of each file
-and the digests of what reads back, both optional: files that are no longer what was written are not read.
+Of a covariance the upper triangle is stored. Notes that are None, and the covariance of a true map, are left out. Under
+[contents] log.toml also has the rows of each file and the digests of what reads back, both optional: files that are no
+longer what was written are not read.
 """
 
 import os
@@ -19,14 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, problems
+from ..frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Prior, Truth
+from ..frontend.files import beside
 from ..frontend.options import option
 from ..frontend.scan import Scan, attempted, counted, strict
 from ..frontend.se2 import Array, Ints
 from ..frontend.table import CHUNK, Table, scan_csv, symmetric, upper
-from .logwords import Contents, Words, scan_words, write_words
+from .logwords import Contents, Words, check_words, scan_words, write_words
 from .registry import Source
 from .truth import PLACES, POSES, digest, scan_truth, write_truth
 
@@ -61,18 +63,27 @@ def write(folder: Path, log: Log, truth: Truth | None) -> None:
 
     The folder appears complete or not at all. InputError where it cannot be written, or the log not be used.
     """
-    check(log, where=f"log {log.name}")
-    beside = folder.absolute().parent / f".{folder.absolute().name}.{os.getpid()}.part"
+    check_writable(log, truth)
+    part = beside(folder)
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise InputError(f"{folder}: exists and is not an empty folder; expected a new place for the log.")
-        beside.mkdir(parents=True)
-        _write_files(beside, log, truth)
-        os.replace(beside, folder)
+        part.mkdir(parents=True)
+        _write_files(part, log, truth)
+        os.replace(part, folder)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}).") from error
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def check_writable(log: Log, truth: Truth | None) -> None:
+    """InputError where `log` and `truth` cannot be used, or their words not be kept in a file."""
+    check_words(log)
+    where = f"log {log.name}"
+    check(log, where)
+    if truth is not None:
+        check_truth(log, truth, where)
 
 
 def read(folder: Path) -> Dataset:

@@ -39,6 +39,31 @@ class Words(NamedTuple):
     contents: Contents
 
 
+def check_words(log: Log) -> None:
+    """InputError where the name or the notes of `log` are no words that a log.toml can hold."""
+    name: Any = log.name
+    if not isinstance(name, str) or not _encodable(name):
+        raise InputError(f"log {_short(name)}: found this name, expected a text that UTF-8 can hold.")
+    try:
+        held = _encodable(tomli_w.dumps(_notes(log)))
+    except (TypeError, ValueError, AttributeError, RecursionError):
+        held = False
+    if not held:
+        raise InputError(f"log {name}: its notes cannot be written, expected texts, numbers, lists and tables.")
+
+
+def _encodable(words: str) -> bool:
+    try:
+        words.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _notes(log: Log) -> dict[str, Any]:
+    return {key: note for key, note in log.notes.items() if note is not None}
+
+
 def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents) -> None:
     """Write the words of `log`; notes that are None are left out."""
     prior: dict[str, Any] = {"pose": log.prior.pose.tolist(), "cov": log.prior.cov.tolist()}
@@ -47,10 +72,9 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
         prior["map"] = {"ids": ids.tolist(), "xy": xy.tolist()} | ({} if cov is None else {"cov": cov.tolist()})
     truth = {} if truth_kind is None else {"truth": {"kind": truth_kind}}
     digests = {key: digest for key in ("factors", "truth") if (digest := getattr(contents, key)) is not None}
-    notes = {key: note for key, note in log.notes.items() if note is not None}
     # What the files contained comes first: when the end of this one is lost, that is told from a shorter log.
     contained = {"contents": {**digests, "rows": dict(contents.rows)}}
-    words = {"name": log.name, **contained, "prior": prior, **truth, "notes": notes}
+    words = {"name": log.name, **contained, "prior": prior, **truth, "notes": _notes(log)}
     path.write_text(tomli_w.dumps(words), encoding="utf-8", newline="\n")
 
 

@@ -66,18 +66,18 @@ class _Draws(NamedTuple):
 
 
 def befallen(dataset: Dataset, mishaps: Mishaps, rng: np.random.Generator) -> Dataset:
-    """The simulated `dataset` after all `mishaps`; the very same where there are none.
+    """The simulated `dataset` after all `mishaps`; the very same where there are none, and every sighting has a range.
 
     Its truth must have a pose a step, and the map. The new truth's `assigned` has the true ids where some have changed
-    or sightings are made up, whose true id is UNKNOWN. A sighting whose error leaves no range is lost. The log's notes
-    have what was asked for, and counts, under "mishaps".
+    or sightings are made up, whose true id is UNKNOWN. A sighting whose error leaves no range is lost, however small
+    the mishaps. The log's notes have what was asked for, and counts, under "mishaps".
     """
     wanted = {
         field.name: value for field in fields(Mishaps) if (value := getattr(mishaps, field.name)) != field.default
     }
-    if not wanted:
-        return dataset
     log, truth = dataset
+    if not wanted and (log.z[:, 0] > 0).all():
+        return dataset
     if truth is None or truth.map is None or len(truth.t) != len(log):
         raise ValueError("mishaps befall logs whose truth is known at every step")
     draws, counts = _Draws(*rng.spawn(len(_Draws._fields))), dict[str, int]()
@@ -182,6 +182,8 @@ def _clutter(log: Log, view: Array, rate: float, rng: np.random.Generator) -> _F
 
     The places are uniform in the plane; each has the covariance of the sighting that comes nearest to its range.
     """
+    ranged = view[:, 0] > 0
+    view, cov = view[ranged], log.z_cov[ranged]
     step = np.repeat(np.arange(len(log)), rng.poisson(rate if len(view) else 0.0, len(log)))
     if not len(step):
         return _False(step, np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -191,7 +193,7 @@ def _clutter(log: Log, view: Array, rate: float, rng: np.random.Generator) -> _F
     after = np.clip(np.searchsorted(view[order, 0], r), 1, len(view) - 1)
     closer = r - view[order[after - 1], 0] < view[order[after], 0] - r
     z = np.stack((r, rng.uniform(right, left, len(step))), axis=-1)
-    return _False(step, z, log.z_cov[order[after - closer]])
+    return _False(step, z, cov[order[after - closer]])
 
 
 def _merged(log: Log, truth: Truth, kept: Bools, false: _False, naming: str) -> tuple[Log, Truth]:

@@ -76,19 +76,10 @@ def _timed(path: Path, columns: tuple[str, ...], *, empty: bool = False) -> Tabl
             return table._replace(rows=np.zeros((0, len(columns))), lines=np.zeros(0, np.int64))
         raise InputError(f"{path}: there is no row, expected the columns {' '.join(columns)}.")
     t = table.column("t")
-    _bounded(table, "t", 0.0, _LATEST)
-    for name in columns[1:]:
-        if name != "barcode":
-            _bounded(table, name, -_LARGEST, _LARGEST)
+    table.bounded(0.0, _LATEST, "t").bounded(-_LARGEST, _LARGEST, *(name for name in columns[1:] if name != "barcode"))
     for row in np.flatnonzero(np.diff(t) < 0) + 1:
         raise table.fault(row, f"t is {t[row]!s}, expected no earlier than {t[row - 1]!s}")
     return table
-
-
-def _bounded(table: Table, name: str, least: float, most: float) -> None:
-    column = table.column(name)
-    for row in np.flatnonzero((column < least) | (column > most)):
-        raise table.fault(row, f"{name} is {column[row]!s}, expected {least:g} to {most:g}")
 
 
 def _subjects(folder: Path) -> dict[int, int]:
@@ -106,9 +97,7 @@ def _landmarks(folder: Path) -> Map:
     subjects = _distinct(table, "subject")
     for row in np.flatnonzero(subjects <= LAST_ROBOT):
         raise table.fault(row, f"subject is {subjects[row]}, expected a landmark, {LAST_ROBOT + 1} or more")
-    for name in ("x", "y"):
-        _bounded(table, name, -_LARGEST, _LARGEST)
-    return Map(subjects, table.rows[:, 1:3], None)
+    return Map(subjects, table.bounded(-_LARGEST, _LARGEST, "x", "y").rows[:, 1:3], None)
 
 
 def _distinct(table: Table, name: str) -> Ints:

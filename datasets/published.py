@@ -6,6 +6,7 @@ are those of copies that the readers of this package are tested with. Of the oth
 they can be missed, and their digests are recorded when they first arrive.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,8 @@ class Published:
     `urls` are tried in order; with a `link`, they are pages, and what is tried are the links on them that match this
     regular expression. `files` are the names that must come out, each with its sha256, or None where nobody here knows
     it. `archive` is the sha256 of what is downloaded as others report it, which is told and not insisted on.
-    `by_hand` ends the sentence "open `page` and ...".
+    `by_hand` ends the sentence "open `page` and ...". `goes_by` is a regular expression of the names of its archive and
+    of the folder in it, for logs whose files have the names of another's.
     """
 
     title: str
@@ -34,6 +36,7 @@ class Published:
     files: Mapping[str, str | None]
     link: str = ""
     archive: str | None = None
+    goes_by: str = ""
 
 
 _NONE_SEEN = "none stated with the copies seen; ask the authors before passing it on"
@@ -76,6 +79,7 @@ def _mrclam(number: int) -> Published:
         by_hand=f"download set {number} (MRCLAM{number}.zip)",
         files=_MRCLAM_6 if number == 6 else dict.fromkeys(_MRCLAM_6),
         archive=_MRCLAM_ARCHIVES.get(number),
+        goes_by=rf"MR[CS]LAM[ _-]?(Dataset)?[ _-]?{number}(?!\d)",  # set 4 stands in MRSLAM_Dataset4
     )
 
 
@@ -114,6 +118,17 @@ PUBLISHED: dict[str, Published] = {
     **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},
 }
 """Name -> what is known of it."""
+
+
+def named_in(path: str) -> str | None:
+    """The published log that `path` goes by the name of, the innermost where it names several; None: it names none."""
+    found = [
+        (match.start(), name)
+        for name, log in PUBLISHED.items()
+        if log.goes_by
+        for match in re.finditer(log.goes_by, path, re.IGNORECASE)
+    ]
+    return max(found)[1] if found else None
 
 
 def place(name: str) -> Path:

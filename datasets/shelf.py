@@ -7,13 +7,13 @@ import contextlib
 import fcntl
 import os
 import shutil
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from ..frontend.errors import InputError
 from .published import PUBLISHED, place
-from .unpack import sha256_of, unpacked
+from .unpack import NotPublished, sha256_of, unpacked
 
 SUMS = "SHA256SUMS"
 
@@ -39,7 +39,9 @@ def install(name: str, source: Path, called: str) -> dict[str, str]:
     with _writable(name):
         new.mkdir()
     try:
-        digests = unpacked(source, PUBLISHED[name].files, new, called)
+        digests = unpacked(name, source, new, called)
+        if twin := _twin(name, digests):
+            raise NotPublished(f"{called}: {twin}, and not those of {name}.")
         lines = [f"# {PUBLISHED[name].title}", f"# from {called}"]
         lines += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
         with _writable(name):
@@ -51,22 +53,27 @@ def install(name: str, source: Path, called: str) -> dict[str, str]:
 
 
 def faults(name: str) -> list[str]:
-    """A sentence for each file of the log `name` that is not there, or not as published or as it first arrived."""
+    """A sentence for each file of the log `name` that is not there, or not as published or as it first arrived; and
+    one where most of them are another log's.
+    """
     recorded = _recorded(name)
+    digests: dict[str, str] = {}
     found: list[str] = []
     for file, published in PUBLISHED[name].files.items():
         path = place(name) / file
         expected = published or recorded.get(file)
         try:
-            digest = sha256_of(path)
+            digest = digests[file] = sha256_of(path)
         except OSError as error:
-            found.append(f"{path}: {error.strerror}")
+            found.append(f"{path}: {error.strerror}.")
             continue
         if expected is None:
-            found.append(f"{path}: no sha256 was recorded for it; found {digest}")
+            found.append(f"{path}: no sha256 was recorded for it; found {digest}.")
         elif digest != expected:
             whose = "published" if published else "recorded when it first arrived"
-            found.append(f"{path}: its sha256 is {digest}; {whose}: {expected}")
+            found.append(f"{path}: its sha256 is {digest}; {whose}: {expected}.")
+    if twin := _twin(name, digests):
+        found.append(f"{place(name)}: {twin}.")
     return found
 
 
@@ -110,6 +117,23 @@ def _restore(name: str) -> None:
 
 def _beside(name: str, what: str) -> Path:
     return place(name).with_name(f".{name}.{what}")
+
+
+def _twin(name: str, digests: Mapping[str, str]) -> str:
+    """That most of these files are those of a log other than `name`; nothing where they are not.
+
+    Most: logs of one room may share what is known of the room. A log whose every sha256 is known needs no such doubt.
+    """
+    if all(PUBLISHED[name].files.values()):
+        return ""
+    for other in (other for other in PUBLISHED if other != name):
+        known = _recorded(other) | {file: digest for file, digest in PUBLISHED[other].files.items() if digest}
+        same = sum(known.get(file) == digest for file, digest in digests.items())
+        if 2 * same > len(digests):
+            published = all(PUBLISHED[other].files.values())
+            source = "" if published else f" (as {place(other)} holds it; remove that if it is the wrong one)"
+            return f"{same} of its {len(digests)} files are those of {other}{source}"
+    return ""
 
 
 def _recorded(name: str) -> dict[str, str]:

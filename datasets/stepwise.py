@@ -7,14 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frontend.cells import no_number, number, shortened
 from ..frontend.errors import InputError
 from ..frontend.se2 import Array
-from ..frontend.table import MOST, text
+from ..frontend.table import LARGEST, MOST, text
 
 Flags = NDArray[np.bool_]
-
-LARGEST = 1e9
-"""m, rad or their squares: nothing indoors is beyond it, and its square is still far from overflow."""
 
 _SHARE = 1e-9
 """Of a covariance's largest eigenvalue: the smallest may not be less, or it counts as singular."""
@@ -42,27 +40,30 @@ class Row(NamedTuple):
 
     def numbers(self, columns: Sequence[str], cells: Sequence[str]) -> list[float]:
         """`cells`, of which there are as many as `columns`, as finite numbers."""
+        self.check_count(columns, cells)
+        return [self._number(*pair) for pair in zip(columns, cells, strict=True)]
+
+    def check_count(self, columns: Sequence[str], cells: Sequence[str]) -> None:
+        """InputError unless there are as many `cells` as `columns`."""
         if len(cells) != len(columns):
             wanted = f"{len(columns)} ({' '.join(columns)})"
             raise self.fault(f"found {len(cells)} numbers after {self.word}, expected {wanted}")
-        return [self._number(*pair) for pair in zip(columns, cells, strict=True)]
 
     def identity(self, cell: str, least: int) -> int:
         """`cell` as the id of a landmark, from `least` on."""
         digits = cell.removeprefix("-")
-        number = int(cell) if digits.isascii() and digits.isdigit() and len(digits) <= len(str(MOST)) else least - 1
-        if not least <= number <= MOST:
-            raise self.fault(f"id is {cell!r}, expected a whole number from {least} to {MOST}")
-        return number
+        found = int(cell) if digits.isascii() and digits.isdigit() and len(digits) <= len(str(MOST)) else least - 1
+        if not least <= found <= MOST:
+            raise self.fault(f"id is {shortened(cell)}, expected a whole number from {least} to {MOST}")
+        return found
 
     def _number(self, column: str, cell: str) -> float:
-        try:
-            number = float(cell) if cell.isascii() and "_" not in cell else np.nan
-        except ValueError:
-            number = np.nan
-        if not abs(number) <= LARGEST:
-            raise self.fault(f"{column} is {cell!r}, expected a number no larger than {LARGEST:g}")
-        return number
+        found = number(cell)
+        if found is None:
+            raise self.fault(f"{column} {no_number(cell)}")
+        if not abs(found) <= LARGEST:
+            raise self.fault(f"{column} is {shortened(cell)}, expected a number no larger than {LARGEST:g}")
+        return found
 
 
 def read_rows(path: Path) -> Iterator[Row]:

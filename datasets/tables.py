@@ -36,7 +36,7 @@ SIGHTINGS = ("t", "id", "range", "bearing")
 POINTS = ("t", "id", "x", "y")
 PLACES = ("id", "x", "y")
 
-MOST_KEYFRAMES = 5_000_000
+MOST_KEYFRAMES = 500_000
 """More are a mistake: times in nanoseconds, or a detection from another year."""
 
 

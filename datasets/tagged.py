@@ -9,12 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ..frontend.cells import no_number, number, shortened
 from ..frontend.errors import InputError
 from ..frontend.se2 import Array
-from ..frontend.table import Table, text
+from ..frontend.table import LARGEST, Table, text
 
 LIST = ("id",)
 """The columns of a kind of row that has as many ids as it likes: each becomes a row of its own."""
+
+LENGTHS = ("x", "y", "dx", "dy", "range")
+"""The columns that are in m, and may not be beyond LARGEST."""
 
 
 def read_tagged(
@@ -27,24 +31,24 @@ def read_tagged(
     """
     rest: dict[str, list[str]] = {kind: [] for kind in columns}
     lines: dict[str, list[int]] = {kind: [] for kind in columns}
-    for number, line in enumerate(text(path).split("\n"), start=1):
-        tag, *numbers = line.split(None, 1) or ["#"]
+    for line, content in enumerate(text(path).split("\n"), start=1):
+        tag, *numbers = content.split(None, 1) or ["#"]
         if tag.startswith("#"):
             continue
         kind = kinds.get(tag)
         if kind is None:
-            raise _unknown(path, number, tag, kinds, refused)
+            raise _unknown(path, line, tag, kinds, refused)
         found = numbers[0] if numbers else ""
         if columns[kind] == LIST:
             rest[kind] += found.split() or [""]
-            lines[kind] += [number] * (len(rest[kind]) - len(lines[kind]))
+            lines[kind] += [line] * (len(rest[kind]) - len(lines[kind]))
         else:
             rest[kind].append(found)
-            lines[kind].append(number)
+            lines[kind].append(line)
     return {
-        kind: Table(
-            path, tuple(names), _numbers(path, lines[kind], rest[kind], names), np.array(lines[kind], np.int64)
-        ).finite()
+        kind: Table(path, tuple(names), _numbers(path, lines[kind], rest[kind], names), np.array(lines[kind], np.int64))
+        .finite()
+        .bounded(-LARGEST, LARGEST, *(name for name in names if name in LENGTHS))
         for kind, names in columns.items()
     }
 
@@ -70,24 +74,21 @@ def _numbers(path: Path, lines: Sequence[int], rows: Sequence[str], columns: Seq
     return np.array([_row(path, *row, columns) for row in zip(lines, rows, strict=True)])
 
 
-def _row(path: Path, number: int, row: str, columns: Sequence[str]) -> list[float]:
+def _row(path: Path, line: int, row: str, columns: Sequence[str]) -> list[float]:
     cells = row.split()
     if len(cells) != len(columns):
         wanted = f"{len(columns)} ({' '.join(columns)})"
-        raise InputError(f"{path}, line {number}: found {len(cells)} numbers after the tag, expected {wanted}.")
+        raise InputError(f"{path}, line {line}: found {len(cells)} numbers after the tag, expected {wanted}.")
     found: list[float] = []
     for name, cell in zip(columns, cells, strict=True):
-        try:
-            if "_" in cell or not cell.isascii():  # float() reads 1_000, and digits of every script
-                raise ValueError
-            found.append(float(cell))
-        except ValueError:
-            raise InputError(f"{path}, line {number}: {name} is {cell!r}, expected a number.") from None
+        if (value := number(cell)) is None:
+            raise InputError(f"{path}, line {line}: {name} {no_number(cell)}.")
+        found.append(value)
     return found
 
 
-def _unknown(path: Path, number: int, tag: str, kinds: Mapping[str, str], refused: Sequence[str]) -> InputError:
+def _unknown(path: Path, line: int, tag: str, kinds: Mapping[str, str], refused: Sequence[str]) -> InputError:
     known = ", ".join(kinds)
     if tag in refused:
-        return InputError(f"{path}, line {number}: a row {tag} has no place in a log, expected only {known}.")
-    return InputError(f"{path}, line {number}: found a row {tag[:40]!r}, expected one of {known}.")
+        return InputError(f"{path}, line {line}: a row {tag} has no place in a log, expected only {known}.")
+    return InputError(f"{path}, line {line}: found a row {shortened(tag)}, expected one of {known}.")

@@ -9,12 +9,13 @@ import hashlib
 import os
 import tarfile
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO, cast
 
 from ..frontend.errors import InputError, SlamduelError
+from .published import PUBLISHED, named_in
 
 LARGEST_FILE = 2**28
 """Bytes: more than any file of the published logs."""
@@ -25,6 +26,9 @@ LARGEST_ARCHIVE = 2**29
 BLOCK = 2**16
 
 GZIP = b"\x1f\x8b"
+
+ENCRYPTED = 1
+"""Of the flags of a file in a zip (APPNOTE.TXT, 4.4.4)."""
 
 PAGE = (b"<!doctype", b"<html", b"<head", b"<?xml")
 """How a web page begins, in lower case."""
@@ -37,18 +41,24 @@ class NotPublished(InputError):
     """What was looked at is not the published log, or not all of it."""
 
 
-def unpacked(source: Path, wanted: Mapping[str, str | None], into: Path, called: str) -> dict[str, str]:
-    """Write the `wanted` files (name -> sha256, None: any) of `source` into the folder `into`; each one's sha256.
+def unpacked(log: str, source: Path, into: Path, called: str) -> dict[str, str]:
+    """Write the files of the published `log` that `source` holds into the folder `into`; each one's sha256.
 
-    Of several files of one name the one with the right sha256 is taken. Raises NotPublished, in which `source`
-    is `called` so, where a file is missing or is not what it should be, or where `source` is damaged or something else,
-    and InputError where the disk refuses.
+    Of several files of one name the one with the right sha256 is taken; where none is known, one that stands under the
+    name of another log is not. Raises NotPublished, in which `source` is `called` so, where a file is missing or is not
+    what it should be, or where `source` is damaged or something else, and InputError where the disk refuses.
     """
+    wanted = PUBLISHED[log].files
     digests: dict[str, str] = {}
     others: dict[str, str] = {}
+    passed_over: dict[str, str] = {}
     try:
         for path, opened in _candidates(source, wanted, called):
             if (name := PurePosixPath(path).name) not in wanted:
+                continue
+            other = named_in(f"{PurePosixPath(called).name}/{path}")
+            if wanted[name] is None and other not in (None, log):
+                passed_over[path] = other
                 continue
             beside = into / f".{name}"
             with opened() as stream:
@@ -71,9 +81,12 @@ def unpacked(source: Path, wanted: Mapping[str, str | None], into: Path, called:
             raise NotPublished(
                 f"{called}: its {name} is not the published one: sha256 {digest}, expected {wanted[name]}."
             )
+    if passed_over and not digests:
+        path, other = next(iter(passed_over.items()))
+        raise NotPublished(f"{called}: {path} in it is of {other}, as its path says, not of {log}.")
     if missing := [name for name in wanted if name not in digests]:
-        listed = ", ".join(missing[:3]) + (f" and {len(missing) - 3} more" if len(missing) > 3 else "")
-        raise NotPublished(f"{called}: {listed} should be in it, and is not.")
+        verb = "is" if len(missing) == 1 else "are"
+        raise NotPublished(f"{called}: {_listed(missing)} should be in it, and {verb} not.")
     return digests
 
 
@@ -83,12 +96,18 @@ def sha256_of(file: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _candidates(source: Path, wanted: Mapping[str, str | None], called: str) -> Candidates:
-    """The regular files in `source`."""
+def _listed(names: list[str]) -> str:
+    """`a`, `a and b`, `a, b and c`, `a, b, c and 4 more`."""
+    few = names[:3] + ([f"{len(names) - 3} more"] if len(names) > 3 else [])
+    return " and ".join([", ".join(few[:-1]), few[-1]] if len(few) > 1 else few)
+
+
+def _candidates(source: Path, wanted: Collection[str], called: str) -> Candidates:
+    """The files in `source`, or in a folder those with a name that is wanted."""
     if source.is_dir():
         for file in sorted(source.rglob("*")):
-            if file.name in wanted and file.is_file():
-                yield file.relative_to(source).as_posix(), partial(file.open, "rb")
+            if file.name in wanted and not file.is_dir():
+                yield file.relative_to(source).as_posix(), partial(_regular, file)
         return
     with source.open("rb") as file:
         start = file.read(512)
@@ -106,12 +125,24 @@ def _candidates(source: Path, wanted: Mapping[str, str | None], called: str) -> 
         raise NotPublished(f"{called}: expected a zip or tar archive, or a folder; found something else.")
 
 
+def _regular(file: Path) -> IO[bytes]:
+    if not file.is_file():  # to open a pipe would be to wait for who writes into it
+        raise NotPublished(f"{file}: expected a regular file; found a pipe, a device or a link to nothing.")
+    return file.open("rb")
+
+
 def _zipped(source: Path, called: str) -> Candidates:
     with zipfile.ZipFile(source) as archive:
         for member in archive.infolist():
             _refuse_way_out(member.filename, called)
             if not member.is_dir():
-                yield member.filename, partial(archive.open, member)
+                yield member.filename, partial(_entry, archive, member, called)
+
+
+def _entry(archive: zipfile.ZipFile, member: zipfile.ZipInfo, called: str) -> IO[bytes]:
+    if member.flag_bits & ENCRYPTED:
+        raise NotPublished(f"{called}: {member.filename} in it is encrypted; unpack it yourself and give the folder.")
+    return archive.open(member)
 
 
 def _tarred(source: Path, called: str, *, compressed: bool) -> Candidates:

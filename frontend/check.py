@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from .errors import InputError
-from .factors import ROUNDING, UNKNOWN, Log, Map, Prior
+from .factors import ROUNDING, UNKNOWN, Log, Map, Prior, Truth
 from .se2 import Array
 from .table import MOST
 
@@ -38,6 +38,12 @@ def check(log: Log, where: str) -> None:
     """InputError with the first of the log's problems, if it has any; `where` says which log it is."""
     for table, row, message in problems(log):
         raise InputError(f"{where}: {table} row {row}: {message}.")
+
+
+def check_truth(log: Log, truth: Truth, where: str) -> None:
+    """InputError with the first reason why `truth` is none of `log`, which is good itself; `where` as in `check`."""
+    for message in _truth_problems(log, truth):
+        raise InputError(f"{where}: truth: {message}.")
 
 
 def problems(log: Log) -> Iterator[Problem]:
@@ -130,6 +136,56 @@ def _loops(log: Log) -> Iterator[Problem]:
     yield from _finite("loops", LOOPS[2:5], log.loop_delta)
     yield from _angle("loops", "dtheta", log.loop_delta[:, 2])
     yield from _covariance("loops", log.loop_cov)
+
+
+def _truth_problems(log: Log, truth: Truth) -> Iterator[str]:
+    if not isinstance(truth, Truth):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
+        yield f"found {type(truth).__name__}, expected a Truth"
+        return
+    for name in ("kind", "places"):
+        if (found := getattr(truth, name)) not in ("truth", "reference"):
+            yield f"{name} is {found!r}, expected 'truth' or 'reference'"
+    misshapen = list(_truth_shapes(log, truth))
+    yield from misshapen
+    if not misshapen:
+        yield from _truth_rows(log, truth)
+
+
+def _truth_shapes(log: Log, truth: Truth) -> Iterator[str]:
+    m = np.size(truth.t)
+    columns: list[tuple[str, Any, tuple[int, ...], str]] = [
+        ("t", truth.t, (m,), "iuf"),
+        ("poses", truth.poses, (m, 3), "iuf"),
+    ]
+    if truth.assigned is not None:
+        columns.append(("assigned", truth.assigned, (len(log.ids),), "iu"))
+    if truth.map is not None:
+        n = np.size(truth.map.ids)
+        columns += [("map.ids", truth.map.ids, (n,), "iu"), ("map.xy", truth.map.xy, (n, 2), "iuf")]
+    for name, column, shape, kinds in columns:
+        if not isinstance(column, np.ndarray):
+            yield f"{name} is {type(column).__name__}, expected an array"
+        elif column.shape != shape:
+            yield f"{name} has shape {column.shape}, expected {shape}"
+        elif column.dtype.kind not in kinds:
+            expected = "numbers" if "f" in kinds else "whole numbers"
+            yield f"{name} has entries of type {column.dtype}, expected {expected}"
+
+
+def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
+    t = truth.t
+    for row in np.flatnonzero(~np.isin(t, log.t)):
+        yield f"row {row}: t is {t[row]!s}, expected only times of the log's steps"
+    for row in np.flatnonzero(t[1:] <= t[:-1]) + 1:
+        yield f"row {row}: t is {t[row]!s}, expected later than {t[row - 1]!s}"
+    for row in np.flatnonzero(~np.isfinite(truth.poses).all(axis=1)):
+        yield f"row {row}: the pose is {truth.poses[row].tolist()}, expected finite numbers"
+    if truth.map is not None:
+        for problem in _known(truth.map._replace(cov=None)):
+            yield f"map row {problem.row}: {problem.message}"
+    if truth.assigned is not None:
+        for row in np.flatnonzero((truth.assigned < UNKNOWN) | (truth.assigned > MOST)):
+            yield f"assigned row {row}: found {truth.assigned[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown"
 
 
 def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) -> Iterator[Problem]:

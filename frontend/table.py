@@ -10,6 +10,7 @@ from typing import NamedTuple, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
+from .cells import header_names, no_number, number, other_count, other_header, shortened, shown
 from .errors import InputError
 from .scan import Scan, strict
 from .se2 import Array, Ints
@@ -17,6 +18,8 @@ from .se2 import Array, Ints
 MOST = 2**53
 """The largest whole number up to which every one has a double of its own."""
 
+LARGEST = 1e9
+"""m, rad or their squares: no robot goes beyond it, and its square is still far from overflow."""
 
 CHUNK = 100_000
 """Lines that are parsed at once, and again one by one if one of them is no good."""
@@ -47,12 +50,22 @@ class Table(NamedTuple):
         """Itself; InputError for a number that is not finite."""
         return strict(self.scan_finite())
 
+    def bounded(self, least: float, most: float, *names: str) -> "Table":
+        """Itself; InputError for a number in those columns that is less than `least` or more than `most`."""
+        for name in names:
+            column = self.column(name)
+            for row in np.flatnonzero(~((column >= least) & (column <= most))):
+                raise self.fault(row, f"{name} is {column[row]!s}, expected {least:g} to {most:g}")
+        return self
+
     def refuse(self, bad: NDArray[np.bool_], message: Callable[[int], str]) -> Scan["Table"]:
         """Itself with the rows where `bad` (r,) is true broken; of those that were not, each is a fault."""
         rows = np.flatnonzero(bad)
+        if not len(rows):
+            return self
         for row in np.setdiff1d(rows, self.broken):
             yield self.fault(row, message(int(row)))
-        return self._replace(broken=np.union1d(self.broken, rows)) if len(rows) else self
+        return self._replace(broken=np.union1d(self.broken, rows))
 
     def scan_whole(self, *names: str) -> Scan["Table"]:
         """Itself; a number in those columns that is no integer is a fault."""
@@ -61,8 +74,9 @@ class Table(NamedTuple):
             column = self.column(name)
             odd = ~((np.abs(column) <= MOST) & (column == np.rint(column)))
             refused = yield from self.refuse(odd, lambda row, it=column, of=name: message.format(of, it[row]))
-            broken = np.union1d(broken, refused.broken)
-        return self._replace(broken=broken)
+            if refused is not self:
+                broken = np.union1d(broken, refused.broken)
+        return self if broken is self.broken else self._replace(broken=broken)
 
     def scan_finite(self) -> Scan["Table"]:
         """Itself; a number that is not finite is a fault."""
@@ -98,9 +112,9 @@ def scan_csv(
     InputError for a file that is not there, is no text or has another header.
     """
     lines = text(path).split("\n")
-    header = [cell.strip() for cell in lines[0].split(",")]
-    columns = (*columns, *optional) if optional and len(header) > len(columns) else tuple(columns)
-    _check_header(path, header, columns)
+    many = optional and lines[0].count(",") >= len(columns)
+    columns = (*columns, *optional) if many else tuple(columns)
+    _check_header(path, lines[0], columns)
     parts = list[Table]()
     if blank_after is not None and len(lines) > 1 and lines[1]:
         row = yield from _scan_first(path, lines[1].split(","), columns, blank_after)
@@ -133,6 +147,8 @@ def text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
     if not content or content.isspace():
         raise InputError(f"{path}: the file is empty.")
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:2]:
+        raise InputError(f"{path}: it looks like UTF-16, expected UTF-8 text.")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -196,10 +212,10 @@ def _scan_lines(
 ) -> Scan[Table]:
     """The rows of `lines`, of which the first has the number `first`, but for blank lines and comments."""
     rows, numbers = list[list[float] | None](), list[int]()
-    for number, line in enumerate(lines, start=first):
-        if line.strip() and not (delimiter is None and line.lstrip().startswith("#")):
-            rows.append((yield from _scan_cells(path, number, line.split(delimiter), columns)))
-            numbers.append(number)
+    for line, content in enumerate(lines, start=first):
+        if content.strip() and not (delimiter is None and content.lstrip().startswith("#")):
+            rows.append((yield from _scan_cells(path, line, content.split(delimiter), columns, delimiter)))
+            numbers.append(line)
     return _table(path, columns, rows, numbers)
 
 
@@ -213,50 +229,43 @@ def _table(path: Path, columns: tuple[str, ...], rows: Sequence[list[float] | No
 def _scan_first(path: Path, cells: Sequence[str], columns: Sequence[str], filled: int) -> Scan[list[float] | None]:
     """The first row, line 2, of which only the first `filled` cells are not blank; None if it is broken."""
     if len(cells) != len(columns):
-        return (yield from _scan_cells(path, 2, cells, columns))
-    row = yield from _scan_cells(path, 2, cells[:filled], columns[:filled])
+        return (yield from _scan_cells(path, 2, cells, columns, ","))
+    row = yield from _scan_cells(path, 2, cells[:filled], columns[:filled], ",")
     for name, cell in zip(columns[filled:], cells[filled:], strict=True):
         if cell.strip():
-            yield InputError(f"{path}, line 2: {name} is {cell!r}, expected nothing in the first row.")
+            yield InputError(f"{path}, line 2: {name} is {shortened(cell)}, expected nothing in the first row.")
             row = None
     return None if row is None else row + [np.nan] * (len(columns) - filled)
 
 
-def _scan_cells(path: Path, number: int, cells: Sequence[str], columns: Sequence[str]) -> Scan[list[float] | None]:
+def _scan_cells(
+    path: Path, line: int, cells: Sequence[str], columns: Sequence[str], delimiter: str | None
+) -> Scan[list[float] | None]:
     """A row of numbers; None if it is broken."""
     if len(cells) != len(columns):
-        wanted = f"{len(columns)} ({','.join(columns)})"
-        yield InputError(f"{path}, line {number}: found {len(cells)} columns, expected {wanted}.")
+        yield InputError(f"{path}, line {line}: {other_count(cells, columns, delimiter)}.")
         return None
-    row = [_number(cell) for cell in cells]
+    row = [number(cell) for cell in cells]
     for name, cell, found in zip(columns, cells, row, strict=True):
         if found is None:
-            what = f"is {cell.strip()!r}" if cell.strip() else "is blank"
-            yield InputError(f"{path}, line {number}: {name} {what}, expected a number.")
+            yield InputError(f"{path}, line {line}: {name} {no_number(cell)}.")
     whole = [found for found in row if found is not None]
     return whole if len(whole) == len(row) else None
 
 
-def _check_header(path: Path, found: Sequence[str], columns: Sequence[str]) -> None:
-    if list(found) == list(columns):
+def _check_header(path: Path, line: str, columns: Sequence[str]) -> None:
+    found = header_names(line)
+    if found == list(columns):
         return
-    expected = f"expected the columns {','.join(columns)}"
+    if (hint := other_header(line, columns)) is not None:
+        raise InputError(f"{path}, line 1: {hint}.")
+    expected = f"expected the columns {shown(columns)}"
     missing = [name for name in columns if name not in found]
     extra = [name for name in found if name not in columns]
     if missing and extra:
-        raise InputError(f"{path}, line 1: column {extra[0]!r} where {missing[0]!r} is missing, {expected}.")
+        raise InputError(f"{path}, line 1: column {shortened(extra[0])} where {missing[0]!r} is missing, {expected}.")
     if missing:
         raise InputError(f"{path}, line 1: column {missing[0]!r} is missing, {expected}.")
     if extra:
-        raise InputError(f"{path}, line 1: column {extra[0]!r} is one too many, {expected}.")
-    raise InputError(f"{path}, line 1: found the columns {','.join(found)}, {expected}, in this order.")
-
-
-def _number(cell: str) -> float | None:
-    """None for what is none."""
-    if "_" in cell or not cell.isascii():  # float() reads 1_000, and digits of every script
-        return None
-    try:
-        return float(cell)
-    except ValueError:
-        return None
+        raise InputError(f"{path}, line 1: column {shortened(extra[0])} is one too many, {expected}.")
+    raise InputError(f"{path}, line 1: found the columns {shown(found)}, {expected}, in this order.")

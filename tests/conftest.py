@@ -43,3 +43,11 @@ def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Dispatcher, "compile", in_turn)
         yield
+
+
+@pytest.fixture
+def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`bench run` without its pages, whose pictures are nearly all that a small run costs."""
+    from slamduel.bench import benchmark
+
+    monkeypatch.setattr(benchmark, "write_report", lambda store: None)

@@ -1,13 +1,15 @@
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from slamduel.frontend.check import check, problems
+from slamduel.datasets import logfile
+from slamduel.frontend.check import check, check_truth, problems
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Map, Prior
+from slamduel.frontend.factors import UNKNOWN, Log, Map, Prior, Truth
 from slamduel.frontend.se2 import Array
 from small_log import positive_definite, small_log
 
@@ -147,3 +149,38 @@ def test_definiteness_does_not_depend_on_units():
         parts["delta_cov"] = scale @ parts["delta_cov"] @ scale
 
     assert list(problems(small_log(change=change))) == []
+
+
+T, POSES = small_log().t[:3], np.zeros((3, 3))
+IDS, XY = np.array([3, 8]), np.zeros((2, 2))
+
+BAD_TRUTH: dict[str, tuple[dict[str, Any], str]] = {
+    "poses for other times": ({"poses": POSES[:2]}, r"poses has shape \(2, 3\), expected \(3, 3\)"),
+    "poses that are a list": ({"poses": POSES.tolist()}, "poses is list, expected an array"),
+    "poses of words": ({"poses": POSES.astype(str)}, "poses has entries of type"),
+    "a pose that is NaN": ({"poses": POSES + np.array([0, NAN, 0])}, r"row 0: the pose is \[0.0, nan, 0.0\]"),
+    "times that are no steps": ({"t": T + 1e-3}, "row 0: t is .*, expected only times of the log's steps"),
+    "a time twice": ({"t": T[[0, 1, 1]]}, "row 2: t is .*, expected later than"),
+    "another kind": ({"kind": "bogus"}, "kind is 'bogus', expected 'truth' or 'reference'"),
+    "other places": ({"places": "bogus"}, "places is 'bogus'"),
+    "too few assigned": ({"assigned": np.array([3])}, r"assigned has shape \(1,\), expected \(6,\)"),
+    "assigned fractions": ({"assigned": np.zeros(6)}, "assigned has entries of type float64, expected whole numbers"),
+    "an assigned id below -1": ({"assigned": np.full(6, -2)}, "assigned row 0: found -2"),
+    "one id twice in the map": ({"map": Map(IDS[[0, 0]], XY, None)}, "map row 1: the map's id 3 is there twice"),
+    "a map of two sizes": ({"map": Map(IDS, XY[:1], None)}, r"map.xy has shape \(1, 2\)"),
+    "a map at infinity": ({"map": Map(IDS, XY + INF, None)}, "map row 0: the map's x is inf"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TRUTH)
+def test_a_bad_truth_is_refused_by_its_own_name(case: str, tmp_path: Path):
+    fields, sentence = BAD_TRUTH[case]
+    good = Truth(T, POSES, Map(IDS, XY, None), np.array([3, 8, UNKNOWN, 3, 8, 12]), "truth")
+    check_truth(small_log(), good, where="small")
+    for refused in (
+        lambda truth: check_truth(small_log(), truth, where="log small"),
+        lambda truth: logfile.write(tmp_path / "log", small_log(), truth),
+    ):
+        with pytest.raises(InputError, match=f"^log small: truth: {sentence}"):
+            refused(good._replace(**fields))
+    assert not list(tmp_path.iterdir())

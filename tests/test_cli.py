@@ -1,9 +1,12 @@
 """The command as a user meets it: exit statuses, sentences, and nothing left where nothing came of it."""
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +48,7 @@ def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path, capfd: pytest.Ca
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.usefixtures("no_report")
 def test_a_cell_that_fails_is_exit_status_1(
     tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +76,7 @@ def test_out_alone_goes_on_and_report_writes_the_files_again(
     assert (out / "report.md").is_file()
 
 
+@pytest.mark.usefixtures("no_report")
 def test_another_plan_into_the_same_folder_is_refused(
     tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -236,3 +241,70 @@ def test_a_name_that_no_file_can_have_is_a_sentence(tmp_path: Path, capsys: pyte
     folder = tmp_path / ("x" * 400)
     assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
     assert "expected files that can be read" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_report")
+def test_brackets_in_a_place_are_no_markup(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for out in ("m[/x]", "c[x]"):
+        assert main(["run", "--backend", "dead-reckoning", "--dataset", str(log_folder), "--out", out]) == 0
+        assert f"report: {out}/report.html" in capsys.readouterr().out
+    for out in ("m[/x]", "c[x]"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("slamduel.bench.command_report.write_report", lambda store: None)
+            assert main(["report", out]) == 0
+        assert capsys.readouterr().out == f"report: {out}/report.html\n"
+        assert main(["export", str(log_folder), "--as", "log", "--out", f"{out}-log"]) == 0
+        assert f"{out}-log/log: " in capsys.readouterr().out
+
+
+def test_an_interrupt_before_anything_is_there_is_a_sentence(tmp_path: Path, log_folder: Path) -> None:
+    """The fork server gets Ctrl-C too, while it still imports, and says nothing; nor is there a run to go on with."""
+    out = tmp_path / "run"
+    words = ["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(out)]
+    command = [sys.executable, "-m", "slamduel.bench.cli", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0)
+    deadline = time.monotonic() + 60
+    while not importing(process.pid):
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGINT)
+    said, err = process.communicate(timeout=60)
+    assert (process.returncode, said) == (130, "")
+    assert err == f"bench: interrupted; no cell was begun, and {out} holds nothing of this run.\n"
+    assert not out.exists()
+
+
+def importing(group: int) -> bool:
+    """Whether the fork server in a group of processes is in the midst of its imports."""
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            member = int((entry / "stat").read_text().rpartition(")")[2].split()[2]) == group
+            if member and b"multiprocessing.forkserver" in (entry / "cmdline").read_bytes():
+                return "numpy" in (entry / "maps").read_text()
+    return False
+
+
+@pytest.mark.parametrize("command", ["show", "validate"])
+def test_a_name_is_refused_in_the_name_of_its_command(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    assert main([command, "victoria-prak"]) == 2
+    said = capsys.readouterr()
+    assert f"bench {command}: there is no dataset 'victoria-prak'" in said.out + said.err
+
+
+def test_a_quoted_path_is_validated(tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(log_folder, tmp_path / "x,y" / "br[1]")
+    assert main(["validate", f'"{tmp_path}/x,y/br[1]"']) == 0
+    assert "good; 40 steps" in capsys.readouterr().out
+
+
+def test_a_picture_goes_to_where_a_link_leads(tmp_path: Path, log_folder: Path) -> None:
+    (tmp_path / "far").mkdir()
+    link = tmp_path / "link.png"
+    link.symlink_to(tmp_path / "far" / "picture.png")
+    assert main(["show", str(log_folder), "--out", str(link), "--quiet"]) == 0
+    assert link.is_symlink()
+    assert (tmp_path / "far" / "picture.png").read_bytes().startswith(b"\x89PNG")

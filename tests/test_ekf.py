@@ -66,7 +66,7 @@ def agrees_on_the_map(found: Map, textbook: TextbookEkf, tolerance: float) -> No
 
 
 @pytest.mark.parametrize("update", ["sequential", "joint"])
-@pytest.mark.parametrize(("jacobians", "steps"), [("standard", 2000), ("first-estimates", 1000), ("ideal", 1000)])
+@pytest.mark.parametrize(("jacobians", "steps"), [("standard", 5000), ("first-estimates", 1000), ("ideal", 1000)])
 def test_it_is_the_textbook_filter(update: str, jacobians: str, steps: int) -> None:
     log, truth = random_log(np.random.default_rng(1), steps, 15, radius=3.5)
     told = truth if jacobians == "ideal" else None

@@ -1,463 +1,46 @@
-"""Published logs arrive whole, checked and at once, or not at all with a sentence, whatever the server does."""
+"""`bench fetch`: published logs are put in place whole, checked and at once, or not at all with a sentence."""
 
-import contextlib
-import gzip
-import hashlib
-import io
 import os
 import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
-import tarfile
 import threading
 import time
-import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import publishers
-from publishers import Behaviour, Ftp, Http, running
+import toy_log
+from publishers import Http
 from slamduel.bench.cli import main
-from slamduel.datasets import download, shelf, unpack
 from slamduel.datasets.download import Watcher
 from slamduel.datasets.fetch import fetch
-from slamduel.datasets.published import PUBLISHED, Published, fetched, place
+from slamduel.datasets.published import PUBLISHED, fetched, place
 from slamduel.frontend.errors import InputError
+from toy_log import FILES, LOG, assert_files, assert_in_place, entry, ranges, refusal, sha256, zipped
 
-FILES = {
-    name: np.random.default_rng(seed).bytes(size)
-    for seed, (name, size) in enumerate({"path.dat": 200_000, "marks.dat": 40_000}.items())
-}
+quick = pytest.fixture(autouse=True)(toy_log.quick)
+serve = pytest.fixture(toy_log.serve)
 
-
-def sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
-def zipped(files: dict[str, bytes], folder: str = "Published_Log/") -> bytes:
-    target = io.BytesIO()
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(f"{folder}README", "other files are passed over")
-        for name, content in files.items():
-            archive.writestr(folder + name, content)
-    return target.getvalue()
-
-
-def tarred(files: dict[str, bytes], mode: str = "w:gz") -> bytes:
-    target = io.BytesIO()
-    with tarfile.open(fileobj=target, mode=mode) as archive:  # pyright: ignore[reportCallIssue, reportArgumentType]
-        for name, content in {"README": b"passed over", **files}.items():
-            member = tarfile.TarInfo(name)
-            member.size = len(content)
-            archive.addfile(member, io.BytesIO(content))
-    return target.getvalue()
-
-
-LOG = zipped(FILES)
-
-
-def entry(*urls: str, files: dict[str, str | None] | None = None, link: str = "") -> Published:
-    return Published(
-        title="a log for these tests",
-        citation="Nobody, 2024",
-        licence="none",
-        page="http://example.org/logs",
-        urls=urls,
-        addresses="made up",
-        by_hand="download log.zip",
-        files={name: sha256(content) for name, content in FILES.items()} if files is None else files,
-        link=link,
-    )
-
-
-@pytest.fixture(autouse=True)
-def quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cache, waits and a catalogue of these tests' own."""
-    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(download, "PAUSE", 0.001)
-    monkeypatch.setattr(download, "TIMEOUT", 0.3)
-    monkeypatch.setitem(PUBLISHED, "toy", entry())
-
-
-@pytest.fixture
-def serve() -> Iterator[Callable[..., Http]]:
-    """Start an HTTP server of `content` with the bad days given."""
-    with contextlib.ExitStack() as stack:
-
-        def start(*bad_days: Behaviour, content: bytes = LOG) -> Http:
-            server = Http(content, *bad_days)
-            stack.enter_context(running(server))
-            return server
-
-        yield start
-
-
-def assert_in_place(name: str = "toy", files: dict[str, bytes] = FILES) -> None:
-    """The log's files, byte for byte, their sums, and nothing else anywhere in the cache but the lock."""
-    found = {file.name: file.read_bytes() for file in place(name).iterdir()}
-    sums = found.pop("SHA256SUMS").decode()
-    assert found == files
-    for file, content in files.items():
-        assert f"{sha256(content)}  {file}\n" in sums
-    assert {file.name for file in place(name).parent.iterdir()} == {name, f".{name}.lock"}
-
-
-def assert_files(name: str = "toy") -> None:
-    """The log's files, byte for byte, whatever else there is."""
-    assert {file: (place(name) / file).read_bytes() for file in FILES} == FILES
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
-    """The sentences with which the command ends, with status 2."""
-    capsys.readouterr()
-    assert main(["fetch", "--quiet", *map(str, words)]) == 2
-    printed = capsys.readouterr()
-    assert printed.err.startswith("bench: ")
-    assert "Traceback" not in printed.err
-    return printed.err
-
-
-def ranges(server: Http) -> list[str | None]:
-    return [span for _, span in server.requests]
-
-
-# ---------------------------------------------------------------------------------------------- a server and its days
-
-
-def test_an_honest_server(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
-    server = serve()
-    assert main(["fetch", "toy", "--url", server.url]) == 0
-    assert_in_place()
-    assert ranges(server) == [None]
-    assert "every file has the sha256 of the published one" in capsys.readouterr().out
-    assert main(["fetch", "toy", "--url", server.url]) == 0
-    assert "here already" in capsys.readouterr().out
-    assert len(server.requests) == 1  # nothing was asked for again
-
-
-def test_a_connection_that_drops_is_gone_on_with(serve: Callable[..., Http]) -> None:
-    server = serve(publishers.drops(100_000), publishers.drops(60_000))
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, "bytes=100000-", "bytes=160000-"]
-    assert_in_place()
-
-
-def test_a_later_call_goes_on_where_an_earlier_one_gave_up(
-    serve: Callable[..., Http], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    server = serve(publishers.drops(100_000))
-    with monkeypatch.context() as impatient:
-        impatient.setattr(download, "TRIES", 1)
-        text = refusal(capsys, "toy", "--url", server.url)
-    assert f"{server.url}: 100,000 of {len(LOG):,} bytes arrived" in text
-    assert not place("toy").exists()
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, "bytes=100000-"]
-    assert_in_place()
-
-
-def test_what_came_from_another_address_is_not_gone_on_with(
-    serve: Callable[..., Http], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(download, "TRIES", 1)
-    cut, other = serve(publishers.drops(100_000)), serve()
-    refusal(capsys, "toy", "--url", cut.url)
-    assert main(["fetch", "toy", "--quiet", "--url", other.url]) == 0
-    assert ranges(other) == [None]
-    assert_in_place()
-
-
-@pytest.mark.parametrize(
-    ("second", "expected"),
-    [
-        (publishers.ignores_range, [None, "bytes=100000-"]),
-        (publishers.starts_elsewhere, [None, "bytes=100000-", None]),
-    ],
-)
-def test_a_server_that_does_not_heed_range(
-    serve: Callable[..., Http], second: Behaviour, expected: list[str | None]
-) -> None:
-    server = serve(publishers.drops(100_000), second)
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == expected
-    assert_in_place()
-
-
-def test_a_weak_tag_is_no_ground_to_go_on_from(serve: Callable[..., Http]) -> None:
-    server = serve(publishers.drops_with_a_weak_tag(100_000))
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, None]
-    assert_in_place()
-
-
-@pytest.mark.parametrize("heeds", [True, False])
-def test_a_file_that_changes_between_two_tries(serve: Callable[..., Http], heeds: bool) -> None:
-    older = zipped({name: content[::-1] for name, content in FILES.items()})
-    change = publishers.drops_and_then_the_file_changes(100_000, LOG)
-    careless = [] if heeds else [lambda request: publishers.honest(request, heed_if_range=False)]
-    server = serve(change, *careless, content=older)
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, "bytes=100000-"] + [None] * (not heeds)
-    assert_in_place()
-
-
-def test_a_download_that_was_whole_when_the_process_died(serve: Callable[..., Http]) -> None:
-    server = serve()
-    with shelf.alone("toy", pytest.fail) as part:
-        download.downloaded(server.url, part, Watcher())
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, f"bytes={len(LOG)}-"]  # answered with 416: nothing is left
-    assert_in_place()
-
-
-def test_a_part_longer_than_the_file_is_thrown_away(serve: Callable[..., Http]) -> None:
-    server = serve()
-    with shelf.alone("toy", pytest.fail) as part:
-        download.downloaded(server.url, part, Watcher())
-        with part.open("ab") as file:
-            file.write(b"more")
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server)[2:] == [None]
-    assert_in_place()
-
-
-@pytest.mark.parametrize("note", ["", "{}", "[1]", '{"url": 3}', "\udcff"])
-def test_a_damaged_note_beside_the_part(serve: Callable[..., Http], note: str) -> None:
-    server = serve()
-    with shelf.alone("toy", pytest.fail) as part:
-        part.write_bytes(LOG[:1000])
-        part.with_name(f"{part.name}.note").write_bytes(note.encode(errors="surrogateescape"))
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None]
-    assert_in_place()
-
-
-@pytest.mark.parametrize("after", [None, 100_000])
-def test_a_server_that_does_not_tell_the_length(serve: Callable[..., Http], after: int | None) -> None:
-    server = serve(publishers.chunked(after))
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert len(server.requests) == (1 if after is None else 2)
-    assert_in_place()
-
-
-@pytest.mark.parametrize("code", [500, 502, 503, 429])
-def test_a_passing_fault_is_waited_for(serve: Callable[..., Http], code: int) -> None:
-    server = serve(publishers.answers(code), publishers.answers(code))
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert len(server.requests) == 3
-    assert_in_place()
-
-
-def test_a_lasting_fault_is_given_up(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
-    server = serve(*[publishers.answers(503)] * 10)
-    text = refusal(capsys, "toy", "--url", server.url)
-    assert f"{server.url}: 503 Service Unavailable, at the last of 5 tries" in text
-    assert len(server.requests) == download.TRIES
-    assert not place("toy").exists()
-
-
-@pytest.mark.parametrize("code", [401, 403, 404, 410])
-def test_a_file_that_is_gone_is_asked_for_once(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], code: int
-) -> None:
-    server = serve(publishers.answers(code))
-    text = refusal(capsys, "toy", "--url", server.url)
-    assert f"{server.url}: {code} " in text
-    assert "By hand: open http://example.org/logs , download log.zip, then: bench fetch toy --from FILE" in text
-    assert len(server.requests) == 1
-
-
-def test_redirects_are_followed_and_a_circle_of_them_is_not(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]
-) -> None:
-    there = serve(publishers.drops(100_000))
-    aside = publishers.answers(302, Location=there.url)
-    here = serve(aside, aside)
-    assert main(["fetch", "toy", "--quiet", "--url", here.url]) == 0
-    assert ranges(there) == [None, "bytes=100000-"]  # a redirect keeps what was asked for
-    assert_in_place()
-    circle = serve()
-    circle.bad_days += [publishers.answers(302, Location=circle.url)] * 50
-    assert f"{circle.url}: 302" in refusal(capsys, "toy", "--again", "--url", circle.url)
-    out = serve(publishers.answers(302, Location="file:///etc/passwd"))
-    assert f"{out.url}: 302" in refusal(capsys, "toy", "--again", "--url", out.url)
-    assert_files()
-
-
-@pytest.mark.parametrize("slow", [publishers.stalls, publishers.trickles])
-def test_a_server_that_is_slow_to_death(serve: Callable[..., Http], slow: Behaviour) -> None:
-    server = serve(slow)
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert len(server.requests) == 2
-    assert 0 < int((ranges(server)[1] or "").strip("bytes=-")) < 1000  # 1000 come from the one that trickles, in 20 s
-    assert_in_place()
-
-
-def test_no_server_at_all(capsys: pytest.CaptureFixture[str]) -> None:
-    with running(server := Http(LOG)):
-        pass
-    assert f"{server.url}: Connection refused" in refusal(capsys, "toy", "--url", server.url)
-    assert "nowhere.invalid" in refusal(capsys, "toy", "--url", "http://nowhere.invalid/log.zip")
-
-
-@pytest.mark.parametrize("url", ["file:///etc/passwd", "log.zip", "http://", "http://[", "ftp://", "gopher://x/y"])
-def test_an_address_that_is_none(capsys: pytest.CaptureFixture[str], url: str) -> None:
-    assert f"{url}: " in refusal(capsys, "toy", "--url", url)
-
-
-# ------------------------------------------------------------------------------------------------ what is not the log
-
-
-def hostile(path: str) -> bytes:
-    return zipped(FILES, folder=path)
-
-
-BAD = {
-    "garbage": (np.random.default_rng(9).bytes(5000), "found something else"),
-    "nothing": (b"", "found something else"),
-    "a page": (b" \n<!DOCTYPE html><html>We have moved.</html>", "a web page, not the published file"),
-    "cut off": (LOG[:-30], "cut off or damaged"),
-    "a flipped bit": (LOG[:150_000] + bytes([LOG[150_000] ^ 4]) + LOG[150_001:], "a damaged archive (Bad CRC-32"),
-    "a file is missing": (zipped({"path.dat": FILES["path.dat"]}), "marks.dat should be in it, and is not"),
-    "another file": (zipped({**FILES, "marks.dat": b"else"}), "its marks.dat is not the published one: sha256"),
-    "a way out": (hostile("../../"), "'../../README', which leads out of it"),
-    "the root": (hostile("/etc/"), "'/etc/README', which leads out of it"),
-    "a drive": (hostile("C:\\log\\"), "which leads out of it"),
-    "a way out of a tar": (tarred({"../path.dat": b""}), "'../path.dat', which leads out of it"),
-    "a cut tar": (tarred(FILES)[:100_000], "a damaged archive"),
-    "a gzip of no tar": (gzip.compress(b"hello" * 500), "a damaged archive"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_what_is_not_the_log_is_turned_down(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], case: str
-) -> None:
-    content, wording = BAD[case]
-    server = serve(publishers.sends(content))
-    text = refusal(capsys, "toy", "--url", server.url)
-    assert text.startswith(f"bench: toy could not be fetched:\n  {server.url}: ")
-    assert wording in text
-    assert {file.name for file in place("toy").parent.iterdir()} == {".toy.lock"}  # nothing of it is kept
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, None]  # and nothing gone on with
-    assert_in_place()
-
-
-def test_a_bad_new_one_leaves_the_old_one(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
-    server = serve(publishers.ignores_range, publishers.sends(BAD["another file"][0]))
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    refusal(capsys, "toy", "--again", "--url", server.url)
-    assert_in_place()
-    assert main(["fetch", "toy", "--quiet", "--again", "--url", server.url]) == 0
-    assert_in_place()
-
-
-@pytest.mark.parametrize("pack", [zipped, tarred])
-def test_a_bomb(
-    serve: Callable[..., Http],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    pack: Callable[..., bytes],
-) -> None:
-    monkeypatch.setattr(unpack, "LARGEST_FILE", 1_000_000)
-    server = serve(content=pack({**FILES, "path.dat": bytes(3_000_000)}))
-    assert len(server.content) < 60_000
-    assert "path.dat: grows beyond 1,000,000 bytes" in refusal(capsys, "toy", "--url", server.url)
-    assert {file.name for file in place("toy").parent.iterdir()} == {".toy.lock"}
-
-
-def test_a_bomb_in_a_part_of_a_tar_that_is_passed_over(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(unpack, "LARGEST_ARCHIVE", 1_000_000)
-    server = serve(content=tarred({"pictures": bytes(3_000_000), **FILES}))
-    assert f"{server.url}: grows beyond 1,000,000 bytes" in refusal(capsys, "toy", "--url", server.url)
-
-
-def test_a_download_without_end(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(download, "LARGEST", 100_000)
-    server = serve()
-    assert "more than 100,000 bytes" in refusal(capsys, "toy", "--url", server.url)
-    assert len(server.requests) == 1
-    assert {file.name for file in place("toy").parent.iterdir()} == {".toy.lock"}
-
-
-def test_two_files_of_one_name(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
-    twice = zipped({"older/path.dat": b"of another sheet", **FILES, "newer/path.dat": b"of a third"})
-    assert main(["fetch", "toy", "--quiet", "--url", serve(content=twice).url]) == 0
-    assert_in_place()  # the sha256 tells which is meant
-    PUBLISHED["toy"] = entry(files=dict.fromkeys(FILES))
-    assert "two different files path.dat" in refusal(capsys, "toy", "--again", "--url", serve(content=twice).url)
-
-
-# ------------------------------------------------------------------------------------------------------ FTP, and pages
-
-
-def test_an_ftp_server_that_drops_connections() -> None:
-    with running(server := Ftp(LOG, 100_000, 60_000)):
-        assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert server.starts == [0, 100_000, 160_000]
-    assert_in_place()
-
-
-def test_a_file_that_changes_on_an_ftp_server(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with running(server := Ftp(LOG[::-1], 100_000)):
-        with monkeypatch.context() as impatient:
-            impatient.setattr(download, "TRIES", 1)
-            refusal(capsys, "toy", "--url", server.url)
-        server.content, server.modified = LOG, "20120101000000"
-        assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert server.starts == [0, 0]
-    assert_in_place()
-
-
-def test_a_whole_part_is_not_asked_for_again_by_ftp() -> None:
-    with running(server := Ftp(LOG)):
-        with shelf.alone("toy", pytest.fail) as part:
-            download.downloaded(server.url, part, Watcher())
-        assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert server.starts == [0]
-    assert_in_place()
-
-
-def test_a_part_longer_than_the_file_on_an_ftp_server() -> None:
-    with running(server := Ftp(LOG)):
-        with shelf.alone("toy", pytest.fail) as part:
-            download.downloaded(server.url, part, Watcher())
-            with part.open("ab") as file:
-                file.write(b"more")
-        assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert server.starts == [0, 0]
-    assert_in_place()
-
-
-def test_a_file_that_an_ftp_server_does_not_have(capsys: pytest.CaptureFixture[str]) -> None:
-    with running(server := Ftp(LOG)):
-        url = server.url.replace("log.zip", "none.zip")
-        assert f"{url}: 550 no such file" in refusal(capsys, "toy", "--url", url)
-    assert server.starts == []
+MOVED = b"<!doctype html>We have moved."
 
 
 def test_the_addresses_are_tried_in_order(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
-    gone, page, good = serve(publishers.answers(404)), serve(publishers.sends(BAD["a page"][0])), serve()
+    gone, page, good = serve(publishers.answers(404)), serve(publishers.sends(MOVED)), serve()
     PUBLISHED["toy"] = entry(gone.url, page.url, good.url)
     assert main(["fetch", "toy"]) == 0
     assert_in_place()
     assert f"# from {good.url}\n" in (place("toy") / "SHA256SUMS").read_text()
     PUBLISHED["toy"] = entry(gone.url, page.url)
-    gone.bad_days, page.bad_days = [publishers.answers(404)], [publishers.sends(BAD["a page"][0])]
+    gone.bad_days, page.bad_days = [publishers.answers(404)], [publishers.sends(MOVED)]
     text = refusal(capsys, "toy", "--again")
-    assert f"  {gone.url}: 404 Not Found\n  {page.url}: a web page, not the published file.\n" in text
+    assert f"  {gone.url}: 404 Not Found.\n  {page.url}: a web page, not the published file.\n" in text
     assert "About these addresses: made up.\nBy hand: open " in text
 
 
@@ -474,47 +57,7 @@ def test_the_links_on_a_page_are_tried(serve: Callable[..., Http], capsys: pytes
     assert [path for path, _ in archives.requests] == ["/EKF_1.tar.gz", "/a/ekf&2.zip"]
     assert_in_place()
     page.bad_days = [publishers.sends(b"<!doctype html> moved")]
-    assert f"{page.url}: no link to the archive was recognised on it\n" in refusal(capsys, "toy", "--again")
-
-
-# ----------------------------------------------------------------------------------------------- by hand, and the cache
-
-
-@pytest.mark.parametrize("form", ["zip", "tar", "tar.gz", "folder"])
-def test_a_log_that_was_got_by_hand(tmp_path: Path, form: str) -> None:
-    source = tmp_path / f"by_hand.{form}"
-    if form == "folder":
-        (source / "deep").mkdir(parents=True)
-        for name, content in FILES.items():
-            (source / "deep" / name).write_bytes(content)
-    else:
-        source.write_bytes(LOG if form == "zip" else tarred(FILES, "w" if form == "tar" else "w:gz"))
-    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
-    assert_in_place()
-    assert fetched("toy", "toy[path=FOLDER]") == place("toy")
-
-
-def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    source = tmp_path / "renamed"
-    source.write_bytes(FILES["path.dat"])
-    PUBLISHED["toy"] = entry(files={"path.dat": sha256(FILES["path.dat"])})
-    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
-    assert_in_place(files={"path.dat": FILES["path.dat"]})
-    source.write_bytes(b"else")
-    assert "its path.dat is not the published one" in refusal(capsys, "toy", "--from", source)
-    assert_in_place(files={"path.dat": FILES["path.dat"]})
-
-
-def test_what_was_got_by_hand_is_checked_alike(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for content, wording in BAD.values():
-        (source := tmp_path / "by_hand").write_bytes(content)
-        text = refusal(capsys, "toy", "--from", source)
-        assert text.startswith(f"bench: {source}")
-        assert wording in text
-    assert "there is no such file or folder" in refusal(capsys, "toy", "--from", tmp_path / "none")
-    assert not place("toy").exists()
+    assert f"{page.url}: no link to the archive was recognised on it.\n" in refusal(capsys, "toy", "--again")
 
 
 def test_check_finds_what_has_changed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -547,6 +90,40 @@ def test_digests_that_nobody_knows_are_recorded_printed_and_checked(
     assert "recorded when it first arrived" in refusal(capsys, "toy", "--check")
     (place("toy") / "SHA256SUMS").unlink()
     assert "no sha256 was recorded for it" in refusal(capsys, "toy", "--check")
+
+
+def test_a_log_is_not_taken_for_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two files in three tell; one may be of the room, which they share."""
+    kinds = ("path.dat", "marks.dat", "room.dat")
+    logs = {f"toy-{n}": {kind: f"{kind} of {n}".encode() for kind in kinds} for n in (1, 2, 3)}
+    unknown = entry(files=dict.fromkeys(kinds))
+    monkeypatch.setitem(PUBLISHED, "toy-1", entry(files={kind: sha256(logs["toy-1"][kind]) for kind in kinds}))
+    for name in ("toy-2", "toy-3"):
+        monkeypatch.setitem(PUBLISHED, name, unknown)
+    source = tmp_path / "log.zip"
+
+    def given(name: str, files: dict[str, bytes]) -> str:
+        source.write_bytes(zipped(files))
+        return refusal(capsys, name, "--from", source)
+
+    text = given("toy-2", logs["toy-1"] | {"room.dat": b"touched"})
+    assert f"bench: {source}: 2 of its 3 files are those of toy-1, and not those of toy-2." in text
+    assert not place("toy-2").exists()
+
+    shared = logs["toy-2"] | {"room.dat": logs["toy-1"]["room.dat"]}
+    source.write_bytes(zipped(shared))
+    assert main(["fetch", "toy-2", "--quiet", "--from", str(source)]) == 0
+    assert_in_place("toy-2", shared)
+
+    recorded = f"3 of its 3 files are those of toy-2 (as {place('toy-2')} holds it; remove that if it is the wrong one)"
+    assert f"{recorded}, and not those of toy-3." in given("toy-3", shared)
+    assert main(["fetch", "toy-2", "--quiet", "--check"]) == 0
+    shutil.copytree(place("toy-2"), place("toy-3"))  # as an installation by other means may have left it
+    assert f"{place('toy-3')}: {recorded}." in refusal(capsys, "toy-3", "--check")
+    source.write_bytes(zipped(logs["toy-1"]))
+    assert main(["fetch", "toy-1", "--quiet", "--from", str(source)]) == 0  # nothing recorded outweighs what is known
 
 
 def test_a_log_that_is_incomplete_is_fetched_anew(serve: Callable[..., Http], tmp_path: Path) -> None:
@@ -600,9 +177,6 @@ def test_a_disk_that_is_full(
     assert_in_place()
 
 
-# ---------------------------------------------------------------------------------------------------- several at a time
-
-
 def test_two_at_once_download_it_once(serve: Callable[..., Http]) -> None:
     server = serve(publishers.stalls)  # long enough for the second one to find the first at it
     said: list[str] = []
@@ -621,7 +195,7 @@ def test_two_at_once_download_it_once(serve: Callable[..., Http]) -> None:
         thread.join()
     assert sum(outcome is None for outcome in outcomes) == 1
     assert len(outcomes) == 2
-    assert "toy: another process is fetching it; waiting for that one" in said
+    assert "toy: another process is fetching it; waiting for that one." in said
     assert len(server.requests) == 2  # the one that stalled and the one that went on
     assert_in_place()
 
@@ -652,9 +226,6 @@ def test_two_processes_at_once(serve: Callable[..., Http]) -> None:
     assert [process.wait(60) for process in both] == [0, 0]
     assert len(server.requests) == 1
     assert_in_place("mrclam-1", MRCLAM_1)
-
-
-# ------------------------------------------------------------------------------------------- the command, the catalogue
 
 
 def test_the_list_says_what_is_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -125,6 +125,8 @@ def test_without_a_belief_the_first_pose_is_held_where_it_is_put(small: Path) ->
     ("old", "new", "words"),
     [
         ("EDGE_SE2 10 12 2", "EDGE_SE2 10 12", "line 10: found 10 numbers after the tag, expected 11 (from to dx"),
+        ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 3e9", "line 12: x is 3000000000.0, expected -1e+09 to 1e+09"),
+        ("EDGE_SE2 10 12 2", "EDGE_SE2 10 12 -1e200", "line 10: dx is -1e+200, expected -1e+09 to 1e+09"),
         ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 three", "line 12: x is 'three', expected a number"),
         ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 nan", "line 12: x is nan, expected a finite number"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 3.5", "line 12: id is 3.5, expected a whole number up to"),
@@ -171,7 +173,9 @@ def test_a_row_that_cannot_be_used_is_named(small: Path, old: str, new: str, wor
 def test_huge_ids_take_no_room(small: Path) -> None:
     rows = [
         [
-            {"12": str(2**53), "3": str(2**53 - 2)}.get(word, word) if k < 3 else word
+            {"12": str(2**53), "3": str(2**53 - 2)}.get(word, word)
+            if k < (3 if line.startswith(("EDGE_SE2 ", "EDGE_SE2_XY ")) else 2)
+            else word
             for k, word in enumerate(line.split(" "))
         ]
         for line in SMALL.split("\n")
@@ -278,14 +282,14 @@ def fit(dataset: Dataset) -> None:
 
 
 def test_damaged_files_load_or_are_turned_down(small: Path) -> None:
-    found, sentences = survivors(g2o.read, small, 600, 1, fit)
+    found, sentences = survivors(g2o.read, small, 360, 1, fit)
     assert len(found) > 50
     assert len(sentences) > 150
 
 
 def test_a_damaged_log_written_by_us_loads_or_is_turned_down(tmp_path: Path) -> None:
     write_g2o(tmp_path / "log.g2o", small_log(2, without_given_covariance))
-    found, sentences = survivors(g2o.read, tmp_path / "log.g2o", 300, 2, fit)
+    found, sentences = survivors(g2o.read, tmp_path / "log.g2o", 180, 2, fit)
     assert len(found) > 25
     assert len(sentences) > 75
 

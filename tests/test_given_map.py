@@ -268,6 +268,7 @@ def test_what_cannot_be_told_apart_or_found_is_a_sentence(worlds: Path, tmp_path
         prepare(task)
 
 
+@pytest.mark.usefixtures("no_report")
 def test_another_map_into_the_same_run_is_refused(
     worlds: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -206,6 +206,7 @@ def test_an_edge_s_numbers_are_what_one_says_they_are(small: Path) -> None:
             "line 7: found 5 numbers after the tag, expected 6 (pose id bearing",
         ),
         ("BR 2 1 7.5e-1 4", "BR 2 1 7.5e-1 -4", "line 7: range is -4.0, expected more than 0"),
+        ("BR 2 1 7.5e-1 4", "BR 2 1 7.5e-1 4e9", "line 7: range is 4000000000.0, expected -1e+09 to 1e+09"),
         ("BR 2 1 7.5e-1 4", "BR 2 1 75 4", "line 7: bearing is 75.0, expected radians"),
         ("BR 2 1 7.5e-1 4 0.1", "BR 2 1 7.5e-1 4 0", "line 7: the covariance is not positive definite"),
         ("BR 2 1", "BR 5 1", "line 7: a sighting from pose 5, expected one that an edge or a vertex names"),

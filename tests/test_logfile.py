@@ -2,8 +2,12 @@ import contextlib
 import dataclasses
 import os
 import re
+import shutil
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -475,3 +479,34 @@ def test_a_log_of_more_rows_than_are_written_at_once(tmp_path: Path, monkeypatch
     turned("sightings.csv", 7, 3, "far")(tmp_path / "log")
     with pytest.raises(InputError, match=r"line 7: range is 'far'"):
         logfile.read(tmp_path / "log")
+
+
+@pytest.mark.parametrize(
+    "change", [{"name": "\ud800"}, {"name": 5}, {"notes": {"a": "\ud800"}}, {"notes": {"a": object()}}]
+)
+def test_words_that_no_file_holds_are_refused(change: dict[str, Any], tmp_path: Path):
+    with pytest.raises(InputError, match=r"^log .*(found this name|its notes cannot be written)"):
+        logfile.write(tmp_path / "log", dataclasses.replace(small_log(), **change), None)
+    assert not list(tmp_path.iterdir())
+
+
+def test_threads_that_write_one_place_do_not_meet(tmp_path: Path):
+    """One of them is first, and its log is whole; the others are told."""
+    together = threading.Barrier(8)
+
+    def write(_: int) -> str:
+        together.wait()
+        try:
+            logfile.write(tmp_path / "log", small_log(), None)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    for _ in range(5):
+        with ThreadPoolExecutor(8) as threads:
+            said = list(threads.map(write, range(8)))
+        assert said.count("") == 1
+        assert all("exists and is not" in words or "not empty" in words for words in said if words), said
+        assert logfile.read(tmp_path / "log").log.digest == small_log().digest
+        assert [place.name for place in tmp_path.iterdir()] == ["log"]
+        shutil.rmtree(tmp_path / "log")

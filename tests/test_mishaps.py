@@ -236,3 +236,17 @@ def test_a_log_without_sightings_stays_without(clean: Dataset) -> None:
                     sighting_first=np.zeros(len(clean.log) + 1, np.int64))  # fmt: skip
     made = after(Dataset(blind, clean.truth), **ALL)
     assert len(made.log.ids) == 0
+
+
+def test_a_sighting_without_a_range_is_lost_even_where_nothing_was_asked_for() -> None:
+    """And clutter is drawn from the ranges that there are."""
+    blurred = Options(sighting=5.0)
+    made = circle(blurred, generator("circle", 0))
+    assert not list(problems(made.log))
+    lost = made.log.notes["mishaps"]["sightings lost"]
+    assert lost > 100
+    assert len(made.log.ids) + lost == len(circle(Options(), generator("circle", 0)).log.ids)
+    cluttered = circle(replace(blurred, clutter=1.0), generator("circle", 0))
+    false = cluttered.log.z[cluttered.log.ids == UNKNOWN, 0]
+    assert false.min() < np.median(made.log.z[:, 0]) / 2
+    assert false.max() <= made.log.z[:, 0].max()

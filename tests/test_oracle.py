@@ -56,6 +56,7 @@ def test_a_row_whose_backend_used_the_truth_is_marked(tmp_path: Path, log_folder
         assert TOLD in (out / report).read_text()
 
 
+@pytest.mark.usefixtures("no_report")
 def test_without_the_flag_nobody_is_told(tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "run"
     words = ["run", "--backend", f"{BACKEND},{WITHOUT}", "--dataset", str(log_folder), "--out", str(out)]
@@ -70,6 +71,7 @@ def test_without_the_flag_nobody_is_told(tmp_path: Path, log_folder: Path, capsy
     assert "expected --oracle" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("no_report")
 def test_a_log_whose_truth_nobody_knows_has_none_to_tell(tmp_path: Path, log_without_truth: Path) -> None:
     """The batch optimum that errors are measured from there is no truth."""
     found = go(tmp_path / "run", "--backend", f"{BACKEND},{WITHOUT}", "--dataset", log_without_truth, "--oracle")
@@ -79,6 +81,7 @@ def test_a_log_whose_truth_nobody_knows_has_none_to_tell(tmp_path: Path, log_wit
     assert found[WITHOUT].columns["status"] == "done"
 
 
+@pytest.mark.usefixtures("no_report")
 def test_a_run_that_goes_on_tells_it_still(
     tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,6 +95,7 @@ def test_a_run_that_goes_on_tells_it_still(
     assert go(out, *words, "--oracle") == found
 
 
+@pytest.mark.usefixtures("no_report")
 def test_a_run_without_it_does_not_become_one_with_it(
     tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

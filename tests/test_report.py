@@ -270,7 +270,7 @@ def test_j_is_told_by_its_parts_and_particles_and_gates_where_there_are_any(tmp_
     assert "| gated | 1/1 | 400 | 800 | 2,800 |  | 4,000 |" in fit
     assert inner[0] == "| backend | done | fewest effective particles | ancestors left | refused |"
     assert inner[2:] == ["| gated | 1/1 |  |  | 14.3 % |", "| particles | 1/1 | 40.0 | 11 |  |"]
-    assert f"True noise would give about {3 * (STEPS - 1)} of odometry and 14.0 of sightings." in text
+    assert f"True noise would give about {3 * (STEPS - 1)} of odometry and 14.0 of sightings at the true" in text
     assert "its J is large by nature" in text
 
 

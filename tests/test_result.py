@@ -1,14 +1,17 @@
 import base64
+import dataclasses
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import slamduel
 from slamduel.bench.result import Result
+from slamduel.datasets import logfile
 from slamduel.frontend.factors import Dataset
 from textbook import random_log
 
@@ -82,6 +85,98 @@ def test_what_cannot_be_used_is_a_sentence_and_leaves_nothing(
     with pytest.raises(slamduel.SlamduelError, match=sentence):
         slamduel.run(**{"dataset": world.log, "out": tmp_path / "run"} | arguments)  # pyright: ignore[reportArgumentType]
     assert not (tmp_path / "run").exists()
+
+
+def test_another_truth_is_another_log(tmp_path: Path, world: Dataset) -> None:
+    assert world.truth is not None
+    other = world.truth._replace(poses=world.truth.poses + np.array([1.0, 0, 0]))
+    slamduel.run(world.log, "dead-reckoning", truth=world.truth, out=tmp_path / "run")
+    for truth in (other, None):
+        with pytest.raises(slamduel.SlamduelError, match="or another truth of it"):
+            slamduel.run(world.log, "dead-reckoning", truth=truth, out=tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"jobs": 0}, "jobs: found 0, expected a whole number, at least 1"),
+        ({"jobs": "a"}, "jobs: found 'a'"),
+        ({"timeout_s": "x"}, "timeout_s: found 'x', expected a number above 0"),
+        ({"timeout_s": -1}, "timeout_s: found -1"),
+        ({"timeout_s": np.nan}, "timeout_s: found nan"),
+        ({"memory_mb": 0}, "memory_mb: found 0"),
+        ({"seeds": 2.5}, r"seeds: found 2\.5, expected a whole number, at least 1"),
+        ({"seeds": "3"}, "seeds: found '3'"),
+        ({"seeds": True}, "seeds: found True"),
+        ({"oracle": "no"}, "oracle: found 'no', expected True or False"),
+        ({"map": 5}, "map: found 5, expected a text"),
+        ({"out": 5}, "out is 5, expected a text or a Path"),
+        ({"backend": 5}, "backend is 5, expected names"),
+        ({"backend": [None]}, r"backend is \[None\], expected names"),
+        ({"dataset": 5}, "dataset is 5, expected a name"),
+        ({"dataset": [None]}, "dataset is None, expected a name"),
+        ({"dataset": []}, "dataset is empty"),
+        ({"truth": 5}, "truth: found int, expected a Truth"),
+        ({"dataset": "victoria-prak"}, "^slamduel.run: there is no dataset"),
+        ({"backend": "ekff"}, "^slamduel.run: there is no backend"),
+        ({"dataset": "log[path=]"}, "dataset log: option path is empty"),
+        ({"dataset": Path('a"b')}, "found a double quote in the path"),
+    ],
+)
+def test_a_wrong_argument_is_named_and_nothing_is_left(
+    tmp_path: Path, world: Dataset, arguments: dict[str, Any], sentence: str
+) -> None:
+    given: dict[str, Any] = {"dataset": world.log, "backend": "ekf", "out": tmp_path / "made" / "run"} | arguments
+    with pytest.raises(slamduel.SlamduelError, match=sentence):
+        slamduel.run(**given)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_pair_of_a_log_and_nothing_is_no_dataset(tmp_path: Path, world: Dataset) -> None:
+    pair: Any = (world.log, None)
+    with pytest.raises(slamduel.SlamduelError, match="dataset is None, expected a name, a path, a Log or a Dataset"):
+        slamduel.run(pair, out=tmp_path / "run")
+
+
+def test_two_logs_of_one_name_are_told_apart_by_nobody(tmp_path: Path, world: Dataset) -> None:
+    other = dataclasses.replace(world.log, name="a b")
+    with pytest.raises(slamduel.SlamduelError, match="logs named 'a b' and 'a-b'"):
+        slamduel.run([other, dataclasses.replace(other, name="a-b")], "ekf", out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_refused_at_the_last_moment_leaves_no_log(tmp_path: Path, world: Dataset) -> None:
+    with pytest.raises(slamduel.SlamduelError, match="there is no such folder"):
+        slamduel.run([world.log, "./not/there"], "ekf", out=tmp_path / "made" / "run")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_log_refused_by_a_run_that_is_there_is_not_written(world: Dataset, result: Result) -> None:
+    with pytest.raises(slamduel.SlamduelError, match="holds a run with dataset"):
+        slamduel.run(dataclasses.replace(world.log, name="second"), "ekf,isam2", out=result.folder)
+    assert [place.name for place in (result.folder / "logs").iterdir()] == ["random"]
+
+
+def test_a_path_is_a_path_whatever_it_is_called(
+    tmp_path: Path, world: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    places = [Path("city"), Path("x,y/log"), Path("br[1]/log"), Path("none"), Path(" a ")]
+    for place in places:
+        place.parent.mkdir(exist_ok=True)
+        logfile.write(place, *world)
+        assert slamduel.load(place).log.digest == world.log.digest
+    found = slamduel.run(places, "dead-reckoning", out="run").cells
+    assert [cell["digest"] for cell in found] == [world.log.digest] * len(places)
+    again = slamduel.run(places, "dead-reckoning", out="run").cells
+    assert again == found
+    assert slamduel.load('"x,y/log"').log.digest == slamduel.load('"br[1]/log"').log.digest == world.log.digest
+
+
+@pytest.mark.parametrize(("name", "seed"), [(5, 0), ("circle", -1), ("circle", "1")])
+def test_load_refuses_what_is_none(name: Any, seed: Any) -> None:
+    with pytest.raises(slamduel.SlamduelError, match=r"slamduel\.load: (name|seed): found"):
+        slamduel.load(name, seed)
 
 
 def test_a_truth_belongs_to_one_log(tmp_path: Path, world: Dataset) -> None:

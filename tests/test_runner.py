@@ -4,6 +4,7 @@ import contextlib
 import csv
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,6 +19,7 @@ import pytest
 from slamduel.bench.plan import Cell, Plan
 from slamduel.bench.runner import claimed, recorded_plan, run
 from slamduel.bench.store import COLUMNS, Row, Store
+from slamduel.bench.summary import SURVEYED
 from slamduel.bench.workers import execute
 from slamduel.datasets import logfile
 from slamduel.frontend.errors import InputError
@@ -325,6 +327,25 @@ def test_a_log_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_f
         go(tmp_path / "run", "ekf", tmp_path / "log")
 
 
+def test_a_truth_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_folder: Path) -> None:
+    log, truth = logfile.read(log_folder)
+    assert truth is not None
+    place = tmp_path / "log"
+    logfile.write(place, log, truth)
+    go(tmp_path / "run", "dead-reckoning", place)
+    assert len(go(tmp_path / "run", "dead-reckoning", place)) == 1
+    for other, found in (
+        (truth._replace(poses=truth.poses + np.array([1.0, 0, 0])), "[0-9a-f]{12}"),
+        (None, "no truth"),
+    ):
+        shutil.rmtree(place)
+        logfile.write(place, log, other)
+        with pytest.raises(
+            InputError, match=f"the truth of .*, seed 0, has changed .* its digest is {found}, expected"
+        ):
+            go(tmp_path / "run", "dead-reckoning", place)
+
+
 def test_a_log_without_truth_gets_a_reference_and_no_consistency(tmp_path: Path, log_folder: Path) -> None:
     logfile.write(tmp_path / "log", logfile.read(log_folder).log, None)
     found = go(tmp_path / "run", "ekf,graph", tmp_path / "log")
@@ -338,12 +359,14 @@ def test_a_log_without_truth_gets_a_reference_and_no_consistency(tmp_path: Path,
 def test_landmarks_without_a_true_path_judge_the_map_alone(tmp_path: Path, log_folder: Path) -> None:
     shutil.copytree(log_folder, tmp_path / "log")
     (tmp_path / "log" / "truth.tum").unlink()
+    words = (tmp_path / "log" / "log.toml").read_text()
+    (tmp_path / "log" / "log.toml").write_text(re.sub(r"\[contents\].*?(?=\[prior\])", "", words, flags=re.DOTALL))
     found = go(tmp_path / "run", "ekf,isam2,dead-reckoning", tmp_path / "log")
     for row in found.values():
         c = row.columns
-        assert (c["status"], c["ate_m"], c["nees"]) == ("done", None, None)
+        assert (c["status"], c["truth_kind"], c["nees"]) == ("done", "reference", None)
+        assert SURVEYED in c["reason"]
         assert (c["map_rmse_m"] is None) == (c["backend"] == "dead-reckoning")
-    assert next(iter(found.values())).columns["truth_kind"] == "truth"
 
 
 def test_what_a_row_does_not_cover_is_remarked_on(tmp_path: Path, log_folder: Path) -> None:

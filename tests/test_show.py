@@ -8,6 +8,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+import slamduel
 from slamduel.bench import cli, log_path
 from slamduel.bench.conformance_logs import around
 from slamduel.bench.journey import journey
@@ -351,3 +352,16 @@ def _not_blank(picture: Path) -> None:
     dark = np.asarray((image < 0.6).any(axis=2))
     for part in (dark[:60], dark[60:, : width // 2], dark[60:, width // 2 :]):
         assert part.mean() > 0.001
+
+
+def test_a_notebook_shows_it_too(tmp_path: Path) -> None:
+    log, truth = slamduel.load("circle[steps=120]")
+    portrait = slamduel.show(Dataset(log, truth))
+    assert repr(portrait).startswith(f"circle: {len(log)} steps")
+    assert "stated noise" in repr(portrait)
+    assert portrait.numbers.way.steps == len(log)
+    assert portrait._repr_png_().startswith(b"\x89PNG")  # pyright: ignore[reportPrivateUsage]
+    portrait.save(tmp_path / "log.svg")
+    assert "<svg" in (tmp_path / "log.svg").read_text()
+    with pytest.raises(slamduel.SlamduelError, match="there is no dataset"):
+        slamduel.show("circel")

@@ -1,12 +1,13 @@
 """Names and options as a user types them."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from slamduel.bench.plan import Plan
-from slamduel.bench.spec import backend_variants, dataset_variants, describe, read_options
+from slamduel.bench.spec import backend_variants, dataset_at, dataset_variants, describe, read_options
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.options import option
 
@@ -47,6 +48,7 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
         ([("share", "inf")], "option share=inf is out of range; expected a number from 0 to 1."),
         ([("loud", "maybe")], "option loud=maybe: found 'maybe', expected true or false."),
         ([("shape", "oval")], "option shape=oval is out of range; expected one of round, square."),
+        ([("path", "")], "option path is empty, expected text."),
         ([("count", "3"), ("count", "4")], "option count is given twice, expected once."),
     ],
 )
@@ -69,6 +71,7 @@ def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: st
         ("fastslam[particles=3", "expected every bracket and quote to be closed"),
         ("fastslam[particles=3]x", "expected the brackets to close at the end"),
         ("fastslam]particles=3[", "expected"),
+        ('fast"slam"', "expected double quotes around the whole"),
         ("fastslam[particles=-3]", "out of range; expected a whole number from 1 to"),
     ],
 )
@@ -90,6 +93,29 @@ def test_labels_are_what_the_command_line_takes() -> None:
     (dataset,) = dataset_variants('log[path="a,[b]/c"]')
     assert dataset.options.path == "a,[b]/c"
     assert dataset_variants(dataset.label)[0].options == dataset.options
+
+
+@pytest.mark.parametrize("path", ["a,b", "a[1]/c", " a ", "none", "city", "a=b"])
+def test_a_path_comes_back_from_its_label(path: str) -> None:
+    variant = dataset_at(Path(path), "test")
+    (again,) = dataset_variants(variant.label)
+    assert (again.name, again.options) == (variant.name, variant.options)
+    assert Path(again.options.path) == Path(path)
+
+
+def test_a_path_with_a_double_quote_is_refused() -> None:
+    for named in (lambda: dataset_at(Path('a"b'), "test"), lambda: dataset_variants('log[path=a"b"c]')):
+        with pytest.raises(InputError, match="double quote"):
+            named()
+
+
+def test_quotes_stand_round_a_whole_name(tmp_path: Any) -> None:
+    for name in ("x,y", "br[1]"):
+        (tmp_path / name).mkdir()
+        (variant,) = dataset_variants(f'"{tmp_path}/{name}"')
+        assert (variant.name, variant.options.path) == ("log", f"{tmp_path}/{name}")
+    (variant,) = backend_variants('"fastslam"[particles=7]')
+    assert variant.label == "fastslam[particles=7]"
 
 
 def test_an_option_at_its_default_is_the_plain_backend() -> None:

@@ -205,7 +205,7 @@ def test_damaged_files_are_read_or_turned_down(files: dict[str, Any], name: str)
         assert not list(problems(found.log))
 
     read, refused = survivors(
-        lambda _: made(files), Path(files[name]), 300 if name in ("odometry", "detections") else 60, 3, fit
+        lambda _: made(files), Path(files[name]), 150 if name in ("odometry", "detections") else 60, 3, fit
     )
     assert read
     assert refused

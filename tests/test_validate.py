@@ -73,6 +73,23 @@ def test_what_another_reader_says_is_the_problem(tmp_path: Path, capsys: pytest.
     assert lines[2].startswith("option path of dataset log is not given")
 
 
+def test_every_name_is_looked_up(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    names = ["missing", str(folder), str(tmp_path / "nowhere"), "city[landmarks=0]", str(folder)]
+    assert main(["validate", *names]) == 2
+    captured = capsys.readouterr()
+    first, good, nowhere, total, option, again = (
+        line for line in captured.out.splitlines() if not line.startswith("remark: ")
+    )
+    assert "there is no dataset 'missing'" in first
+    assert good == again
+    assert good.startswith(f"{folder}: good; ")
+    assert nowhere == f"{tmp_path / 'nowhere'}: there is no such folder, expected that of a log."
+    assert total == f"{tmp_path / 'nowhere'}: 1 problem."
+    assert "option landmarks=0 is out of range" in option
+    assert not captured.err
+    assert main(["validate", "missing"]) == 2
+
+
 def drive(change: Change | None = None) -> Dataset:
     """Thirty even steps with the same four landmarks sighted at each, in all directions."""
     n, rng = 30, np.random.default_rng(3)
@@ -143,6 +160,20 @@ def test_what_is_odd_is_remarked(change: Change, words: str):
     (remark,) = remarks(drive(change))
     assert words in remark
     assert not remark.endswith(".")
+
+
+@pytest.mark.parametrize("huge", [1e10, 1e200, 1.7e308])
+def test_what_is_huge_is_remarked_whatever_its_square(huge: float):
+    """Warnings would be errors here."""
+    size, jump = remarks(drive(put("delta", (7, 0), -huge)))
+    assert size == f"1 motion of more than 1e+09 m, the largest of {huge:.3g} m, the first at step 7"
+    assert jump.startswith("1 jump of the odometry's dx")
+    assert f"the first of {-huge:.3g} at step 7" in jump
+    found = remarks(drive(times("delta", np.array([huge, huge, 1.0]))))
+    assert any("are the motions in millimetres?" in remark for remark in found)
+    found = remarks(drive(times("z", np.array([huge / 10, 1.0]))))
+    assert any("are the ranges in millimetres?" in remark for remark in found)
+    assert found[0].startswith("120 ranges of more than 1e+09 m")
 
 
 def test_a_robot_that_bends_at_some_steps_does_not_jump():

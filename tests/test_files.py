@@ -1,0 +1,30 @@
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from slamduel.frontend.files import write_whole
+
+
+def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
+    together = threading.Barrier(8)
+
+    def write(number: int) -> None:
+        together.wait()
+        for _ in range(20):
+            write_whole(tmp_path / "file", f"{number}" * 10_000)
+
+    with ThreadPoolExecutor(8) as threads:
+        list(threads.map(write, range(8)))
+    text = (tmp_path / "file").read_text()
+    assert len(text) == 10_000
+    assert len(set(text)) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_nothing_is_left_of_a_text_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("old")
+    with pytest.raises(UnicodeEncodeError):
+        write_whole(tmp_path / "file", "\ud800")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
