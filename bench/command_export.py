@@ -55,6 +55,8 @@ def main(namespace: argparse.Namespace) -> int:
         part.mkdir(parents=True)
         said = [sentence for name in formats for sentence in FORMATS[name](part, dataset)]
         os.replace(part, out)
+    except InputError as error:  # of a file that is gone by the time it is read
+        raise InputError(f"--out {str(error).replace(str(part), str(out))}") from None
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
     finally:

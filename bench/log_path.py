@@ -6,10 +6,14 @@ import numpy as np
 
 from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.factors import UNKNOWN, Dataset, Log, Truth
-from ..frontend.se2 import Array, Ints, act, between, compose
+from ..frontend.se2 import Array, Ints, between, compose
+from .log_places import Places, placed
 
 LARGEST = 40_000
 """Steps and sightings up to which the batch optimum is found without being asked for: about half a minute."""
+
+MISFITS = 0.05
+"""Share of sightings that do not fit the batch optimum from which on the log is to be looked at."""
 
 
 class Shown(NamedTuple):
@@ -19,7 +23,9 @@ class Shown(NamedTuple):
     step: Ints  # (m,) the steps whose pose is known, in order
     poses: Array  # (m, 3)
     reckoned: Array  # (n, 3) dead reckoning from the first of these poses
-    xy: Array  # (l, 2) landmarks
+    xy: Array  # (l, 2) landmarks, without those that are not in one place
+    mark: str  # what such a landmark's place is
+    places: Places | None  # by the sightings from this path, where no true ones are known
     solved: Truth | None  # the batch optimum, where the path is one
 
     def pose_at(self, steps: int) -> Ints:
@@ -43,9 +49,17 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
     else:
         step, poses = np.searchsorted(log.t, truth.t), truth.poses
         reckoned = from_pose(reckoned, int(step[0]), poses[0])
+    solved = truth if truth is not None and truth.kind == "reference" else None
     given = None if truth is None else truth.map
-    xy = _placed(log, step, poses) if given is None else given.xy
-    return Shown(words, step, poses, reckoned, xy, truth if truth is not None and truth.kind == "reference" else None)
+    if _surveyed(dataset.truth):
+        places = None
+    else:
+        places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
+    if given is not None:
+        kept = np.ones(len(given.ids), bool) if places is None else ~np.isin(given.ids, places.ids[places.astray])
+        return Shown(words, step, poses, reckoned, given.xy[kept], "landmark", places, solved)
+    places = placed(log, poses, _rows(step, len(log)), known=truth is not None) if places is None else places
+    return Shown(words, step, poses, reckoned, places.xy[~places.astray], MEDIAN, places, solved)
 
 
 def from_pose(path: Array, k: int, pose: Array) -> Array:
@@ -68,22 +82,7 @@ def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
     return truth, truth.words or "the batch optimum, as truth is not known"
 
 
-def _placed(log: Log, step: Ints, poses: Array) -> Array:
-    """The landmarks (l, 2), each at the mean of where its sightings put it from the path's poses."""
-    pose_at = _rows(step, len(log))
-    seen = (log.ids != UNKNOWN) & (pose_at[log.sighting_step] >= 0)
-    _, landmark = np.unique(log.ids[seen], return_inverse=True)
-    points = sighted(poses[pose_at[log.sighting_step[seen]]], log.z[seen])
-    count = np.bincount(landmark)
-    return np.column_stack([np.bincount(landmark, points[:, i]) / count for i in (0, 1)])
-
-
 def _rows(step: Ints, steps: int) -> Ints:
     rows = np.full(steps, -1)
     rows[step] = np.arange(len(step))
     return rows
-
-
-def sighted(poses: Array, z: Array) -> Array:
-    """Where (s, 2) in the world the sightings `z` (s, 2) made from `poses` (s, 3) are."""
-    return act(poses, z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1]))))

@@ -48,8 +48,10 @@ class Recorded(NamedTuple):
 
 def folder_of(path: Path, number: int) -> Path:
     """The folder of dataset `number`: `path` itself, or one in it; a folder without either is itself."""
-    inside = path / f"MRCLAM_Dataset{number}"
-    return inside if not (path / MARK).exists() and inside.is_dir() else path
+    if (path / MARK).exists():
+        return path
+    named = (path / f"{family}_Dataset{number}" for family in ("MRCLAM", "MRSLAM"))  # set 4 is published as the latter
+    return next((folder for folder in named if folder.is_dir()), path)
 
 
 def read_files(folder: Path, robot: int) -> Recorded:

@@ -48,6 +48,7 @@ class Options:
     detections: str | None = option(None, "CSV file with t,id,range,bearing or t,id,x,y; id -1 is unknown")
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true places: id,x,y")
+    ignore: str = option("", "ids that are left out, such as those of things that move: 5;14;23")
     angles: str = option("radians", "what angles in the CSV files are in", choices=("radians", "degrees"))
     range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
     range_share: float = option(0.0, "what it grows by with the range, of it", minimum=0.0, maximum=1.0)
@@ -66,12 +67,13 @@ class Options:
 
 
 class Detections(NamedTuple):
-    """Sightings in the order of time, and how many were left out because there was no odometry at their time."""
+    """Sightings in the order of time, and how many were left out: without odometry at their time, and as asked for."""
 
     t: Array  # (s,)
     ids: Ints  # (s,)
     z: Array  # (s, 2)
     outside: int
+    ignored: int
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
@@ -95,7 +97,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         ids=seen.ids,
         z=seen.z,
         z_cov=_noise(seen.z, options),
-        notes=_notes(options, seen.outside),
+        notes=_notes(options, seen),
     )
     return Dataset(log, truth)
 
@@ -150,12 +152,25 @@ def _detections(path: Path, options: Options, start: float, end: float) -> Detec
     for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
         raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
     inside = (start <= t) & (t <= end)
+    left_out = np.isin(ids, _ignored(options))
     if not inside.any():
         raise InputError(
             f"{path}: its times, {t[0]!s} to {t[-1]!s} s, have none in common with the odometry's, {start!s} to "
             f"{end!s} s; expected the same clock."
         )
-    return Detections(t[inside], ids[inside], z[inside], int((~inside).sum()))
+    kept = inside & ~left_out
+    return Detections(t[kept], ids[kept], z[kept], int((~inside).sum()), int((inside & left_out).sum()))
+
+
+def _ignored(options: Options) -> list[int]:
+    """The ids that are to be left out."""
+    names = [name.strip() for name in options.ignore.split(";") if name.strip()]
+    for name in names:
+        if not (name.isascii() and name.removeprefix("-").isdigit()):
+            raise InputError(
+                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5;14;23."
+            )
+    return [int(name) for name in names]
 
 
 def _keyframes(start: float, end: float, seen: Array, every: float) -> Array:
@@ -218,7 +233,7 @@ def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
     return Prior(pose, options.start_sd**2 * np.eye(3))
 
 
-def _notes(options: Options, outside: int) -> dict[str, Any]:
+def _notes(options: Options, seen: Detections) -> dict[str, Any]:
     files = {
         name: Path(given).name
         for name in ("odometry", "detections", "truth", "landmarks")
@@ -229,7 +244,7 @@ def _notes(options: Options, outside: int) -> dict[str, Any]:
         "source": "CSV files: " + ", ".join(files.values()),
         "files": files,
         "noise": {name: getattr(options, name) for name in noise},
-        "dropped": {"detections before or after the odometry": outside},
+        "dropped": {"detections before or after the odometry": seen.outside, "of ignored ids": seen.ignored},
     }
 
 

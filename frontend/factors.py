@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from .errors import InputError
 from .se2 import Array, Ints
 
 ROUNDING = 1e-9
@@ -79,9 +80,9 @@ class Truth(NamedTuple):
 
     t: Array  # (m,) s
     poses: Array  # (m, 3)
-    map: Map | None  # the landmarks' true places
-    assigned: Ints | None  # (s,) the true id of every sighting of the log, where sightings with unknown id have one
-    kind: Literal["truth", "reference"]  # "reference": the batch optimum of a log whose truth nobody knows
+    map: Map | None = None  # the landmarks' true places
+    assigned: Ints | None = None  # (s,) the true id of every sighting of the log, also of those without id
+    kind: Literal["truth", "reference"] = "truth"  # "reference": the batch optimum of a log whose truth nobody knows
     places: Literal["truth", "reference"] = "truth"  # whose map; landmarks may be surveyed where no path is known
     words: str = ""  # what the reference is, where there is more to say than that it is the batch optimum
 
@@ -137,25 +138,29 @@ class Log:
         """A log of n steps from its tables; the arrays are copied and can no longer be written to.
 
         `delta` (n, 3) and `delta_cov` (n, 3, 3) have a row a step, of which row 0 is not looked at. `sighting_step`
-        (s,) and `loop_step` (l,), both sorted, say which step each row of the other columns belongs to.
+        (s,) and `loop_step` (l,), both sorted, say which step each row of the other columns belongs to. InputError for
+        what is no numbers, or not sorted; what the numbers have to be is for `check` to say.
         """
-        n = len(t)
-        none = np.zeros(0, np.int64)
-        loop_step = none if loop_step is None else loop_step
+        if not isinstance(prior, Prior):  # pyright: ignore[reportUnnecessaryIsInstance] - no notebook checks types
+            raise InputError(f"prior: found {type(prior).__name__}, expected Prior(pose, cov).")
+        time = _numbers("t", t)
+        steps, none = np.arange(len(time) + 1), np.zeros(0, np.int64)
         return cls(
             name=name,
             prior=_frozen_prior(prior),
-            t=_frozen(t),
-            delta=_frozen(_without_first(delta)),
-            delta_cov=_frozen(_without_first(_even(delta_cov))),
-            sighting_first=_frozen_ids(np.searchsorted(sighting_step, np.arange(n + 1))),
-            ids=_frozen_ids(ids),
-            z=_frozen(z),
-            z_cov=_frozen(_even(z_cov)),
-            loop_first=_frozen_ids(np.searchsorted(loop_step, np.arange(n + 1))),
-            loop_to=_frozen_ids(none if loop_to is None else loop_to),
-            loop_delta=_frozen(np.zeros((0, 3)) if loop_delta is None else loop_delta),
-            loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else _even(loop_cov)),
+            t=_frozen(time),
+            delta=_frozen(_without_first(_numbers("delta", delta))),
+            delta_cov=_frozen(_without_first(_even(_numbers("delta_cov", delta_cov)))),
+            sighting_first=_frozen_ids(np.searchsorted(_sorted("sighting_step", sighting_step), steps)),
+            ids=_frozen_ids(_whole("ids", ids)),
+            z=_frozen(_numbers("z", z)),
+            z_cov=_frozen(_even(_numbers("z_cov", z_cov))),
+            loop_first=_frozen_ids(
+                np.searchsorted(_sorted("loop_step", none if loop_step is None else loop_step), steps)
+            ),
+            loop_to=_frozen_ids(_whole("loop_to", none if loop_to is None else loop_to)),
+            loop_delta=_frozen(np.zeros((0, 3)) if loop_delta is None else _numbers("loop_delta", loop_delta)),
+            loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else _even(_numbers("loop_cov", loop_cov))),
             notes=dict(notes or {}),
         )
 
@@ -293,6 +298,35 @@ _COLUMNS = (
     "loop_delta",
     "loop_cov",
 )
+
+
+def _numbers(name: str, values: Any) -> Array:
+    """`values` as floats; InputError, which names the argument, for what is none."""
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: found {type(values).__name__}, expected an array of numbers ({error}).") from None
+
+
+def _whole(name: str, values: Any) -> Ints:
+    """`values` as integers; InputError, which names the argument, for what is none."""
+    numbers = np.asarray(values)
+    if numbers.dtype.kind not in "iu":
+        numbers = _numbers(name, values)
+        odd = np.flatnonzero(~((np.abs(numbers) < 2.0**63) & (numbers == np.rint(numbers))))
+        if len(odd):
+            raise InputError(f"{name}: row {odd[0]} is {numbers.flat[odd[0]]!s}, expected a whole number.")
+    return numbers.astype(np.int64)
+
+
+def _sorted(name: str, values: Any) -> Ints:
+    """`values` as integers, none smaller than the one before; InputError names the argument."""
+    numbers = _whole(name, values)
+    back = np.flatnonzero(np.diff(numbers) < 0)
+    if len(back):
+        row = back[0] + 1
+        raise InputError(f"{name}: row {row} is {numbers[row]} after {numbers[row - 1]}, expected them sorted.")
+    return numbers
 
 
 def _even(cov: Array) -> Array:

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import UNKNOWN, Log, Map, Prior
 from small_log import columns, positive_definite, small_log
 
@@ -151,3 +152,25 @@ def test_a_log_needs_neither_sightings_nor_loops():
     assert step.odometry is None
     assert step.sightings.z.shape == (0, 2)
     assert step.loops.cov.shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"ids": [3, 3, 3, 3, 8.5, 12]}, "ids: row 4 is 8.5, expected a whole number"),
+        ({"ids": ["a"] * 6}, "ids: found list, expected an array of numbers"),
+        ({"z": [[1.0], [1.0, 2.0]]}, "z: found list, expected an array of numbers"),
+        ({"sighting_step": [0, 0, 2, 0, 2, 5]}, "sighting_step: row 3 is 0 after 2, expected them sorted"),
+        ({"prior": [0, 0, 0]}, r"prior: found list, expected Prior\(pose, cov\)"),
+    ],
+)
+def test_arrays_that_are_none_are_named(change: dict[str, Any], sentence: str) -> None:
+    parts = columns(np.random.default_rng(1)) | change
+    with pytest.raises(InputError, match=sentence):
+        Log.from_arrays(**parts)
+
+
+def test_lists_do_as_well() -> None:
+    parts = columns(np.random.default_rng(1))
+    lists = {name: part.tolist() if isinstance(part, np.ndarray) else part for name, part in parts.items()}
+    assert Log.from_arrays(**lists).digest == Log.from_arrays(**parts).digest

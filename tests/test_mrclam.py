@@ -191,9 +191,10 @@ def test_without_a_path_it_is_the_copy_that_was_fetched(tmp_path: Path, monkeypa
     assert by_set[0].digest == by_set[1].digest
 
 
-def test_the_path_may_hold_the_folder_of_the_dataset(folder: Path):
+@pytest.mark.parametrize("name", ["MRCLAM_Dataset9", "MRSLAM_Dataset9"])
+def test_the_path_may_hold_the_folder_of_the_dataset(folder: Path, name: str):
     alone = read(folder).log.digest
-    (inside := folder / "MRCLAM_Dataset9").mkdir()
+    (inside := folder / name).mkdir()
     for name in FILES:
         (folder / name).rename(inside / name)
     assert read(folder, dataset=9).log.digest == alone

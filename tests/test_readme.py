@@ -79,3 +79,16 @@ def test_the_log_folder_is_as_described(tmp_path: Path) -> None:
         assert re.search(rf"{name}\s+{re.escape(header)}\s", README), name
     assert (tmp_path / "log" / "log.toml").is_file()
     assert (tmp_path / "log" / "truth.tum").is_file()
+
+
+@pytest.mark.usefixtures("no_report")
+def test_the_python_in_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (code,) = [block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "from_arrays" in block]
+    log, truth = random_log(np.random.default_rng(2), 25, 6)
+    assert truth is not None
+    names = ("t", "delta", "delta_cov", "sighting_step", "ids", "z", "z_cov")
+    known = {name: getattr(log, name) for name in names} | {"poses": truth.poses}
+    monkeypatch.chdir(tmp_path)
+    exec(code.replace("cov=1e-6 * np.eye(3)", "cov=np.eye(3)"), known)
+    assert known["path"].shape == (25, 3)
+    assert len(known["log"]) == 6969

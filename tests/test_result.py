@@ -87,6 +87,7 @@ def test_what_cannot_be_used_is_a_sentence_and_leaves_nothing(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.usefixtures("no_report")
 def test_another_truth_is_another_log(tmp_path: Path, world: Dataset) -> None:
     assert world.truth is not None
     other = world.truth._replace(poses=world.truth.poses + np.array([1.0, 0, 0]))
@@ -157,6 +158,7 @@ def test_a_log_refused_by_a_run_that_is_there_is_not_written(world: Dataset, res
     assert [place.name for place in (result.folder / "logs").iterdir()] == ["random"]
 
 
+@pytest.mark.usefixtures("no_report")
 def test_a_path_is_a_path_whatever_it_is_called(
     tmp_path: Path, world: Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:

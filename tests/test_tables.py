@@ -137,7 +137,15 @@ def test_detections_without_odometry_are_left_out_and_counted(files: dict[str, A
     path.write_text(path.read_text() + "99.0,0,1.0,0.1\n")
     log = made(files).log
     assert len(log.ids) == 60
-    assert log.notes["dropped"] == {"detections before or after the odometry": 1}
+    assert log.notes["dropped"] == {"detections before or after the odometry": 1, "of ignored ids": 0}
+
+
+def test_ids_that_move_can_be_left_out(files: dict[str, Any]) -> None:
+    log = made(files | {"ignore": "1; 77"}).log
+    assert set(log.ids.tolist()) == {0}
+    assert log.notes["dropped"]["of ignored ids"] == 30
+    with pytest.raises(InputError, match="option ignore=1;x of dataset csv: found 'x'"):
+        made(files | {"ignore": "1;x"})
 
 
 def changed(name: str, line: int, row: str) -> Callable[[dict[str, Any]], None]:

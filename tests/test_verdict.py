@@ -26,6 +26,15 @@ def told(backend: str, kind: str = "truth", **columns: list[Any]) -> list[Row]:
     return [Row(row, "") for row in rows]
 
 
+def test_a_log_that_nobody_can_believe_is_said_to_be_one() -> None:
+    rows = [*told("a", nees=[40.0, 30.0], nees_inside=[0.1, 0.1], ate_m=[1.0, 1.0])]
+    rows += told("b", nees=[400.0, 300.0], nees_inside=[0.1, 0.1], ate_m=[1.0, 1.0])
+    rows += told("dead-reckoning", nees=[1.0, 1.0], nees_inside=[0.9, 0.9], ate_m=[1.0, 1.0])
+    assert any("None of them has a belief that fits this log" in sentence for sentence in headline(lines(rows)))
+    rows += told("c", nees=[1.0, 1.0], nees_inside=[0.9, 0.9], ate_m=[1.0, 1.0])
+    assert not any("None of them" in sentence for sentence in headline(lines(rows)))
+
+
 def line(**columns: list[Any]) -> Line:
     (found,) = lines(told("ekf", "truth", **columns))
     return found
