@@ -12,10 +12,13 @@ from ..frontend.factors import Dataset, Log
 from ..frontend.se2 import Array, Ints
 from .log_numbers import Numbers
 from .log_panels import FIRST, INK, SOFT, noise, returns, seen, sensor
-from .log_path import Shown, sighted
+from .log_path import Shown
+from .log_places import judge, sighted
 from .log_returns import Returns
 from .log_words import headline
 from .picture import GRID, picture
+
+ASTRAY = "#d00000"
 
 MOST_POSES, MOST_LANDMARKS, MOST_RAYS, MOST_LOOPS = 1_000_000, 4_000, 160, 400
 """Drawn of each; of more, evenly chosen ones. A path that is thinned out cuts its corners."""
@@ -31,6 +34,9 @@ PIECES = 160
 
 OUTSIDE = 0.002
 """Share of landmarks on either side that may lie outside the map: a single wild one would shrink the rest to a dot."""
+
+WIDEST = 70
+"""Letters that a line of the legend holds."""
 
 _STYLE: dict[str, Any] = {
     **GRID,
@@ -62,12 +68,12 @@ def write_picture(path: Path, subject: Subject) -> None:
         panels = right.subplot_mosaic(
             [["seen", "seen"], ["returns", "returns"], ["sensor", "noise"]], height_ratios=(0.75, 1.35, 1.2)
         )
-        log, found = subject.dataset.log, subject.returns
+        log, shown, found = subject.dataset.log, subject.shown, subject.returns
         _map(left, subject)
         seen(panels["seen"], log)
         returns(panels["returns"], log, found)
         sensor(panels["sensor"], log.z)
-        noise(panels["noise"], subject.dataset)
+        noise(panels["noise"], log, judge(subject.dataset.truth, shown.places), medians=subject.numbers.known.medians)
         figure.text(0.008, 0.99, subject.label, ha="left", va="top", fontsize=13, fontweight="bold")
         figure.text(0.008, 0.96, headline(subject.numbers), ha="left", va="top", fontsize=10.5)
 
@@ -95,14 +101,18 @@ def _map(figure: SubFigure, subject: Subject) -> None:
         markersize=size + 2 * plus,
         markeredgewidth=0.9 if plus else 0,
         linestyle="",
-        label="landmark" if len(marks) else None,
+        label=shown.mark if len(marks) else None,
     )
+    if shown.places is not None and shown.places.astray.any():
+        wild = shown.places.xy[shown.places.astray]
+        axes.plot(*wild.T, "x", color=ASTRAY, markersize=8, markeredgewidth=2, linestyle="", label="not in one place")
     _path(figure, axes, log, shown)
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
     axes.set_title(f"Path: {shown.words}", wrap=True)
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, columnspacing=1.2)
+    columns = 6 if sum(map(len, labels)) < WIDEST else 4
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, columnspacing=1.2)
 
 
 def _path(figure: SubFigure, axes: Axes, log: Log, shown: Shown) -> None:

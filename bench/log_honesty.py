@@ -14,6 +14,10 @@ MEDIAN = {2: 1.3863, 3: 2.3660}
 """Dimension -> the median of chi-square."""
 
 
+ROBUST = 1.4826
+"""A normal standard deviation over the median of absolute values."""
+
+
 class Honesty(NamedTuple):
     """Normalised squared errors e' C^-1 e of one kind of measurement."""
 
@@ -34,3 +38,20 @@ def honesty(errors: Errors, cov: Array) -> Honesty | None:
     median = float(np.median(squares))
     far = float((squares > FAR[k]).mean())
     return Honesty(len(squares), k, float(squares.mean()), median, far, float(np.sqrt(median / MEDIAN[k])))
+
+
+class Measured(NamedTuple):
+    """The noise that sightings have; outliers do not rule it."""
+
+    range_sd: float  # m
+    bearing_sd: float  # rad
+
+
+def measured(errors: Errors) -> Measured | None:
+    """The standard deviations that the errors (m, 2) of sightings have; None without any."""
+    return Measured(*map(typical, errors.values.T)) if len(errors.row) else None
+
+
+def typical(errors: Array) -> float:
+    """A standard deviation that outliers do not rule: 1.4826 median absolute errors, bias included."""
+    return float(ROBUST * np.median(np.abs(errors)))

@@ -10,8 +10,9 @@ import numpy as np
 from ..frontend.factors import UNKNOWN, Dataset, Log
 from ..frontend.se2 import Array, Ints
 from ..frontend.truth_errors import odometry_errors, sighting_errors
-from .log_honesty import Honesty, honesty
+from .log_honesty import Honesty, Measured, honesty, measured
 from .log_path import Shown
+from .log_places import Astray, judge, strays
 from .log_returns import Returns, loops, way
 
 GAP = 5.0
@@ -123,6 +124,9 @@ class Known(NamedTuple):
     landmarks: int  # with a known place
     sightings: Honesty | None  # with truth alone, as the next
     odometry: Honesty | None
+    measured: Measured | None  # the sightings' noise
+    medians: bool  # whether both are against landmarks' median places, as their true ones are not known
+    astray: Astray | None  # by a known path, where the landmarks' places are not
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length
 
@@ -250,9 +254,9 @@ def _sd(variance: Array) -> Sd | None:
 
 def _known(dataset: Dataset, drawn: Shown) -> Known:
     log, truth = dataset
-    judge = truth if truth is not None and truth.kind == "truth" else None
-    at_sightings = None if judge is None else sighting_errors(log, judge)
-    at_odometry = None if judge is None else odometry_errors(log, judge)
+    right = judge(truth, drawn.places)
+    at_sightings = None if right is None else sighting_errors(log, right)
+    at_odometry = None if right is None else odometry_errors(log, right)
     path = truth if truth is not None and len(truth.t) else drawn.solved
     off = share = None
     if path is not None:
@@ -265,6 +269,9 @@ def _known(dataset: Dataset, drawn: Shown) -> Known:
         0 if truth is None or truth.map is None else len(truth.map.ids),
         None if at_sightings is None else honesty(at_sightings, log.z_cov[at_sightings.row]),
         None if at_odometry is None else honesty(at_odometry, log.delta_cov[at_odometry.row]),
+        None if at_sightings is None else measured(at_sightings),
+        at_sightings is not None and len(at_sightings.row) > 0 and drawn.places is not None,
+        strays(drawn.places),
         off,
         share,
     )

@@ -5,10 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.ticker import MaxNLocator
 
-from ..frontend.factors import Dataset, Log, Truth
+from ..frontend.factors import Log, Truth
 from ..frontend.se2 import Array, Ints
 from ..frontend.truth_errors import sighting_errors
 from .axes import stretches
+from .log_honesty import typical
 from .log_numbers import empty_runs, times
 from .log_returns import Returns
 from .looks import COLOURS
@@ -103,9 +104,11 @@ def sensor(axes: Axes, z: Array) -> None:
     axes.set_ylabel("ahead, m")
 
 
-def noise(axes: Axes, dataset: Dataset) -> None:
-    """The stated noise of sightings over range, both parts in metres; with a truth their errors too."""
-    log, truth = dataset
+def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
+    """The stated noise of sightings over range, both parts in metres; with a truth their errors too.
+
+    `medians`: the truth has each landmark at the median of its sightings.
+    """
     axes.set_title("Its noise, as stated")
     if not len(log.z):
         _nothing(axes, "no sighting")
@@ -130,11 +133,12 @@ def noise(axes: Axes, dataset: Dataset) -> None:
         if wrong is None:
             continue
         row, errors = wrong
-        typical = np.array([_typical(errors[place[row] == k, column]) for k in filled])
-        axes.plot(middle, typical, "o", markeredgecolor=colour, markerfacecolor="none", markersize=5)
-        highest = max(highest, float(np.nanmax(typical, initial=0.0)))
+        actual = np.array([_actual(errors[place[row] == k, column]) for k in filled])
+        axes.plot(middle, actual, "o", markeredgecolor=colour, markerfacecolor="none", markersize=5)
+        highest = max(highest, float(np.nanmax(actual, initial=0.0)))
     if wrong is not None:
-        axes.plot([], [], "o", markeredgecolor=INK, markerfacecolor="none", markersize=5, label="actual, against truth")
+        against = "actual, from median places" if medians else "actual, against truth"
+        axes.plot([], [], "o", markeredgecolor=INK, markerfacecolor="none", markersize=5, label=against)
         axes.set_title("Its noise, stated and actual")
     axes.set_xlim(0, 1.05 * float(edges[-1]))
     axes.set_ylim(0, 1.45 * highest)
@@ -145,7 +149,7 @@ def noise(axes: Axes, dataset: Dataset) -> None:
 
 def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
     """The sightings with a known error, and these errors (m, 2) in m: in range, and across."""
-    if truth is None or truth.kind != "truth":
+    if truth is None:
         return None
     found = sighting_errors(log, truth)
     if len(found.row) < LEAST_BIN:
@@ -153,9 +157,8 @@ def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
     return found.row, np.column_stack((found.values[:, 0], log.z[found.row, 0] * found.values[:, 1]))
 
 
-def _typical(errors: Array) -> float:
-    """A standard deviation that outliers do not rule: 1.4826 median absolute errors, bias included."""
-    return float(1.4826 * np.median(np.abs(errors))) if len(errors) >= LEAST_BIN else np.nan
+def _actual(errors: Array) -> float:
+    return typical(errors) if len(errors) >= LEAST_BIN else np.nan
 
 
 def _raster(axes: Axes, t: Array, found: Returns) -> None:

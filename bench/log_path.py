@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..backends.api import Solution
 from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ..frontend.se2 import Array, Ints, between, compose
@@ -50,16 +51,16 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         step, poses = np.searchsorted(log.t, truth.t), truth.poses
         reckoned = from_pose(reckoned, int(step[0]), poses[0])
     solved = truth if truth is not None and truth.kind == "reference" else None
+    solved = truth if truth is not None and truth.kind == "reference" else None
     given = None if truth is None else truth.map
-    if _surveyed(dataset.truth):
-        places = None
+    if given is not None and _surveyed(dataset.truth):
+        return Shown(words, step, poses, reckoned, given.xy, "landmark", None, solved)
+    places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
+    if given is None:
+        xy, mark = places.xy[~places.astray], "landmark, median of its sightings"
     else:
-        places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
-    if given is not None:
-        kept = np.ones(len(given.ids), bool) if places is None else ~np.isin(given.ids, places.ids[places.astray])
-        return Shown(words, step, poses, reckoned, given.xy[kept], "landmark", places, solved)
-    places = placed(log, poses, _rows(step, len(log)), known=truth is not None) if places is None else places
-    return Shown(words, step, poses, reckoned, places.xy[~places.astray], MEDIAN, places, solved)
+        xy, mark = given.xy[~np.isin(given.ids, places.ids[places.astray])], "landmark"
+    return Shown(words, step, poses, reckoned, xy, mark, places, solved)
 
 
 def from_pose(path: Array, k: int, pose: Array) -> Array:
@@ -74,12 +75,21 @@ def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
     size = len(log) + len(log.ids)
     if solve is False or (solve is None and size > LARGEST):
         return None, "dead reckoning" + ("; --solve finds the batch optimum" if solve is None else "")
-    from .reference import reference  # gtsam
+    from .reference import outliers, reference  # gtsam
 
     truth = reference(log)
     if truth is None:
         return None, "dead reckoning; no batch optimum was found"
-    return truth, truth.words or "the batch optimum, as truth is not known"
+    if not truth.words or truth.map is None:
+        return truth, truth.words or "the batch optimum, as truth is not known"
+    odd = outliers(log, Solution(truth.poses, truth.map))
+    look = odd.found > MISFITS * odd.of
+    return truth, truth.words + ": sign of bearings, unit, clock, or landmarks that move?" * look
+
+
+def _surveyed(truth: Truth | None) -> bool:
+    """Whether the landmarks' true places are known."""
+    return truth is not None and truth.map is not None and truth.places == "truth"
 
 
 def _rows(step: Ints, steps: int) -> Ints:

@@ -3,9 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..frontend.factors import UNKNOWN, Log, Map, Truth
-from ..frontend.se2 import Array, Bools, Ints, act
+from ..frontend.se2 import Array, Ints, act
 
 LEAST = 8
 """Sightings of an id from which on their median is a place to judge by."""
@@ -23,8 +24,8 @@ class Places(NamedTuple):
     ids: Ints  # (l,)
     xy: Array  # (l, 2) m, median
     spread: Array  # (l,) m, the median distance of its sightings from there
-    count: Ints  # (l,) its sightings from a known pose
-    astray: Bools  # (l,) not in one place
+    sightings: Ints  # (l,) how many, from a known pose
+    astray: NDArray[np.bool_]  # (l,) not in one place
 
 
 class Astray(NamedTuple):
@@ -60,7 +61,7 @@ def strays(places: Places | None) -> Astray | None:
         return None
     spread = places.spread[places.astray]
     ids = tuple(places.ids[places.astray].tolist())
-    return Astray(ids, int(places.count[places.astray].sum()), float(spread.min()), float(spread.max()))
+    return Astray(ids, int(places.sightings[places.astray].sum()), float(spread.min()), float(spread.max()))
 
 
 def judge(truth: Truth | None, places: Places | None) -> Truth | None:
@@ -69,7 +70,7 @@ def judge(truth: Truth | None, places: Places | None) -> Truth | None:
         return None
     if places is None:
         return truth
-    sure = (places.count >= LEAST) & ~places.astray
+    sure = (places.sightings >= LEAST) & ~places.astray
     return truth._replace(map=Map(places.ids[sure], places.xy[sure], None), assigned=None)
 
 

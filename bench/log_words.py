@@ -4,9 +4,10 @@ from collections.abc import Iterator, Mapping
 from math import degrees, tau
 from typing import Any
 
-from .log_honesty import Honesty
+from .log_honesty import Honesty, Measured
 from .log_numbers import Known, Noise, Numbers, Sd, Seen, Sensor
-from .numerals import counted, number, plain
+from .log_places import Astray
+from .numerals import counted, listed, number, plain
 
 TRUE_ENOUGH = (0.8, 1.25)
 """Typical error over the stated one between which the noise counts as stated rightly."""
@@ -16,6 +17,9 @@ OUTLIERS = 0.01
 
 ALL_ROUND = 5.0
 """rad; a field of view that is wider has no sides."""
+
+NAMED = 12
+"""Ids that are named; of more, how many."""
 
 DEGREE = "\N{DEGREE SIGN}"
 
@@ -46,9 +50,14 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
         yield "sensor", _joined(_sensor(found.sensor))
     yield "stated noise", _joined(_noise(found.noise))
     yield "known", _joined(_known(found, path))
-    for what, honest in (("sightings", found.known.sightings), ("odometry", found.known.odometry)):
-        if honest is not None:
-            yield f"{what} against truth", _honest(honest)
+    known = found.known
+    if known.astray is not None:
+        yield "not in one place", _astray(known.astray)
+    if known.sightings is not None and known.measured is not None:
+        against = ["against each landmark's median place"] if known.medians else []
+        yield "sightings against truth", _joined([*against, *_honest(known.sightings), _measured(known.measured)])
+    if known.odometry is not None:
+        yield "odometry against truth", _joined(_honest(known.odometry))
 
 
 def lasting(seconds: float) -> str:
@@ -189,14 +198,41 @@ def _coverage(known: Known, steps: int) -> str:
     return "no true path"
 
 
-def _honest(honest: Honesty) -> str:
+def _astray(astray: Astray) -> str:
+    names = [str(id_) for id_ in astray.ids[:NAMED]]
+    if len(astray.ids) > NAMED:
+        names.append(f"{len(astray.ids) - NAMED:,} more")
+    one = len(astray.ids) == 1
+    low, high = number(astray.spread_least), number(astray.spread_most)
+    about = f"{low} m" if low == high else f"{low} to {high} m"
+    named = f"id{'s' * (not one)} {listed(names)}"
+    return f"{named} ({counted(astray.sightings, 'sighting')}, {about} about): {'does it' if one else 'do they'} move?"
+
+
+def _honest(honest: Honesty) -> Iterator[str]:
     low, high = TRUE_ENOUGH
-    fit = "too small" if honest.scale > high else "too large" if honest.scale < low else "rightly"
-    parts = [f"stated {fit}: the typical error is {number(honest.scale)} times the stated one"]
-    tail = f"{number(100 * honest.far)} % far out, where chance has 0.1 %"
-    parts.append(f"outliers: {tail}" if honest.far > OUTLIERS else tail)
-    parts.append(f"normalised squared error {number(honest.mean)}, {honest.expected} if stated rightly")
-    return _joined([*parts, f"{honest.checked:,} checked"])
+    times = f"{number(honest.scale)} times"
+    if low <= honest.scale <= high:
+        fit, but = f"typical error as stated ({times})", "but"
+    else:
+        small = honest.scale > high
+        fit = f"stated too {'small' if small else 'large'}: the typical error is {times} the stated one"
+        but = "and" if small else "but"
+    far = f"{number(100 * honest.far)} %"
+    if honest.far > OUTLIERS:
+        yield f"{fit}, {but} {far} are far out, where chance has 0.1 %"
+    else:
+        yield fit
+        yield f"{far} far out, where chance has 0.1 %"
+    yield f"normalised squared error {number(honest.mean)} on average, where {honest.expected} is expected"
+    yield f"{honest.checked:,} checked"
+
+
+def _measured(measured: Measured) -> str:
+    """With what a reader's options of these names would be set to."""
+    metres, radians = measured
+    words = f"range {number(metres)} m, bearing {number(degrees(radians))}{DEGREE}"
+    return f"measured: {words} (range_sd={metres:.3g}, bearing_sd={radians:.3g})"
 
 
 def _joined(parts: Iterator[str] | list[str]) -> str:

@@ -3,6 +3,7 @@
 import tempfile
 from pathlib import Path
 
+from ..frontend.check import check, check_truth
 from ..frontend.factors import Dataset, Log
 from .load import load
 from .log_figure import Subject, write_picture
@@ -52,5 +53,8 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
         label = dataset.log.name
     else:
         label, dataset = dataset.name, Dataset(dataset, None)
+    check(dataset.log, label)
+    if dataset.truth is not None:
+        check_truth(dataset.log, dataset.truth, label)
     drawn, back = shown(dataset, solve), returns(dataset.log)
     return Portrait(Subject(label, dataset, drawn, back, numbers(dataset, drawn, back)))

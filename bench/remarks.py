@@ -26,6 +26,9 @@ FAR = 1000.0
 SLOW = 100.0
 """s; a median time between steps beyond it may be in milliseconds."""
 
+SPINNING = 5.0
+"""rad/s; a median turning rate beyond it may be in degrees a second."""
+
 FEW = 10
 """Rows below which nothing is odd."""
 
@@ -53,7 +56,7 @@ def _times(log: Log) -> Iterator[str]:
         return
     median = float(np.median(between))
     if median > SLOW:
-        yield f"the median time between steps is {median:.6g} s: are the times in milliseconds?"
+        yield f"the median time between steps is {median:.6g} s: perhaps the times are in milliseconds"
     gaps = np.flatnonzero(between > GAP * median)
     if len(gaps):
         longest = int(gaps[np.argmax(between[gaps])])
@@ -82,7 +85,12 @@ def _motions(log: Log) -> Iterator[str]:
         return
     stride = np.hypot(*log.delta[1:, :2].T)
     if np.median(stride) > FAR:
-        yield f"the median way of a step is {np.median(stride):.6g} m: are the motions in millimetres?"
+        yield f"the median way of a step is {np.median(stride):.6g} m: perhaps the motions are in millimetres"
+    turn = np.abs(log.delta[1:, 2])
+    rates = (turn / np.diff(log.t))[turn > 0]
+    if len(rates) >= FEW and np.median(rates) > SPINNING:
+        rate = float(np.median(rates))
+        yield f"the median turning rate while turning is {rate:.3g} rad/s: perhaps it was in degrees a second"
     for name, motion in (("dx", log.delta[1:, 0]), ("dy", log.delta[1:, 1]), ("dtheta", log.delta[1:, 2])):
         jumps = np.flatnonzero(_score(motion) > JUMP)
         if len(jumps):
@@ -108,14 +116,14 @@ def _sightings(log: Log) -> Iterator[str]:
     step = log.sighting_step
     median = float(np.median(r))
     if median > FAR:
-        yield f"the median range is {median:.6g} m: are the ranges in millimetres?"
+        yield f"the median range is {median:.6g} m: perhaps the ranges are in millimetres"
     if len(r) >= FEW and np.abs(bearing).max() < NARROW and np.ptp(r) > 0.1 * median:
         widest = float(np.abs(bearing).max())
-        yield f"every bearing is within {widest:.2g} rad of straight ahead: are they in other units than radians?"
+        yield f"every bearing is within {widest:.2g} rad of ahead: perhaps it is in other units than radians"
     if len(log) > FEW and step[-1] < len(log) / 2:
         yield (
-            f"the last sighting is of step {step[-1]}, the log has {len(log)}: does the column step count something "
-            "else than the rows of odometry.csv?"
+            f"the last sighting is of step {step[-1]}, the log has {len(log)}: perhaps the column step counts "
+            "something else than the rows of odometry.csv"
         )
     unknown = int(np.sum(log.ids == UNKNOWN))
     if unknown:

@@ -1,6 +1,7 @@
 """`bench show`: its numbers against those worked out by hand, and its picture of all kinds of logs."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ import slamduel
 from slamduel.bench import cli, log_path
 from slamduel.bench.conformance_logs import around
 from slamduel.bench.journey import journey
-from slamduel.bench.log_honesty import honesty
+from slamduel.bench.log_honesty import Honesty, honesty
 from slamduel.bench.log_numbers import Numbers, numbers
 from slamduel.bench.log_path import from_pose, shown
+from slamduel.bench.log_places import judge
 from slamduel.bench.log_returns import returns
 from slamduel.bench.log_words import facts, headline
 from slamduel.datasets import logfile
@@ -157,7 +159,7 @@ def test_honest_noise_is_told_from_noise_stated_too_small(errors: float) -> None
         assert honest.mean / errors**2 == pytest.approx(k, abs=tolerance)
         assert honest.scale == pytest.approx(errors, rel=6 / np.sqrt(honest.checked))
     words = dict(facts(measured(made.log, truth), "truth"))
-    assert words["sightings against truth"].startswith("stated rightly" if errors == 1 else "stated too small")
+    assert words["sightings against truth"].startswith("typical error as stated" if errors == 1 else "stated too small")
 
 
 def test_errors_are_measured_minus_true_where_the_truth_reaches() -> None:
@@ -276,6 +278,8 @@ def test_json_is_all_that_is_printed_and_draws_nothing(
     assert found["way"]["steps"] == 300
     assert found["known"]["sightings"]["expected"] == 2
     assert found["times"] is None
+    assert found["known"]["astray"] is None
+    assert found["known"]["measured"]["bearing_sd"] > 0
     assert list(tmp_path.iterdir()) == []
     assert cli.main(["show", "circle[steps=300]", "--seed", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["seen"]["mean"] != found["seen"]["mean"]
@@ -365,3 +369,123 @@ def test_a_notebook_shows_it_too(tmp_path: Path) -> None:
     assert "<svg" in (tmp_path / "log.svg").read_text()
     with pytest.raises(slamduel.SlamduelError, match="there is no dataset"):
         slamduel.show("circel")
+
+
+def wandering() -> tuple[Dataset, Map, list[int]]:
+    """A journey with a true path and no places, the two most seen of its landmarks on the move; and its map."""
+    made = journey(np.random.default_rng(4), around(600))
+    log = made.log
+    ids, times = np.unique(log.ids, return_counts=True)
+    moving = sorted(ids[np.argsort(times)[-2:]].tolist())
+    row = np.flatnonzero(np.isin(log.ids, moving))
+    z = log.z.copy()
+    z[row, 0] += np.random.default_rng(5).uniform(3, 9, len(row))
+    parts = {name: getattr(log, name) for name in ("prior", "t", "delta", "delta_cov", "sighting_step", "ids", "z_cov")}
+    moved = Log.from_arrays("wandering", z=z, **parts)
+    return Dataset(moved, Truth(log.t, made.path, None, None, "truth")), made.map, moving
+
+
+@pytest.mark.parametrize("by", ["truth", "the batch optimum"])
+def test_ids_that_are_not_in_one_place_are_named(by: str) -> None:
+    dataset, places, moving = wandering()
+    dataset = dataset if by == "truth" else Dataset(dataset.log, None)
+    drawn = shown(dataset, None)
+    assert by in drawn.words
+    found = numbers(dataset, drawn, returns(dataset.log))
+    astray = found.known.astray
+    assert astray is not None
+    assert astray.ids == tuple(moving)
+    assert astray.sightings == int(np.isin(dataset.log.ids, moving).sum())
+    assert 0.5 < astray.spread_least <= astray.spread_most < 9  # by as much they are moved at most
+    assert len(drawn.xy) == len(places.ids) - 2
+    said = dict(facts(found, drawn.words))["not in one place"]
+    assert said.startswith(f"ids {moving[0]} and {moving[1]} ({astray.sightings} sightings, ")
+    assert said.endswith(" m about): do they move?")
+
+
+def test_no_id_is_astray_where_all_stand_or_the_path_is_not_known_or_the_places_are() -> None:
+    made = journey(np.random.default_rng(4), around(600))
+    moved, places, _ = wandering()
+    assert moved.truth is not None
+    for log, truth in (
+        (made.log, moved.truth),
+        (moved.log, None),
+        (moved.log, moved.truth._replace(map=places)),
+    ):
+        found = measured(log, truth)
+        assert found.known.astray is None
+        assert "not in one place" not in dict(facts(found, ""))
+
+
+def test_noise_is_judged_by_median_places_as_by_true_ones() -> None:
+    dataset, places, moving = wandering()
+    log, truth = dataset
+    assert truth is not None
+    known = measured(log, truth).known
+    stand = ~np.isin(places.ids, moving)
+    exact = measured(log, truth._replace(map=Map(places.ids[stand], places.xy[stand], None))).known
+    assert known.medians
+    assert not exact.medians
+    for one in (known, exact):
+        assert one.sightings is not None
+        assert one.measured is not None
+        assert one.sightings.scale == pytest.approx(1, abs=0.1)
+        assert one.measured == pytest.approx(np.sqrt(np.diagonal(log.z_cov[0])), rel=0.1)
+    words = dict(facts(measured(log, truth), "truth"))["sightings against truth"]
+    assert words.startswith("against each landmark's median place \N{MIDDLE DOT} typical error as stated")
+    assert "measured: range " in words
+    assert f"range_sd={known.measured.range_sd:.3g}, bearing_sd=" in words  # pyright: ignore[reportOptionalMemberAccess]
+    assert judge(truth._replace(kind="reference"), None) is None
+
+
+def test_typical_errors_and_far_ones_do_not_contradict_one_another() -> None:
+    found = measured(log_of(2))
+    for scale, far, words in (
+        (0.917, 0.0838, "typical error as stated (0.917 times), but 8.38 % are far out, where chance has 0.1 %"),
+        (3.0, 0.5, "stated too small: the typical error is 3.00 times the stated one, and 50.0 % are far out"),
+        (0.5, 0.05, "stated too large: the typical error is 0.500 times the stated one, but 5.00 % are far out"),
+        (1.0, 0.001, "typical error as stated (1.00 times) \N{MIDDLE DOT} 0.100 % far out, where chance has 0.1 %"),
+    ):
+        known = found.known._replace(odometry=Honesty(100, 3, 7.32, 2.0, far, scale))
+        said = dict(facts(found._replace(known=known), ""))["odometry against truth"]
+        assert said.startswith(words)
+        assert said.endswith("normalised squared error 7.32 on average, where 3 is expected \N{MIDDLE DOT} 100 checked")
+
+
+def test_many_misfits_to_the_batch_optimum_ask_what_is_wrong() -> None:
+    made = journey(np.random.default_rng(4), around(200))
+    rng = np.random.default_rng(6)
+    for share, asked in ((0.15, True), (0.02, False)):
+        z = made.log.z.copy()
+        row = rng.choice(len(z), int(share * len(z)), replace=False)
+        z[row, 0] *= rng.uniform(1.5, 3, len(row))
+        parts = {
+            name: getattr(made.log, name)
+            for name in ("prior", "t", "delta", "delta_cov", "sighting_step", "ids", "z_cov")
+        }
+        words = shown(Dataset(Log.from_arrays("misfits", z=z, **parts), None), None).words
+        assert "sightings do not fit)" in words
+        assert words.endswith(": sign of bearings, unit, clock, or landmarks that move?") == asked
+
+
+def test_a_picture_marks_what_is_not_in_one_place(tmp_path: Path) -> None:
+    portrait = slamduel.show(wandering()[0])
+    portrait.save(tmp_path / "log.svg")
+    drawn = (tmp_path / "log.svg").read_text()
+    assert "not in one place" in drawn
+    assert "landmark, median of its sightings" in drawn
+    slamduel.show("circle[steps=120]").save(tmp_path / "known.svg")
+    known = (tmp_path / "known.svg").read_text()
+    assert "not in one place" not in known
+    assert "median of its sightings" not in known
+
+
+def test_arrays_that_do_not_fit_are_refused_in_a_sentence() -> None:
+    log = twice_round()
+    with pytest.raises(
+        slamduel.SlamduelError, match=r"small: sightings row 0: z has shape \(2, 2\), expected \(6, 2\)"
+    ):
+        slamduel.show(replace(log, z=log.z[:2]))
+    truth = Truth(log.t + 0.5, np.zeros((9, 3)), None, None, "truth")
+    with pytest.raises(slamduel.SlamduelError, match=r"small: truth: row 0: t is 0\.5"):
+        slamduel.show(Dataset(log, truth))

@@ -124,15 +124,22 @@ def later(parts: dict[str, Any]) -> None:
 
 ODD: dict[str, tuple[Change, str]] = {
     "a gap": (later, "1 gap in time of more than 10 times the median of 0.5 s, the longest of 30.5 s before step 20"),
-    "milliseconds": (times("t", 1000.0), "the median time between steps is 500 s: are the times in milliseconds?"),
+    "milliseconds": (
+        times("t", 1000.0),
+        "the median time between steps is 500 s: perhaps the times are in milliseconds",
+    ),
     "a jump": (put("delta", (7, 0), 9.0), "1 jump of the odometry's dx, 20 standard deviations of the other steps"),
     "a jerk": (put("delta", (7, 2), -2.0), "the first of -2 at step 7"),
+    "turns in degrees": (
+        times("delta", np.array([1.0, 1.0, 30.0])),
+        "rad/s: perhaps it was in degrees a second",
+    ),
     "strides in millimetres": (
         times("delta", np.array([2000.0, 2000.0, 1.0])),
-        "are the motions in millimetres?",
+        "perhaps the motions are in millimetres",
     ),
-    "ranges in millimetres": (times("z", np.array([1000.0, 1.0])), "are the ranges in millimetres?"),
-    "bearings divided by 57": (times("z", np.array([1.0, np.pi / 180])), "are they in other units than radians?"),
+    "ranges in millimetres": (times("z", np.array([1000.0, 1.0])), "perhaps the ranges are in millimetres"),
+    "bearings divided by 57": (times("z", np.array([1.0, np.pi / 180])), "perhaps it is in other units than radians"),
     "steps of another count": (
         lambda parts: parts.update(sighting_step=parts["sighting_step"] // 3, ids=np.arange(120) % 12),
         "the last sighting is of step 9, the log has 30",
@@ -159,7 +166,7 @@ def test_an_ordinary_drive_needs_no_remark():
 def test_what_is_odd_is_remarked(change: Change, words: str):
     (remark,) = remarks(drive(change))
     assert words in remark
-    assert not remark.endswith(".")
+    assert not remark.endswith((".", "?"))  # the command ends it
 
 
 @pytest.mark.parametrize("huge", [1e10, 1e200, 1.7e308])
@@ -170,9 +177,9 @@ def test_what_is_huge_is_remarked_whatever_its_square(huge: float):
     assert jump.startswith("1 jump of the odometry's dx")
     assert f"the first of {-huge:.3g} at step 7" in jump
     found = remarks(drive(times("delta", np.array([huge, huge, 1.0]))))
-    assert any("are the motions in millimetres?" in remark for remark in found)
+    assert any("perhaps the motions are in millimetres" in remark for remark in found)
     found = remarks(drive(times("z", np.array([huge / 10, 1.0]))))
-    assert any("are the ranges in millimetres?" in remark for remark in found)
+    assert any("perhaps the ranges are in millimetres" in remark for remark in found)
     assert found[0].startswith("120 ranges of more than 1e+09 m")
 
 
