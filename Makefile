@@ -9,7 +9,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
 .PHONY: demo test lint types unit clean study-isam2 study-consistency study-city study-matlab-report
 
@@ -27,10 +27,11 @@ lint: $(VENV)/.installed-dev
 types: $(VENV)/.installed-dev
 	mkdir -p build/types
 	ln -sfn ../.. build/types/slamduel
-	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(BIN)/basedpyright --pythonpath $(BIN)/python --threads 2
 
+# One thread each: two workers with two BLAS threads each wait for one another more than they work.
 unit: $(VENV)/.installed-dev
-	$(BIN)/pytest -n auto --dist worksteal
+	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
 # Settings of iSAM2 against one another: what each costs a step, and how far it ends from the optimum.
 ISAM2_VARIANTS := isam2 isam2[relinearize_skip=1] isam2[relinearize_skip=10] isam2[relinearize_skip=1000] \
