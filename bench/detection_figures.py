@@ -12,9 +12,10 @@ from ..frontend.factors import Log, Truth
 from ..frontend.se2 import Array, Ints
 from .axes import legend
 from .detection import AMBIGUOUS, Sightings, in_log
+from .exhibit import Exhibit
 from .looks import COLOURS
 from .numerals import plain
-from .plots import HEIGHT, WIDTH, Exhibit
+from .plots import HEIGHT, WIDTH
 from .svg import INK, drawn
 from .true_sightings import TrueErrors
 

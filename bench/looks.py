@@ -20,16 +20,18 @@ class Look(NamedTuple):
     colour: str
     dash: str | tuple[int, tuple[float, ...]]  # a matplotlib line style
     marker: str
+    index: int  # its place among the report's backends: what belongs to it in a page is of the class of-INDEX
 
 
 def looks(backends: Iterable[str]) -> dict[str, Look]:
     """A look for every label, the plainest first. Dashes and markers go round in steps of their own."""
     chosen: dict[str, Look] = {}
     k = 0
-    for label in backends:
+    for label in dict.fromkeys(backends):
         if label == BASELINE:
-            chosen[label] = Look("#8c8c8c", (0, (1, 1)), ".")
-        elif label not in chosen:
-            chosen[label] = Look(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)])
+            chosen[label] = Look("#8c8c8c", (0, (1, 1)), ".", len(chosen))
+        else:
+            colour, dash, marker = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)]
+            chosen[label] = Look(colour, dash, marker, len(chosen))
             k += 1
     return chosen

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from ..frontend.se2 import Array
 from .axes import legend, legend_columns, logarithmic, short, stretches
+from .exhibit import Exhibit
 from .looks import Look
 from .numerals import number
 from .scene import Scene, Trace
@@ -24,15 +25,6 @@ ROW, LEGEND_ROW = 24, 12
 STRETCHES, COST_STRETCHES = 100, 40
 SHORTEST_US = 0.1
 """µs; costs are drawn from here on: below it a step is lost in the clock's own noise."""
-
-
-class Exhibit(NamedTuple):
-    """A figure with its words."""
-
-    name: str  # of its file
-    title: str
-    caption: str
-    svg: str  # with stand-in colours
 
 
 class _Curve(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 import numpy as np
@@ -11,17 +11,15 @@ import numpy as np
 from ..frontend.files import write_whole
 from .definitions import COLUMNS, WORKED_OUT
 from .diagnostics import diagnosed
+from .exhibit import Exhibit
 from .export import label
 from .looks import Look, looks
 from .numerals import counted, listed, number
 from .scene import Scene, scene
 from .store import Row, Store
 from .summary import Line, lines, remarks, short
-from .tables import Table, cells_table, cost_table, fit_table, inner_table, verdict_table
-from .verdict import headline
-
-if TYPE_CHECKING:
-    from .plots import Exhibit
+from .tables import Table, accuracy_table, cells_table, cost_table, fit_table, inner_table
+from .verdict import Verdict, verdict
 
 TEMPLATES = Path(__file__).with_name("templates")
 FIGURES = "figures"
@@ -44,17 +42,17 @@ class Section(NamedTuple):
     anchor: str
     kind: str  # "truth", "reference" or ""
     places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
-    headline: Sequence[str]
+    verdict: Verdict
     facts: str
-    verdict: Table
+    accuracy: Table
     cost: Table
     fit: Table  # J by its terms
     fit_note: str
     inner: Table  # particles and gates
     alone: bool  # no time in it is marked
     scene: Scene | None
-    panels: Sequence["Exhibit"]  # the paths
-    exhibits: Sequence["Exhibit"]
+    panels: Sequence[Exhibit]  # the paths
+    exhibits: Sequence[Exhibit]
     failures: Sequence[Failure]
 
 
@@ -103,9 +101,9 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         anchor=slug,
         kind=found[0].truth_kind,
         places="truth" if found[0].surveyed else found[0].truth_kind,
-        headline=headline(found),
+        verdict=verdict(found),
         facts=_facts(found, shown),
-        verdict=verdict_table(found),
+        accuracy=accuracy_table(found),
         cost=cost_table(found, shown.lengths if shown else {}),
         fit=fit_table(found),
         fit_note=_fit_note(found),

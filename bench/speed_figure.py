@@ -105,7 +105,7 @@ def _curves(rows: Sequence[Row], shown: dict[str, Look], along: str) -> list[_Cu
     for name in dict.fromkeys(row.name for row in rows):
         mine = [row for row in rows if row.name == name]
         mine = sorted((row for row in mine if row.beside == mine[0].beside), key=lambda row: getattr(row, along))
-        look = shown.get(name, Look(GREY, (0, (2, 1.5)), "."))
+        look = shown.get(name, Look(GREY, (0, (2, 1.5)), ".", len(shown)))
         at = np.array([float(getattr(row, along)) for row in mine])
         timings = [row.timing for row in mine if row.timing is not None]
         p50, p99, slowest = np.array([(t.p50, t.p99, t.max) for t in timings]).T

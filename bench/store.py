@@ -25,6 +25,18 @@ COLUMNS = (
 )  # fmt: skip
 """The columns of cells.csv, in order."""
 
+MORE = (
+    "length_s", "real_time", "align_x_m", "align_y_m", "align_rad", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
+    "rpe_rad", "landmarks_missed", "landmarks_spurious", "landmark_nees", "landmark_nees_inside",
+    "final_align_x_m", "final_align_y_m", "final_align_rad", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
+    "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
+    "final_landmarks_missed", "final_landmarks_spurious", "final_landmark_nees", "final_landmark_nees_inside",
+    "step_us_fifth1", "step_us_fifth2", "step_us_fifth3", "step_us_fifth4", "step_us_fifth5",
+    "growth_steps", "growth_landmarks", "j_prior", "j_odometry", "j_sightings", "j_loops",
+    "n_eff_least", "ancestors_left", "refused_share",
+)  # fmt: skip
+"""The columns of metrics.csv after those that name the cell, in order."""
+
 FILE = "results.sqlite"
 VERSION = 1
 
@@ -32,14 +44,14 @@ _SCHEMA = f"""
 CREATE TABLE run (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE logs (dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT, truth_kind TEXT, arrays BLOB,
                    PRIMARY KEY (dataset, dataset_options, seed));
-CREATE TABLE cells ({", ".join(COLUMNS)}, arrays BLOB, traceback TEXT,
+CREATE TABLE cells ({", ".join((*COLUMNS, *MORE))}, arrays BLOB, traceback TEXT,
                     PRIMARY KEY (dataset, dataset_options, backend, options, seed));
 PRAGMA user_version = {VERSION};
 """
 
 
 class Row(NamedTuple):
-    """A cell of the record: its columns by name."""
+    """A cell of the record: its columns by name, those of MORE among them; None where there is no value."""
 
     columns: Mapping[str, Any]
     traceback: str
@@ -76,6 +88,13 @@ class Store:
             self._db.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
         elif version != VERSION:
             raise InputError(f"{path}: found a record of format {version}, expected {VERSION}.")
+        elif create:  # a run of an earlier version goes on with the columns that have come since
+            for name in (name for name in (*COLUMNS, *MORE) if name not in self._columns()):
+                self._db.execute(f"ALTER TABLE cells ADD COLUMN {name}")
+
+    def _columns(self) -> set[str]:
+        """The columns that the table of cells has."""
+        return {row[1] for row in self._db.execute("PRAGMA table_info(cells)")}
 
     def close(self) -> None:
         """Close the file; what was written is in it."""
@@ -114,16 +133,20 @@ class Store:
 
     def put_cell(self, row: Mapping[str, Any], arrays: Mapping[str, Any], traceback: str) -> None:
         """Keep a cell, in one transaction."""
-        values = [row.get(name) for name in COLUMNS]
-        marks = ", ".join("?" * (len(COLUMNS) + 2))
-        self._write(f"INSERT OR REPLACE INTO cells VALUES ({marks})", (*values, _packed(arrays), traceback))
+        names = (*COLUMNS, *MORE, "arrays", "traceback")
+        values = (*(row.get(name) for name in names[:-2]), _packed(arrays), traceback)
+        marks = ", ".join("?" * len(names))
+        self._write(f"INSERT OR REPLACE INTO cells ({', '.join(names)}) VALUES ({marks})", values)
 
     def cells(self) -> Iterator[Row]:
         """Every cell, in the order of the plan's names: by dataset, backend and seed."""
         order = "dataset, dataset_options, backend, options, seed"
-        query = f"SELECT {', '.join(COLUMNS)}, traceback FROM cells ORDER BY {order}"
+        there = self._columns()
+        names = [name for name in (*COLUMNS, *MORE) if name in there]
+        none = dict.fromkeys((*COLUMNS, *MORE))
+        query = f"SELECT {', '.join(names)}, traceback FROM cells ORDER BY {order}"
         for *values, traceback in self._db.execute(query):
-            yield Row(dict(zip(COLUMNS, values, strict=True)), traceback)
+            yield Row(none | dict(zip(names, values, strict=True)), traceback)
 
     def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
         """A cell's arrays by name; of `names`, where given, those that it has."""

@@ -10,6 +10,9 @@ import numpy as np
 from .export import label
 from .store import Row
 
+FAILED = ("diverged", "timeout", "error")
+"""Ways for a cell to end that count as the worst there is."""
+
 TOLD = "was told the truth: linearised there"
 """In the reason of a cell whose backend made use of --oracle."""
 
@@ -43,6 +46,18 @@ class Line(NamedTuple):
     def done(self) -> int:
         """How many of its cells are done."""
         return sum(row.columns["status"] == "done" for row in self.rows)
+
+    def by_log(self, column: str) -> dict[str, float]:
+        """The column's value on every log, by digest: what several runs on one log have is averaged first.
+
+        Infinite where a cell of the log has failed; a log that was skipped, or has no value, is absent.
+        """
+        found: dict[str, list[float]] = {}
+        for row in self.rows:
+            value = float("inf") if row.columns["status"] in FAILED else row.columns[column]
+            if value is not None:
+                found.setdefault(row.columns["digest"], []).append(value)
+        return {log: sum(values) / len(values) for log, values in found.items()}
 
     @property
     def alone(self) -> bool:

@@ -72,6 +72,7 @@ def _lean(svg: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"font-family: [^;\"]*", f"font-family: {FONT}", svg)
     svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag[0]), svg)
+    svg = re.sub(r'(?<=<g) id="(of-\d+)"', r' class="\1"', svg)
     svg = re.sub(r'(?<=<g) id="[^"]*"| xmlns:xlink="[^"]*"| transform="rotate\(-0 [^"]*"', "", svg)
     svg = svg.replace("xlink:href", "href").replace("<svg ", '<svg stroke-linejoin="round" ', 1)
     return re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><").strip()

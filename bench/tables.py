@@ -66,7 +66,7 @@ class Table(NamedTuple):
     rows: Sequence[TableRow]
 
 
-def verdict_table(lines: Sequence[Line]) -> Table:
+def accuracy_table(lines: Sequence[Line]) -> Table:
     """How good: medians, ranges where there are several seeds, and the best path marked where there is a truth."""
     best = {
         name: order[0]

@@ -11,9 +11,9 @@ from scipy.special import chdtri
 
 from ..frontend.se2 import Array, act, rotation
 from .axes import short
+from .exhibit import Exhibit
 from .looks import BASELINE
 from .numerals import number
-from .plots import Exhibit
 from .scene import Scene, Trace
 from .svg import INK, drawn
 

@@ -1,9 +1,11 @@
 """What was measured, in plain sentences: medians and ranges over seeds, nothing about what other seeds would show."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from .looks import BASELINE
 from .numerals import counted, listed, number
+from .statistics import Comparison
 from .summary import Line, Spread, logs, short
 
 _REFERENCE = (
@@ -19,6 +21,32 @@ _NOBODY = (
     " None of them has a belief that fits this log: noise stated too small, wrong ids, landmarks that move, or clocks "
     "that differ would do that to all alike; bench show tells more of the log."
 )
+
+
+ACCURACY = ("ate_m", "final_ate_m")
+"""What backends are compared by where the path is known: the online path, and the one smoothed at the end."""
+
+
+class Use(NamedTuple):
+    """Which backend to use for something."""
+
+    purpose: str  # "online", "final" or "map"
+    backend: str  # its label; "" where the evidence names none
+    why: str  # a sentence
+
+
+class Verdict(NamedTuple):
+    """What can be said of the backends on a dataset."""
+
+    basis: str  # what it rests on: how many logs, and what is known of them
+    uses: Sequence[Use]
+    sentences: Sequence[str]  # the most important first
+    comparisons: Mapping[str, Sequence[Comparison]]  # by column, every pair that was compared
+
+
+def verdict(lines: Sequence[Line]) -> Verdict:
+    """The verdict on one dataset."""
+    return Verdict(counted(logs(lines), "log"), (), headline(lines), {})
 
 
 def headline(lines: Sequence[Line]) -> list[str]:

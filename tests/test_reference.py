@@ -7,7 +7,7 @@ import pytest
 from slamduel.bench import reference
 from slamduel.bench.metrics import align, aligned, ate, own_map_rmse
 from slamduel.bench.summary import REFERENCE, SURVEYED, lines
-from slamduel.bench.tables import verdict_table
+from slamduel.bench.tables import accuracy_table
 from slamduel.bench.terminal import tables
 from slamduel.bench.verdict import headline
 from slamduel.datasets.outliers import swapped
@@ -92,7 +92,7 @@ def test_what_the_reference_is_stands_wherever_distances_do(tmp_path: Path) -> N
         (shown,) = tables(group, 120)
         assert (words in str(shown.title)) == (name == "park")
         assert "the batch optimum" in str(shown.title)
-    headings = [[column.heading for column in verdict_table(group).headings] for group in (park, field)]
+    headings = [[column.heading for column in accuracy_table(group).headings] for group in (park, field)]
     assert "map" in headings[0]  # an error
     assert "map from reference" in headings[1]  # a distance
     assert any("online map has the lowest error" in sentence for sentence in headline(park))

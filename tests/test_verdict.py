@@ -9,7 +9,7 @@ from slamduel.bench.axes import stretches
 from slamduel.bench.numerals import counted, listed, number, plain, span
 from slamduel.bench.store import COLUMNS, Row
 from slamduel.bench.summary import Line, Spread, lines, short
-from slamduel.bench.tables import cost_table, verdict_table
+from slamduel.bench.tables import accuracy_table, cost_table
 from slamduel.bench.verdict import belief_word, headline
 
 
@@ -116,7 +116,7 @@ def test_a_backend_that_fails_on_some_seeds_does_not_win_on_the_others() -> None
         "a's online path has median ATE 0.300 m, 0.200 to 0.400 over 2 seeds; not ranked: b (1 of 2 done)." in said[0]
     )
     assert "1 diverged of 4" in said[-1]
-    assert not any(entry.best for row in verdict_table(found).rows for entry in row.entries)
+    assert not any(entry.best for row in accuracy_table(found).rows for entry in row.entries)
 
 
 def test_one_seed_is_said_to_be_one() -> None:
@@ -126,7 +126,7 @@ def test_one_seed_is_said_to_be_one() -> None:
 def test_the_lowest_is_marked_where_there_is_a_truth_alone() -> None:
     for kind, marked in (("truth", ["b"]), ("reference", [])):
         found = lines(told("a", kind, ate_m=[0.2]) + told("b", kind, ate_m=[0.1]))
-        assert [row.backend for row in verdict_table(found).rows if any(e.best for e in row.entries)] == marked
+        assert [row.backend for row in accuracy_table(found).rows if any(e.best for e in row.entries)] == marked
 
 
 def test_costs_are_ranked_without_dead_reckoning() -> None:

@@ -1,0 +1,47 @@
+"""A figure of a report with its words, and what its page needs to know to answer a pointer."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+GROUPS = ("accuracy", "consistency", "cost", "inside")
+"""What a figure is about, in the order in which a report shows them."""
+
+
+class Axis(NamedTuple):
+    """One of a plot's two."""
+
+    name: str  # with its unit
+    low: float
+    high: float
+    log: bool = False
+
+
+class Curve(NamedTuple):
+    """A backend's points in a plot, NaN where there is none."""
+
+    label: str  # of the backend, as in tables
+    x: Sequence[float]
+    y: Sequence[float]
+    t: Sequence[float] = ()  # s since the log began of each point, where x is no time
+    final: bool = False  # of the path smoothed at the end
+
+
+class Plot(NamedTuple):
+    """Where the axes stand in the picture, and what is drawn on them."""
+
+    box: tuple[float, float, float, float]  # left, top, right, bottom, in the units of the picture's viewBox
+    x: Axis
+    y: Axis
+    curves: Sequence[Curve]
+    timed: bool = False  # x is the time since the log began (s), or the step, as in every other timed plot of the log
+
+
+class Exhibit(NamedTuple):
+    """A figure with its words."""
+
+    name: str  # of its file
+    title: str
+    caption: str
+    svg: str  # with stand-in colours; what belongs to one backend is in groups of the class of-K, K its place in looks
+    group: str = "accuracy"
+    plot: Plot | None = None
