@@ -4,6 +4,7 @@
 # make study-consistency    which EKFs are as sure of themselves as they may be, on 50 of Huang's circles
 # make study-city           an EKF with 10,000 landmarks
 # make study-matlab-report  the Matlab report's finding: 12 tags against 6, on 50 seeds
+# make study-statistics     how often the verdict is right: 10,000 simulated comparisons
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
 
 PYTHON ?= python3
@@ -11,7 +12,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
-.PHONY: demo test lint types unit clean study-isam2 study-consistency study-city study-matlab-report
+.PHONY: demo test lint types unit clean study-isam2 study-consistency study-city study-matlab-report study-statistics
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -57,6 +58,9 @@ study-matlab-report: $(VENV)/.installed
 	rm -rf results/study-matlab-report
 	$(BIN)/bench run --out results/study-matlab-report --dataset 'matlab-report,matlab-report[tags=12]' --seeds 50 \
 		--backend dead-reckoning,ekf,isam2
+
+study-statistics: $(VENV)/.installed
+	$(BIN)/python -m slamduel.bench.statistics_study
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(f"Python 3.11 or newer is needed, found {sys.version.split()[0]}; name one with PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'

@@ -1,8 +1,10 @@
 """What the figures share: stretches of a run, logarithmic axes in plain numbers, and a legend that covers nothing."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -14,9 +16,9 @@ LONGEST = 34
 """Characters of a label that a figure has room for."""
 
 
-def short(label: str) -> str:
+def short(label: str, longest: int = LONGEST) -> str:
     """The label, its middle left out where it is too long."""
-    return label if len(label) <= LONGEST else f"{label[: LONGEST - 13]}…{label[-12:]}"
+    return label if len(label) <= longest else f"{label[: longest - 13]}…{label[-12:]}"
 
 
 def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
@@ -58,13 +60,36 @@ def logarithmic(axis: str, axes: Axes, low: float, high: float) -> None:
     which.set_minor_locator(NullLocator())
 
 
-def legend_columns(labels: Sequence[str], width: float) -> int:
+def fitted(axis: str, axes: Axes, values: Iterable[float]) -> None:
+    """Make it logarithmic over the positive ones of `values`; of a "y", over five decades at most.
+
+    Errors of nothing at all do not stretch the axis.
+    """
+    positive = [value for value in values if 0 < value < np.inf]
+    if positive:
+        high = max(positive)
+        low = min(positive) if axis == "x" else max(min(positive), 1e-5 * high)
+        logarithmic(axis, axes, low, high)
+
+
+def legend_columns(labels: Iterable[str], width: float) -> int:
     """How many names fit beside each other in `width` points."""
-    return int(np.clip(width // (36 + 5.2 * max(len(short(label)) for label in labels)), 1, 4))
+    return int(np.clip(width // (28 + 4.2 * max(len(short(label)) for label in labels)), 1, 4))
 
 
 def legend(figure: Figure, axes: Axes, columns: int) -> None:
-    """Names above the axes."""
+    """Names above the axes, each marked as what it names is."""
     handles, labels = axes.get_legend_handles_labels()
     names = [short(label) for label in labels]
-    figure.legend(handles, names, loc="outside upper left", ncols=columns, handlelength=2.2, borderpad=0.1)
+    tight: dict[str, Any] = {"borderpad": 0.1, "borderaxespad": 0, "columnspacing": 1.2, "handlelength": 2.2}
+    made = figure.legend(handles, names, loc="upper left", ncols=columns, **tight)
+    for handle, key, text in zip(handles, made.legend_handles, made.get_texts(), strict=True):
+        gid = _gid(handle)
+        if key is not None and gid is not None:
+            key.set_gid(gid)
+            text.set_gid(gid)
+
+
+def _gid(handle: Any) -> str | None:
+    """Of an artist, or of the first of those that a container or a tuple holds."""
+    return handle.get_gid() if isinstance(handle, Artist) else _gid(handle[0])

@@ -16,7 +16,7 @@ from .store import Store
 DEFAULTS: dict[str, Any] = {
     "backend": "dead-reckoning,ekf,fastslam,isam2",
     "dataset": "aruco-room,victoria-park",
-    "seeds": 3,
+    "seeds": 10,
     "timeout_s": 1800.0,
     "memory_mb": 8000,
     "map": None,
@@ -39,6 +39,7 @@ def benchmark(given: Mapping[str, Any], out: Path, workers: int, command: list[s
         if not begun(out):
             raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None
         raise Interrupted(f"bench run --out {shlex.quote(str(out))} goes on where this stopped") from None
+    watcher.reporting()
     with Store(out) as store:
         write_report(store)
     return plan

@@ -1,13 +1,13 @@
 """The command line: `bench run`, `bench detect` and the others. A mendable error is one sentence and status 2."""
 
 import argparse
-import io
 import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from ..frontend.errors import Interrupted, SlamduelError
+from .letters import plain_where_needed
 
 COMMANDS = {
     "run": ("run backends on datasets and write a report", ".command_run"),
@@ -23,6 +23,8 @@ COMMANDS = {
     "speed": ("time a step of every backend, or of the front end, against stated references", ".command_speed"),
     "check": ("hold a backend to the conformance suite", ".command_check"),
     "report": ("write the report of a run's folder again", ".command_report"),
+    "compare": ("regressions and gains between two runs, for a pull request or CI", ".command_compare"),
+    "replay": ("a run step by step, backends side by side, as a page, a film or a recording", ".command_replay"),
 }
 """Name -> help, and the module with `arguments(parser)` and `main(namespace)`; only the one asked for is imported."""
 
@@ -30,9 +32,7 @@ COMMANDS = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; its exit status."""
     given = sys.argv[1:] if argv is None else list(argv)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a terminal that cannot show a letter shows a question mark
-            stream.reconfigure(errors="replace")
+    plain_where_needed()
     parser = argparse.ArgumentParser(
         prog="bench",
         description="The same robot log through several SLAM backends, and a verdict that holds up.",

@@ -41,7 +41,7 @@ def main(namespace: argparse.Namespace) -> int:
     if not 0 < namespace.timeout <= LONGEST_S:
         raise InputError(f"--timeout is {namespace.timeout:g}, expected more than 0 s and at most {LONGEST_S:,} s.")
     failures = 0
-    for variant in backend_variants(namespace.backend):
+    for variant in backend_variants(namespace.backend, "bench check"):
         if variant.builder is None:
             raise InputError(variant.missing)
         for family, group in groupby(checks, key=lambda check: check.family):

@@ -73,15 +73,15 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _noise_table(findings: Findings) -> Table:
-    """Errors and normalised squared errors by range, before and after."""
-    title = "Errors by range; mean normalised squared errors, of which 2 is exact"
+    """Errors and NEES by range, before and after."""
+    title = "Errors by range, and NEES, of which 1 is exact"
     shown = Table(title=title, title_style="", title_justify="left", box=None, pad_edge=False)
     headings = (
         "range, m",
         "sightings",
         "range error, mm",
         "bearing error, deg",
-        "as stated",
+        "NEES as stated",
         "proportional",
         "propagated",
     )
@@ -94,6 +94,6 @@ def _noise_table(findings: Findings) -> Table:
             f"{one.sightings:,}",
             f"{1e3 * one.range_mean:+.1f} ± {1e3 * one.range_sd:.1f}",
             f"{57.29578 * one.bearing_mean:+.3f} ± {57.29578 * one.bearing_sd:.3f}",
-            *map(number, one.squares),
+            *map(number, one.nees),
         )
     return shown

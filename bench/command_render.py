@@ -66,7 +66,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 def _variant(text: str) -> DatasetVariant:
     """The one dataset that `text` names, which has to be one of rendered frames."""
-    variants = dataset_variants(text)
+    variants = dataset_variants(text, "bench render")
     if len(variants) != 1 or variants[0].name != RENDERED:
         raise InputError(f"bench render: found {text!r}, expected {RENDERED}, the dataset whose frames are rendered.")
     return variants[0]

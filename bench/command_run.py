@@ -1,24 +1,30 @@
 """`bench run`: several backends on several logs, into a folder with a report."""
 
 import argparse
+import json
 import sys
+import textwrap
 import time
 from pathlib import Path
 
 from .arguments import count, positive
 from .benchmark import DEFAULTS, benchmark
+from .run_document import SCHEMA, document
+from .run_progress import Screen
 from .store import Store
 from .summary import lines
-from .terminal import Screen, screen_console, tables
+from .terminal import conclude, screen_console, status, verdicts
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.epilog = (
+    about = (
         "Options go in brackets: --backend 'ekf,fastslam[particles=1000]' --dataset 'aruco-room[markers=12]'. A "
         "dataset may be the path of a log's folder, a backend may be my_package.my_module:build. With --out alone, a "
         "run that was stopped goes on where it was. bench list tells all names and options."
     )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = f"{textwrap.fill(about, 79)}\n\nThe document that --json prints:\n{textwrap.indent(SCHEMA, '  ')}"
     d = DEFAULTS
     parser.add_argument(
         "--backend", action="append", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})"
@@ -53,21 +59,30 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="tell the truth to backends that have a use for it, such as ekf[jacobians=ideal]; their rows are marked",
     )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    parser.add_argument(
+        "--json", action="store_true", help="print the findings as a JSON document, and progress to standard error"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors, and with --json the document")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Run; 0 where every cell is done or skipped, 1 where one is not."""
+    """Run; 0 where something is done and every other cell is skipped, 1 where one failed or all were skipped."""
     out = namespace.out or Path("results") / time.strftime("%Y%m%d-%H%M%S")
     given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
     given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}
-    console = screen_console(quiet=namespace.quiet)
-    with Screen(console, quiet=namespace.quiet) as screen:
+    console = screen_console(quiet=namespace.quiet, aside=namespace.json)
+    with Screen(console) as screen:
         plan = benchmark(given, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
     with Store(out) as store:
         found = lines(store.cells())
-    console.print(*tables(found, console.width))
+    ended, report = status(found), out / "report.html"
+    if namespace.json:
+        words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks())
+        print(json.dumps(words, indent=2, allow_nan=False))
+        return ended
+    if not namespace.quiet:
+        conclude(console, found)
     if plan.remarks():
         console.print(plan.remarks(), highlight=False, markup=False, soft_wrap=True)
-    console.print(f"report: {out / 'report.html'}", highlight=False, markup=False, soft_wrap=True)
-    return 0 if all(row.columns["status"] in ("done", "skipped") for line in found for row in line.rows) else 1
+    console.print(f"report: {report}", highlight=False, markup=False, soft_wrap=True)
+    return ended

@@ -1,10 +1,10 @@
-"""What each column means, with its unit: the columns of cells.csv, and those that the report works out from them."""
+"""What each column means, with its unit: those of cells.csv, of metrics.csv, and what tables have beside them."""
 
 from typing import NamedTuple
 
 
 class Column(NamedTuple):
-    """A column of cells.csv or of the report's tables."""
+    """A column of cells.csv, of metrics.csv or of the report's tables."""
 
     heading: str  # as the report's tables have it
     unit: str  # "" for words and counts
@@ -41,7 +41,13 @@ COLUMNS: dict[str, Column] = {
     ),
     "ate_origin_m": Column("ATE from the origin", "m", "The same without alignment: both paths start at the prior."),
     "heading_rad": Column("heading", "rad", "Root mean square of the wrapped heading error, online, aligned."),
-    "rpe_m": Column("RPE", "m", "Relative pose error of the online path over each metre of the known path, by evo."),
+    "rpe_m": Column(
+        "RPE",
+        "m",
+        "Relative pose error: how far the online path's motion over each metre of the known path is off, root mean "
+        "square over the pieces, which follow one another (evo_rpe -d 1 -u m --pairs_from_reference). Not aligned: it "
+        "does not depend on that. Blank where the path is shorter.",
+    ),
     "map_rmse_m": Column(
         "map",
         "m",
@@ -52,9 +58,12 @@ COLUMNS: dict[str, Column] = {
         "NEES / 3",
         "1",
         "Normalised estimation error squared of the online pose over its 3 degrees of freedom, mean over the steps: 1 "
-        "where a belief is as wide as its errors. Not aligned. The word beside it is a rule of thumb and no test: "
-        "overconfident where every seed is above 2 and less than 90 % of steps are inside; cautious where every seed "
-        "is below 0.5; consistent where all are between and at least 85 % are inside; otherwise no word.",
+        "where a belief is as wide as its errors. Not aligned. The word beside it is that of the 95 % interval of the "
+        "median over logs: overconfident where all of it is above 1.25; cautious where it is below 0.7 (a run whose "
+        "errors are all one error has a median of 0.79); consistent where it is within 0.5 to 2 and neither holds; "
+        "otherwise no word. With fewer than 6 logs it is a rule of thumb: overconfident where every run is above 2 and "
+        "less than 90 % of its steps are inside; cautious where every run is below 0.5; consistent where all are "
+        "between and at least 85 % are inside.",
     ),
     "nees_inside": Column("inside 95 %", "", "Share of steps whose NEES is below chi-square's 95 % point, 7.81."),
     "nis": Column("NIS", "1", "Normalised innovation squared over its degrees of freedom, over all sightings."),
@@ -84,14 +93,85 @@ COLUMNS: dict[str, Column] = {
 }
 """By name, in the order of cells.csv."""
 
-WORKED_OUT: dict[str, Column] = {
-    "done": Column("done", "", "Cells that are done, of all."),
+ONLINE: dict[str, Column] = {
+    "align_x_m": Column("alignment x", "m", "The motion that is put on the path before its ATE is taken: translation."),
+    "align_y_m": Column("alignment y", "m", "Likewise."),
+    "align_rad": Column(
+        "alignment", "rad", "Likewise: the rotation, about the origin, before the translation. 0 for a straight path."
+    ),
+    "rpe_10m_m": Column("RPE, 10 m", "m", "As RPE, over each 10 m of the known path."),
+    "rpe_100m_m": Column("RPE, 100 m", "m", "As RPE, over each 100 m of the known path."),
+    "rpe_1s_m": Column(
+        "RPE, 1 s",
+        "m",
+        "As RPE, over each second, between the poses nearest to that in time; a pair that is off by more than a tenth "
+        "is left out. Blank where the log's times are its step numbers.",
+    ),
+    "rpe_10s_m": Column("RPE, 10 s", "m", "Likewise, over each 10 s."),
+    "rpe_rad": Column("RPE, rotation", "rad", "How far the turn over each metre of the known path is off."),
+    "landmarks_missed": Column(
+        "missed", "", "Landmarks whose places are known and that the log sights, but that the map has not."
+    ),
+    "landmarks_spurious": Column("spurious", "", "Landmarks of the map that are none of the known ones."),
+    "landmark_nees": Column(
+        "landmark NEES / 2",
+        "1",
+        "Normalised estimation error squared of a landmark over its 2 degrees of freedom, mean over the map: 1 where "
+        "the map is as uncertain as its errors are large. From the known start, not aligned; without landmarks that "
+        "were given as exact.",
+    ),
+    "landmark_nees_inside": Column(
+        "landmarks inside 95 %", "", "Share of landmarks whose NEES is below chi-square's 95 % point, 5.99."
+    ),
+}
+"""Those columns of metrics.csv that there are of the online path and map, and again of the final ones."""
+
+FINAL: dict[str, Column] = {
+    f"final_{name}": Column(
+        f"{column.heading} final", column.unit, f"As {column.heading}, of the path and map at the end of smoothing."
+    )
+    for name, column in {
+        **{name: column for name, column in ONLINE.items() if name.startswith("align")},
+        **{name: COLUMNS[name] for name in ("heading_rad", "rpe_m")},
+        **{name: column for name, column in ONLINE.items() if name.startswith("rpe")},
+        **{name: COLUMNS[name] for name in ("nees", "nees_inside")},
+        **{name: column for name, column in ONLINE.items() if name.startswith("landmark")},
+    }.items()
+}
+"""Of a particle filter the final map's covariance is what it is given the path of one particle."""
+
+MORE: dict[str, Column] = {
+    "length_s": Column("length", "s", "Time that the log covers. Blank where its times are its step numbers."),
     "real_time": Column(
         "of real time",
         "",
         "CPU time of all steps over the time the log covers: below 100 % the backend keeps up. Blank where the log's "
-        "times are its step numbers.",
+        "times are its step numbers, and for a batch method, which does nothing in its steps.",
     ),
+    **ONLINE,
+    **FINAL,
+    **{
+        f"step_us_fifth{k}": Column(
+            f"{word} fifth", "µs", f"CPU time of a step, mean over the {word} fifth of the run."
+        )
+        for k, word in enumerate(("first", "second", "third", "fourth", "last"), start=1)
+    },
+    "growth_steps": Column(
+        "growth with steps",
+        "1",
+        "The exponent b with which the cost of a step grows with its number k, as k to the power b: at 0 it does not "
+        "grow, at 1 it is twice as much twice as far into the run. Fitted to the means of stretches that grow in "
+        "proportion, so that rare expensive steps count; a constant part is told apart where there clearly is one. "
+        "Blank where its standard error is above 0.25, or the run is too short.",
+    ),
+    "growth_steps_se": Column("± with steps", "1", "Standard error of that exponent."),
+    "growth_landmarks": Column(
+        "growth with landmarks",
+        "1",
+        "The same with the number of landmarks that were sighted or given by then. Each exponent stands for itself: "
+        "where the map grows all along the run, the same growth shows in both.",
+    ),
+    "growth_landmarks_se": Column("± with landmarks", "1", "Standard error of that exponent."),
     "j_prior": Column("prior", "1", "The part of J that the start pose, and a given map with covariance, account for."),
     "j_odometry": Column("odometry", "1", "The part of J that the motions between keyframes account for."),
     "j_sightings": Column("sightings", "1", "The part of J that the sightings of landmarks account for."),
@@ -116,4 +196,7 @@ WORKED_OUT: dict[str, Column] = {
     ),
     "refused_share": Column("refused", "", "Share of the sightings that the backend's gate kept out."),
 }
-"""Columns that are in the report's tables alone."""
+"""By name, in the order of metrics.csv, where they follow what names the cell."""
+
+WORKED_OUT: dict[str, Column] = {"done": Column("done", "", "Cells that are done, of all."), **MORE}
+"""Columns that are in the report's tables, beside those of cells.csv."""

@@ -13,11 +13,14 @@ from ..frontend.se2 import Array, Ints
 from .axes import legend
 from .detection import AMBIGUOUS, Sightings, in_log
 from .exhibit import Exhibit
+from .framed import exhibit
 from .looks import COLOURS
 from .numerals import plain
-from .plots import HEIGHT, WIDTH
-from .svg import INK, drawn
+from .svg import INK
 from .true_sightings import TrueErrors
+
+HEIGHT = 180
+"""Points."""
 
 MOST_POINTS = 1500
 """Drawn in a figure; of more, every n-th."""
@@ -221,4 +224,4 @@ def _thinned(every: int) -> str:
 
 
 def _exhibit(name: str, title: str, caption: str, draw: Callable[[Figure], None], height: float = HEIGHT) -> Exhibit:
-    return Exhibit(name, title, caption, drawn(f"detection-{name}", WIDTH, height, draw))
+    return exhibit(f"detection-{name}", title, caption, height, draw)._replace(name=name)

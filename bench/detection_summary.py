@@ -12,7 +12,7 @@ from .numerals import counted, listed, number
 from .true_sightings import TrueErrors
 
 NOISES = ("stated", "proportional", "propagated")
-"""In the order of a range bin's squares; the last two only where they were fitted."""
+"""In the order of a range bin's NEES; the last two only where they were fitted."""
 
 HARDLY = 0.05
 """Share of frames with a marker, below which it is said why that may be."""
@@ -57,12 +57,12 @@ def headline(f: Findings) -> list[str]:
 
 def _truthfulness(bins: Sequence[RangeBin]) -> str:
     n = np.array([one.sightings for one in bins])
-    square = float(n @ [one.squares[0] for one in bins] / n.sum())
+    nees = float(n @ [one.nees[0] for one in bins] / n.sum())
     bias = float(n @ [one.range_mean for one in bins] / n.sum())
-    word = "cautious" if square < HONEST[0] else "honest" if square <= HONEST[1] else "overconfident"
+    word = "cautious" if nees < HONEST[0] else "honest" if nees <= HONEST[1] else "overconfident"
     return (
         f"Against the truth, ranges are {number(1e3 * abs(bias))} mm too {'long' if bias > 0 else 'short'} on average, "
-        f"and the stated noise is {word}: mean normalised squared error {number(square)}, where 2 is exact."
+        f"and the stated noise is {word}: NEES {number(nees)}, where 1 is exact."
     )
 
 
@@ -104,7 +104,7 @@ def as_json(f: Findings, out: str) -> dict[str, Any]:
         "advice": list(f.advice),
         "truth": None if f.truth is None else f.truth.kind,
         "by_range": [
-            one._asdict() | {"squares": dict(zip(NOISES, one.squares, strict=False))}
+            one._asdict() | {"nees": dict(zip(NOISES, one.nees, strict=False))}
             for one in (f.calibration.bins if f.calibration else f.bins)
         ],
     }

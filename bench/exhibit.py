@@ -1,6 +1,6 @@
 """A figure of a report with its words, and what its page needs to know to answer a pointer."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 GROUPS = ("accuracy", "consistency", "cost", "inside")
@@ -45,3 +45,6 @@ class Exhibit(NamedTuple):
     svg: str  # with stand-in colours; what belongs to one backend is in groups of the class of-K, K its place in looks
     group: str = "accuracy"
     plot: Plot | None = None
+    printed: Callable[[str], bytes] | None = (
+        None  # the same figure as a file for print: of "pdf", or "png" with 300 dpi
+    )

@@ -1,4 +1,4 @@
-"""The files of a run's folder, all made from its record: cells.csv, run.json, and what evo and a spreadsheet read."""
+"""The files of a run's folder, all made from its record: cells.csv, metrics.csv, run.json, and what evo reads."""
 
 import csv
 import io
@@ -13,7 +13,7 @@ from ..frontend.files import write_whole
 from ..frontend.se2 import Array
 from ..frontend.tum import write_tum
 from .cost import TERMS
-from .store import COLUMNS, Row, Store
+from .store import COLUMNS, MORE, Row, Store, label
 
 STEPS = (
     "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",
@@ -21,7 +21,10 @@ STEPS = (
 )  # fmt: skip
 """The columns of steps.csv. error_m is of the aligned path; a blank is not known."""
 
-COST = ("dataset", "dataset_options", "backend", "options", "seed", "path", *TERMS, "total")
+KEY = COLUMNS[:5]
+"""The columns that name a cell."""
+
+COST = (*KEY, "path", *TERMS, "total")
 """The columns of cost.csv: J by its terms, at the final path and map, at the online ones where there are no final."""
 
 MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
@@ -33,6 +36,10 @@ def export(store: Store) -> None:
     slugs: dict[str, str] = run["folders"]
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
     write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
+    write_whole(
+        folder / "metrics.csv",
+        _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows)),
+    )
     terms: list[list[Any]] = []
     for row in rows:
         c = row.columns
@@ -43,14 +50,10 @@ def export(store: Store) -> None:
             write_tum(place / "truth.tum", truth["t"], truth["poses"])
         if c["status"] == "done":
             arrays = store.arrays(row)
-            _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
-            terms += _terms(row, arrays)
+            if arrays:  # else they are damaged, and the record says so
+                _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
+                terms += _terms(row, arrays)
     write_whole(folder / "cost.csv", _csv(COST, terms))
-
-
-def label(name: str, options: str) -> str:
-    """A variant as the command line takes it."""
-    return f"{name}[{options}]" if options else name
 
 
 def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:

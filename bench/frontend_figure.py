@@ -11,8 +11,8 @@ from .frontend_study import Accuracy
 from .looks import looks
 from .picture import picture
 
-HONEST = (1.6, 2.4)
-"""The band in which a mean normalised squared error of two numbers is taken for honest."""
+HONEST = (0.8, 1.2)
+"""The band in which a mean normalised squared error, over its degrees of freedom, is taken for honest."""
 
 
 def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
@@ -48,13 +48,13 @@ def _lines(axes: Axes, rows: Sequence[Accuracy], value: Callable[[Accuracy], flo
 def _honesty(axes: Axes, rows: Sequence[Accuracy]) -> None:
     """Of one refinement, still and moving, with intervals."""
     axes.axhspan(*HONEST, color="#e8f0e8", zorder=0)
-    axes.axhline(2, color="#8c8c8c", linewidth=0.8)
+    axes.axhline(1, color="#8c8c8c", linewidth=0.8)
     for look, streak in zip(looks("ab").values(), dict.fromkeys(row.streak for row in rows), strict=False):
         mine = [row for row in rows if row.streak == streak]
         axes.errorbar(
             [row.distance for row in mine],
-            [row.nse for row in mine],
-            [row.nse_half for row in mine],
+            [row.nees for row in mine],
+            [row.nees_half for row in mine],
             color=look.colour,
             linestyle=look.dash,
             marker=look.marker,
@@ -63,4 +63,4 @@ def _honesty(axes: Axes, rows: Sequence[Accuracy]) -> None:
         )
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False)
-    axes.set_title(f"Normalised squared error of {rows[-1].refinement}; 2 is exact")
+    axes.set_title(f"NEES of {rows[-1].refinement}; 1 is exact")

@@ -69,8 +69,8 @@ class Accuracy(NamedTuple):
     bias: float  # m, mean error of the distance from camera to marker; NaN, as the rest, where too few were found
     sd: float  # m, its standard deviation
     bearing_bias: float  # rad, mean error of the bearing in the robot's plane
-    nse: float  # mean normalised squared error of (range, bearing) by `PropagatedNoise`; 2 is exact
-    nse_half: float  # half of its 95 % interval
+    nees: float  # of (range, bearing) by `PropagatedNoise`, over its two degrees of freedom; 1 is exact
+    nees_half: float  # half of its 95 % interval
 
 
 class Misreadings(NamedTuple):
@@ -196,9 +196,9 @@ def _accuracy(
 ) -> Accuracy:
     if len(errors) < 2:
         return Accuracy(refinement, distance, streak, count, len(errors), wrong, *[np.nan] * 5)
-    (bias, bearing_bias, nse), (sd, _, nse_sd) = errors.mean(axis=0).tolist(), errors.std(axis=0, ddof=1).tolist()
-    half = NORMAL_95 * nse_sd / float(np.sqrt(len(errors)))
-    return Accuracy(refinement, distance, streak, count, len(errors), wrong, bias, sd, bearing_bias, nse, half)
+    (bias, bearing_bias, square), (sd, _, scatter) = errors.mean(axis=0).tolist(), errors.std(axis=0, ddof=1).tolist()
+    nees, half = square / 2, NORMAL_95 * scatter / 2 / float(np.sqrt(len(errors)))
+    return Accuracy(refinement, distance, streak, count, len(errors), wrong, bias, sd, bearing_bias, nees, half)
 
 
 def _listed(crowd: Crowd) -> tuple[frozenset[int], Image]:

@@ -12,10 +12,10 @@ from .frontend_study import CROWD, REFINEMENTS, Accuracy, Cost, Misreadings
 
 COLUMNS = (
     *("study", "refinement", "width", "height", "distance_m", "streak_px", "frames", "sightings", "wrong"),
-    *("cpu_ms", "bias_m", "sd_m", "bearing_bias_rad", "nse", "nse_half"),
+    *("cpu_ms", "bias_m", "sd_m", "bearing_bias_rad", "nees", "nees_half"),
 )
 
-NSE = "NSE: mean normalised squared error of range and bearing, with its 95 % interval; 2 is exact"
+NEES = "NEES: mean normalised squared error of range and bearing over its 2 degrees of freedom; 1 is exact"
 
 Row = Cost | Accuracy | Misreadings
 
@@ -42,9 +42,9 @@ def accuracy_table(rows: Sequence[Accuracy]) -> Table:
     streak = rows[0].streak
     camera = f"a camera that moves, streaks up to {streak:g} px" if streak else "a still camera"
     table = _table(f"{rows[0].placements} placements a distance, {camera}", "m", "refinement")
-    for heading in ("found", "wrong", "bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NSE"):
+    for heading in ("found", "wrong", "bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NEES"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.caption, table.caption_justify = NSE, "left"
+    table.caption, table.caption_justify = NEES, "left"
     for index, row in enumerate(rows):
         first = index == 0 or rows[index - 1].distance != row.distance
         figures = (
@@ -52,7 +52,7 @@ def accuracy_table(rows: Sequence[Accuracy]) -> Table:
             f"{1e3 * row.bias:+.2f}",
             f"{1e3 * row.sd:.2f}",
             f"{math.degrees(row.bearing_bias):+.4f}",
-            f"{row.nse:.2f} ± {row.nse_half:.2f}",
+            f"{row.nees:.2f} ± {row.nees_half:.2f}",
         )
         table.add_row(
             f"{row.distance:g}" if first else "",
@@ -95,8 +95,8 @@ def _record(row: Row) -> dict[str, str | int | float]:
         "bias_m": row.bias,
         "sd_m": row.sd,
         "bearing_bias_rad": row.bearing_bias,
-        "nse": row.nse,
-        "nse_half": row.nse_half,
+        "nees": row.nees,
+        "nees_half": row.nees_half,
     }
     return {
         "study": "moving" if row.streak else "still",

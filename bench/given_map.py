@@ -16,11 +16,10 @@ from ..datasets import registry as datasets
 from ..frontend.errors import InputError
 from ..frontend.factors import Log, Map
 from ..frontend.se2 import Array
-from .export import label
 from .landmark_file import block_diagonal, read_landmarks
 from .numerals import counted
 from .spec import DatasetVariant
-from .store import FILE, Row, Store
+from .store import FILE, Row, Store, label
 
 NAMED = 6
 """Cells that are named where one has to be chosen."""
@@ -153,8 +152,16 @@ def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap
             raise InputError(
                 f"--map {source}: holds {len(named)} maps, expected one of: {', '.join(named[:NAMED])}{more}."
             )
-        maps = {row.columns["seed"]: _from_arrays(store.arrays(row, ARRAYS)) for row in found.values()}
+        maps = {row.columns["seed"]: _from_arrays(_sound(store, row, source)) for row in found.values()}
     return _given(source, fixed, maps, world, label(first["dataset"], first["dataset_options"]))
+
+
+def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
+    """The arrays of a cell's map; InputError where they cannot be read."""
+    arrays = store.arrays(row, ARRAYS)
+    if not any(name in arrays for name in ("map_ids", "final_map_ids")):
+        raise InputError(f"--map {source}: {' '.join(store.left_out)} Expected a cell whose map can be read.")
+    return arrays
 
 
 def _place(row: Row, slugs: Mapping[str, str]) -> Path:

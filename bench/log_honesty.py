@@ -22,8 +22,7 @@ class Honesty(NamedTuple):
     """Normalised squared errors e' C^-1 e of one kind of measurement."""
 
     checked: int
-    expected: int  # their mean where the noise is as stated: the dimension
-    mean: float
+    nees: float  # their mean over the dimension k: 1 where the noise is as stated
     median: float
     far: float  # share beyond FAR
     scale: float  # by how much the typical error is larger than stated: sqrt(median / chi-square's median)
@@ -37,7 +36,7 @@ def honesty(errors: Errors, cov: Array) -> Honesty | None:
     squares = np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
     median = float(np.median(squares))
     far = float((squares > FAR[k]).mean())
-    return Honesty(len(squares), k, float(squares.mean()), median, far, float(np.sqrt(median / MEDIAN[k])))
+    return Honesty(len(squares), float(squares.mean()) / k, median, far, float(np.sqrt(median / MEDIAN[k])))
 
 
 class Measured(NamedTuple):

@@ -224,7 +224,7 @@ def _honest(honest: Honesty) -> Iterator[str]:
     else:
         yield fit
         yield f"{far} far out, where chance has 0.1 %"
-    yield f"normalised squared error {number(honest.mean)} on average, where {honest.expected} is expected"
+    yield f"NEES {number(honest.nees)}, where 1 is exact"
     yield f"{honest.checked:,} checked"
 
 

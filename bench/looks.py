@@ -20,7 +20,7 @@ class Look(NamedTuple):
     colour: str
     dash: str | tuple[int, tuple[float, ...]]  # a matplotlib line style
     marker: str
-    index: int  # its place among the report's backends: what belongs to it in a page is of the class of-INDEX
+    index: int  # pyright: ignore[reportIncompatibleMethodOverride] - nobody looks for a value in a look. Its place among the report's backends: what belongs to it in a page is of the class of-INDEX
 
 
 def looks(backends: Iterable[str]) -> dict[str, Look]:
@@ -35,3 +35,24 @@ def looks(backends: Iterable[str]) -> dict[str, Look]:
             chosen[label] = Look(colour, dash, marker, len(chosen))
             k += 1
     return chosen
+
+
+def tags(labels: Iterable[str]) -> dict[str, str]:
+    """What each label is called in a figure: its name where no other has it, else with the options that differ."""
+    known = list(dict.fromkeys(labels))
+    named: dict[str, list[str]] = {}
+    for label in known:
+        named.setdefault(label.partition("[")[0], []).append(label)
+    return {label: _tag(label, named[label.partition("[")[0]]) for label in known}
+
+
+def _tag(label: str, alike: list[str]) -> str:
+    name, _, mine = label.partition("[")
+    if len(alike) == 1 or not mine:
+        return name
+    shared = set.intersection(*({*_options(other)} for other in alike))
+    return f"{name}[{','.join(option for option in _options(label) if option not in shared)}]"
+
+
+def _options(label: str) -> list[str]:
+    return label.partition("[")[2].removesuffix("]").split(",")

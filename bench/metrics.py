@@ -9,17 +9,17 @@ import numpy as np
 from scipy.special import chdtri
 
 from ..frontend.factors import Map
-from ..frontend.se2 import Array, act, compose, wrap
-from ..frontend.truth_errors import difference
+from ..frontend.se2 import Array, Ints, act, compose, wrap
+from ..frontend.truth_errors import difference, rows_of
 
 INSIDE_95 = float(chdtri(3, 0.05))
-"""The 95 % point of chi-square with 3 degrees of freedom."""
+"""The 95 % point of chi-square with 3 degrees of freedom: of a pose."""
+
+LANDMARK_INSIDE_95 = float(chdtri(2, 0.05))
+"""That with 2: of a landmark."""
 
 ROUNDING = 1e-14
 """Where a covariance's variances along its axes differ by more than this, the smallest cannot be told from zero."""
-
-RPE_DISTANCE = 1.0
-"""m of path over which the relative pose error is taken."""
 
 
 class Alignment(NamedTuple):
@@ -64,24 +64,6 @@ def heading_error(estimate: Array, truth: Array) -> float:
     return float(np.sqrt((wrap(estimate[:, 2] - truth[:, 2]) ** 2).mean()))
 
 
-def rpe(t: Array, estimate: Array, truth: Array) -> float | None:
-    """Relative pose error, m: how far the motion over each metre of the true path is off, root mean square, by evo.
-
-    Pairs of poses follow one another along the path (evo_rpe -d 1 -u m --pairs_from_reference); None where the path
-    has no metre in it.
-    """
-    from evo.core import filters, metrics
-
-    relative = metrics.RPE(
-        metrics.PoseRelation.translation_part, RPE_DISTANCE, metrics.Unit.meters, pairs_from_reference=True
-    )
-    try:
-        relative.process_data((_evo(t, truth), _evo(t, estimate)))
-    except (filters.FilterException, metrics.MetricsException):
-        return None
-    return float(relative.get_statistic(metrics.StatisticsType.rmse))
-
-
 def map_rmse(estimate: Map, truth: Map, alignment: Alignment) -> float | None:
     """Root mean square distance, m, of the landmarks both maps have, after the path's alignment; None with none."""
     _, mine, theirs = np.intersect1d(estimate.ids, truth.ids, return_indices=True)
@@ -99,26 +81,71 @@ def own_map_rmse(estimate: Map, truth: Map) -> float | None:
     return map_rmse(estimate, truth, align(estimate.xy[mine], truth.xy[theirs]))
 
 
+def missed(estimate: Map, truth: Map, sighted: Ints) -> int:
+    """How many of the known landmarks that were sighted, by the ids (s,) of the sightings, are not in the map."""
+    return len(np.setdiff1d(np.intersect1d(truth.ids, sighted), estimate.ids))
+
+
+def spurious(estimate: Map, truth: Map) -> int:
+    """How many landmarks of the map are none of the known ones."""
+    return len(np.setdiff1d(estimate.ids, truth.ids))
+
+
+def landmark_nees(estimate: Map, truth: Map, fixed: Ints) -> Array:
+    """NEES (m,), of 2 degrees of freedom, of each landmark both maps have, in its block of the map's covariance.
+
+    As `nees`: from the known start, not aligned. Landmarks whose ids are among `fixed` were given without covariance
+    and are left out; empty where the map has no covariance.
+    """
+    if estimate.cov is None:
+        return np.zeros(0)
+    shared = np.setdiff1d(np.intersect1d(estimate.ids, truth.ids), fixed)
+    mine, theirs = rows_of(estimate.ids, shared), rows_of(truth.ids, shared)
+    return squared_distances(estimate.xy[mine] - truth.xy[theirs], covariances(estimate.cov)[mine])
+
+
+def covariances(joint: Array) -> Array:
+    """The blocks (n, 2, 2) on the diagonal of a map's joint covariance (2n, 2n)."""
+    n = len(joint) // 2
+    return joint.reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
+
+
 def nees(estimate: Array, cov: Array, truth: Array) -> Array:
     """Normalised estimation error squared (m,) of each pose: e' C^-1 e, which is chi-square with 3 dof where C is true.
 
-    `cov` is (m, 3, 3). NaN where there is no covariance, or none that is positive definite. The error is taken from the
-    known start, not aligned: it is the belief in the world frame that is judged.
+    Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), eq. (5.4.2-3). `cov`
+    is (m, 3, 3). NaN where there is no covariance, or none that is positive definite. The error is taken from the known
+    start, not aligned: it is the belief in the world frame that is judged.
     """
-    error = difference(estimate, truth)
+    return squared_distances(difference(estimate, truth), cov)
+
+
+def squared_distances(error: Array, cov: Array) -> Array:
+    """Mahalanobis distances squared (m,): e' C^-1 e of each error (m, k); NaN where C (m, k, k) is not definite."""
     known = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
     spread, axes = np.linalg.eigh(cov[known])
-    definite = spread[:, 0] > ROUNDING * spread[:, 2]
+    definite = spread[:, 0] > ROUNDING * spread[:, -1]
     along = np.einsum("mij,mi->mj", axes[definite], error[known[definite]])  # the error along the axes of the ellipsoid
     values = np.full(len(error), np.nan)
     values[known[definite]] = (along**2 / spread[definite]).sum(axis=1)
     return values
 
 
-def _evo(t: Array, poses: Array):
-    from evo.core.trajectory import PoseTrajectory3D
+class Consistency(NamedTuple):
+    """How a belief's errors compare with its covariances."""
 
-    xyz = np.column_stack((poses[:, :2], np.zeros(len(poses))))
-    half = poses[:, 2] / 2
-    wxyz = np.column_stack((np.cos(half), np.zeros((len(poses), 2)), np.sin(half)))
-    return PoseTrajectory3D(xyz, wxyz, t)
+    mean: float  # of NEES over its degrees of freedom: 1 where the belief is as wide as its errors
+    inside: float  # share inside the belief's own 95 % bound
+
+
+def consistency(values: Array, dof: int) -> Consistency | None:
+    """Of the NEES (m,), each with `dof` degrees of freedom; None where none is known.
+
+    A belief that has no usable covariance has no bound to be inside of, and counts as outside: a filter that has
+    collapsed must not be judged by its better moments.
+    """
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return None
+    bound = LANDMARK_INSIDE_95 if dof == 2 else INSIDE_95
+    return Consistency(float(known.mean() / dof), float((known <= bound).sum() / len(values)))

@@ -14,8 +14,8 @@ from .true_sightings import TrueErrors
 CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
 """What the corners alone make of a sighting's covariance, at the scale 1."""
 
-HONEST = (1.6, 2.4)
-"""Mean normalised squared errors of (range, bearing) that pass for 2, which is exact."""
+HONEST = (0.8, 1.2)
+"""NEES of (range, bearing), over its two degrees of freedom, that pass for 1, which is exact."""
 
 
 class RangeBin(NamedTuple):
@@ -28,7 +28,7 @@ class RangeBin(NamedTuple):
     range_sd: float  # m, about the mean
     bearing_mean: float  # rad
     bearing_sd: float  # rad
-    squares: Sequence[float]  # mean normalised squared error of each noise, as stated first
+    nees: Sequence[float]  # over its two degrees of freedom, by each noise, as stated first
 
 
 class Calibration(NamedTuple):
@@ -42,7 +42,7 @@ class Calibration(NamedTuple):
     proportional: ProportionalNoise
     propagated: PropagatedNoise
     likelier: str  # the model under which these errors are the likelier
-    bins: list[RangeBin]  # of the sightings that neither fit set aside; squares: stated, proportional, propagated
+    bins: list[RangeBin]  # of the sightings that neither fit set aside; nees: stated, proportional, propagated
 
 
 def known_in_log(sightings: Sightings, true: TrueErrors) -> tuple[Sightings, Array]:
@@ -84,14 +84,14 @@ def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) ->
     Bins without a sighting are left out; `edges` (k + 1,), m.
     """
     place = np.digitize(z[:, 0], edges) - 1
-    normalised = [squares(errors, cov) for cov in covs]
+    normalised = [squares(errors, cov) / 2 for cov in covs]
     return [
         RangeBin(
             float(edges[k]),
             float(edges[k + 1]),
             int(mine.sum()),
             *(float(value) for e in errors[mine].T for value in (e.mean(), e.std())),
-            squares=[float(one[mine].mean()) for one in normalised],
+            nees=[float(one[mine].mean()) for one in normalised],
         )
         for k in range(len(edges) - 1)
         if (mine := place == k).any()

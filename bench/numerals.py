@@ -45,3 +45,33 @@ def counted(n: int, noun: str) -> str:
 def listed(names: list[str]) -> str:
     """a; a and b; a, b and c."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def times(low: float, high: float) -> str:
+    """An interval of ratios above 1: "1.8 to 2.3 times"; "at least 1.8 times" where it has no upper end."""
+    if math.isinf(high):
+        return f"at least {factor(low)} times"
+    one, other = factor(low), factor(high)
+    return f"{one} times" if one == other else f"{one} to {other} times"
+
+
+def factor(ratio: float) -> str:
+    """A ratio of 1 or more with the figures that matter: 1.004, 1.04, 1.8, 17, 1,200."""
+    if ratio < 1.1:
+        return f"{ratio:.{2 if ratio >= 1.01 else 3}f}"
+    return f"{ratio:.1f}" if ratio < 9.95 else f"{float(f'{ratio:.2g}'):,.0f}"
+
+
+def larger(ratio: float) -> str:
+    """How much more it is: "4 %", "2.3 times", or "any number of times" where the ratio, 1 or more, is infinite."""
+    if math.isinf(ratio):
+        return "any number of times"
+    if ratio >= 1.5:
+        return f"{factor(ratio)} times"
+    percent = 100 * (ratio - 1)
+    return f"{percent:.0f} %" if percent >= 0.95 else f"{percent:.1f} %" if percent >= 0.05 else "0 %"
+
+
+def chance(p: float) -> str:
+    """A p value: "p = 0.0021" or "p < 0.0001"."""
+    return "p < 0.0001" if p < 1e-4 else f"p = {float(f'{p:.2g}'):.4f}".rstrip("0").rstrip(".")

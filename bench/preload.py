@@ -14,7 +14,7 @@ from . import cell, prepare  # noqa: F401
 with contextlib.suppress(ImportError):  # a worker that needs one of these and cannot have it will say so itself
     import cv2
     import gtsam  # noqa: F401
-    from evo.core import metrics, trajectory  # noqa: F401
+    from evo.core import filters  # noqa: F401
 
     cv2.setNumThreads(1)
 

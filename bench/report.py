@@ -1,70 +1,33 @@
-"""A run's report: report.html, one file that needs no network, and report.md with its figures beside it."""
+"""A run's report: report.html, one file that needs no network, and report.md with its figures and tables beside it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
-from urllib.parse import quote
-
-import numpy as np
 
 from ..frontend.files import write_whole
 from .definitions import COLUMNS, WORKED_OUT
-from .diagnostics import diagnosed
-from .exhibit import Exhibit
-from .export import label
-from .looks import Look, looks
-from .numerals import counted, listed, number
-from .scene import Scene, scene
-from .store import Row, Store
-from .summary import Line, lines, remarks, short
-from .tables import Table, accuracy_table, cells_table, cost_table, fit_table, inner_table
-from .verdict import Verdict, verdict
+from .latex import latex
+from .page import PURPOSES, rendered, script
+from .section import Section, sections
+from .store import Row, Store, label
+from .summary import short
+from .tables import cells_table, paper_table
 
-TEMPLATES = Path(__file__).with_name("templates")
-FIGURES = "figures"
+FIGURES, TABLES = "figures", "tables"
+"""Folders beside the page."""
 
 
-class Failure(NamedTuple):
-    """The cells of a backend that ended in the same way: not done, or done with a remark."""
+def write_report(store: Store, figures: Sequence[str] = ()) -> None:
+    """Write report.html, report.md, figures/ and tables/ into the record's folder, each file all or nothing.
 
-    backend: str
-    seeds: str
-    status: str
-    reason: str
-    traceback: str
-
-
-class Section(NamedTuple):
-    """All on one dataset."""
-
-    dataset: str
-    anchor: str
-    kind: str  # "truth", "reference" or ""
-    places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
-    verdict: Verdict
-    facts: str
-    accuracy: Table
-    cost: Table
-    fit: Table  # J by its terms
-    fit_note: str
-    inner: Table  # particles and gates
-    alone: bool  # no time in it is marked
-    scene: Scene | None
-    panels: Sequence[Exhibit]  # the paths
-    exhibits: Sequence[Exhibit]
-    failures: Sequence[Failure]
-
-
-def write_report(store: Store) -> None:
-    """Write report.html, report.md and figures/ into the record's folder, each file all or nothing."""
-    from .svg import alone  # matplotlib: a run should not wait for it before it begins
-
+    `figures` are further forms that every figure is to be there in: "pdf", "png" (300 dpi).
+    """
     run, rows = store.run(), list(store.cells())
     parts, look = sections(store)
     page = {
         "run": run,
         "sections": parts,
+        "purposes": _purposes(parts),
         "looks": look,
         "cells": cells_table(rows, run["folders"]),
         "counts": _counts(rows, run.get("cells", 0)),
@@ -72,93 +35,49 @@ def write_report(store: Store) -> None:
         "digests": _digests(rows),
         "given": run.get("map"),
         "definitions": COLUMNS | WORKED_OUT,
+        "script": script("report.js"),
+        "left_out": store.left_out,
     }
-    (store.folder / FIGURES).mkdir(exist_ok=True)
     for section in parts:
-        for exhibit in (*section.panels, *section.exhibits):
-            write_whole(store.folder / FIGURES / f"{exhibit.name}.svg", alone(exhibit.svg))
+        _write_figures(store.folder / FIGURES, section, figures)
+        _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))
 
 
-def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
-    """What there is to say of each dataset, and how each backend looks in all of it."""
-    run = store.run()
-    found = [diagnosed(store, line) for line in lines(store.cells())]
-    look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
-    datasets = dict.fromkeys(line.dataset for line in found)
-    return [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets], look
+def _write_figures(folder: Path, section: Section, forms: Sequence[str]) -> None:
+    from .svg import alone  # matplotlib: a run should not wait for it before it begins
+
+    folder.mkdir(exist_ok=True)
+    for exhibit in (*section.panels, *section.exhibits):
+        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
+        if exhibit.printed is not None:
+            for form in forms:
+                write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))
 
 
-def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
-    from .plots import exhibits
-    from .trajectories import trajectories
-
-    shown = scene(store, found, look, run["folders"])
-    slug = run["folders"][found[0].dataset]
-    return Section(
-        dataset=found[0].dataset,
-        anchor=slug,
-        kind=found[0].truth_kind,
-        places="truth" if found[0].surveyed else found[0].truth_kind,
-        verdict=verdict(found),
-        facts=_facts(found, shown),
-        accuracy=accuracy_table(found),
-        cost=cost_table(found, shown.lengths if shown else {}),
-        fit=fit_table(found),
-        fit_note=_fit_note(found),
-        inner=inner_table(found),
-        alone=all(line.alone for line in found),
-        scene=shown,
-        panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
-        exhibits=exhibits(slug, shown, found, look) if shown else [],
-        failures=[failure for line in found for failure in _failures(line)],
-    )
-
-
-def _failures(line: Line) -> list[Failure]:
-    alike: dict[tuple[str, str], list[Row]] = {}
-    for row in line.rows:
-        c = row.columns
-        reason = remarks(c["reason"] or "")
-        if c["status"] != "done" or reason:
-            alike.setdefault((c["status"], reason), []).append(row)
-    return [
-        Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
-        for (status, reason), rows in alike.items()
-    ]
-
-
-def _seeds(rows: Sequence[Row]) -> str:
-    return f"seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
-
-
-def _facts(found: Sequence[Line], shown: Scene | None) -> str:
-    """What the log is, in a line."""
-    first = {name: value for line in reversed(found) for name, value in line.values.items()}
-    said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]
-    length = shown and shown.lengths.get(shown.seed)
-    if length:
-        said.append(f"{number(length)} s")
-    return ", ".join(said)
-
-
-def _fit_note(found: Sequence[Line]) -> str:
-    """What J is to be held against: its size were all stated noise true; and why that of an online path is large."""
-    numbers = {
-        (3 * (c["steps"] - 1), 2 * (c["sightings"] - c["ignored"]))
-        for c in (row.columns for line in found for row in line.rows)
-        if c["status"] == "done" and c["sightings"] is not None
+def _write_tables(folder: Path, section: Section) -> None:
+    """Those that have a row, for LaTeX."""
+    folder.mkdir(exist_ok=True)
+    tables = {
+        "main": section.accuracy,
+        "paper": paper_table(section.accuracy),
+        "pairs": section.pairs,
+        "cost": section.cost,
+        "fit": section.fit,
     }
-    said = ""
-    if numbers:
-        motions, seen = np.median(list(numbers), axis=0)
-        said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings at the true "
-        said += "path and map; an optimum has less."
-    if any("j_online" in line.values for line in found):
-        said += " A filter's online path jumps where a sighting corrects it, and no odometry has reported the jump: "
-        said += "its J is large by nature, and no fault."
-    return said
+    tables |= {"inside": section.inner} | {f"detail{k}": found for k, found in enumerate(section.details, 1)}
+    for name, table in tables.items():
+        if table.rows and len(table.headings) > 1:
+            caption = f"{short(section.dataset)}: {table.caption}."
+            text = latex(table, caption, f"tab:{section.anchor}-{name}")
+            write_whole(folder / f"{section.anchor}-{name}.tex", text)
+
+
+def _purposes(parts: Sequence[Section]) -> dict[str, str]:
+    """Heading by purpose, of those that any section has a use for."""
+    named = {use.purpose for part in parts for use in part.verdict.uses}
+    return {purpose: heading for purpose, heading in PURPOSES.items() if purpose in named}
 
 
 def _counts(rows: Sequence[Row], planned: int) -> str:
@@ -181,27 +100,3 @@ def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
         for seed, digest in sorted(digests.items())
         if len(set(digests.values())) > 1 or seed == min(digests)
     ]
-
-
-def rendered(template: str, page: Mapping[str, Any]) -> str:
-    """The template of that name, filled in; what goes into one of HTML is escaped."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    from .svg import alone, on_page
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=template.endswith(".html.jinja"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters |= {"md": _markdown, "on_page": on_page, "alone": alone, "short": short, "url": quote}
-    return environment.get_template(template).render(page)
-
-
-def _markdown(text: object) -> str:
-    """Text that Markdown takes as it is, on one line and inside a table too."""
-    escaped = " ".join(str(text).replace("&", "&amp;").replace("<", "&lt;").split())
-    return "".join(f"\\{letter}" if letter in "\\`*_[]|#$~" else letter for letter in escaped)

@@ -18,11 +18,13 @@ from ..frontend.se2 import Array
 from .arguments import as_whole
 from .benchmark import DEFAULTS, begun, benchmark, planned
 from .report import rendered, sections
+from .run_progress import Screen
 from .runner import LOGS
 from .spec import backend_variants, dataset_at, dataset_variants
 from .store import Store
 from .summary import lines
-from .terminal import Screen, screen_console, tables
+from .terminal import conclude, screen_console, verdicts
+from .verdict import Verdict
 
 ASKER = "slamduel.run"
 """In whose name arguments are refused."""
@@ -35,7 +37,11 @@ Named = str | Path | Log | Dataset
 
 
 class Result:
-    """A run's folder. `cells` are the rows of cells.csv, by column; a notebook shows the verdicts, tables and paths."""
+    """A run's folder: its cells, verdicts and paths, which a notebook shows with its tables.
+
+    `pandas.DataFrame(found.cells)` is a frame with a row a cell; `found.verdict["aruco-room"].uses` tells which backend
+    to use on that dataset, and why.
+    """
 
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)
@@ -45,6 +51,16 @@ class Result:
         """A dictionary a cell, by column of cells.csv; None where there is no value."""
         with Store(self.folder) as store:
             return [dict(row.columns) for row in store.cells()]
+
+    @property
+    def verdict(self) -> dict[str, Verdict]:
+        """By dataset, as `cells` and the command line name it: what can be said of the backends on it.
+
+        `uses` says which backend to use for the path online, for the final one and for the map, and why; `sentences`
+        say more, the most important first; `comparisons` are, by column of cells.csv, the tests of every two backends.
+        """
+        with Store(self.folder) as store:
+            return verdicts(lines(store.cells()))
 
     @property
     def report(self) -> Path:
@@ -78,7 +94,7 @@ class Result:
     def __repr__(self) -> str:
         console = screen_console(quiet=False)
         with console.capture() as captured, Store(self.folder) as store:
-            console.print(*tables(lines(store.cells()), console.width))
+            conclude(console, lines(store.cells()))
         return captured.get().rstrip("\n") + f"\nreport: {self.report}"
 
     def _repr_html_(self) -> str:
@@ -128,8 +144,7 @@ def run(
         raise _astray()
     as_whole("jobs", jobs, 1)
     planned(given, folder)
-    console = screen_console(quiet=quiet)
-    with _written(held, folder), Screen(console, quiet=quiet) as screen:
+    with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
         benchmark(given, folder, jobs, [ASKER, *(f"{name}={value}" for name, value in given.items())], screen)
     return Result(folder)
 

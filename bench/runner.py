@@ -6,7 +6,7 @@ import os
 import shlex
 import tempfile
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -18,7 +18,7 @@ from .export import export
 from .machine import environment
 from .plan import Cell, Plan
 from .spec import DatasetVariant
-from .store import FILE, Store
+from .store import FILE, Row, Store
 from .workers import Ended, execute
 
 LOCK = ".lock"
@@ -44,12 +44,16 @@ class Watcher(Protocol):
         """One is ready."""
         ...
 
-    def running(self, cells: int, before: int) -> None:
-        """That many cells are to be run; `before` more are in the record already."""
+    def running(self, cells: Sequence[Cell], before: Sequence[Row], workers: int) -> None:
+        """These cells are to be run, so many at once; `before` are in the record already."""
         ...
 
-    def finished(self, cell: Cell, status: str, reason: str, row: dict[str, Any]) -> None:
-        """One has ended."""
+    def finished(self, cell: Cell, row: dict[str, Any], seconds: float) -> None:
+        """One has ended, after so much wall time; what it has of cells.csv."""
+        ...
+
+    def reporting(self) -> None:
+        """All have; what is left to do is the report."""
         ...
 
 
@@ -77,7 +81,8 @@ def recorded_plan(folder: Path) -> Plan | None:
             words = store.run().get("plan")
         return None if words is None else Plan.from_words(words)
     if folder.exists() and (not folder.is_dir() or any(item.name not in (LOCK, LOGS) for item in folder.iterdir())):
-        raise InputError(f"--out {folder}: found something that is no run; expected a new or empty folder, or a run's.")
+        found = f"a run's files without their record, {FILE}" if (folder / "run.json").is_file() else "no run"
+        raise InputError(f"--out {folder}: found {found}; expected a new or empty folder, or a run's.")
     return None
 
 
@@ -218,13 +223,15 @@ def _record_truths(store: Store, logs: _Logs) -> None:
 
 def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Watcher) -> None:
     """Run what the record lacks; a row is in it as soon as its cell has ended."""
-    done = {row.key for row in store.cells()}
+    before = list(store.cells())
+    done = {row.key for row in before}
     todo = [c for c in plan.cells() if c.key not in done]
-    watcher.running(len(todo), len(done))
+    watcher.running(todo, before, workers)
     able = [c for c in todo if c.backend.builder is not None]
     for c in todo:
         if c.backend.builder is None:
-            _keep(store, c, logs, cells.Result("error", c.backend.missing), True, watcher)
+            row = _keep(store, c, logs, cells.Result("error", c.backend.missing), True)
+            watcher.finished(c, row, 0.0)
     tasks = [
         cells.Task(
             c.backend.label,
@@ -239,7 +246,8 @@ def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Wat
     ]
     for ended in execute(cells.run, tasks, workers=workers, timeout_s=plan.timeout_s):
         result = ended.value or _dead(ended, plan.timeout_s)
-        _keep(store, able[ended.task], logs, result, ended.alone, watcher)
+        row = _keep(store, able[ended.task], logs, result, ended.alone)
+        watcher.finished(able[ended.task], row, ended.seconds)
 
 
 def _dead(ended: Ended, timeout_s: float) -> cells.Result:
@@ -249,10 +257,12 @@ def _dead(ended: Ended, timeout_s: float) -> cells.Result:
     return cells.Result("error", ended.death)
 
 
-def _keep(store: Store, cell: Cell, logs: _Logs, result: cells.Result, alone: bool, watcher: Watcher) -> None:
+def _keep(store: Store, cell: Cell, logs: _Logs, result: cells.Result, alone: bool) -> dict[str, Any]:
+    """Put the cell into the record; its row."""
     names = ("dataset", "dataset_options", "backend", "options", "seed")
     log = logs[cell.dataset.label, cell.seed]
     row = dict(zip(names, cell.key, strict=True)) | {"status": result.status, "reason": result.reason}
     row |= {"digest": log.digest, "truth_kind": log.truth.kind if log.truth else "", "timing_alone": int(alone)}
-    store.put_cell(row | result.row, result.arrays, result.traceback)
-    watcher.finished(cell, result.status, result.reason, row | result.row)
+    row |= result.row
+    store.put_cell(row, result.arrays, result.traceback)
+    return row

@@ -35,6 +35,13 @@ class Scene(NamedTuple):
     traces: Sequence[Trace]
     missing: Sequence[str]  # the backends that have no cell to draw
     lengths: Mapping[int, float | None]  # s that each seed's log covers; None where its times are no times
+    order: Sequence[str] = ()  # the backends, the lowest median error first
+    nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
+
+    @property
+    def clock(self) -> str:
+        """What its times are, as an axis names them."""
+        return "step" if self.lengths.get(self.seed) is None else "time, s"
 
 
 def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]) -> Scene | None:
@@ -55,7 +62,26 @@ def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs:
         ],
         missing=[line.backend for line in lines if all(line is not drawn for drawn, _ in shown)],
         lengths=_lengths(store, [row for _, row in done]),
+        order=[line.backend for line in sorted(lines, key=_error)],
+        nees={line.backend: _nees(store, line) for line in lines},
     )
+
+
+def _error(line: Line) -> tuple[int, float]:
+    """Ranks lines: those that lost no run first, then by their median error."""
+    medians = [line.values[name].median for name in ("ate_m", "final_ate_m", "map_rmse_m") if name in line.values]
+    return len(line.rows) - line.done, medians[0] if medians else np.inf
+
+
+def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
+    """Of each log's first run that has it: several on one log are not independent."""
+    by_log: dict[str, tuple[Array, Array]] = {}
+    for row in line.rows:
+        if row.columns["nees"] is not None and row.columns["digest"] not in by_log:
+            arrays = store.arrays(row, ("t", "at", "nees"))
+            if "nees" in arrays and "at" in arrays:
+                by_log[row.columns["digest"]] = arrays["t"][arrays["at"]], arrays["nees"]
+    return list(by_log.values())
 
 
 def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:

@@ -8,9 +8,12 @@ from ..backends.api import Diverged
 from ..frontend.factors import UNKNOWN, Log, Map, Truth
 from ..frontend.se2 import Array, Ints
 from ..frontend.table import upper
+from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretches
 from .cost import Cost, cost
 from .drive import Outcome
-from .metrics import INSIDE_95, Alignment, align, aligned, ate, heading_error, map_rmse, nees, own_map_rmse, rpe
+from .growth import mapped
+from .metrics import covariances, nees
+from .step_cost import length, step_cost
 from .summary import REFERENCE, SURVEYED
 
 FEW = 0.9
@@ -35,32 +38,54 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     row: dict[str, Any] = {}
     arrays = _kept(log, outcome)
     remarks = _remarks(log, truth)
-    if truth is not None and not len(truth.t):
-        row |= _map_alone(outcome, truth)
-    elif truth is not None:
+    ends = _ends(outcome)
+    if truth is not None and truth.map is not None:
+        for prefix, end in ends.items():
+            row |= _prefixed(prefix, map_accuracy(log, truth, truth.map, end.map))
+    if truth is not None and len(truth.t):
         at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
-        if outcome.online is not None:
-            online = outcome.online[at]
-            found = _accuracy(truth, online, outcome.map)
-            row |= found.row
-            arrays |= {"at": at, "aligned": found.path, "alignment": found.alignment.motion}
-            if truth.kind == "truth":
-                arrays["nees"] = nees(online, outcome.cov[at], truth.poses)
-                row |= _consistency(arrays["nees"])
-            remarks += [TRANSLATION_ONLY] * found.alignment.translation_only
-        if outcome.solution is not None:
-            found = _accuracy(truth, outcome.solution.path[at], outcome.solution.map)
-            row |= {f"final_{name}": found.row[name] for name in ("ate_m", "ate_origin_m", "map_rmse_m")}
-            arrays |= {"at": at, "final_aligned": found.path, "final_alignment": found.alignment.motion}
+        over = stretches(truth, timed=length(log.t) is not None)
+        for prefix, end in ends.items():
+            if end.path is None:
+                continue
+            found = path_accuracy(truth, end.path[at], end.map, over)
+            row |= _prefixed(prefix, found.row)
+            arrays |= {"at": at, f"{prefix}aligned": found.path, f"{prefix}alignment": found.alignment.motion}
+            if truth.kind == "truth" and end.cov is not None:
+                values = nees(end.path[at], end.cov[at], truth.poses)
+                arrays[f"{prefix}nees"] = values
+                row |= _prefixed(prefix, consistency_columns("nees", values, 3))
+            remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
     dof = int(outcome.nis_dof.sum())
     if dof:
         row["nis"] = float(np.nansum(outcome.nis)) / dof
     fit = _fit(log, outcome)
     if fit is not None:
-        row["cost_j"] = fit.total
+        row |= _fit_columns(fit, "j_online" if outcome.solution is None else "j_final")
         arrays["cost_terms"] = np.array(fit)
     row["landmarks"] = len((outcome.solution or outcome).map.ids)
-    return Score(row | _costs(outcome), arrays, "; ".join(remarks))
+    return Score(row | _inner(log, outcome) | step_cost(log, outcome), arrays, "; ".join(remarks))
+
+
+class _End(NamedTuple):
+    """What there is to judge: online, or final."""
+
+    path: Array | None  # (n, 3)
+    cov: Array | None  # (n, 3, 3)
+    map: Map
+
+
+def _ends(outcome: Outcome) -> dict[str, _End]:
+    """By what the names of its columns begin with."""
+    solution = outcome.solution
+    ends = {} if solution is None else {"final_": _End(solution.path, solution.cov, solution.map)}
+    if solution is None or outcome.online is not None:  # a batch method has nothing online
+        ends[""] = _End(outcome.online, outcome.cov, outcome.map)
+    return ends
+
+
+def _prefixed(prefix: str, row: dict[str, Any]) -> dict[str, Any]:
+    return {prefix + name: value for name, value in row.items()}
 
 
 def _remarks(log: Log, truth: Truth | None) -> list[str]:
@@ -81,55 +106,24 @@ def _remarks(log: Log, truth: Truth | None) -> list[str]:
     return said
 
 
-def _map_alone(outcome: Outcome, truth: Truth) -> dict[str, Any]:
-    """The map's error where the landmarks' places are known and the path is not: aligned by the landmarks alone."""
-    if truth.map is None:
-        return {}
-    row = {"map_rmse_m": own_map_rmse(outcome.map, truth.map)}
-    if outcome.solution is not None:
-        row["final_map_rmse_m"] = own_map_rmse(outcome.solution.map, truth.map)
+def _fit_columns(fit: Cost, total: str) -> dict[str, Any]:
+    """J by its terms, and their sum by that name; no term of loops where none is closed."""
+    terms = {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
+    return {"cost_j": fit.total, total: fit.total} | terms
+
+
+def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
+    """What goes on inside an estimator that tells: the fewest effective particles, the ancestors left, refusals."""
+    row: dict[str, Any] = {}
+    effective, ancestors = (values[np.isfinite(values)] for values in (outcome.n_eff, outcome.ancestors))
+    if len(effective):
+        row["n_eff_least"] = float(effective.min())
+    if len(ancestors):
+        row["ancestors_left"] = float(ancestors[-1])
+    refused = int(outcome.refused.sum())
+    if refused:
+        row["refused_share"] = refused / len(log.ids)
     return row
-
-
-class _Accuracy(NamedTuple):
-    row: dict[str, Any]
-    path: Array
-    alignment: Alignment
-
-
-def _accuracy(truth: Truth, path: Array, landmarks: Map) -> _Accuracy:
-    """Errors of the poses at the truth's times, and of the map after the path's alignment."""
-    alignment = align(path, truth.poses)
-    moved = aligned(alignment, path)
-    row = {
-        "ate_m": ate(moved, truth.poses),
-        "ate_origin_m": ate(path, truth.poses),
-        "heading_rad": heading_error(moved, truth.poses),
-        "rpe_m": rpe(truth.t, path, truth.poses),
-        "map_rmse_m": _map_error(truth, landmarks, alignment),
-    }
-    return _Accuracy(row, moved, alignment)
-
-
-def _map_error(truth: Truth, landmarks: Map, alignment: Alignment) -> float | None:
-    """The map's error, aligned as the path; true places beside a reference path are in another frame than that."""
-    if truth.map is None:
-        return None
-    return (
-        map_rmse(landmarks, truth.map, alignment) if truth.places == truth.kind else own_map_rmse(landmarks, truth.map)
-    )
-
-
-def _consistency(values: Array) -> dict[str, Any]:
-    """Mean NEES over its 3 degrees of freedom, and the share of steps inside the belief's own 95 % bound.
-
-    A step whose belief has no usable covariance has no bound to be inside of, and counts as outside: a filter that has
-    collapsed must not be judged by its better moments.
-    """
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return {}
-    return {"nees": float(known.mean() / 3), "nees_inside": float((known <= INSIDE_95).sum() / len(values))}
 
 
 def _fit(log: Log, outcome: Outcome) -> Cost | None:
@@ -141,22 +135,6 @@ def _fit(log: Log, outcome: Outcome) -> Cost | None:
         return None if path is None else cost(log, path, landmarks)
     except Diverged:  # a landmark at a robot's very place has no bearing
         return None
-
-
-def _costs(outcome: Outcome) -> dict[str, float]:
-    """Process CPU time, in the unit that each name ends in."""
-    us = outcome.step_ns / 1e3
-    return {
-        "step_us_mean": float(us.mean()),
-        "step_us_p50": float(np.percentile(us, 50)),
-        "step_us_p95": float(np.percentile(us, 95)),
-        "step_us_p99": float(np.percentile(us, 99)),
-        "step_us_max": float(us.max()),
-        "belief_us_mean": float(outcome.belief_ns.mean() / 1e3),
-        "finish_s": outcome.finish_ns / 1e9,
-        "setup_s": outcome.setup_ns / 1e9,
-        "cpu_s": float(outcome.step_ns.sum() + outcome.setup_ns + outcome.finish_ns) / 1e9,
-    }
 
 
 def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
@@ -174,6 +152,7 @@ def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
         "ancestors": outcome.ancestors,
         "refused": outcome.refused,
         "step_ns": outcome.step_ns,
+        "mapped": mapped(log),
         "wall_ns": outcome.wall_ns,
         "belief_ns": outcome.belief_ns,
         "other_ns": np.array((outcome.map_ns, outcome.setup_ns, outcome.finish_ns, outcome.clock_ns)),
@@ -192,9 +171,7 @@ def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
 
 
 def _map_arrays(prefix: str, landmarks: Map) -> dict[str, Array | Ints]:
-    n = len(landmarks.ids)
     arrays: dict[str, Array | Ints] = {f"{prefix}_ids": landmarks.ids, f"{prefix}_xy": landmarks.xy}
     if landmarks.cov is not None:
-        blocks = landmarks.cov.reshape(n, 2, n, 2)
-        arrays[f"{prefix}_cov"] = blocks[np.arange(n), :, np.arange(n)]
+        arrays[f"{prefix}_cov"] = covariances(landmarks.cov)
     return arrays

@@ -5,10 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from .export import label
-from .store import Row
+from .store import Row, label
 
 FAILED = ("diverged", "timeout", "error")
 """Ways for a cell to end that count as the worst there is."""
@@ -52,12 +49,26 @@ class Line(NamedTuple):
 
         Infinite where a cell of the log has failed; a log that was skipped, or has no value, is absent.
         """
-        found: dict[str, list[float]] = {}
+        return _averaged(self.runs(column))
+
+    def runs(self, column: str) -> list[tuple[str, float]]:
+        """(digest, value) of every cell that has one or has failed, the value then infinite."""
+        found: list[tuple[str, float]] = []
         for row in self.rows:
             value = float("inf") if row.columns["status"] in FAILED else row.columns[column]
             if value is not None:
-                found.setdefault(row.columns["digest"], []).append(value)
-        return {log: sum(values) / len(values) for log, values in found.items()}
+                found.append((row.columns["digest"], value))
+        return found
+
+    def measured(self, column: str) -> dict[str, float]:
+        """As `by_log`, of the cells that are done alone: for what is no error, and so has no worst."""
+        done = [row.columns for row in self.rows if row.columns["status"] == "done"]
+        return _averaged([(c["digest"], c[column]) for c in done if c[column] is not None])
+
+    @property
+    def failed(self) -> int:
+        """How many of its cells ended in one of the ways that count as the worst there is."""
+        return sum(row.columns["status"] in FAILED for row in self.rows)
 
     @property
     def alone(self) -> bool:
@@ -96,6 +107,11 @@ def _last_part(found: re.Match[str]) -> str:
     return f"path=…/{path.name}" if path.parent != Path() else f"path={path.name}"
 
 
+def telling(lines: Sequence[Line]) -> Line:
+    """One of a dataset's lines whose cells say what is known of it: the first that is done, if any is."""
+    return next((line for line in lines if line.done), lines[0])
+
+
 def logs(lines: Sequence[Line]) -> int:
     """How many different logs the lines of one dataset ran on: a dataset that draws nothing has one for all seeds."""
     return len({row.columns["digest"] for line in lines for row in line.rows})
@@ -127,6 +143,15 @@ def _spreads(rows: list[Row]) -> dict[str, Spread]:
     return spreads
 
 
+def _averaged(runs: Iterable[tuple[str, float]]) -> dict[str, float]:
+    found: dict[str, list[float]] = {}
+    for log, value in runs:
+        found.setdefault(log, []).append(value)
+    return {log: sum(values) / len(values) for log, values in found.items()}
+
+
 def spread(values: Sequence[Any]) -> Spread:
     """Of the values of a column, one or more."""
-    return Spread(float(np.median(values)), min(values), max(values), len(values))
+    ranked = sorted(values)
+    middle = (ranked[(len(ranked) - 1) // 2] + ranked[len(ranked) // 2]) / 2
+    return Spread(float(middle), ranked[0], ranked[-1], len(ranked))

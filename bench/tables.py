@@ -1,35 +1,54 @@
-"""The report's tables as text: a verdict and a cost table a dataset, and one of every cell."""
+"""The report's tables: a small one that answers most questions, those of its details, and one of every cell."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
 
-from .definitions import COLUMNS, WORKED_OUT, Column
-from .export import label
-from .numerals import number, span
-from .store import Row
-from .summary import Line, Spread
-from .verdict import belief_word, ranked
+from .beliefs import belief_word
+from .contest import contest, ordered, standing
+from .definitions import COLUMNS
+from .numerals import counted, number
+from .statistics import FEWEST
+from .store import Row, label
+from .summary import Line, logs, telling
+from .table import Entry, Table, TableRow, laid, shown
+from .typical import Typical, typical
 
-ACCURACY = (
-    "ate_m", "final_ate_m", "heading_rad", "nees", "nees_inside", "map_rmse_m", "final_map_rmse_m",
-    "landmarks",
+MAIN = (
+    "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
+)  # fmt: skip
+ONLINE = (
+    "ate_origin_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m", "rpe_rad",
+    "nees_inside", "nis", "landmark_nees", "landmark_nees_inside", "landmarks", "landmarks_missed",
+    "landmarks_spurious",
+)  # fmt: skip
+FINAL = (
+    "final_ate_origin_m", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m", "final_rpe_100m_m", "final_rpe_1s_m",
+    "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside", "final_landmark_nees",
+    "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
+)  # fmt: skip
+COSTS = (
+    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "step_us_fifth1", "step_us_fifth2",
+    "step_us_fifth3", "step_us_fifth4", "step_us_fifth5", "growth_steps", "growth_landmarks", "real_time",
+    "belief_us_mean", "setup_s", "finish_s", "cpu_s", "peak_mb",
 )  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
-COSTS = ("step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "finish_s", "cpu_s", "peak_mb")
+PAPER = ("ate_m", "final_ate_m", "nees", "cpu_s")
+PAPER_MAPS = ("ate_m", "final_ate_m", "map_rmse_m", "final_map_rmse_m", "cpu_s")
 CELLS = (
     "ate_m", "final_ate_m", "ate_origin_m", "heading_rad", "rpe_m", "nees", "nees_inside", "map_rmse_m", "cost_j",
     "step_us_p50", "step_us_p99", "cpu_s", "peak_mb",
 )  # fmt: skip
 
-WITH_RANGE = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
-TIMES = {"step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "finish_s", "cpu_s", "real_time"}
-SECONDS = {"finish_s", "cpu_s"}
-COUNTS = {"landmarks", "ancestors_left"}
-PERCENT = {"nees_inside", "real_time", "refused_share"}
+WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
+"""Columns of the small table whose interval is beside the median."""
 
-SHORTEST_S = 0.001
-"""s; a filter's finish does nothing, and what that nothing takes is no figure."""
+TIMES = {name for name in COSTS if name.startswith(("step_us", "belief_us"))} | {
+    "setup_s",
+    "finish_s",
+    "cpu_s",
+    "real_time",
+}
+"""Columns that are marked * where other cells ran beside."""
 
 FROM_REFERENCE = {
     "ate_m": "online path from reference",
@@ -41,91 +60,74 @@ FROM_REFERENCE = {
 """Headings where distances are not errors."""
 
 
-class Entry(NamedTuple):
-    """One entry of a table."""
-
-    text: str
-    word: str = ""  # what it comes to
-    note: str = ""  # smaller, after it
-    best: bool = False
-
-
-class TableRow(NamedTuple):
-    """A backend's entries, one a heading."""
-
-    backend: str
-    entries: Sequence[Entry]
-    status: str = "done"
-    place: Sequence[str] = ()  # path of the cell's folder
-
-
-class Table(NamedTuple):
-    """Ready to be set; a column in which nobody has a value is left out."""
-
-    headings: Sequence[Column]
-    rows: Sequence[TableRow]
-
-
 def accuracy_table(lines: Sequence[Line]) -> Table:
-    """How good: medians, ranges where there are several seeds, and the best path marked where there is a truth."""
-    best = {
-        name: order[0]
-        for name in ("ate_m", "final_ate_m")
-        if lines[0].truth_kind == "truth" and len(order := ranked(lines, name)) > 1
-    }
+    """How good, how sure of itself, how dear: what a reader wants first. The best are marked where that is tested."""
+    known = telling(lines)
+    kept = {"map_rmse_m", "final_map_rmse_m"} if known.surveyed else set[str]()
+    reference = known.truth_kind == "reference"
+    headings = {name: text for name, text in FROM_REFERENCE.items() if reference and name not in kept}
+    tested = WITH_ENDS - {"nees"} if known.truth_kind == "truth" else kept
+    best = {name: _best(lines, name) for name in tested}
 
     def entry(line: Line, name: str) -> Entry:
-        if name not in line.values:
+        found = typical(line, name)
+        if found is None:
             return Entry("")
-        value = line.values[name]
         word = belief_word(line) if name == "nees" else ""
-        note = span(value) if name in WITH_RANGE else ""
-        return Entry(_text(name, value), word, note, best.get(name) is line)
+        note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
+        return Entry(_text(line, name, found), word, note, line.backend in best.get(name, ()), found.value)
 
-    return _table(lines, ACCURACY, entry, _from_reference(lines))
-
-
-def _from_reference(lines: Sequence[Line]) -> Mapping[str, str]:
-    """Headings that are other ones where distances are not errors."""
-    if lines[0].truth_kind != "reference":
-        return {}
-    kept = {"map_rmse_m", "final_map_rmse_m"} if lines[0].surveyed else set[str]()
-    return {name: heading for name, heading in FROM_REFERENCE.items() if name not in kept}
+    names = MAIN if known.truth_kind else ("landmarks", *MAIN)
+    table = laid(ordered(lines), names, entry, "", headings)
+    bold = any(e.best for row in table.rows for e in row.entries)
+    return table._replace(caption=f"{_basis(lines)}{'; bold: none is more accurate for sure' * bold}{_marks(lines)}")
 
 
-def cost_table(lines: Sequence[Line], lengths: Mapping[int, float | None]) -> Table:
+def paper_table(main: Table) -> Table:
+    """What of the small table has room in a column of a paper; a count of cells only where some are not done."""
+    headings = [column.heading for column in main.headings]
+    names = PAPER if COLUMNS["nees"].heading in headings else PAPER_MAPS
+    wanted = {COLUMNS[name].meaning for name in names}
+    kept = [k for k, column in enumerate(main.headings) if column.meaning in wanted]
+    kept = [0] * any(row.status != "done" for row in main.rows) + kept
+    rows = [row._replace(entries=[row.entries[k] for k in kept]) for row in main.rows]
+    return Table([main.headings[k] for k in kept], rows, main.caption)
+
+
+def details_tables(lines: Sequence[Line]) -> list[Table]:
+    """What the small table leaves out, of the online path and map and of those smoothed at the end; medians."""
+    return [
+        laid(having, names, _median, f"{what} in detail: {_basis(lines, ends=False)}")
+        for what, names in (("Online path and map", ONLINE), ("Path and map smoothed at the end", FINAL))
+        if (having := _having(lines, names))
+    ]
+
+
+def cost_table(lines: Sequence[Line]) -> Table:
     """What it costs: medians; a time is marked * where other cells ran beside any of the line's."""
-
-    def entry(line: Line, name: str) -> Entry:
-        value = _real_time(line, lengths) if name == "real_time" else line.values.get(name)
-        if value is None:
-            return Entry("")
-        return Entry(_text(name, value) + "*" * (name in TIMES and not line.alone))
-
-    return _table(lines, (*COSTS[:4], "real_time", *COSTS[4:]), entry, {})
+    return laid(ordered(lines), COSTS, _median, f"Cost: {_basis(lines, ends=False)}{_marks(lines)}")
 
 
 def fit_table(lines: Sequence[Line]) -> Table:
     """J and what it is made of: medians, and the least of all marked."""
-    totals = [(line.values[name].median, line) for line in lines for name in FIT[-2:] if name in line.values]
-    least = min(totals, key=lambda total: total[0])[1] if len(totals) > 1 else None
+    totals = {line.backend: line.values[name].median for line in lines for name in FIT[-2:] if name in line.values}
+    least = min(totals, key=lambda name: totals[name]) if len(totals) > 1 else ""
 
     def entry(line: Line, name: str) -> Entry:
-        if name not in line.values:
-            return Entry("")
-        return Entry(_text(name, line.values[name]), best=name in FIT[-2:] and line is least)
+        return _median(line, name)._replace(best=name in FIT[-2:] and name in line.values and line.backend == least)
 
-    return _table([line for _, line in totals], FIT, entry, {})
+    telling = [line for line in ordered(lines) if line.backend in totals]
+    return laid(
+        telling,
+        FIT,
+        entry,
+        f"J, the misfit to all factors, by its parts: {_basis(lines, ends=False)}, the least in bold",
+    )
 
 
 def inner_table(lines: Sequence[Line]) -> Table:
     """What goes on inside the estimators that tell: those of particles, and those that gate."""
-    telling = [line for line in lines if any(name in line.values for name in INNER)]
-
-    def entry(line: Line, name: str) -> Entry:
-        return Entry(_text(name, line.values[name])) if name in line.values else Entry("")
-
-    return _table(telling, INNER, entry, {})
+    return laid(_having(lines, INNER), INNER, _median, f"Particles and gates: {_basis(lines, ends=False)}")
 
 
 def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
@@ -135,64 +137,60 @@ def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
     for row in rows:
         c = row.columns
         dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
-        marks = ["*" * (name in TIMES and not c["timing_alone"]) for name in names]
+        marks = {name: "*" * (name in TIMES and not c["timing_alone"]) for name in names}
         entries = [
             Entry(dataset),
-            Entry(str(c["seed"])),
+            Entry(str(c["seed"]), value=c["seed"]),
             Entry(c["status"]),
-            *(Entry("" if c[name] is None else _one(name, c[name]) + m) for name, m in zip(names, marks, strict=True)),
+            *(Entry("" if c[name] is None else shown(name, c[name]) + marks[name], value=c[name]) for name in names),
         ]
         place = (folders[dataset], str(c["seed"]), folders[backend]) if c["status"] == "done" else ()
         found.append(TableRow(backend, entries, c["status"], place))
-    return Table([COLUMNS[name] for name in ("dataset", "seed", "status", *names)], found)
+    return Table([COLUMNS[name] for name in ("dataset", "seed", "status", *names)], found, "Every cell by itself")
 
 
-def _table(
-    lines: Sequence[Line], names: Sequence[str], entry: Callable[[Line, str], Entry], headings: Mapping[str, str]
-) -> Table:
-    columns = [[entry(line, name) for line in lines] for name in names]
-    kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
-    about = COLUMNS | WORKED_OUT
-    return Table(
-        [
-            WORKED_OUT["done"],
-            *(about[name]._replace(heading=headings.get(name, about[name].heading)) for name, _ in kept),
-        ],
-        [
-            TableRow(
-                line.backend,
-                [
-                    Entry(f"{line.done}/{len(line.rows)}", "told the truth" if line.told else ""),
-                    *(column[k] for _, column in kept),
-                ],
-                "done" if line.done == len(line.rows) else "some failed",
-            )
-            for k, line in enumerate(lines)
-        ],
-    )
+def _best(lines: Sequence[Line], name: str) -> list[str]:
+    """Those that none is more accurate than for sure; [] where nothing is tested, or nobody is beaten."""
+    found = contest(lines, name)
+    if found is None or found.logs < FEWEST:
+        return []
+    beaten = {c.second for c in found.comparisons if c.first == found.lines[0].backend and standing(c) == "better"}
+    return [line.backend for line in found.lines if line.backend not in beaten] if beaten else []
 
 
-def _real_time(line: Line, lengths: Mapping[int, float | None]) -> Spread | None:
-    """Share of the log's time that its steps take; None where no seed has both."""
-    shares: list[float] = []
-    for row in line.rows:
-        c, length = row.columns, lengths.get(row.columns["seed"])
-        if c["status"] == "done" and c["step_us_mean"] is not None and length:
-            shares.append(1e-6 * c["step_us_mean"] * c["steps"] / length)
-    if not shares:
-        return None
-    shares.sort()
-    middle = (shares[(len(shares) - 1) // 2] + shares[len(shares) // 2]) / 2
-    return Spread(middle, shares[0], shares[-1], len(shares))
+def _having(lines: Sequence[Line], names: Sequence[str]) -> list[Line]:
+    """Those that have any of the columns."""
+    return [line for line in ordered(lines) if any(name in line.values for name in names)]
 
 
-def _text(name: str, value: Spread) -> str:
-    return _one(name, value.median)
+def _median(line: Line, name: str) -> Entry:
+    found = typical(line, name)
+    word = belief_word(line, name) if name == "final_nees" else ""
+    return Entry("") if found is None else Entry(_text(line, name, found), word, value=found.value)
 
 
-def _one(name: str, value: Any) -> str:
-    if name in PERCENT:
-        return f"{number(100 * value)} %"
-    if name in SECONDS and value < SHORTEST_S:
-        return f"<{SHORTEST_S:g}"
-    return f"{value:,.0f}" if name in COUNTS else number(value)
+def _text(line: Line, name: str, found: Typical) -> str:
+    return shown(name, found.value) + "*" * (name in TIMES and not line.alone)
+
+
+def _ends(found: Typical, of: int) -> str:
+    """The interval, or the range; which of them it is stands in the caption, where most of the logs are there."""
+    word = "range " if of >= FEWEST and not found.interval else ""
+    return "" if found.low == found.high else f"{word}{number(found.low)}\N{EN DASH}{number(found.high)}"
+
+
+def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
+    """What the numbers are."""
+    n = logs(lines)
+    if n == 1:
+        runs = max(len(line.rows) for line in lines)
+        return "one run on one log" if runs == 1 else f"medians{' and ranges' * ends} of {runs} runs on one log"
+    if not ends:
+        return f"medians over {counted(n, 'log')}"
+    what = "95 % intervals" if n >= FEWEST else "their range, as there are too few for intervals"
+    return f"medians over {counted(n, 'log')} and {what}"
+
+
+def _marks(lines: Sequence[Line]) -> str:
+    failed = "; a failure counts as ∞" * any(line.failed and line.done for line in lines)
+    return failed + "; * timed while other cells ran beside it" * (not all(line.alone for line in lines))

@@ -1,38 +1,31 @@
-"""What was measured, in plain sentences: medians and ranges over seeds, nothing about what other seeds would show."""
+"""What can be said of the backends on a dataset: who is more accurate, is it real, who is consistent, the cost."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from .advice import SAME_COST, Use, advice, unnamed
+from .beliefs import belief_sentences
+from .claims import claims
+from .contest import Contest, contest, ordered
 from .looks import BASELINE
-from .numerals import counted, listed, number
+from .numerals import counted, factor, listed, number
 from .statistics import Comparison
-from .summary import Line, Spread, logs, short
+from .summary import Line, logs, short, telling
+
+PATHS = {"online": ("ate_m", "online path"), "final": ("final_ate_m", "final path")}
+"""What is compared where the path is known, by purpose: the path given step by step, and that smoothed at the end."""
+
+MAPS = {"online": ("map_rmse_m", "online map"), "map": ("final_map_rmse_m", "final map")}
+"""What is compared where the landmarks' places are known and the path is not."""
+
+MOST = 6
+"""Backends whose cost a sentence names."""
 
 _REFERENCE = (
     "Nobody knows where the robot was; errors here are distances from a reference, {} of the same factors, which "
     "smoothers come close to by construction."
 )
 _SURVEYED = " The landmarks' places are known: the map's error is one, all landmarks aligned by themselves."
-
-LOST = 10.0
-"""Mean NEES over its degrees of freedom from which on a belief has nothing to do with its error."""
-
-_NOBODY = (
-    " None of them has a belief that fits this log: noise stated too small, wrong ids, landmarks that move, or clocks "
-    "that differ would do that to all alike; bench show tells more of the log."
-)
-
-
-ACCURACY = ("ate_m", "final_ate_m")
-"""What backends are compared by where the path is known: the online path, and the one smoothed at the end."""
-
-
-class Use(NamedTuple):
-    """Which backend to use for something."""
-
-    purpose: str  # "online", "final" or "map"
-    backend: str  # its label; "" where the evidence names none
-    why: str  # a sentence
 
 
 class Verdict(NamedTuple):
@@ -41,117 +34,55 @@ class Verdict(NamedTuple):
     basis: str  # what it rests on: how many logs, and what is known of them
     uses: Sequence[Use]
     sentences: Sequence[str]  # the most important first
-    comparisons: Mapping[str, Sequence[Comparison]]  # by column, every pair that was compared
+    comparisons: Mapping[str, Sequence[Comparison]]  # by column, every pair, then each backend with dead reckoning
 
 
 def verdict(lines: Sequence[Line]) -> Verdict:
     """The verdict on one dataset."""
-    return Verdict(counted(logs(lines), "log"), (), headline(lines), {})
-
-
-def headline(lines: Sequence[Line]) -> list[str]:
-    """The sentences on a dataset, the most important first."""
-    name = f"{short(lines[0].dataset)}, {counted(logs(lines), 'log')}"
+    lines = ordered(lines)
+    known = telling(lines)
+    name, kind = short(known.dataset), known.truth_kind
+    basis = f"{counted(logs(lines), 'log')}; {_known(telling(lines))}"
+    failures = _not_done(lines)
     if not any(line.done for line in lines):
-        return [f"{name}: no cell is done.", *_not_done(lines)]
-    if lines[0].truth_kind == "truth":
-        said = [f"{name}: {sentence}" for sentence in _ranking(lines, "ate_m", "online path")[:1]]
-        said += [f"Smoothed at the end of the log: {s}" for s in _ranking(lines, "final_ate_m", "final path")]
-        said = (said or [f"{name}: no backend gave a path."]) + _beliefs(lines)
-    elif lines[0].truth_kind == "reference":
-        reference = _REFERENCE.format(lines[0].reference) + _SURVEYED * lines[0].surveyed
-        said = [f"{name}: no verdict on accuracy of paths. {reference}"]
-        if lines[0].surveyed:
-            said += _ranking(lines, "map_rmse_m", "online map", "RMSE")
-            said += [f"At the end of the log: {s}" for s in _ranking(lines, "final_map_rmse_m", "final map", "RMSE")]
-    else:
-        said = [f"{name}: no verdict on accuracy. There is no known path to hold the estimates against."]
-    return said + _cost(lines) + _not_done(lines)
+        return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
+    measures = PATHS if kind == "truth" else MAPS if known.surveyed else {}
+    contests = {purpose: found for purpose, (column, _) in measures.items() if (found := contest(lines, column))}
+    said: list[str] = []
+    if kind == "reference":
+        said.append(f"{name}: no verdict on accuracy of paths. {_REFERENCE.format(known.reference)}")
+        said[0] += _SURVEYED * known.surveyed
+    elif not measures:
+        said.append(f"{name}: no verdict on accuracy. There is no known path to hold the estimates against.")
+    elif not contests:
+        said.append(f"{name}: no backend that competes gave a path.")
+    for k, (purpose, found) in enumerate(contests.items()):
+        said += claims(found, measures[purpose][1], name, again=k > 0)
+    comparisons = {found.column: [*found.comparisons, *found.baseline] for found in contests.values()}
+    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures, *_told(lines)]
+    return Verdict(basis, _uses(lines, contests), sentences, comparisons)
 
 
-def belief_word(line: Line) -> str:
-    """consistent, overconfident or cautious where that is clear from NEES in every seed, else ""."""
-    nees, inside = line.values.get("nees"), line.values.get("nees_inside")
-    if nees is None or inside is None:
-        return ""
-    if nees.low > 2 and inside.high < 0.9:
-        return "overconfident"
-    if nees.high < 0.5:
-        return "cautious"
-    return "consistent" if nees.low >= 0.5 and nees.high <= 2 and inside.low >= 0.85 else ""
+def _known(line: Line) -> str:
+    if line.truth_kind == "truth":
+        return "the true path is known"
+    if line.truth_kind == "reference":
+        return "the true path is not known" + ", the landmarks' places are" * line.surveyed
+    return "neither path nor landmarks are known"
 
 
-def ranked(lines: Sequence[Line], column: str) -> list[Line]:
-    """The lines that have the column, the lowest median first.
+def _uses(lines: Sequence[Line], contests: Mapping[str, Contest]) -> list[Use]:
+    """By purpose; where the path is not known, nobody, and what they cost.
 
-    Without those that have cells missing, as long as there are others: what is left of them is their luckier seeds.
-    One that was told the truth does not compete.
+    Maps are those smoothed at the end, with one or none the online ones.
     """
-    having = [line for line in lines if column in line.values and not line.told]
-    whole = [line for line in having if line.done == len(line.rows)]
-    return sorted(whole or having, key=lambda line: line.values[column].median)
-
-
-def _ranking(lines: Sequence[Line], column: str, what: str, measure: str = "ATE") -> list[str]:
-    """Whose error is the lowest, and how many times that the others' are; [] where nobody has the column.
-
-    Those whose ranges over the seeds overlap with the lowest one's are named together, with the cheapest of them.
-    """
-    found = ranked(lines, column)
-    if not found:
-        return []
-    best = found[0].values[column]
-    level = [line for line in found if line is found[0] or _overlap(line.values[column], best)]
-    if len(level) > 1:
-        medians = listed([number(line.values[column].median) for line in level])
-        cheapest = min(level, key=lambda line: line.values["cpu_s"].median if "cpu_s" in line.values else float("inf"))
-        said = f"{listed([line.backend for line in level])} have the lowest errors of the {what}, and their ranges "
-        said += f"overlap (median {measure} {medians} m, {best.n} seeds); the cheapest of them is {cheapest.backend}"
-    elif len(found) > 1:
-        said = f"{found[0].backend}'s {what} has the lowest error ({_error(best, measure)})"
-    else:
-        said = f"{found[0].backend}'s {what} has {_error(best, measure)}"
-    for line in found:
-        if line not in level:
-            said += f"; {line.backend} {_times(line.values[column], best)}"
-    left = [
-        f"{line.backend} ({line.done} of {len(line.rows)} done)"
-        for line in lines
-        if column in line.values and all(line is not other for other in found) and not line.told
-    ]
-    left += [f"{line.backend} (was told the truth)" for line in lines if column in line.values and line.told]
-    return [f"{said}{f'; not ranked: {listed(left)}' if left else ''}."]
-
-
-def _overlap(value: Spread, best: Spread) -> bool:
-    return best.n > 1 and value.n > 1 and value.low <= best.high
-
-
-def _error(value: Spread, measure: str) -> str:
-    if value.n == 1:
-        return f"{measure} {number(value.median)} m in one seed"
-    return (
-        f"median {measure} {number(value.median)} m, {number(value.low)} to {number(value.high)} over {value.n} seeds"
-    )
-
-
-def _times(value: Spread, best: Spread) -> str:
-    return f"{number(value.median)} m" if best.median == 0 else f"{number(value.median / best.median)} times that"
-
-
-def _beliefs(lines: Sequence[Line]) -> list[str]:
-    """How sure of themselves they are, clear or not."""
-    words = {line.backend: belief_word(line) or "not clearly either" for line in lines if "nees" in line.values}
-    said = [
-        f"{listed(names)} {'is' if len(names) == 1 else 'are'} {word}"
-        for word in ("consistent", "overconfident", "cautious", "not clearly either")
-        if (names := [backend for backend, found in words.items() if found == word])
-    ]
-    if set(words.values()) <= {"not clearly either"}:
-        return []
-    using = [line for line in lines if "nees" in line.values and line.backend != BASELINE]
-    lost = len(using) > 1 and all(line.values["nees"].median > LOST for line in using)
-    return [f"By NEES, {'; '.join(said)}.{_NOBODY * lost}"]
+    if telling(lines).truth_kind == "truth":
+        return [advice(purpose, found) for purpose, found in contests.items()]
+    uses = [unnamed(purpose, lines) for purpose in PATHS]
+    found = contests.get("map")
+    if found is None or len(found.lines) == 1:
+        found = contests.get("online", found)
+    return [*uses, advice("map", found)] if found else uses
 
 
 def _cost(lines: Sequence[Line]) -> list[str]:
@@ -161,15 +92,38 @@ def _cost(lines: Sequence[Line]) -> list[str]:
         for line in lines
         if "cpu_s" in line.values and line.backend != BASELINE
     )
-    times = listed([f"{label} {number(seconds)} s" for seconds, label in found]) if found else ""
-    marked = " (*: while other cells ran beside it)" if "*" in times else ""
-    return [f"Median CPU time for the whole log: {times}{marked}."] if times else []
+    if not found:
+        return []
+    least, cheapest = found[0]
+    times = [f"{cheapest} {number(least)} s"]
+    for seconds, label in found[1:]:
+        ratio = seconds / least if least else 0
+        times.append(f"{label} {number(seconds)} s" + (f" ({factor(ratio)} times)" if ratio >= SAME_COST else ""))
+    if len(times) > MOST:
+        times = [times[0], f"{len(times) - 2} others up to {times[-1]}"]
+    marked = " (*: while other cells ran beside it)" if any("*" in label for _, label in found) else ""
+    return [f"Median CPU time for the whole log: {listed(times)}{marked}."]
 
 
 def _not_done(lines: Sequence[Line]) -> list[str]:
-    cells = [row.columns["status"] for line in lines for row in line.rows]
-    others = {status: cells.count(status) for status in cells if status != "done"}
-    if not others:
-        return []
-    counts = ", ".join(f"{n} {status}" for status, n in others.items())
-    return [f"Not every cell is done: {counts} of {len(cells)} (what failed, below)."]
+    """Whose cells ended in another way than they should; failures are the worst there is, and skipped cells absent."""
+    failed = [
+        f"{line.backend} failed on {line.failed} of {counted(len(line.rows), 'cell')} ({_ways(line)})"
+        for line in lines
+        if line.failed
+    ]
+    skipped = [line for line in lines if any(row.columns["status"] == "skipped" for row in line.rows)]
+    said = [f"{'; '.join(failed)}; a failure counts as worse than any path."] if failed else []
+    if skipped:
+        said.append(f"Skipped, and so not compared there: {listed([line.backend for line in skipped])} (why, below).")
+    return said
+
+
+def _ways(line: Line) -> str:
+    cells = [row.columns["status"] for row in line.rows]
+    return ", ".join(f"{cells.count(way)} {way}" for way in dict.fromkeys(cells) if way not in ("done", "skipped"))
+
+
+def _told(lines: Sequence[Line]) -> list[str]:
+    names = [line.backend for line in lines if line.told]
+    return [f"Not compared: {listed(names)} (was told the truth)."] if names else []

@@ -37,6 +37,7 @@ class Ended(NamedTuple):
     value: Any  # what its function returned, where it did
     death: str  # "" where it returned, "timeout", or how the process died
     alone: bool  # no other task ran at any moment while it did
+    seconds: float  # of wall time, from its start
 
 
 @dataclass
@@ -45,6 +46,7 @@ class _Worker:
     process: Any
     pipe: Connection
     output: Path
+    began: float
     deadline: float
     alone: bool
 
@@ -111,7 +113,8 @@ def _started(
     with _nameless_main():
         process.start()
     theirs.close()
-    return _Worker(index, process, ours, Path(name), time.monotonic() + timeout_s, alone=True)
+    now = time.monotonic()
+    return _Worker(index, process, ours, Path(name), now, now + timeout_s, alone=True)
 
 
 @contextlib.contextmanager
@@ -174,7 +177,7 @@ def _ended(worker: _Worker, overdue: bool) -> Ended:
     _kill(worker)
     if wrong is not None:
         raise InputError(wrong)
-    return Ended(worker.task, value, death, worker.alone)
+    return Ended(worker.task, value, death, worker.alone, time.monotonic() - worker.began)
 
 
 def _death(worker: _Worker) -> str:

@@ -6,11 +6,11 @@ import secrets
 from pathlib import Path
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Put `text` in the file at `path`, whatever was there before; a reader sees the old or the new, never a part."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Put `content` in the file at `path`, a reader sees what was there before or the new, never a part."""
     part = beside(path)
     try:
-        part.write_text(text, encoding="utf-8")
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
         os.replace(part, path)
     except BaseException:
         with contextlib.suppress(OSError):

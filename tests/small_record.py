@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slamduel.bench.export import label
-from slamduel.bench.store import COLUMNS, Store
+from slamduel.bench.store import COLUMNS, Store, label
 from slamduel.frontend.se2 import Array
 
 STEPS, LANDMARKS = 60, 5
@@ -79,7 +78,13 @@ class Record:
         row = dict.fromkeys(COLUMNS) | self._key(dataset, backend, options, seed)
         row |= {"status": "done", "reason": "", "digest": f"d{seed}" * 32, "truth_kind": kind}
         row |= {"steps": steps, "sightings": 7, "ignored": 0, "landmarks": LANDMARKS, "timing_alone": int(alone)}
-        row |= {"cost_j": rng.uniform(10, 99), "cpu_s": rng.uniform(1, 9), "finish_s": 0.0, "peak_mb": 12.0}
+        row |= {
+            "cost_j": rng.uniform(10, 99),
+            "cpu_s": rng.uniform(1, 9),
+            "finish_s": 0.0,
+            "peak_mb": 12.0,
+            "real_time": 0.01,
+        }
         row |= {f"step_us_{name}": rng.uniform(1, 900) for name in ("mean", "p50", "p95", "p99", "max")}
         for path in paths:
             prefix = "" if path == "online" else "final_"
@@ -96,6 +101,10 @@ class Record:
         row |= columns
         if row["cost_j"] is not None:
             arrays["cost_terms"] = row["cost_j"] * np.array((0.1, 0.2, 0.7, 0.0))
+            terms = dict(zip(("j_prior", "j_odometry", "j_sightings"), arrays["cost_terms"].tolist(), strict=False))
+            row |= terms | {"j_final" if "final" in paths else "j_online": row["cost_j"]}
+            row |= dict(zip(("j_prior", "j_odometry", "j_sightings"), arrays["cost_terms"].tolist(), strict=False))
+            row["j_final" if "final" in paths else "j_online"] = row["cost_j"]
         self.store.put_cell(row, {name: a for name, a in arrays.items() if name not in leave_out}, "")
         return row
 

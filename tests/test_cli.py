@@ -1,6 +1,7 @@
 """The command as a user meets it: exit statuses, sentences, and nothing left where nothing came of it."""
 
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -46,6 +47,20 @@ def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path, capfd: pytest.Ca
     words = ["--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / "run")]
     assert main(["run", "--quiet", *words]) == 0
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("no_report")
+def test_json_is_all_of_standard_output(tmp_path: Path, log_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / "run"), "--json"]
+    assert main(["run", *words]) == 0
+    said = capfd.readouterr()
+    found = json.loads(said.out)
+    assert (found["status"], found["report"]) == (0, str(tmp_path / "run" / "report.html"))
+    assert [dataset["name"] for dataset in found["datasets"]] == [log_folder.name]
+    assert "1 of 1 done wander · ekf" in said.err
+    assert main(["run", *words, "--quiet"]) == 0
+    again = capfd.readouterr()
+    assert (json.loads(again.out), again.err) == (found, "")
 
 
 @pytest.mark.usefixtures("no_report")
@@ -186,7 +201,7 @@ def test_a_folder_with_other_things_in_it_is_left_alone(
 ) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path)]) == 2
-    assert "something that is no run" in capsys.readouterr().err
+    assert "found no run; expected a new or empty folder" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
@@ -205,6 +220,28 @@ def test_list_names_everything_with_its_options(capsys: pytest.CaptureFixture[st
     said = " ".join(capsys.readouterr().out.split())
     for words in ("dead-reckoning", "ekf", "isam2", "graph", "particles=100", "victoria-park", "markers=24", "robot=1"):
         assert words in said
+
+
+def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (fastslam,) = [entry for entry in found["backends"] if entry["name"] == "fastslam"]
+    assert {option["name"]: option["default"] for option in fastslam["options"]}["particles"] == "100"
+    assert "victoria-park" in [entry["name"] for entry in found["datasets"]]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["check", "efk"], "bench check: there is no backend 'efk'"),
+        (["render", "aruco-rom", "--out", "x"], "bench render: there is no dataset 'aruco-rom'"),
+    ],
+)
+def test_a_name_that_is_no_option_is_not_refused_as_one(
+    capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    assert main(words) == 2
+    assert sentence in capsys.readouterr().err
 
 
 def test_check_holds_a_backend_to_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
@@ -253,7 +290,7 @@ def test_brackets_in_a_place_are_no_markup(
         assert f"report: {out}/report.html" in capsys.readouterr().out
     for out in ("m[/x]", "c[x]"):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("slamduel.bench.command_report.write_report", lambda store: None)
+            patch.setattr("slamduel.bench.command_report.write_report", lambda store, figures: None)
             assert main(["report", out]) == 0
         assert capsys.readouterr().out == f"report: {out}/report.html\n"
         assert main(["export", str(log_folder), "--as", "log", "--out", f"{out}-log"]) == 0

@@ -253,9 +253,9 @@ def test_calibrated_noise_is_the_noise_there_is(tmp_path: Path, seed: int) -> No
     assert f.calibration is not None
     bins = f.calibration.bins
     n = sum(one.sightings for one in bins)
-    before, after, _ = np.average([one.squares for one in bins], axis=0, weights=[one.sightings for one in bins])
-    assert abs(after - 2) < 6 * 2 / np.sqrt(n)
-    assert before < 1  # the default is a cautious one
+    before, after, _ = np.average([one.nees for one in bins], axis=0, weights=[one.sightings for one in bins])
+    assert abs(after - 1) < 6 / np.sqrt(n)
+    assert before < 0.5  # the default is a cautious one
     assert c.likelier == "proportional"
     written = tomllib.loads((tmp_path / "log" / "noise.toml").read_text())["noise"]
     assert written.pop("model") == "proportional"

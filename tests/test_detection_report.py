@@ -115,7 +115,7 @@ def test_bins_are_the_errors_by_range() -> None:
         mine = (one.low <= z[:, 0]) & (z[:, 0] < one.high)
         assert one.range_mean == pytest.approx(errors[mine, 0].mean())
         assert one.bearing_sd == pytest.approx(errors[mine, 1].std())
-        assert one.squares == [pytest.approx((errors[mine] ** 2 @ [0.25, 4.0]).mean())]
+        assert one.nees == [pytest.approx((errors[mine] ** 2 @ [0.25, 4.0]).mean() / 2)]
 
 
 @pytest.mark.parametrize("top", [1e-3, 0.04, 0.5, 1.0, 2.999, 3.0, 47.0, 900.0])

@@ -12,8 +12,8 @@ from evo_cli import evo
 from room_drives import room_drive
 from slamduel.backends.registry import find
 from slamduel.bench.cli import main
-from slamduel.bench.export import label
 from slamduel.bench.metrics import align, aligned, ate
+from slamduel.bench.store import label
 from slamduel.frontend.factors import Log, Truth
 
 LOGS = 5

@@ -291,7 +291,7 @@ def test_an_older_record_has_the_covariance_of_each_landmark_alone(worlds: Path,
     """Records were once kept without the joint covariance, and without counts of ancestors and refused sightings."""
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / FILE).write_bytes((worlds / "mapped" / FILE).read_bytes())
-    with Store(tmp_path / "old") as store:
+    with Store(tmp_path / "old", create=True) as store:
         for row in list(store.cells()):
             lacking = ("map_joint", "final_map_joint", "ancestors", "refused", "cost_terms")
             left = {name: array for name, array in store.arrays(row).items() if name not in lacking}

@@ -1,18 +1,14 @@
 """The judges: closed forms against brute force and evo, consistency against what chi-square promises."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from evo_cli import evo
 from slamduel.backends.registry import find
 from slamduel.bench import metrics
 from slamduel.bench.cost import cost
 from slamduel.frontend.factors import Log, Map
 from slamduel.frontend.se2 import Array, compose
-from slamduel.frontend.tum import write_tum
 from textbook import random_covariance, random_log
 
 
@@ -57,28 +53,6 @@ def test_a_straight_and_a_standing_path_are_only_shifted() -> None:
         alignment = metrics.align(estimate, truth)
         assert alignment.translation_only
         assert alignment.motion == pytest.approx([*(truth - estimate).mean(axis=0)[:2], 0])
-
-
-def test_errors_are_what_evo_prints(tmp_path: Path) -> None:
-    rng = np.random.default_rng(4)
-    t, truth = np.arange(60.0), wander(rng)
-    estimate = moved(np.array([0.2, 0.1, 0.05]), truth + 0.05 * rng.normal(size=truth.shape))
-    write_tum(tmp_path / "truth.tum", t, truth)
-    write_tum(tmp_path / "estimate.tum", t, estimate)
-    moved_estimate = metrics.aligned(metrics.align(estimate, truth), estimate)
-    flat = ("--project_to_plane", "xy")
-    files = ("truth.tum", "estimate.tum")
-    distance = ("-d", "1", "-u", "m", "--pairs_from_reference")
-    printed = evo(tmp_path, ("ape", *files, "-a", *flat), ("ape", *files, *flat), ("rpe", *files, *distance, *flat))
-    ours = (metrics.ate(moved_estimate, truth), metrics.ate(estimate, truth), metrics.rpe(t, estimate, truth))
-    assert ours == pytest.approx(printed, abs=1e-6)
-
-
-def test_a_path_of_less_than_a_metre_has_no_relative_error() -> None:
-    t, truth = np.arange(5.0), np.zeros((5, 3))
-    truth[:, 0] = 0.1 * t
-    assert metrics.rpe(t, truth, truth) is None
-    assert metrics.rpe(t[:1], truth[:1], truth[:1]) is None
 
 
 def test_heading_error_goes_the_short_way_round() -> None:
@@ -128,6 +102,45 @@ def test_a_map_alone_is_aligned_by_its_landmarks() -> None:
     turned = moved(np.array([3.0, -2.0, 1.0]), np.column_stack((truth.xy, np.zeros(6))))[:, :2]
     assert metrics.own_map_rmse(Map(np.arange(6)[::-1], turned[::-1], None), truth) == pytest.approx(0, abs=1e-12)
     assert metrics.own_map_rmse(Map(np.arange(2), turned[:2], None), truth) is None
+
+
+def test_landmarks_missed_are_those_sighted_and_spurious_those_unknown() -> None:
+    known = Map(np.array([1, 2, 3, 4]), np.zeros((4, 2)), None)
+    found = Map(np.array([2, 9, 8, 7]), np.zeros((4, 2)), None)
+    assert metrics.missed(found, known, np.array([1, 1, -1, 2, 3, 3, 5])) == 2  # 1 and 3; 4 was never sighted
+    assert metrics.spurious(found, known) == 3
+    assert metrics.missed(known, known, known.ids) == metrics.spurious(known, known) == 0
+
+
+def test_landmark_nees_of_true_covariances_is_chi_square() -> None:
+    """The correlations between landmarks do not matter: each is judged by its own block."""
+    rng = np.random.default_rng(12)
+    n = 300
+    mixed = rng.normal(size=(2 * n, 2 * n)) / np.sqrt(2 * n)
+    joint = mixed @ mixed.T + 0.01 * np.eye(2 * n)
+    truth = Map(np.arange(n), rng.normal(0, 30, (n, 2)), None)
+    order = rng.permutation(n)
+    values = list[float]()
+    for _ in range(10):
+        xy = truth.xy + (mixed @ rng.normal(size=2 * n) + 0.1 * rng.normal(size=2 * n)).reshape(n, 2)
+        pick = (2 * order[:, None] + np.arange(2)).ravel()
+        values += metrics.landmark_nees(Map(order, xy[order], joint[np.ix_(pick, pick)]), truth, order[:0]).tolist()
+    assert len(values) == 10 * n
+    found = metrics.consistency(np.array(values), 2)
+    assert found is not None
+    assert found.mean == pytest.approx(1, abs=6 / np.sqrt(10 * n))  # the variance of chi-square(2) / 2 is 1
+    assert found.inside == pytest.approx(0.95, abs=6 * np.sqrt(0.95 * 0.05 / (10 * n)))
+
+
+def test_landmark_nees_leaves_out_what_was_given_as_exact_and_counts_the_collapsed_as_outside() -> None:
+    truth = Map(np.array([1, 2, 3]), np.zeros((3, 2)), None)
+    found = Map(np.array([3, 1, 2]), np.full((3, 2), 0.1), np.diag([0.01, 0.01, 0, 0, 0, 0]))
+    values = metrics.landmark_nees(found, truth, np.array([1]))
+    np.testing.assert_allclose(values, [np.nan, 2.0])
+    assert metrics.consistency(values, 2) == pytest.approx((1.0, 0.5))
+    assert not len(metrics.landmark_nees(found._replace(cov=None), truth, np.array([1])))
+    assert metrics.consistency(np.zeros(0), 2) is None
+    assert metrics.consistency(np.full(4, np.nan), 3) is None
 
 
 def batch_on(log: Log) -> tuple[Array, Map]:

@@ -88,7 +88,8 @@ def test_a_run_that_goes_on_tells_it_still(
     out = tmp_path / "run"
     words = ("--backend", f"{BACKEND},{WITHOUT}", "--dataset", log_folder)
     go(out, *words, "--oracle")
-    with Store(out) as store:
+    with Store(out, create=True) as store:
+        assert store._db is not None  # pyright: ignore[reportPrivateUsage]
         store._db.execute("DELETE FROM cells")  # pyright: ignore[reportPrivateUsage]
     found = go(out)
     assert found[f"{BACKEND}[]"].columns["reason"] == TOLD

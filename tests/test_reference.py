@@ -9,7 +9,7 @@ from slamduel.bench.metrics import align, aligned, ate, own_map_rmse
 from slamduel.bench.summary import REFERENCE, SURVEYED, lines
 from slamduel.bench.tables import accuracy_table
 from slamduel.bench.terminal import tables
-from slamduel.bench.verdict import headline
+from slamduel.bench.verdict import verdict
 from slamduel.datasets.outliers import swapped
 from slamduel.frontend.factors import Dataset, Truth
 from slamduel.frontend.se2 import act
@@ -86,8 +86,9 @@ def test_what_the_reference_is_stands_wherever_distances_do(tmp_path: Path) -> N
     found = lines(made.store.cells())
     groups = {name: [line for line in found if line.dataset == name] for name in ("park", "field")}
     park, field = groups["park"], groups["field"]
-    assert words in headline(park)[0]
-    assert "batch optimum of the same factors" in headline(field)[0]
+    said = {name: verdict(group).sentences for name, group in groups.items()}
+    assert words in said["park"][0]
+    assert "batch optimum of the same factors" in said["field"][0]
     for name, group in groups.items():
         (shown,) = tables(group, 120)
         assert (words in str(shown.title)) == (name == "park")
@@ -95,5 +96,7 @@ def test_what_the_reference_is_stands_wherever_distances_do(tmp_path: Path) -> N
     headings = [[column.heading for column in accuracy_table(group).headings] for group in (park, field)]
     assert "map" in headings[0]  # an error
     assert "map from reference" in headings[1]  # a distance
-    assert any("online map has the lowest error" in sentence for sentence in headline(park))
-    assert not any("map" in sentence for sentence in headline(field))
+    assert any("error of the online map: " in sentence for sentence in said["park"])
+    assert not any("map" in sentence for sentence in said["field"])
+    assert [use.purpose for use in verdict(park).uses] == ["online", "final", "map"]
+    assert list(verdict(park).comparisons) == ["map_rmse_m", "final_map_rmse_m"]

@@ -1,5 +1,7 @@
 """The report: one page that needs nothing else, says what the record says, and never more."""
 
+import base64
+import hashlib
 import html
 import re
 import shutil
@@ -7,6 +9,7 @@ import subprocess
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -100,7 +103,14 @@ def section(record: Record, page: Page, dataset: str) -> str:
 
 def test_the_page_needs_nothing_but_itself(page: Page, text: str) -> None:
     tags = {tag for tag, _ in page.elements}
-    assert not tags & {"script", "link", "img", "iframe", "object"}
+    assert not tags & {"link", "img", "iframe", "object"}
+    scripts = [attrs for tag, attrs in page.elements if tag == "script"]
+    assert scripts.count({}) == 1  # the page's own, which its policy names by its digest
+    assert all(attrs in ({}, {"type": "application/json"}) for attrs in scripts)
+    (policy,) = [attrs["content"] or "" for _, attrs in page.elements if "http-equiv" in attrs]
+    (own,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    assert base64.b64encode(hashlib.sha256(own.encode()).digest()).decode() in policy
+    assert "default-src 'none'" in policy
     targets = [value or "" for _, attrs in page.elements for name, value in attrs.items() if name in ("src", "href")]
     assert len(targets) > 20
     assert not [target for target in targets if "//" in target or ":" in target]
@@ -125,7 +135,7 @@ def test_links_lead_to_what_export_writes(record: Record, page: Page) -> None:
         if row.columns["status"] == "done"
     }
     found = {attrs.get("href") or "" for _, attrs in page.elements}
-    assert wanted == {target for target in found if target.endswith("/")}
+    assert wanted == {target for target in found if target.endswith("/")} - {"figures/", "tables/"}
     assert {"cells.csv", "run.json", "report.md"} <= found
 
 
@@ -145,10 +155,8 @@ def test_a_reference_is_never_called_truth(record: Record, page: Page, markdown:
 
 def test_the_verdict_is_what_the_record_says(record: Record, page: Page) -> None:
     room = section(record, page, "room")
-    assert (
-        "room, 3 logs: ekf's online path has the lowest error (median ATE 0.110 m, 0.100 to 0.120 over 3 seeds)" in room
-    )
-    assert "fastslam[particles=10] is overconfident" in room
+    assert "3 logs are too few to test" in room
+    assert "ekf 0.110 m" in room
     assert "isam2*" in room
     assert "3 timeout" in room
 
@@ -174,7 +182,7 @@ def test_times_beside_others_are_marked(record: Record, page: Page, markdown: st
 
 def test_failures_are_told_and_escaped(record: Record, page: Page, text: str, markdown: str) -> None:
     room = section(record, page, "room")
-    assert "<script" not in text
+    assert "<script>alert" not in text
     assert html.escape(EVIL, quote=False) in text.replace("&#39;", "'")
     assert room.count(EVIL) >= 4  # name, reason, traceback, not drawn
     assert "<script" not in markdown
@@ -202,13 +210,12 @@ def test_every_figure_is_there(record: Record, page: Page, markdown: str) -> Non
     files = sorted(record.store.folder.glob("figures/*"))
     assert sorted(record.store.folder / name for name in named) == files
     paths = {"room": 5, "park": 2}
-    along = {"room": ("error", "nees", "cost", "cost-along", "seeds"), "park": ("error", "cost", "cost-along")}
+    along = {"room": ("error", "pareto", "cost", "cost-along", "seeds"), "park": ("error", "cost", "cost-along")}
     folders = record.store.run()["folders"]
     for dataset, panels in paths.items():
         slug = folders[dataset]
         assert len([f for f in files if f.name.startswith(f"{slug}-trajectory-")]) == panels
         assert {f"{slug}-{name}.svg" for name in along[dataset]} <= {f.name for f in files}
-    assert len(files) == 7 + 8
     assert sum(tag == "figure" for tag, _ in page.elements) == len(files)
     for file in files:
         assert ElementTree.parse(file).getroot().tag.endswith("svg")
@@ -244,22 +251,15 @@ def test_dead_reckoning_does_not_stretch_the_frame() -> None:
 
 def test_j_is_told_by_its_parts_and_particles_and_gates_where_there_are_any(tmp_path: Path) -> None:
     made = Record(tmp_path / "r")
-    n_eff, refused = np.linspace(90, 40, STEPS), np.arange(STEPS) == 7
-    for backend, more in {
-        "plain": {"n_eff": np.full(STEPS, np.nan), "refused": np.zeros(STEPS, np.int64)},
-        "particles": {"n_eff": n_eff, "ancestors": np.linspace(100, 11, STEPS).round()},
-        "gated": {"refused": refused.astype(np.int64)},
-    }.items():
+    inside: dict[str, dict[str, Any]] = {
+        "plain": {},
+        "particles": {"n_eff_least": 40.0, "ancestors_left": 11},
+        "gated": {"refused_share": 1 / 7},
+    }
+    for backend, more in inside.items():
         paths = ("online", "final") if backend == "plain" else ("online",)
-        row = made.cell(
-            "room",
-            "truth",
-            backend,
-            paths=paths,
-            cost_j={"plain": 2000.0, "particles": 3000.0, "gated": 4000.0}[backend],
-        )
-        (kept,) = [found for found in made.store.cells() if found.columns["backend"] == backend]
-        made.store.put_cell(row, made.store.arrays(kept) | more, "")
+        cost_j = {"plain": 2000.0, "particles": 3000.0, "gated": 4000.0}[backend]
+        made.cell("room", "truth", backend, paths=paths, cost_j=cost_j, **more)
     write_report(made.store)
     made.store.close()
     text = (tmp_path / "r" / "report.md").read_text(encoding="utf-8")
@@ -269,7 +269,7 @@ def test_j_is_told_by_its_parts_and_particles_and_gates_where_there_are_any(tmp_
     assert "| plain | 1/1 | 200 | 400 | 1,400 | **2,000** |  |" in fit
     assert "| gated | 1/1 | 400 | 800 | 2,800 |  | 4,000 |" in fit
     assert inner[0] == "| backend | done | fewest effective particles | ancestors left | refused |"
-    assert inner[2:] == ["| gated | 1/1 |  |  | 14.3 % |", "| particles | 1/1 | 40.0 | 11 |  |"]
+    assert sorted(inner[2:]) == ["| gated | 1/1 |  |  | 14.3 % |", "| particles | 1/1 | 40.0 | 11 |  |"]
     assert f"True noise would give about {3 * (STEPS - 1)} of odometry and 14.0 of sightings at the true" in text
     assert "its J is large by nature" in text
 

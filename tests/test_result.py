@@ -1,5 +1,6 @@
 import base64
 import dataclasses
+import html
 import re
 import subprocess
 import sys
@@ -50,12 +51,25 @@ def test_paths_come_back_as_arrays(world: Dataset, result: Result) -> None:
         result.path("ukf")
 
 
+def test_the_verdict_is_by_dataset(result: Result) -> None:
+    ((dataset, found),) = result.verdict.items()
+    assert dataset.endswith("logs/random]")
+    assert "1 log" in found.basis
+    assert {use.purpose for use in found.uses} <= {"online", "final", "map"}
+    assert set(found.comparisons) <= set(result.cells[0])
+    for use in found.uses:
+        assert use.why.rstrip(".") in " ".join(repr(result).split())  # what a notebook without pages shows
+    assert "random, 1 log" in repr(result)
+
+
 def test_it_shows_itself(result: Result) -> None:
     text = repr(result)
     assert "isam2" in text
     assert str(result.report) in text
     page = result._repr_html_()  # pyright: ignore[reportPrivateUsage]
-    assert "lowest error" in page
+    assert result.verdict["log[path=" + str(result.folder / "logs" / "random") + "]"].sentences[0] in html.unescape(
+        page
+    )
     assert "<table" in page
     pictures = re.findall(r'src="data:image/svg\+xml;base64,([^"]+)"', page)
     assert len(pictures) == 2

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +43,11 @@ class Silent:
 
     def preparing(self, logs: int) -> None: ...
     def prepared(self, name: str) -> None: ...
-    def running(self, cells: int, before: int) -> None: ...
-    def finished(self, cell: Cell, status: str, reason: str, row: dict[str, Any]) -> None:
-        self.ended.append(f"{cell.backend.label} {status}")
+    def running(self, cells: Sequence[Cell], before: Sequence[Row], workers: int) -> None: ...
+    def finished(self, cell: Cell, row: dict[str, Any], seconds: float) -> None:
+        self.ended.append(f"{cell.backend.label} {row['status']}")
+
+    def reporting(self) -> None: ...
 
 
 @pytest.fixture(scope="module")

@@ -154,9 +154,8 @@ def test_honest_noise_is_told_from_noise_stated_too_small(errors: float) -> None
     known = measured(made.log, truth).known
     for honest, k in ((known.sightings, 2), (known.odometry, 3)):
         assert honest is not None
-        assert honest.expected == k
-        tolerance = 6 * np.sqrt(2 * k / honest.checked)  # chi-square's variance is twice its mean
-        assert honest.mean / errors**2 == pytest.approx(k, abs=tolerance)
+        tolerance = 6 * np.sqrt(2 / k / honest.checked)  # chi-square's variance is twice its mean
+        assert honest.nees / errors**2 == pytest.approx(1, abs=tolerance)
         assert honest.scale == pytest.approx(errors, rel=6 / np.sqrt(honest.checked))
     words = dict(facts(measured(made.log, truth), "truth"))
     assert words["sightings against truth"].startswith("typical error as stated" if errors == 1 else "stated too small")
@@ -178,7 +177,7 @@ def test_errors_are_measured_minus_true_where_the_truth_reaches() -> None:
     assert judged is not None
     first = 0.2**2 / 0.04 + 0.1**2 / 0.01
     second = found.values[1] ** 2 @ (1 / 0.04, 1 / 0.01)
-    assert judged.mean == pytest.approx((first + second) / 2)
+    assert judged.nees == pytest.approx((first + second) / 2 / 2)
 
 
 def test_drift_is_from_the_first_known_pose_to_the_last() -> None:
@@ -276,7 +275,7 @@ def test_json_is_all_that_is_printed_and_draws_nothing(
     found = json.loads(capsys.readouterr().out)
     assert (found["log"], found["seed"], found["path"]) == ("circle[steps=300]", 1, "truth")
     assert found["way"]["steps"] == 300
-    assert found["known"]["sightings"]["expected"] == 2
+    assert 0.8 < found["known"]["sightings"]["nees"] < 1.2
     assert found["times"] is None
     assert found["known"]["astray"] is None
     assert found["known"]["measured"]["bearing_sd"] > 0
@@ -446,10 +445,10 @@ def test_typical_errors_and_far_ones_do_not_contradict_one_another() -> None:
         (0.5, 0.05, "stated too large: the typical error is 0.500 times the stated one, but 5.00 % are far out"),
         (1.0, 0.001, "typical error as stated (1.00 times) \N{MIDDLE DOT} 0.100 % far out, where chance has 0.1 %"),
     ):
-        known = found.known._replace(odometry=Honesty(100, 3, 7.32, 2.0, far, scale))
+        known = found.known._replace(odometry=Honesty(100, 2.44, 2.0, far, scale))
         said = dict(facts(found._replace(known=known), ""))["odometry against truth"]
         assert said.startswith(words)
-        assert said.endswith("normalised squared error 7.32 on average, where 3 is expected \N{MIDDLE DOT} 100 checked")
+        assert said.endswith("NEES 2.44, where 1 is exact \N{MIDDLE DOT} 100 checked")
 
 
 def test_many_misfits_to_the_batch_optimum_ask_what_is_wrong() -> None:

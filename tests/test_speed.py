@@ -104,7 +104,7 @@ def test_the_command_prints_and_writes(
     assert rows[-1]["frames"] == "7"
     assert rows[2]["bias_m"] == "0.01"
     blank = [row for row in rows if row["distance_m"] == "6.0" and row["refinement"] == "template"]
-    assert [row["nse"] for row in blank] == [""]
+    assert [row["nees"] for row in blank] == [""]
     assert sorted(path.name for path in out.iterdir()) == ["frontend.csv", "frontend.png"]
 
 

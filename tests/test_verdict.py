@@ -1,164 +1,411 @@
-"""The report's words and numbers: what is clear is said, what is not is left open."""
+"""What is said of a dataset: a difference only where it is borne out, advice only where the evidence names somebody."""
 
+import re
+from math import inf
 from typing import Any
 
 import numpy as np
 import pytest
 
-from slamduel.bench.axes import stretches
-from slamduel.bench.numerals import counted, listed, number, plain, span
-from slamduel.bench.store import COLUMNS, Row
-from slamduel.bench.summary import Line, Spread, lines, short
-from slamduel.bench.tables import accuracy_table, cost_table
-from slamduel.bench.verdict import belief_word, headline
+from slamduel.bench.beliefs import belief_sentences, belief_word
+from slamduel.bench.contest import contest, needed, ordered, standing
+from slamduel.bench.store import COLUMNS, MORE, Row
+from slamduel.bench.summary import SURVEYED, TOLD, Line, lines, short
+from slamduel.bench.verdict import Use, Verdict, verdict
+
+SEED = 4
+LOGS = np.exp(np.random.default_rng(SEED).normal(-3, 0.4, 40))
+"""How hard each log is: errors are this times a backend's own."""
 
 
-def told(backend: str, kind: str = "truth", **columns: list[Any]) -> list[Row]:
+def told(backend: str, kind: str = "truth", *, one_log: bool = False, **columns: Any) -> list[Row]:
     """Cells of a backend, one a value of the columns; a cell is done unless its status says otherwise."""
     n = max(map(len, columns.values()))
-    about: dict[str, Any] = dict.fromkeys(COLUMNS)
+    about: dict[str, Any] = dict.fromkeys((*COLUMNS, *MORE))
     about |= {"dataset": "room", "dataset_options": "", "backend": backend, "options": "", "truth_kind": kind}
     about |= {"status": "done", "reason": "", "timing_alone": 1}
-    rows = [about | {"seed": k, "digest": f"d{k}"} for k in range(n)]
+    rows = [about | {"seed": k, "digest": "d" if one_log else f"d{k}"} for k in range(n)]
     for name, values in columns.items():
         for row, value in zip(rows, values, strict=True):
             row[name] = value
     return [Row(row, "") for row in rows]
 
 
-def test_a_log_that_nobody_can_believe_is_said_to_be_one() -> None:
-    rows = [*told("a", nees=[40.0, 30.0], nees_inside=[0.1, 0.1], ate_m=[1.0, 1.0])]
-    rows += told("b", nees=[400.0, 300.0], nees_inside=[0.1, 0.1], ate_m=[1.0, 1.0])
-    rows += told("dead-reckoning", nees=[1.0, 1.0], nees_inside=[0.9, 0.9], ate_m=[1.0, 1.0])
-    assert any("None of them has a belief that fits this log" in sentence for sentence in headline(lines(rows)))
-    rows += told("c", nees=[1.0, 1.0], nees_inside=[0.9, 0.9], ate_m=[1.0, 1.0])
-    assert not any("None of them" in sentence for sentence in headline(lines(rows)))
+def rows(backend: str, times: float, n: int = 20, *, sd: float = 0.05, step: float = 10.0, **more: Any) -> list[Row]:
+    """Cells whose error is that many times what the log's is, give or take."""
+    rng = np.random.default_rng([SEED, *backend.encode()])
+    made: dict[str, Any] = {
+        "ate_m": (LOGS[:n] * times * np.exp(rng.normal(0, sd, n))).tolist(),
+        "step_us_p50": [step] * n,
+    }
+    made |= {"cpu_s": [step] * n}
+    for name, value in more.items():
+        made[name] = value if isinstance(value, list) else [value] * n
+    return told(backend, **made)
 
 
-def line(**columns: list[Any]) -> Line:
-    (found,) = lines(told("ekf", "truth", **columns))
+def failing(found: list[Row], *seeds: int, status: str = "diverged") -> list[Row]:
+    """The cells, those of the seeds without any value."""
+    gone = dict.fromkeys(("ate_m", "final_ate_m", "nees", "cpu_s", "step_us_p50"))
+    return [
+        Row({**row.columns, **gone, "status": status}, "") if row.columns["seed"] in seeds else row for row in found
+    ]
+
+
+def said(*of: list[Row]) -> Verdict:
+    return verdict(lines([row for part in of for row in part]))
+
+
+def use(found: Verdict, purpose: str = "online") -> Use:
+    (one,) = [use for use in found.uses if use.purpose == purpose]
+    return one
+
+
+# Who is more accurate
+
+
+def test_a_difference_that_is_borne_out_is_claimed_with_its_interval() -> None:
+    found = said(rows("isam2", 1), rows("ekf", 2))
+    claim = re.fullmatch(
+        r"isam2's online path is ([\d.]+) to ([\d.]+) times closer to the truth than ekf's on room, 20 logs "
+        r"\(Wilcoxon, Holm: p < 0.0001; closer on 20 of 20\)\.",
+        found.sentences[0],
+    )
+    assert claim is not None
+    assert 1.85 < float(claim[1]) <= 2 <= float(claim[2]) < 2.15
+    assert found.basis == "20 logs; the true path is known"
+
+
+def test_what_is_claimed_does_not_depend_on_the_order_of_the_record() -> None:
+    one, other = rows("isam2", 1), rows("ekf", 2)
+    assert said(one, other).sentences == said(other, one).sentences
+
+
+def test_what_cannot_be_told_apart_is_said_to_be_so_with_what_is_ruled_out() -> None:
+    found = said(rows("isam2", 1, sd=0.2), rows("ekf", 1, sd=0.2))
+    sentence = found.sentences[0]
+    assert "cannot be told apart on room, 20 logs" in sentence
+    assert "closer to the truth" not in " ".join(found.sentences)
+    (c,) = found.comparisons["ate_m"]
+    assert c.low < 1 < c.high
+    worse, better = re.findall(r"(\d+) %", sentence)[:2]
+    assert int(worse) == pytest.approx(100 * (1 / c.low - 1), abs=0.51)
+    assert int(better) == pytest.approx(100 * (c.high - 1), abs=0.51)
+    assert f"more than {max(int(worse), int(better))} % apart is ruled out" in sentence
+
+
+def test_the_same_to_within_one_percent_is_alike_whatever_a_test_makes_of_it() -> None:
+    base = LOGS[:20]
+    found = said(told("a", ate_m=base.tolist()), told("b", ate_m=(base * 1.001).tolist()))
+    (c,) = found.comparisons["ate_m"]
+    assert c.holds  # one is closer on every log, by nothing
+    assert standing(c) == "alike"
+    assert found.sentences[0] == "The online paths of a and b are alike on room, 20 logs: less than 1 % apart."
+
+
+def test_of_three_the_best_is_held_against_each() -> None:
+    sentence = said(rows("a", 1), rows("b", 2), rows("c", 4)).sentences[0]
+    assert re.fullmatch(
+        r"a's online path is closer to the truth on room, 20 logs: [\d.]+ to [\d.]+ times than b's \(p < 0.0001, "
+        r"20 of 20 logs\) and [\d.]+ to [\d.]+ times than c's \(p < 0.0001, 20 of 20 logs\) \(Wilcoxon, Holm\)\.",
+        sentence,
+    )
+
+
+def test_of_many_the_sentences_stay_short_and_the_pairs_are_all_there() -> None:
+    several = [rows(f"backend-{k}", 1 + 0.2 * max(0, k - 1), 30, nees=1.0) for k in range(10)]
+    found = said(*several, rows("dead-reckoning", 40, 30))
+    assert len(found.comparisons["ate_m"]) == 45 + 10
+    assert max(map(len, found.sentences)) < 330
+    assert len(" ".join(found.sentences)) < 1200
+    assert "than those of 8 others" in found.sentences[0]
+
+
+def test_too_few_logs_are_too_few_to_test() -> None:
+    found = said(told("a", ate_m=[0.5, 0.7, 0.6], final_ate_m=[0.1] * 3), told("b", ate_m=[0.1, 0.2, 0.3]))
+    assert found.sentences[0] == (
+        "room: 3 logs are too few to test, 6 at least; measured, median error of the online path: b 0.200 m, a 0.600 m."
+    )
+    assert found.sentences[1] == "Measured, median error of the final path: a 0.100 m."
+    assert use(found) == Use("online", "", "3 logs are too few to tell, 6 at least (--seeds).")
+
+
+def test_six_logs_cannot_bear_three_pairs() -> None:
+    found = said(rows("a", 1, 6), rows("b", 2, 6), rows("c", 4, 6))
+    assert found.sentences[0].startswith("No claim can be made on room, 6 logs of a's online path, measured ")
+    assert "6 logs cannot bear a test of 3 pairs, 7 could" in found.sentences[0]
+    assert "closer to the truth" in said(rows("a", 1, 7), rows("b", 2, 7), rows("c", 4, 7)).sentences[0]
+    assert use(found).backend == "a"
+    assert [needed(pairs) for pairs in (1, 3, 28)] == [6, 7, 11]
+
+
+def test_one_log_is_nothing_to_test_and_repeats_speak_for_it_alone() -> None:
+    found = said(
+        told("a", one_log=True, ate_m=[0.1] * 4),
+        told("b", one_log=True, ate_m=[0.2, 0.3, 0.4, 0.25]),
+        told("c", one_log=True, ate_m=[0.9] * 4),
+    )
+    assert list(found.sentences[:2]) == [
+        "room is one log, nothing to test; measured error of the online path: a 0.100 m, b 0.275 m, c 0.900 m.",
+        (
+            "b draws at random: its 4 runs on this log lie between 0.200 and 0.400 m, all further off than a and all "
+            "closer than c; of other logs that says nothing."
+        ),
+    ]
+    assert use(found) == Use("online", "", "There is one log, nothing to test.")
+    assert "--seeds" in use(said(told("a", ate_m=[0.1]), told("b", ate_m=[0.2]))).why
+
+
+def test_online_and_final_are_never_held_against_each_other() -> None:
+    found = said(
+        rows("ekf", 1),
+        rows("isam2", 1, final_ate_m=(0.2 * LOGS[:20]).tolist()),
+        told("graph", final_ate_m=LOGS[:20].tolist()),
+    )
+    assert {
+        column: {c.first for c in pairs} | {c.second for c in pairs} for column, pairs in found.comparisons.items()
+    } == {
+        "ate_m": {"ekf", "isam2"},
+        "final_ate_m": {"isam2", "graph"},
+    }
+    assert any(sentence.startswith("isam2's final path is 5.0 times closer") for sentence in found.sentences)
+
+
+def test_failures_count_as_the_worst_and_are_said_in_words() -> None:
+    found = said(rows("a", 1), failing(rows("b", 0.5), *range(18)))
+    assert found.sentences[0].startswith(
+        "a's online path is closer to the truth than b's, which mostly failed, on room"
+    )
+    assert "b failed on 18 of 20 cells (18 diverged); a failure counts as worse than any path." in found.sentences
+    some = said(rows("a", 1), failing(rows("b", 2), 0, 1, 2, status="timeout"))
+    assert re.search(r"is at least [\d.]+ times closer", some.sentences[0])
+    assert any("3 timeout" in sentence for sentence in some.sentences)
+
+
+def test_what_was_skipped_is_absent() -> None:
+    found = said(rows("a", 1), failing(rows("b", 2), *range(10), status="skipped"))
+    (c,) = found.comparisons["ate_m"]
+    assert c.n == 10
+    assert "Skipped, and so not compared there: b (why, below)." in found.sentences
+    few = said(rows("a", 1), failing(rows("b", 2), *range(17), status="skipped"))
+    assert "Too few logs in common with a to test, 6 at least: b (3)." in few.sentences
+
+
+def test_who_was_told_the_truth_does_not_compete() -> None:
+    found = said(rows("a", 1), rows("b", 2), rows("c", 0.1, reason=TOLD))
+    assert "than b's" in found.sentences[0]
+    assert found.sentences[-1] == "Not compared: c (was told the truth)."
+
+
+def test_dead_reckoning_costs_the_others_no_power() -> None:
+    alone, with_it = said(rows("a", 1), rows("b", 2)), said(rows("a", 1), rows("b", 2), rows("dead-reckoning", 9))
+    assert alone.comparisons["ate_m"][0] == with_it.comparisons["ate_m"][0]
+    assert [(c.first, c.second) for c in with_it.comparisons["ate_m"][1:]] == [
+        ("a", "dead-reckoning"),
+        ("b", "dead-reckoning"),
+    ]
+    assert any(re.match("All beat dead reckoning, a [89]", sentence) for sentence in with_it.sentences)
+    lost = said(rows("a", 1), rows("b", 9), rows("dead-reckoning", 9))
+    assert "Not for sure closer than dead reckoning's: the online path of b." in lost.sentences
+
+
+def test_without_a_truth_there_is_no_verdict_on_accuracy() -> None:
+    for kind in ("reference", ""):
+        parts = [told(name, kind, ate_m=[v] * 8, cpu_s=[v] * 8) for name, v in (("a", 0.1), ("b", 0.9))]
+        found = said(*parts)
+        assert "no verdict on accuracy" in found.sentences[0]
+        assert not found.comparisons
+        assert {use.backend for use in found.uses} == {""}
+    assert said(failing(rows("a", 1, 2), 0, 1)).sentences[0] == "room: no cell is done."
+
+
+def test_a_first_backend_that_failed_does_not_hide_what_is_known_of_the_log() -> None:
+    parts = [told(name, "reference", map_rmse_m=[v] * 8, reason=[SURVEYED] * 8) for name, v in (("b", 0.1), ("c", 0.3))]
+    found = said(told("a", "reference", status=["error"] * 8), *parts)
+    assert any(sentence.startswith("b's online map is 3.0 times closer") for sentence in found.sentences)
+    assert (use(found, "map").backend, use(found).backend) == ("b", "")
+    assert found.basis == "8 logs; the true path is not known, the landmarks' places are"
+
+
+# What beliefs are worth
+
+
+def one(**columns: Any) -> Line:
+    (found,) = lines(told("ekf", **columns))
     return found
 
 
 @pytest.mark.parametrize(
-    ("value", "text"),
+    ("center", "width", "word"),
     [
-        (0, "0"), (0.0213, "0.0213"), (0.5, "0.500"), (0.9999, "1.00"), (99.96, "100"), (12.34, "12.3"), (123.4, "123"),
-        (1234567, "1,234,567"), (-4.5, "-4.50"), (2e-5, "0.0000200"), (2.08e7, "2.08\u00d710\u2077"),
-        (1.2e-9, "1.20\u00d710\u207b\u2079"), (9999999, "1.00\u00d710\u2077"), (float("inf"), "\u221e"),
-        (-float("inf"), "-\u221e"), (float("nan"), "not a number"),
+        (1.0, 0.2, "consistent"), (0.8, 0.05, "consistent"), (1.5, 0.02, "overconfident"), (1.2, 0.2, "consistent"),
+        (9.0, 1.0, "overconfident"), (0.6, 0.05, "cautious"), (0.1, 0.01, "cautious"), (1.3, 2.5, ""), (0.75, 0.9, ""),
     ],
 )  # fmt: skip
-def test_numbers_have_three_digits(value: float, text: str) -> None:
-    assert number(value) == text
-
-
-def test_marks_of_an_axis_have_no_zeros_at_the_end() -> None:
-    assert [plain(v) for v in (0.01, 0.5, 20, 100, 1000, 1e8)] == ["0.01", "0.5", "20", "100", "1,000", number(1e8)]
-
-
-def test_words_for_many_and_few() -> None:
-    assert (counted(1, "seed"), counted(1200, "step")) == ("1 seed", "1,200 steps")
-    assert [listed(list("abc")[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
-    assert span(Spread(1, 1, 1, 1)) == ""
-    assert span(Spread(2, 1, 3, 2)) == "1.00\u20133.00"
+def test_a_belief_has_a_word_where_the_interval_of_its_median_is_clear(center: float, width: float, word: str) -> None:
+    ten = center + width * np.linspace(-0.5, 0.5, 10)
+    assert belief_word(one(nees=ten.tolist())) == word
 
 
 @pytest.mark.parametrize(
     ("nees", "inside", "word"),
     [
-        ([1.0], [0.95], "consistent"),
-        ([0.6, 1.9], [0.99, 0.86], "consistent"),
-        ([1.0, 1.2], [0.95, 0.8], ""),
-        ([3.0, 5.0], [0.6, 0.8], "overconfident"),
-        ([3.0, 1.5], [0.6, 0.8], ""),
-        ([3.0], [0.95], ""),
-        ([0.1, 0.4], [1.0, 1.0], "cautious"),
-        ([0.1, 0.6], [1.0, 1.0], ""),
+        ([1.0], [0.95], "consistent"), ([0.6, 1.9], [0.99, 0.86], "consistent"), ([1.0, 1.2], [0.95, 0.8], ""),
+        ([3.0, 5.0], [0.6, 0.8], "overconfident"), ([3.0, 1.5], [0.6, 0.8], ""), ([3.0], [0.95], ""),
+        ([0.1, 0.4], [1.0, 1.0], "cautious"), ([0.1, 0.6], [1.0, 1.0], ""),
     ],
-)
-def test_a_belief_has_a_word_only_where_every_seed_agrees(nees: list[float], inside: list[float], word: str) -> None:
-    assert belief_word(line(nees=nees, nees_inside=inside)) == word
+)  # fmt: skip
+def test_of_few_logs_the_word_is_a_rule_of_thumb_and_said_to_be(
+    nees: list[float], inside: list[float], word: str
+) -> None:
+    line = one(nees=nees, nees_inside=inside)
+    assert belief_word(line) == word
+    assert "by a rule of thumb: an interval takes 6 logs" in belief_sentences([line])[0]
 
 
 def test_without_nees_there_is_no_word() -> None:
-    assert belief_word(line(ate_m=[1.0])) == ""
+    assert belief_word(one(ate_m=[1.0])) == ""
+    assert belief_sentences([one(ate_m=[1.0])]) == []
 
 
-def test_the_best_path_is_named_and_the_others_measured_by_it() -> None:
-    rows = told("a", ate_m=[0.5, 0.7, 0.6]) + told("b", ate_m=[0.1, 0.2, 0.3]) + told("c", ate_m=[3.0, 2.0, 1.0])
-    assert headline(lines(rows))[0] == (
-        "room, 3 logs: b's online path has the lowest error (median ATE 0.200 m, 0.100 to 0.300 over 3 seeds); "
-        "a 3.00 times that; c 10.0 times that."
+def test_a_run_whose_errors_are_one_error_is_not_called_cautious() -> None:
+    rng = np.random.default_rng(SEED)
+    words = [belief_word(one(nees=(rng.chisquare(3, 30) / 3).tolist())) for _ in range(400)]
+    assert words.count("cautious") + words.count("overconfident") <= 0.05 * 400
+
+
+def test_a_log_that_nobody_can_believe_is_said_to_be_one() -> None:
+    parts = [
+        told("a", nees=[40.0, 30.0], nees_inside=[0.1, 0.1]),
+        told("b", nees=[400.0, 300.0], nees_inside=[0.1, 0.1]),
+    ]
+    parts += [told("dead-reckoning", nees=[1.0, 1.0], nees_inside=[0.9, 0.9])]
+    assert any("None of them has a belief that fits this log" in sentence for sentence in said(*parts).sentences)
+    parts += [told("c", nees=[1.0, 1.0], nees_inside=[0.9, 0.9])]
+    assert not any("None of them" in sentence for sentence in said(*parts).sentences)
+
+
+def test_every_belief_is_named_clear_or_not() -> None:
+    (sentence,) = belief_sentences(
+        lines(rows("a", 1, nees=1.0) + rows("b", 1, nees=5.0) + rows("c", 1, nees=[0.1, 9.0] * 10))
+    )
+    assert "a (1.00 to 1.00) is consistent; b (5.00 to 5.00) is overconfident; it is not clear for c (0.1" in sentence
+
+
+# Whom to use
+
+
+def test_of_those_that_cannot_be_told_apart_the_cheapest_is_advised() -> None:
+    found = use(said(rows("isam2", 1, step=170, nees=1.0), rows("ekf", 1, step=10, nees=1.0)))
+    assert found.backend == "ekf"
+    assert "17 times cheaper than isam2" in found.why
+    assert "consistent" in found.why
+
+
+def test_a_backend_that_is_worse_is_not_advised_however_cheap() -> None:
+    found = use(said(rows("isam2", 1, step=170), rows("ekf", 2, step=10)))
+    assert found.backend == "isam2"
+    assert re.match(
+        r"The most accurate, 1.9 to 2.[01] times closer than ekf; 170 µs a step, 17 times the cost", found.why
     )
 
 
-def test_paths_whose_ranges_overlap_are_named_together_with_the_cheapest() -> None:
-    rows = told("a", ate_m=[0.2, 0.4], cpu_s=[1.0, 1.0]) + told("b", ate_m=[0.1, 0.3], cpu_s=[2.0, 2.0])
-    assert headline(lines(rows + told("c", ate_m=[2.0, 2.0])))[0] == (
-        "room, 2 logs: b and a have the lowest errors of the online path, and their ranges overlap (median ATE 0.200 "
-        "and 0.300 m, 2 seeds); the cheapest of them is a; c 10.0 times that."
+def test_one_that_is_overconfident_is_passed_over_for_one_that_is_not() -> None:
+    found = use(said(rows("isam2", 1, step=170, nees=1.0), rows("ekf", 1, step=10, nees=5.0)))
+    assert found.backend == "isam2"
+    assert "consistent, as ekf is not" in found.why
+    found = use(said(rows("isam2", 1, step=170, nees=6.0), rows("ekf", 1, step=10, nees=5.0)))
+    assert (found.backend, "overconfident" in found.why) == ("ekf", True)
+
+
+def test_one_that_fails_is_passed_over_for_one_that_does_not() -> None:
+    found = use(said(rows("isam2", 1, step=170), failing(rows("ekf", 1, step=10), 3)))
+    assert found.backend == "isam2"
+    assert "done on every log, as ekf is not" in found.why
+
+
+def test_of_about_the_same_cost_the_more_accurate_is_advised() -> None:
+    base = LOGS[:20]
+    close = [
+        told(name, ate_m=(base * e).tolist(), step_us_p50=[c] * 20) for name, e, c in (("a", 1.0, 14), ("b", 1.005, 10))
+    ]
+    assert use(said(*close)).backend == "a"
+    assert "about the cost of b" in use(said(*close)).why
+    close = [
+        told(name, ate_m=(base * e).tolist(), step_us_p50=[c] * 20) for name, e, c in (("a", 1.0, 16), ("b", 1.005, 10))
+    ]
+    assert use(said(*close)).backend == "b"
+
+
+def test_dead_reckoning_is_advised_where_nobody_beats_it() -> None:
+    found = said(rows("a", 1), rows("b", 1), rows("dead-reckoning", 1))
+    assert use(found).backend == "dead-reckoning"
+    assert use(said(rows("a", 1), rows("dead-reckoning", 2))).backend == "a"
+
+
+def test_a_method_with_a_final_path_alone_is_no_candidate_online_and_costs_its_whole_log() -> None:
+    found = said(
+        rows("isam2", 1, step=200, final_ate_m=LOGS[:20].tolist()), told("graph", final_ate_m=LOGS[:20], cpu_s=[3] * 20)
     )
+    assert use(found).backend == "isam2"
+    assert use(found, "final").backend == "graph"
+    assert "3.00 s of CPU for the whole log, 67 times cheaper than isam2" in use(found, "final").why
 
 
-def test_a_belief_without_a_word_is_not_passed_over() -> None:
-    rows = told("a", ate_m=[0.1], nees=[9.0], nees_inside=[0.1]) + told(
-        "b", ate_m=[0.3], nees=[2.5], nees_inside=[0.93]
-    )
-    assert "By NEES, a is overconfident; b is not clearly either." in headline(lines(rows))
-
-
-def test_a_backend_that_fails_on_some_seeds_does_not_win_on_the_others() -> None:
-    rows = told("a", ate_m=[0.2, 0.4]) + told("b", ate_m=[0.1, None], status=["done", "diverged"])
-    found = lines(rows)
-    said = headline(found)
-    assert (
-        "a's online path has median ATE 0.300 m, 0.200 to 0.400 over 2 seeds; not ranked: b (1 of 2 done)." in said[0]
-    )
-    assert "1 diverged of 4" in said[-1]
-    assert not any(entry.best for row in accuracy_table(found).rows for entry in row.entries)
-
-
-def test_one_seed_is_said_to_be_one() -> None:
-    assert "ATE 0.500 m in one seed" in headline(lines(told("a", ate_m=[0.5]) + told("b", ate_m=[0.6])))[0]
-
-
-def test_the_lowest_is_marked_where_there_is_a_truth_alone() -> None:
-    for kind, marked in (("truth", ["b"]), ("reference", [])):
-        found = lines(told("a", kind, ate_m=[0.2]) + told("b", kind, ate_m=[0.1]))
-        assert [row.backend for row in accuracy_table(found).rows if any(e.best for e in row.entries)] == marked
+def test_times_that_others_ran_beside_are_marked() -> None:
+    found = said(rows("a", 1, timing_alone=0), rows("b", 2))
+    assert "timed while others ran beside" in use(found).why
+    assert any("a* 10.0 s" in sentence for sentence in found.sentences)
 
 
 def test_costs_are_ranked_without_dead_reckoning() -> None:
-    rows = told("a", cpu_s=[2.0], timing_alone=[0]) + told("b", cpu_s=[1.0]) + told("dead-reckoning", cpu_s=[0.1])
-    said = " ".join(headline(lines(rows)))
-    assert "b 1.00 s and a* 2.00 s (*: while other cells ran beside it)" in said
-    assert "0.100 s" not in said
+    sentences = " ".join(
+        said(rows("a", 1, cpu_s=2.0), rows("b", 1, cpu_s=1.0), rows("dead-reckoning", 9, cpu_s=0.1)).sentences
+    )
+    assert "Median CPU time for the whole log: b 1.00 s and a 2.00 s (2.0 times)." in sentences
 
 
-def test_share_of_real_time() -> None:
-    found = lines(told("a", step_us_mean=[1e4, 3e4], steps=[100, 100]))
-    (row,) = cost_table(found, {0: 10.0, 1: 10.0}).rows
-    assert [entry.text for entry in row.entries][-1] == "20.0 %"  # 1 s and 3 s of 10 s
-    (row,) = cost_table(found, {0: 10.0, 1: None}).rows
-    assert [entry.text for entry in row.entries][-1] == "10.0 %"
-    assert len(cost_table(found, {0: None}).headings) == 1
+def test_the_order_is_by_accuracy_with_dead_reckoning_last() -> None:
+    parts = (
+        rows("dead-reckoning", 9)
+        + rows("c", 3)
+        + told("none", cpu_s=[1] * 20)
+        + rows("a", 1)
+        + told("late", final_ate_m=LOGS)
+    )
+    assert [line.backend for line in ordered(lines(parts))] == ["a", "c", "late", "none", "dead-reckoning"]
+    unknown = told("z", "", cpu_s=[1]) + told("a", "", cpu_s=[2])
+    assert [line.backend for line in ordered(lines(unknown))] == ["z", "a"]
 
 
-def test_stretches_are_means_and_gaps_stay_gaps() -> None:
-    rng = np.random.default_rng(1)
-    t = np.sort(np.concatenate((rng.uniform(0, 4, 500), rng.uniform(6, 10, 500), (0.0, 10.0))))
-    values = rng.normal(size=len(t))
-    values[7] = np.nan
-    middle, means = stretches(t, values, 10)
-    assert middle == pytest.approx(np.arange(10) + 0.5)
-    assert np.flatnonzero(np.isnan(means)).tolist() == [4, 5]
-    for k in (0, 2, 9):
-        inside = (t >= k) & ((t < k + 1) | (k == 9))
-        assert means[k] == pytest.approx(np.nanmean(values[inside]), rel=1e-12)
-    short, same = stretches(t[:5], values[:5], 10)
-    assert short.tolist() == t[:5].tolist()
-    assert same.tolist() == values[:5].tolist()
+def test_a_lower_median_does_not_outrank_one_that_is_closer_for_sure() -> None:
+    hard = [1.0] * 9 + [5.0] * 11
+    a = told("a", ate_m=[0.9 * h for h in hard[:8]] + [4.0] + [6.0] * 11)
+    b = told("b", ate_m=[value * 1.2 for value in [0.9 * h for h in hard[:8]] + [4.0] + [6.0] * 11])
+    found = contest(lines(b + a), "ate_m")
+    assert found is not None
+    assert [line.backend for line in found.lines] == ["a", "b"]
+    assert found.between(*found.lines).ratio == pytest.approx(1.2)
+
+
+def test_claims_under_no_difference_are_as_rare_as_they_are_said_to_be() -> None:
+    rng = np.random.default_rng(SEED)
+    claims = 0
+    for _ in range(200):
+        errors = np.exp(rng.normal(-3, 0.4, 12) + rng.normal(0, 0.2, (3, 12)))
+        found = said(*(told(name, ate_m=e.tolist()) for name, e in zip("abc", errors, strict=True)))
+        claims += "closer to the truth" in found.sentences[0]
+    assert claims <= 0.05 * 200 + 3 * (0.05 * 0.95 * 200) ** 0.5
+
+
+def test_repeats_on_a_log_are_averaged_and_a_failure_among_them_is_one() -> None:
+    (line,) = lines(told("a", one_log=True, ate_m=[1.0, 3.0]))
+    assert line.by_log("ate_m") == {"d": 2.0}
+    assert line.runs("ate_m") == [("d", 1.0), ("d", 3.0)]
+    (line,) = lines(failing(told("a", one_log=True, ate_m=[1.0, 3.0], nees=[2.0, 4.0]), 1))
+    assert line.by_log("ate_m") == {"d": inf}
+    assert line.measured("nees") == {"d": 2.0}
+    assert (line.failed, line.done) == (1, 1)
 
 
 def test_a_path_in_a_label_is_cut_down_to_its_last_part() -> None:

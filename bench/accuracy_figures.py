@@ -1,0 +1,173 @@
+"""Figures of errors: by log, between backends, and along a run."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..frontend.se2 import Array, wrap
+from .along import Series, along
+from .axes import fitted, stretches
+from .exhibit import Exhibit
+from .framed import curve, exhibit, of
+from .looks import Look
+from .numerals import listed
+from .rows import height, rows
+from .scene import Scene, Trace
+from .statistics import Comparison, Estimate, estimate
+from .summary import Line
+from .svg import INK
+
+STRETCHES = 100
+"""Of a log, each drawn as one point."""
+
+PATHS = {"ate_m": "online", "final_ate_m": "final"}
+"""The path that each column is the error of."""
+
+
+def middle(line: Line, column: str) -> Estimate:
+    """The median over logs with its interval, the range where there are too few logs for one; failures are infinite."""
+    values = list(line.by_log(column).values())
+    found = estimate(values)
+    ends = (found.low, found.high) if np.isfinite(found.low) else (min(values), max(values))
+    return Estimate(float(np.median(values)), *ends, len(values))
+
+
+def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+    """None where no backend ran on two logs."""
+    shown = [line for line in lines if any(column in line.values for column in PATHS)]
+    if not any(line.values[column].n > 1 for line in shown for column in PATHS if column in line.values):
+        return None
+    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    drawn = [
+        (k + 0.12 + (0.12 if column == "final_ate_m" else -0.12) * (len(having) - 1), line, column)
+        for k, line in enumerate(shown)
+        for having in [[column for column in PATHS if column in line.values]]
+        for column in having
+    ]
+    errors = {(line.backend, column): list(line.by_log(column).values()) for _, line, column in drawn}
+    failed = any(np.isinf(error) for values in errors.values() for error in values)
+    both = any(column == "final_ate_m" for _, _, column in drawn)
+
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(line.backend + _lost(line), looks[line.backend]) for line in shown])
+        for at, line, column in drawn:
+            look, values = looks[line.backend], np.array(errors[line.backend, column])
+            style: dict[str, Any] = {"color": look.colour, "markersize": 4.2, "gid": of(look)}
+            style |= {"markerfacecolor": "none"} if column == "final_ate_m" else {"markeredgewidth": 0, "alpha": 0.75}
+            finite = values[np.isfinite(values)]
+            axes.plot(finite, np.full(len(finite), at), "o", **style)
+            found = middle(line, column)
+            if np.isfinite(found.high) and len(values) > 1:
+                axes.plot([found.low, found.high], [at, at], color=INK, linewidth=1, alpha=0.8, gid=of(look))
+            if np.isfinite(found.value):
+                axes.plot([found.value], [at], "|", color=INK, markersize=9, markeredgewidth=1.4, gid=of(look))
+        fitted("x", axes, [error for values in errors.values() for error in values])
+        axes.set_xlabel(f"{what}, m")
+
+    caption = "A dot is a log; the upright line is their median, the level one its 95 % interval, or the range of "
+    caption += "fewer than 6 logs."
+    caption += " Filled: online path. Open: final path." * both + " What failed counts as the worst." * failed
+    curves = [
+        curve(line.backend, np.array(values), np.full(len(values), at), final=column == "final_ate_m")
+        for at, line, column in drawn
+        for values in [[error for error in errors[line.backend, column] if np.isfinite(error)]]
+    ]
+    title = f"{what[0].upper()}{what[1:]} by log"
+    return exhibit(name, title, caption, height(shown), draw, curves=curves)
+
+
+def _lost(line: Line) -> str:
+    lost = len(line.rows) - line.done
+    return f" · {lost} of {len(line.rows)} not done" if lost else ""
+
+
+def pairs(
+    name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
+) -> Iterator[Exhibit]:
+    """The most accurate backend against every other one, for each path on which there are intervals."""
+    for column, path in PATHS.items():
+        compared = [c for c in comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
+        known = {label for c in compared for label in (c.first, c.second)}
+        able = [line for line in lines if line.backend in known]
+        if not able:
+            continue
+        best = min(able, key=lambda line: middle(line, column).value).backend
+        against = sorted((_over(best, c) for c in compared if best in (c.first, c.second)), key=lambda c: c.ratio)
+        yield _pairs(f"{name}-pairs" if path == "online" else f"{name}-{path}-pairs", path, best, against, looks)
+
+
+def _over(best: str, c: Comparison) -> Comparison:
+    """The comparison with `best` first; an end of its interval may be nothing, or infinite, where runs failed."""
+    if c.first == best:
+        return c
+    low, high = (1 / end if end else np.inf for end in (c.high, c.low))
+    return c._replace(first=c.second, second=c.first, ratio=1 / c.ratio, low=low, high=high)
+
+
+def _pairs(name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look]) -> Exhibit:
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(c.second, looks[c.second]) for c in against])
+        fitted("x", axes, [1, *[end for c in against for end in (c.low, c.ratio, c.high)]])
+        for k, c in enumerate(against):
+            look = looks[c.second]
+            ends = np.clip((c.low, c.high), *axes.get_xlim())
+            axes.plot(ends, [k + 0.12] * 2, color=look.colour, linewidth=2, gid=of(look))
+            style: dict[str, Any] = {"color": look.colour, "markersize": 5.5, "gid": of(look)}
+            style |= {} if c.holds else {"markerfacecolor": "none"}
+            axes.plot([c.ratio], [k + 0.12], "D", **style)
+        axes.axvline(1, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        axes.set_xlabel(f"times the error of {best}")
+
+    open_ = [c.second for c in against if not c.holds]
+    caption = "Median ratio of the errors on the same logs, and its 95 % interval. "
+    caption += "Filled: a difference may be claimed." * (len(open_) < len(against))
+    if open_:
+        caption += f" Open: not told apart by the test after its correction for all pairs: {listed(open_)}."
+    curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
+    title = f"Errors over those of {best}, {path} path"
+    return exhibit(name, title, caption.rstrip(), height(against), draw, curves=curves)
+
+
+def errors(name: str, scene: Scene) -> Exhibit | None:
+    """Of position, along the log."""
+
+    def squared(error: Array) -> Array:
+        return (error[:, :2] ** 2).sum(axis=1)
+
+    where = "distance from reference" if scene.kind == "reference" else "position error"
+    caption = f"Root mean square over each of up to {STRETCHES} stretches of the log, after alignment."
+    return _errors(name, scene, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
+
+
+def headings(name: str, scene: Scene) -> Exhibit | None:
+    """Errors of heading along the log; None where nobody knows the true one."""
+
+    def squared(error: Array) -> Array:
+        return np.degrees(wrap(error[:, 2])) ** 2
+
+    caption = f"Root mean square over each of up to {STRETCHES} stretches of the log, after alignment."
+    if scene.kind != "truth":
+        return None
+    return _errors(name, scene, "Heading error along the log", "heading error, degrees", caption, squared)
+
+
+def _errors(
+    name: str, scene: Scene, title: str, unit: str, caption: str, squared: Callable[[Array], Array]
+) -> Exhibit | None:
+    paths = {"aligned": False} if scene.kind == "reference" else {"aligned": False, "final_aligned": True}
+    series = [
+        _mean(trace, squared(trace.arrays[path] - scene.known["poses"]), final)
+        for trace in scene.traces
+        for path, final in paths.items()
+        if path in trace.arrays
+    ]
+    if any(one.final for one in series):
+        caption += " Thin with dots: the path smoothed at the end."
+    return along(name, scene, title, unit, caption, series, group="accuracy")
+
+
+def _mean(trace: Trace, squared: Array, final: bool) -> Series:
+    t, mean = stretches(trace.arrays["t"][trace.arrays["at"]], squared, STRETCHES)
+    return Series(trace.label, trace.look, t, np.sqrt(mean), final)

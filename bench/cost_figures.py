@@ -1,0 +1,185 @@
+"""Figures of CPU time: along a run, over all of a run's steps, and as the log or the map grows."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..frontend.se2 import Array
+from .along import HEIGHT, Series, along
+from .axes import fitted, legend, stretches
+from .exhibit import Exhibit
+from .framed import curve, exhibit, of
+from .key import ROW, named
+from .looks import Look
+from .numerals import number
+from .rows import height, rows
+from .scene import Scene, Trace
+from .summary import Line
+from .svg import INK
+
+STRETCHES = 60
+
+SHORTEST_US = 0.1
+"""µs; costs are drawn from here on: below it a step is lost in the clock's own noise."""
+
+FAR = 20
+"""Times the slowest step; the time between steps is not drawn where it is longer."""
+
+BINS = 24
+"""Of a growth curve."""
+
+
+def over_time(name: str, scene: Scene) -> Exhibit | None:
+    """Means of stretches, and the slowest step of each."""
+    series: list[Series] = []
+    for trace in _timed(scene):
+        t, us = trace.arrays["t"], _us(trace)
+        middle, mean = stretches(t, us, STRETCHES)
+        peaks = None if len(t) <= STRETCHES else _highest(t, us, STRETCHES)
+        series.append(Series(trace.label, trace.look, middle, mean, peaks=peaks, marked=not trace.alone))
+    caption = f"Line: mean of each of up to {STRETCHES} stretches of the log. Dots: the slowest step of each."
+    title, unit = "Step cost along the log", "CPU time a step, µs"
+    return along(name, scene, title, unit, caption + _beside(scene), series, group="cost")
+
+
+def spread(name: str, scene: Scene) -> Exhibit | None:
+    """How much steps differ."""
+    timed = _timed(scene)
+    if not timed:
+        return None
+    interval = _interval(scene, timed[0])
+    beyond = interval is not None and interval > FAR * max(float(_us(trace).max()) for trace in timed)
+
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(trace.timed_label, trace.look) for trace in timed])
+        ends: list[float] = []
+        for k, trace in enumerate(timed):
+            low, p5, p50, p95, p99, high = np.percentile(_us(trace), (0, 5, 50, 95, 99, 100)).tolist()
+            ends += [low, high]
+            at = k + 0.12
+            look: dict[str, Any] = {"color": trace.look.colour, "gid": of(trace.look)}
+            axes.plot([low, high], [at, at], linewidth=1, **look)
+            axes.plot([p5, p95], [at, at], linewidth=5, alpha=0.45, solid_capstyle="butt", **look)
+            axes.plot([p99], [at], "|", markersize=8, markeredgewidth=1.4, **look)
+            axes.plot([p50], [at], "o", markersize=4.5, markeredgewidth=0, **look)
+        if interval is not None and not beyond:
+            axes.axvline(interval, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+            ends.append(interval)
+        fitted("x", axes, ends)
+        axes.set_xlabel("CPU time a step, µs")
+
+    caption = "Dot: median. Bar: the middle 90 % of steps. Tick: 99 %. Thin line: from the cheapest to the slowest."
+    if interval is not None:
+        where = "Far to the right" if beyond else "Dashed"
+        caption += f" {where}: a new step arrives every {number(interval / 1e3)} ms."
+    caption += _beside(scene)
+    curves = [
+        curve(trace.label, np.percentile(_us(trace), (50, 99, 100)), np.full(3, k + 0.12))
+        for k, trace in enumerate(timed)
+    ]
+    return exhibit(name, "What a step costs", caption, height(timed), draw, group="cost", curves=curves)
+
+
+class _Growth(NamedTuple):
+    trace: Trace
+    size: Array
+    us: Array
+    power: float | None
+
+
+def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibit | None:
+    """Against the step's number, or against landmarks known, `along` being steps or landmarks; both logarithmic.
+
+    None where no run grows: it takes ten times as many steps at the end, or twice as many landmarks.
+    """
+    powers = {line.backend: line.values[f"growth_{along}"].median for line in lines if f"growth_{along}" in line.values}
+    grown = [
+        _Growth(trace, *_binned(size, _us(trace)), powers.get(trace.label))
+        for trace in _timed(scene)
+        if (size := _sizes(trace, along)) is not None
+    ]
+    grown = [one for one in grown if len(one.size) > 2]
+    if not grown or max(one.size[-1] / one.size[0] for one in grown) < 2:
+        return None
+    key = named((one.trace.label for one in grown), scene.order, more=len("  k^0.0"))
+    letter, what = ("k", "step") if along == "steps" else ("N", "landmarks known")
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for one in grown:
+            look: Look = one.trace.look
+            label = key.called(one.trace.label)
+            if label is not None:
+                label += "*" * (not one.trace.alone) + ("" if one.power is None else f"  {letter}^{one.power:z.1f}")
+            style: dict[str, Any] = {
+                "linestyle": look.dash,
+                "marker": look.marker,
+                "markersize": 3,
+                "markevery": 3,
+                "linewidth": 1.1,
+            }
+            alpha = key.alpha(one.trace.label)
+            axes.plot(one.size, one.us, color=look.colour, label=label, alpha=alpha, gid=of(look), **style)
+        key.others(axes)
+        fitted("x", axes, [end for one in grown for end in (one.size[0], one.size[-1])])
+        fitted("y", axes, [value for one in grown for value in one.us.tolist()])
+        axes.set_xlabel(what)
+        axes.set_ylabel("CPU time a step, µs")
+        legend(figure, axes, key.columns)
+
+    caption = f"Median step of each of up to {BINS} sizes."
+    if any(one.power is not None for one in grown):
+        caption += f" {letter}^p: the power of the {what} that the cost grows with, the median over logs."
+    curves = [curve(one.trace.label, one.size, one.us) for one in grown]
+    title = f"How the cost of a step grows with {'the log' if along == 'steps' else 'the map'}"
+    return exhibit(name, title, caption + _beside(scene), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves)
+
+
+def _sizes(trace: Trace, along: str) -> Array | None:
+    if along == "steps":
+        return np.arange(1.0, len(trace.arrays["step_ns"]) + 1)
+    mapped = trace.arrays.get("mapped")
+    return None if mapped is None else np.asarray(mapped, float)
+
+
+def _binned(size: Array, us: Array) -> tuple[Array, Array]:
+    """Sizes, rising, and the median cost of each; many are put in bins, equally wide on a logarithmic scale."""
+    known = (size > 0) & np.isfinite(us)
+    size, us = size[known], us[known]
+    if not len(size) or size.max() == size.min():
+        return np.zeros(0), np.zeros(0)
+    bins, place = np.unique(size, return_inverse=True)
+    if len(bins) > BINS:
+        place = np.floor(np.log(size / size.min()) / np.log(size.max() / size.min()) * (BINS - 1e-6))
+    bins = np.unique(place)
+    return np.array([size[place == b].mean() for b in bins]), np.array([np.median(us[place == b]) for b in bins])
+
+
+def _highest(t: Array, values: Array, count: int) -> Array:
+    """(count,) the highest value in each of `axes.stretches`; NaN where it has none."""
+    edges = np.linspace(t[0], t[-1], count + 1)
+    place = np.clip(np.searchsorted(edges, t, "right") - 1, 0, count - 1)
+    highest = np.full(count, -np.inf)
+    np.maximum.at(highest, place, values)
+    return np.where(np.isfinite(highest), highest, np.nan)
+
+
+def _us(trace: Trace) -> Array:
+    return np.maximum(trace.arrays["step_ns"] / 1e3, SHORTEST_US)
+
+
+def _timed(scene: Scene) -> list[Trace]:
+    return [trace for trace in scene.traces if len(trace.arrays.get("step_ns", ()))]
+
+
+def _beside(scene: Scene) -> str:
+    return "" if all(trace.alone for trace in scene.traces) else " * timed while other cells ran beside it."
+
+
+def _interval(scene: Scene, trace: Trace) -> float | None:
+    """µs from step to step, the median; None where the log has no real times."""
+    if scene.lengths.get(scene.seed) is None:
+        return None
+    return float(np.median(np.diff(trace.arrays["t"]))) * 1e6

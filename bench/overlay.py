@@ -1,0 +1,42 @@
+"""All paths in one picture, over the known one."""
+
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from .axes import legend
+from .exhibit import Exhibit
+from .framed import exhibit, of
+from .key import ROW, named
+from .panel import framed, panels
+from .scene import Scene
+from .trajectories import plane, tall
+
+
+def overlay(name: str, scene: Scene) -> Exhibit | None:
+    """Online paths, and final ones of backends that have no other. None where there are no two."""
+    every = panels(scene)
+    if len(every) < 2:
+        return None
+    frame = framed(scene, every)
+    key = named([panel.trace.label for panel in every], scene.order)
+
+    def draw(figure: Figure) -> None:
+        axes = plane(figure, scene, frame)
+        for panel in every:
+            look, path = panel.trace.look, panel.final if panel.online is None else panel.online
+            if path is not None:
+                line: dict[str, Any] = {"linestyle": look.dash, "linewidth": 1.1, "alpha": key.alpha(panel.trace.label)}
+                axes.plot(*path.T, color=look.colour, label=key.called(panel.trace.label), gid=of(look), **line)
+        key.others(axes)
+        legend(figure, axes, key.columns)
+
+    caption = f"Seed {scene.seed}."
+    if scene.kind:
+        caption += f" Plain line: {scene.kind}" + ("; crosses: landmarks." if "xy" in scene.known else ".")
+    caption += " Online paths; of a backend without one, the path smoothed at the end." * any(
+        panel.online is None for panel in every
+    )
+    curves = [curve for panel in every for curve in panel.curves if curve.final == (panel.online is None)]
+    height = tall(frame) + ROW * key.rows
+    return exhibit(name, "All paths", caption, height, draw, curves=curves)

@@ -1,0 +1,110 @@
+"""What accuracy costs: every backend's error against its CPU time, and the front that no other one is before."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from .accuracy_figures import middle
+from .axes import fitted
+from .beside import Point, name_points
+from .exhibit import Exhibit
+from .framed import curve, exhibit, of
+from .looks import Look, tags
+from .scene import Scene
+from .statistics import Estimate
+from .summary import Line
+from .svg import INK
+
+HEIGHT = 200
+
+
+class _Choice(NamedTuple):
+    """A backend's online path, or its final one."""
+
+    label: str
+    look: Look
+    us: float
+    error: Estimate
+    final: bool
+
+
+def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+    """None where there are no two to choose from."""
+    choices = list(_choices(lines, looks))
+    if len({choice.label for choice in choices}) < 2:
+        return None
+    called = tags(choice.label for choice in choices)
+    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    both = len({choice.final for choice in choices}) > 1
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        fitted("x", axes, [choice.us for choice in choices])
+        fitted("y", axes, [end for choice in choices for end in choice.error[:3] if np.isfinite(end)])
+        _fronts(axes, choices)
+        edge = {"markeredgewidth": 0.6, "markeredgecolor": rcParams["figure.facecolor"]}
+        for choice in choices:
+            gid, colour = of(choice.look), choice.look.colour
+            ends = np.clip((choice.error.low, choice.error.high), *axes.get_ylim())
+            axes.plot([choice.us] * 2, ends, color=colour, linewidth=1.2, alpha=0.6, gid=gid)
+            style: dict[str, Any] = {"color": colour, "markersize": 6, "gid": gid}
+            style |= {"markerfacecolor": "none", "markeredgewidth": 1.3} if choice.final else edge
+            axes.plot([choice.us], [choice.error.value], choice.look.marker, **style)
+        axes.set_xlabel("CPU time a step, µs")
+        axes.set_ylabel(f"{what}, m")
+        bars = [(choice.us, choice.error.low, choice.error.high) for choice in choices]
+        named = [_named(choice, called, {c.label for c in choices if not c.final}) for choice in choices]
+        name_points(figure, axes, named, bars)
+
+    caption = "Lower left is better; the line joins those that no other is both cheaper and more accurate than. "
+    caption += "Upright: 95 % interval of the median, or the range of fewer than 6 logs."
+    if both:
+        caption += " Filled: online path, against the median step. Open, thin line: final path, against the CPU time "
+        caption += "of the whole log over its steps."
+    elif choices[0].final:
+        caption += " CPU time is that of the whole log over its steps."
+    curves = [
+        curve(choice.label, np.array([choice.us]), np.array([choice.error.value]), final=choice.final)
+        for choice in choices
+    ]
+    return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption, HEIGHT, draw, curves=curves)
+
+
+def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choice]:
+    for line in lines:
+        look, values = looks[line.backend], line.values
+        if "ate_m" in values and "step_us_p50" in values:
+            yield from _choice(line, look, values["step_us_p50"].median, "ate_m")
+        if "final_ate_m" in values and "cpu_s" in values:
+            yield from _choice(line, look, 1e6 * values["cpu_s"].median / values["steps"].median, "final_ate_m")
+
+
+def _choice(line: Line, look: Look, us: float, column: str) -> Iterator[_Choice]:
+    error = middle(line, column)
+    if us > 0 and 0 < error.value < np.inf:
+        yield _Choice(line.backend, look, us, error, column != "ate_m")
+
+
+def _named(choice: _Choice, called: Mapping[str, str], online: set[str]) -> Point:
+    name = called[choice.label] + (", final" if choice.final and choice.label in online else "")
+    return Point(choice.us, choice.error.value, name, of(choice.look))
+
+
+def _fronts(axes: Axes, choices: Sequence[_Choice]) -> None:
+    """A stair for either kind of path."""
+    for final in (False, True):
+        front = [choice for choice in choices if choice.final == final and not any(_before(c, choice) for c in choices)]
+        front.sort(key=lambda choice: choice.us)
+        if len(front) > 1:
+            x, y = [choice.us for choice in front], [choice.error.value for choice in front]
+            axes.step(x, y, where="post", color=INK, linewidth=0.6 if final else 1, alpha=0.45, zorder=1)
+
+
+def _before(one: _Choice, other: _Choice) -> bool:
+    """Whether `one` is cheaper and more accurate, for the same kind of path."""
+    a, b = (one.us, one.error.value), (other.us, other.error.value)
+    return one.final == other.final and a != b and a[0] <= b[0] and a[1] <= b[1]

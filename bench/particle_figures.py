@@ -1,0 +1,34 @@
+"""Figures of particles: whether there are still many that count, and many histories."""
+
+import numpy as np
+
+from .along import Series, along
+from .axes import stretches
+from .exhibit import Exhibit
+from .scene import Scene
+
+STRETCHES = 100
+
+
+def effective(name: str, scene: Scene) -> Exhibit | None:
+    """How many particles carry the weight."""
+    caption = "1 / sum of squared weights after each step, the mean of each stretch: low where few carry all."
+    return _particles(name, scene, "n_eff", "Effective particles", caption)
+
+
+def ancestors(name: str, scene: Scene) -> Exhibit | None:
+    """How many histories are left."""
+    caption = (
+        "How many particles of the start those of each time descend from: where it falls to 1, all share one early "
+    )
+    caption += "path, and no later sighting can choose another."
+    return _particles(name, scene, "ancestors", "Ancestors left", caption)
+
+
+def _particles(name: str, scene: Scene, array: str, title: str, caption: str) -> Exhibit | None:
+    series = [
+        Series(trace.label, trace.look, *stretches(a["t"], a[array].astype(float), STRETCHES))
+        for trace in scene.traces
+        if array in (a := trace.arrays) and np.isfinite(a[array]).any() and (a[array] > 0).any()
+    ]
+    return along(name, scene, title, title.lower(), caption, series, group="inside")
