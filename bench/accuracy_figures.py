@@ -1,23 +1,24 @@
 """Figures of errors: by log, between backends, and along a run."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from ..frontend.se2 import Array, wrap
-from .along import Series, along
 from .axes import fitted, stretches
+from .backend_rows import height, rows
 from .exhibit import Exhibit
-from .framed import curve, exhibit, of
+from .exhibit_figure import curve, exhibit, of
 from .looks import Look
-from .numerals import listed
-from .rows import height, rows
+from .medians import Typical, typical
+from .names import tags
 from .scene import Scene, Trace
-from .statistics import Comparison, Estimate, estimate
+from .statistics import FEWEST, Comparison
 from .summary import Line
 from .svg import INK
+from .time_curves import Series, along
 
 STRETCHES = 100
 """Of a log, each drawn as one point."""
@@ -26,17 +27,18 @@ PATHS = {"ate_m": "online", "final_ate_m": "final"}
 """The path that each column is the error of."""
 
 
-def middle(line: Line, column: str) -> Estimate:
-    """The median over logs with its interval, the range where there are too few logs for one; failures are infinite."""
-    values = list(line.by_log(column).values())
-    found = estimate(values)
-    ends = (found.low, found.high) if np.isfinite(found.low) else (min(values), max(values))
-    return Estimate(float(np.median(values)), *ends, len(values))
+def bars(found: Iterable[Typical]) -> str:
+    """What the ends of these stand for."""
+    counts = {one.n for one in found if one.n > 1}
+    if not counts or max(counts) < FEWEST:
+        return "range"
+    return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (min(counts) < FEWEST)
 
 
 def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
     """None where no backend ran on two logs."""
     shown = [line for line in lines if any(column in line.values for column in PATHS)]
+    shown.sort(key=lambda line: scene.order.index(line.backend))
     if not any(line.values[column].n > 1 for line in shown for column in PATHS if column in line.values):
         return None
     what = "distance from reference" if scene.kind == "reference" else "ATE"
@@ -48,17 +50,18 @@ def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
     ]
     errors = {(line.backend, column): list(line.by_log(column).values()) for _, line, column in drawn}
     failed = any(np.isinf(error) for values in errors.values() for error in values)
+    called = tags(looks)
     both = any(column == "final_ate_m" for _, _, column in drawn)
 
     def draw(figure: Figure) -> None:
-        axes = rows(figure, [(line.backend + _lost(line), looks[line.backend]) for line in shown])
+        axes = rows(figure, [(called[line.backend] + _lost(line), looks[line.backend]) for line in shown])
         for at, line, column in drawn:
             look, values = looks[line.backend], np.array(errors[line.backend, column])
             style: dict[str, Any] = {"color": look.colour, "markersize": 4.2, "gid": of(look)}
             style |= {"markerfacecolor": "none"} if column == "final_ate_m" else {"markeredgewidth": 0, "alpha": 0.75}
             finite = values[np.isfinite(values)]
             axes.plot(finite, np.full(len(finite), at), "o", **style)
-            found = middle(line, column)
+            found = typical(line, column)
             if np.isfinite(found.high) and len(values) > 1:
                 axes.plot([found.low, found.high], [at, at], color=INK, linewidth=1, alpha=0.8, gid=of(look))
             if np.isfinite(found.value):
@@ -66,8 +69,9 @@ def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         fitted("x", axes, [error for values in errors.values() for error in values])
         axes.set_xlabel(f"{what}, m")
 
-    caption = "A dot is a log; the upright line is their median, the level one its 95 % interval, or the range of "
-    caption += "fewer than 6 logs."
+    caption = (
+        f"Dot: a log. Upright: the median. Level: its {bars([typical(line, column) for _, line, column in drawn])}."
+    )
     caption += " Filled: online path. Open: final path." * both + " What failed counts as the worst." * failed
     curves = [
         curve(line.backend, np.array(values), np.full(len(values), at), final=column == "final_ate_m")
@@ -93,7 +97,7 @@ def pairs(
         able = [line for line in lines if line.backend in known]
         if not able:
             continue
-        best = min(able, key=lambda line: middle(line, column).value).backend
+        best = min(able, key=lambda line: typical(line, column).value).backend
         against = sorted((_over(best, c) for c in compared if best in (c.first, c.second)), key=lambda c: c.ratio)
         yield _pairs(f"{name}-pairs" if path == "online" else f"{name}-{path}-pairs", path, best, against, looks)
 
@@ -107,8 +111,10 @@ def _over(best: str, c: Comparison) -> Comparison:
 
 
 def _pairs(name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look]) -> Exhibit:
+    called = tags(looks)
+
     def draw(figure: Figure) -> None:
-        axes = rows(figure, [(c.second, looks[c.second]) for c in against])
+        axes = rows(figure, [(called[c.second], looks[c.second]) for c in against])
         fitted("x", axes, [1, *[end for c in against for end in (c.low, c.ratio, c.high)]])
         for k, c in enumerate(against):
             look = looks[c.second]
@@ -118,16 +124,14 @@ def _pairs(name: str, path: str, best: str, against: Sequence[Comparison], looks
             style |= {} if c.holds else {"markerfacecolor": "none"}
             axes.plot([c.ratio], [k + 0.12], "D", **style)
         axes.axvline(1, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
-        axes.set_xlabel(f"times the error of {best}")
+        axes.set_xlabel(f"times the error of {called[best]}")
 
-    open_ = [c.second for c in against if not c.holds]
-    caption = "Median ratio of the errors on the same logs, and its 95 % interval. "
-    caption += "Filled: a difference may be claimed." * (len(open_) < len(against))
-    if open_:
-        caption += f" Open: not told apart by the test after its correction for all pairs: {listed(open_)}."
+    caption = "Median ratio of the errors on the same logs, with its 95 % interval."
+    caption += " Filled: a difference is shown." * any(c.holds for c in against)
+    caption += " Open: not told apart." * any(not c.holds for c in against)
     curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
-    title = f"Errors over those of {best}, {path} path"
-    return exhibit(name, title, caption.rstrip(), height(against), draw, curves=curves)
+    title = f"Errors over those of {called[best]}, {path} path"
+    return exhibit(name, title, caption, height(against), draw, curves=curves)
 
 
 def errors(name: str, scene: Scene) -> Exhibit | None:
@@ -137,7 +141,7 @@ def errors(name: str, scene: Scene) -> Exhibit | None:
         return (error[:, :2] ** 2).sum(axis=1)
 
     where = "distance from reference" if scene.kind == "reference" else "position error"
-    caption = f"Root mean square over each of up to {STRETCHES} stretches of the log, after alignment."
+    caption = "Root mean square over short stretches, after alignment."
     return _errors(name, scene, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
 
 
@@ -147,7 +151,7 @@ def headings(name: str, scene: Scene) -> Exhibit | None:
     def squared(error: Array) -> Array:
         return np.degrees(wrap(error[:, 2])) ** 2
 
-    caption = f"Root mean square over each of up to {STRETCHES} stretches of the log, after alignment."
+    caption = "Root mean square over short stretches, after alignment."
     if scene.kind != "truth":
         return None
     return _errors(name, scene, "Heading error along the log", "heading error, degrees", caption, squared)
@@ -164,7 +168,7 @@ def _errors(
         if path in trace.arrays
     ]
     if any(one.final for one in series):
-        caption += " Thin with dots: the path smoothed at the end."
+        caption += " Thin, with dots: final path."
     return along(name, scene, title, unit, caption, series, group="accuracy")
 
 

@@ -5,7 +5,7 @@ from math import inf, isinf
 from typing import NamedTuple
 
 from .beliefs import belief_word
-from .claims import between
+from .claims import between, unborne
 from .contest import Contest, standing
 from .looks import BASELINE
 from .numerals import counted, factor, larger, listed, number, times
@@ -14,6 +14,9 @@ from .summary import Line
 
 SAME_COST = 1.5
 """Costs whose ratio is smaller are about the same."""
+
+NEAR = 1.25
+"""Errors whose ratio lies between this and its inverse for sure are of the same order for whoever has to choose."""
 
 COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
 """What is saved: a step while the robot drives, else the CPU time of the whole log, as the steps of a method that has a
@@ -37,13 +40,22 @@ class Use(NamedTuple):
 def advice(purpose: str, found: Contest) -> Use:
     """Whom to use, from these in turn, a step left out where nobody passes it:
 
-    those that cannot be told apart from the best, and are for sure better than dead reckoning, else that itself; those
-    without a failure; those that are not overconfident; the cheapest, and of about the same cost the more accurate.
+    those that cannot be told apart from the best, and are for sure better than dead reckoning, else that itself, but
+    nobody where only too few logs stand in the way; those without a failure; those that are not overconfident; the
+    cheapest, and of about the same cost the more accurate.
     """
     if found.logs < FEWEST:
         return Use(purpose, "", _too_few(found))
+    if len(found.errors[found.lines[0].backend]) < FEWEST:
+        return Use(purpose, "", f"Nobody that competes has enough of the {found.logs} logs to tell, {FEWEST} at least.")
     tested = [c for c in found.baseline if standing(c) != "few"]
     ahead = {c.first for c in tested if standing(c) == "better"}
+    if found.circular:
+        return Use(purpose, "", "Each that can be tested is beaten for sure by another one.")
+    hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
+    if hidden and not ahead:
+        measured = f"{hidden[0].first} was measured {between(hidden[0])} than dead reckoning"
+        return Use(purpose, "", f"Nobody for sure: {measured}, but {unborne(hidden, len(tested))}.")
     if tested and not ahead:
         return Use(purpose, BASELINE, "No backend is for sure closer to the truth.")
     level = [line for line in found.level if not tested or line.backend in ahead]
@@ -101,7 +113,8 @@ def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
         return f"as accurate as {rival.backend}"
     if kind == "open" or not best:
         widest = max(1 / c.low if c.low else inf, c.high)
-        return f"not told apart from {rival.backend}" + (f" (within {larger(widest)})" if widest < inf else "")
+        said = "as accurate as" if widest <= NEAR else "not told apart from"
+        return f"{said} {rival.backend}" + (f" (within {larger(widest)})" if widest < inf else "")
     if kind == "better" and isinf(c.low):
         return f"the most accurate, as {rival.backend} mostly failed"
     if kind == "better":
@@ -138,7 +151,7 @@ def _cost(column: str, chosen: Line, rival: Line | None) -> str:
     mine = chosen.values[column].median
     said = f"{number(mine)} µs a step" if column == "step_us_p50" else f"{number(mine)} s of CPU for the whole log"
     alone = chosen.alone
-    if rival is not None and column in rival.values:
+    if rival is not None and column in rival.values and bool(mine) == bool(rival.values[column].median):
         said += f", {compared(mine, rival.values[column].median)} {rival.backend}"
         alone = alone and rival.alone
     return said + ", timed while others ran beside" * (not alone)

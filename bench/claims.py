@@ -6,8 +6,11 @@ from math import inf, isinf
 import numpy as np
 
 from .contest import Contest, needed, standing
-from .numerals import chance, counted, larger, listed, number, times
+from .numerals import chance, counted, factor, larger, listed, number, times
 from .statistics import FEWEST, Comparison
+
+LEAST = 1.0005
+"""A ratio from which on a percentage of it is not written as 0 %."""
 
 SHOWN = 3
 """Comparisons that a sentence spells out; of more it tells the ends, and the table of pairs has all."""
@@ -31,7 +34,10 @@ def claims(found: Contest, what: str, where: str, *, again: bool = False) -> lis
     said = _better(pairs.get("better", []), what, on)
     on = "" if said else f" {on}"
     said += _alike(best, pairs.get("alike", []), what, on)
-    said += _open(best, [*pairs.get("open", []), *pairs.get("worse", [])], what, on)
+    if "worse" in pairs:
+        names = few([c.second for c in pairs["worse"]])
+        said.append(f"Nobody's {what} is the best{on}: {names} for sure closer than {best}, and others than these.")
+    said += _open(best, pairs.get("open", []), what, on)
     said += _unproven(best, pairs.get("unproven", []), what, on, len(found.comparisons))
     if "few" in pairs:
         names = listed([f"{c.second} ({c.n})" for c in pairs["few"]])
@@ -51,17 +57,23 @@ def _better(pairs: Sequence[Comparison], what: str, on: str) -> list[str]:
             return [f"{head} closer to the truth than {c.second}'s, which mostly failed, {on} ({test})."]
         return [f"{head} {times(c.low, c.high)} closer to the truth than {c.second}'s {on} ({test})."]
     if len(pairs) <= SHOWN:
-        each = [f"{by(c)} than {c.second}'s ({chance(c.adjusted)}, {c.closer} of {c.n} logs)" for c in pairs]
+        each = [
+            f"{by(c)} than {c.second}'s ({_failing(c)}{chance(c.adjusted)}, {c.closer} of {c.n} logs)" for c in pairs
+        ]
         return [f"{head} closer to the truth {on}: {listed(each)} (Wilcoxon, Holm)."]
     near, far = min(pairs, key=lambda c: c.low), max(pairs, key=lambda c: c.low)
-    ends = f"by {by(near)} ({near.second}) up to {by(far)} ({far.second})"
+    ends = f"by {by(near)} ({_failing(near)}{near.second}) up to {by(far)} ({_failing(far)}{far.second})"
     test = f"Wilcoxon, Holm: the largest {chance(max(c.adjusted for c in pairs))}"
     return [f"{head} closer to the truth than those of {len(pairs)} others {on}: {ends} ({test})."]
 
 
 def by(c: Comparison) -> str:
     """ "1.8 to 2.3 times", by which the first one is closer; there is no number where the second mostly failed."""
-    return "beyond measure, as it mostly failed," if isinf(c.low) else times(c.low, c.high)
+    return "beyond measure" if isinf(c.low) else times(c.low, c.high)
+
+
+def _failing(c: Comparison) -> str:
+    return "mostly failed, " if isinf(c.low) else ""
 
 
 def _alike(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[str]:
@@ -88,8 +100,13 @@ def _open(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[st
 def between(c: Comparison) -> str:
     """ "between 4 % worse and 3 % better", of the first one against the second."""
     worse, better = (1 / c.low if c.low else inf), c.high
+    if worse < 1 and isinf(better):
+        return "beyond measure better" if not worse else f"at least {factor(c.low)} times better"
+    if better < 1 and isinf(worse):
+        return "beyond measure worse" if not better else f"at least {factor(1 / better)} times worse"
     if isinf(worse) or isinf(better):
-        limits = [f"at most {larger(x)} {way}" for x, way in ((worse, "worse"), (better, "better")) if x < inf]
+        ends = [(x, way) for x, way in ((worse, "worse"), (better, "better")) if x < inf]
+        limits = [f"at most {larger(x)} {way}" if x >= LEAST else f"no {way}" for x, way in ends]
         return limits[0] if limits else "anything from worse to better"
     if worse < 1 or better < 1:
         low, high, way = (1 / worse, better, "better") if worse < 1 else (1 / better, worse, "worse")
@@ -103,10 +120,14 @@ def _unproven(best: str, pairs: Sequence[Comparison], what: str, on: str, family
         return []
     each = [f"{between(c)} than {c.second}'s" for c in pairs[:SHOWN]]
     each += [f"so for {len(pairs) - SHOWN} more"] if len(pairs) > SHOWN else []
-    why = f"the test does not bear it out (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
+    return [f"No claim can be made{on} of {best}'s {what}, measured {listed(each)}: {unborne(pairs, family)}."]
+
+
+def unborne(pairs: Sequence[Comparison], family: int) -> str:
+    """Why a difference cannot be claimed that the interval would allow; `family` is how many pairs are tested."""
     if pairs[0].n < needed(family):
-        why = f"{pairs[0].n} logs cannot bear a test of {family} pairs, {needed(family)} could"
-    return [f"No claim can be made{on} of {best}'s {what}, measured {listed(each)}: {why}."]
+        return f"{pairs[0].n} logs cannot bear a test of {family} pairs, {needed(family)} could"
+    return f"the test does not bear it out (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
 
 
 def _only(found: Contest, what: str, on: str) -> str:
@@ -122,9 +143,13 @@ def _baseline(found: Contest, what: str) -> list[str]:
         return []
     if len(beaten) < len(tested):
         names = [c.first for c in tested if c not in beaten]
-        return [f"Not for sure closer than dead reckoning's: the {what}{'s' * (len(names) > 1)} of {few(names)}."]
-    best = beaten[0]
-    return [f"{'All beat' if len(beaten) > 1 else 'It beats'} dead reckoning, {best.first} {by(best)} closer."]
+        hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
+        why = f" ({unborne(hidden, len(tested))})" if hidden and len(hidden) == len(names) else ""
+        return [f"Not for sure closer than dead reckoning's: the {what}{'s' * (len(names) > 1)} of {few(names)}{why}."]
+    best, all_of_them = beaten[0], len(beaten) == len(found.lines)
+    who = "All beat" if all_of_them else f"{few([c.first for c in beaten])} beat{'s' * (len(beaten) == 1)}"
+    who = "It beats" if len(found.lines) == 1 else who
+    return [f"{who} dead reckoning, {best.first} {by(best)} closer."]
 
 
 def _measured(found: Contest, what: str, where: str, *, again: bool) -> str:

@@ -10,8 +10,8 @@ from rich.console import Console
 from ..frontend.errors import InputError
 from .export import export
 from .report import write_report
+from .run_files import CELLS
 from .store import Store
-from .written import CELLS
 
 FORMS = ("pdf", "png")
 WRITTEN = (CELLS, "metrics.csv", "cost.csv", "run.json", "report.html", "report.md")

@@ -16,8 +16,8 @@ from .log_numbers import Numbers, numbers
 from .log_path import LARGEST, Shown, shown
 from .log_returns import returns
 from .log_words import facts, headline, noted
+from .names import called
 from .spec import DatasetVariant
-from .summary import short
 from .terminal import plain, screen_console
 
 KINDS = (".png", ".svg", ".pdf", ".html")
@@ -58,7 +58,7 @@ def main(namespace: argparse.Namespace) -> int:
     found = numbers(dataset, drawn, back)
     if namespace.seed and not variant.source.seeded:
         console.print(f"{variant.name} draws nothing at random: it is the same for every --seed", highlight=False)
-    label = _file(variant, namespace.log) or short(variant.label)
+    label = _file(variant, namespace.log) or called([variant.label])[variant.label]
     label += f", seed {namespace.seed}" if variant.source.seeded else ""
     if namespace.json:
         print(json.dumps(as_json(variant.label, namespace.seed, found, drawn), indent=2, allow_nan=False))

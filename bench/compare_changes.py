@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .compare_runs import Facing, Pair
+from .contest import ROUNDING
 from .numerals import chance, counted, listed, number
+from .record import Row
 from .statistics import FEWEST, LEVEL, Comparison, compare, holm
-from .store import Row
 from .summary import FAILED, remarks
 
 REGRESSION, GAIN = "regression", "gain"
@@ -84,7 +85,7 @@ class _Found(NamedTuple):
 def changes(found: Facing, least: float | None = None) -> list[Change]:
     """Everything that can be compared, the worst first; `least` is the share that counts, else each quantity's own."""
     measured = [one for pair in found.pairs for quantity in QUANTITIES if (one := _found(pair, quantity, least))]
-    told = [change for pair in found.pairs for change in _endings(pair)]
+    told = [change for pair in found.pairs for change in (*_endings(pair), *_lost(pair))]
     for kind in dict.fromkeys(one.quantity.kind for one in measured):
         of_kind = [one for one in measured if one.quantity.kind == kind]
         tested = [one for one in of_kind if one.old != one.new and one.comparison.n >= FEWEST]
@@ -117,7 +118,11 @@ def _found(pair: Pair, quantity: Quantity, least: float | None) -> _Found | None
     if column == "nees":
         known = [(log, _off(a), _off(b)) for log, a, b in known]
     old, new = {log: a for log, a, _ in known}, {log: b for log, _, b in known}
-    return _Found(pair, quantity, old, new, compare({"old": old, "new": new})[0], shown)
+    least_error = ROUNDING if quantity.kind == "accuracy" else 0.0
+    apart = {
+        name: {log: max(value, least_error) for log, value in of.items()} for name, of in (("old", old), ("new", new))
+    }
+    return _Found(pair, quantity, old, new, compare(apart)[0], shown)
 
 
 def _value(row: Row, column: str) -> float | None:
@@ -172,9 +177,9 @@ def _logs(one: _Found) -> str:
 
 def _endings(pair: Pair) -> list[Change]:
     """Cells that were done and are not any more, whatever the statistics; and the other way round."""
-    broken = [b for a, b in pair.cells if a.columns["status"] == "done" and b.columns["status"] in FAILED]
-    mended = [b for a, b in pair.cells if a.columns["status"] in FAILED and b.columns["status"] == "done"]
-    failures = [float(sum(both[k].columns["status"] in FAILED for both in pair.cells)) for k in (0, 1)]
+    broken = [b for a, b in pair.cells if a.columns["status"] == "done" != b.columns["status"]]
+    mended = [b for a, b in pair.cells if a.columns["status"] != "done" == b.columns["status"]]
+    failures = [float(sum(both[k].columns["status"] != "done" for both in pair.cells)) for k in (0, 1)]
     n = len(pair.cells)
     told: list[Change] = []
     for rows, verdict, what in ((broken, REGRESSION, "done before, not now"), (mended, GAIN, "done now, not before")):
@@ -183,6 +188,21 @@ def _endings(pair: Pair) -> list[Change]:
             words = f"{what}: seed{'s' * (len(rows) > 1)} {seeds}" + (_reason(rows[0]) if rows is broken else "")
             ended = Change(pair.dataset, pair.backend, "failures", "failures", verdict, words, n)
             told.append(ended._replace(old=failures[0], new=failures[1]))
+    return told
+
+
+def _lost(pair: Pair) -> list[Change]:
+    """Quantities that cells had and have not any more, though they are done: a path that is not given, or no number."""
+    told: list[Change] = []
+    done = [both for both in pair.measured if both[0].columns["status"] == both[1].columns["status"] == "done"]
+    for quantity in QUANTITIES:
+        column = quantity.column
+        gone = [b for a, b in done if a.columns[column] is not None and b.columns[column] is None]
+        if gone and not quantity.costs:
+            seeds = listed([str(row.columns["seed"]) for row in gone])
+            words = f"had one before, has none now: seed{'s' * (len(gone) > 1)} {seeds}"
+            lost = Change(pair.dataset, pair.backend, quantity.words, quantity.kind, REGRESSION, words, len(done))
+            told.append(lost)
     return told
 
 
@@ -213,7 +233,7 @@ def by_how_much(change: Change) -> str:
     if change.verdict == SAME or math.isnan(change.ratio):
         return ""
     said = _percent(change.ratio)
-    if math.isfinite(change.low) and math.isfinite(change.high):
+    if change.low > 0 and math.isfinite(change.high):
         low, high = _percent(change.low), _percent(change.high)
         if low.endswith(" times") and high.endswith(" times"):
             low, high = low.removesuffix(" times"), high.removesuffix(" times")

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 from ..frontend.errors import InputError
 from .numerals import counted, listed
-from .store import Row, Store
+from .record import Row
+from .store import Store
 from .summary import Line, lines
 
 MACHINE = ("processor", "cores", "memory_gb")
@@ -65,7 +66,7 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
         raise InputError(f"{new.folder}: has no backend on any dataset in common with {old.folder}, expected one.")
     timed = any_machine or _timed(old, new, notes)
     pairs = [_pair(old, new, key, timed, any_machine, any_log) for key in common]
-    others, truths = _other_logs(old, new, common), _other_truths(old, new)
+    others, truths = _other_logs(old, new, common), _other_truths(old, new, common)
     if others and any_log:
         notes.append(f"{_listed(others)}: not the same log in both runs, compared by seed as --any-log says.")
     elif others:
@@ -114,7 +115,7 @@ def _pair(old: Side, new: Side, key: tuple[str, str], timed: bool, any_machine: 
     cells = [(before[row.columns["seed"]], row) for row in new.lines[key].rows if row.columns["seed"] in before]
     alike = [(a, b) for a, b in cells if a.columns["digest"] == b.columns["digest"]]
     chosen = cells if any_log else alike
-    other = _other_truths(old, new)
+    other = _other_truths(old, new, [key])
     alone = {(a.columns["timing_alone"], b.columns["timing_alone"]) for a, b in chosen}
     random: Any = new.run.get("random")
     return Pair(
@@ -140,14 +141,22 @@ def _other_logs(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list
     return list(found)
 
 
-def _other_truths(old: Side, new: Side) -> list[str]:
+def _other_truths(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list[str]:
+    """The logs whose truth is another one, or is known in one of the runs alone and a reference in the other."""
     before: Mapping[str, Any] = old.run.get("truths", {})
     after: Mapping[str, Any] = new.run.get("truths", {})
-    return [log for log in after if log in before and before[log] != after[log]]
+    found = {log: None for log in after if log in before and before[log] != after[log]}
+    for key in common:
+        kinds = {row.columns["seed"]: row.columns["truth_kind"] for row in old.lines[key].rows}
+        for row in new.lines[key].rows:
+            seed, kind = row.columns["seed"], row.columns["truth_kind"]
+            if kinds.get(seed, kind) != kind:
+                found[f"{key[0]}, seed {seed}"] = None
+    return list(found)
 
 
 def _not_run(pairs: Sequence[Pair], old: Side, new: Side) -> list[str]:
-    """Cells that one of the runs does not have, or has skipped."""
+    """Cells that one of the runs does not have."""
     said: list[str] = []
     for pair in pairs:
         key = pair.dataset, pair.backend
@@ -157,11 +166,6 @@ def _not_run(pairs: Sequence[Pair], old: Side, new: Side) -> list[str]:
                 said.append(
                     f"{pair.backend} on {pair.dataset}: {counted(len(missing), 'seed')} only in the {word} run."
                 )
-        skipped = [b for a, b in pair.cells if a.columns["status"] == "done" and b.columns["status"] == "skipped"]
-        if skipped:
-            said.append(
-                f"{pair.backend} on {pair.dataset}: done before, and skipped now: {skipped[0].columns['reason']}."
-            )
     return said
 
 

@@ -10,9 +10,9 @@ from rich.text import Text
 from . import compare_changes as judged
 from .compare_changes import FEW, GAIN, GONE, NEW, QUANTITIES, REGRESSION, Change, by_how_much, summary
 from .compare_runs import Facing
+from .names import called
 from .numerals import listed, number
 from .page import rendered
-from .summary import short
 
 SIGNS = {REGRESSION: "🔴 ", GAIN: "🟢 "}
 STYLES = {REGRESSION: "bold red", GAIN: "green", FEW: "yellow", NEW: "cyan", GONE: "cyan"}
@@ -34,6 +34,7 @@ def markdown(found: Facing, told: list[Change], least: float | None) -> str:
         "method": method(least),
         "signs": SIGNS,
         "shown": shown,
+        "names": called([c.dataset for c in told]),
         "change": by_how_much,
     }
     return rendered("compare.md.jinja", page)
@@ -51,8 +52,9 @@ def table(told: list[Change]) -> Table | None:
         grid.add_column(heading, justify="right", no_wrap=True)
     for heading in ("change", ""):
         grid.add_column(heading, overflow="fold")
+    names = called([c.dataset for c in told])
     for c in striking:
-        where = Text(f"{short(c.backend)}, {short(c.dataset)}")
+        where = Text(f"{c.backend}, {names[c.dataset]}")
         values = (shown(c, c.old), shown(c, c.new), by_how_much(c), Text(c.words))
         grid.add_row(Text(c.verdict, STYLES.get(c.verdict, "")), where, c.quantity, *values)
     return grid
@@ -83,8 +85,8 @@ def method(least: float | None) -> str:
         "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval leaves no change out, and it "
         f"is as large as counts: {counts}. A backend without randomness on the same factors needs no test: where there "
         "are too few logs for one, what changed is called so on these logs. NEES is compared by how far it is from 1, "
-        "as a factor. A failure counts as worse than any error, and a cell that was done and now fails is a regression "
-        "whatever the statistics."
+        "as a factor. A failure counts as worse than any error. A cell that was done and now fails or is skipped, "
+        "or has no error or NEES any more, is a regression whatever the statistics."
     )
 
 

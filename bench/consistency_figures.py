@@ -2,11 +2,13 @@
 
 import numpy as np
 
-from .along import Band, Series, along
 from .axes import stretches
-from .bands import averaged
+from .bands import averaged, flagged
 from .exhibit import Exhibit
+from .names import tags
+from .numerals import listed
 from .scene import Scene
+from .time_curves import Band, Series, along
 
 STRETCHES = 100
 
@@ -33,9 +35,13 @@ def _over_logs(name: str, scene: Scene) -> Exhibit | None:
     t, low = stretches(widest.t, widest.low, STRETCHES)
     _, high = stretches(widest.t, widest.high, STRETCHES)
     caption = (
-        f"Mean over {widest.n.max()} independent logs at each time; 1 is as it should be, above is overconfident, "
-        "below cautious. Grey: where 95 % of the means are when the belief is right."
+        f"Mean over {widest.n.max()} independent logs. 1 is right, above is overconfident, below cautious. "
+        "Grey: where 95 % of means lie if the belief is right."
     )
+    called = tags(look)
+    for word in ("overconfident", "cautious"):
+        names = [called[label] for label, mean in found.items() if label in look and flagged(mean) == word]
+        caption += f" Outside more than half of the time, {word}: {listed(names)}." if names else ""
     title, unit = "NEES over the logs", "mean NEES / 3"
     return along(
         name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=Band(t, low, high)
@@ -49,8 +55,8 @@ def _along(name: str, scene: Scene) -> Exhibit | None:
         if {"at", "nees"} <= (a := trace.arrays).keys() and np.isfinite(a["nees"]).any()
     ]
     caption = (
-        f"Mean over each of up to {STRETCHES} stretches; 1 is as it should be, above is overconfident, below cautious. "
-        "No band is drawn: errors along one run hang together, so chi-square has none for them."
+        "Mean over short stretches. 1 is right, above is overconfident, below cautious. "
+        "No band: errors along one run are not independent."
     )
     title, unit = "NEES along the log", "NEES / 3"
     return along(name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST)
@@ -68,8 +74,7 @@ def nis(name: str, scene: Scene) -> Exhibit | None:
             _, dof = stretches(a["t"][seen], a["nis_dof"][seen].astype(float), STRETCHES)
             series.append(Series(trace.label, trace.look, t, total / dof))
     caption = (
-        f"Squared innovations over what the backend expected, in each of up to {STRETCHES} stretches; 1 is as it "
-        "should be, above: the sightings are further off than their stated noise allows."
+        "Squared innovations over what was expected. 1 is right; above, sightings were worse than their stated noise."
     )
     title, unit = "NIS along the log", "NIS / degrees of freedom"
     return along(name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST)

@@ -8,10 +8,13 @@ import numpy as np
 
 from .looks import BASELINE
 from .statistics import LEVEL, Comparison, compare, holm
-from .summary import Line, logs, telling
+from .summary import Line, logs, representative
 
 ALIKE = 1.01
 """Errors whose ratio lies between this and its inverse for sure are alike, whatever a test makes of so little."""
+
+ROUNDING = 1e-9
+"""Metres below which errors are all the same, and none is a failure's opposite: rounding, of a log without noise."""
 
 MEASURES = ("ate_m", "final_ate_m", "map_rmse_m", "final_map_rmse_m")
 """What the backends of a dataset are put in order by: the first of them that a backend has."""
@@ -36,17 +39,25 @@ class Contest(NamedTuple):
         return next(c for c in self.comparisons if (c.first, c.second) == (first.backend, second.backend))
 
     @property
+    def circular(self) -> bool:
+        """Whether somebody is better than the best for sure: then all are beaten, and none is the best of all."""
+        return self.lines[0].backend in _beaten(self.comparisons)
+
+    @property
     def level(self) -> list[Line]:
-        """The best, and all whose interval leaves it open which of the two is: what is wider apart is not among them,
-        even where no test can bear it out, and neither is what has too few logs to say."""
-        best = self.lines[0]
-        return [best, *(line for line in self.lines[1:] if standing(self.between(best, line)) in ("alike", "open"))]
+        """The best, and all whose interval leaves it open which of the two is, and that nobody is better than for sure:
+        what is wider apart is not among them, even where no test can bear it out, and neither is what has too few logs
+        to say."""
+        best, beaten = self.lines[0], _beaten(self.comparisons)
+        near = [line for line in self.lines[1:] if standing(self.between(best, line)) in ("alike", "open")]
+        return [best, *(line for line in near if line.backend not in beaten)]
 
 
 def contest(lines: Sequence[Line], column: str) -> Contest | None:
     """None where no competitor has the column.
 
     The best is the one that nobody, or the fewest, are better than for sure; of these the one with the lowest median.
+    Those with too few logs in common with everybody come after those that can be tested.
     """
     having = [line for line in lines if column in line.values and not line.told]
     entered = [line for line in having if line.backend != BASELINE]
@@ -55,18 +66,26 @@ def contest(lines: Sequence[Line], column: str) -> Contest | None:
     errors = {line.backend: line.by_log(column) for line in having}
     medians = {name: float(np.median(list(values.values()))) for name, values in errors.items()}
     entered.sort(key=lambda line: medians[line.backend])
-    found = compare({line.backend: errors[line.backend] for line in entered})
-    beaten = [c.second if standing(c) == "better" else c.first for c in found if standing(c) in ("better", "worse")]
-    entered.sort(key=lambda line: beaten.count(line.backend))
-    found = compare({line.backend: errors[line.backend] for line in entered})
+    apart = {name: {log: max(error, ROUNDING) for log, error in of.items()} for name, of in errors.items()}
+    found = compare({line.backend: apart[line.backend] for line in entered})
+    beaten = _beaten(found)
+    tested = {name for c in found if standing(c) != "few" for name in (c.first, c.second)}
+    entered.sort(key=lambda line: (line.backend not in tested, beaten.count(line.backend)))
+    found = compare({line.backend: apart[line.backend] for line in entered})
     against = (
-        [compare({line.backend: errors[line.backend], BASELINE: errors[BASELINE]})[0] for line in entered]
-        if (BASELINE in errors)
+        [compare({line.backend: apart[line.backend], BASELINE: apart[BASELINE]})[0] for line in entered]
+        if BASELINE in apart
         else []
     )
     adjusted = holm([c.p for c in against])
     against = [c._replace(adjusted=float(p)) for c, p in zip(against, adjusted, strict=True)]
     return Contest(column, entered, errors, found, against, logs(lines))
+
+
+def _beaten(found: Sequence[Comparison]) -> list[str]:
+    """Those that another one is better than for sure, once for each."""
+    kinds = [(c, standing(c)) for c in found]
+    return [c.second if kind == "better" else c.first for c, kind in kinds if kind in ("better", "worse")]
 
 
 def standing(c: Comparison) -> str:
@@ -98,7 +117,7 @@ def ordered(lines: Sequence[Line]) -> list[Line]:
     Before it those that do not compete: they were told the truth, or have nothing that could be measured.
     """
     place: dict[str, tuple[int, int]] = {}
-    known = telling(lines)
+    known = representative(lines)
     if known.truth_kind == "truth" or known.surveyed:
         for k, column in enumerate(MEASURES[:2] if known.truth_kind == "truth" else MEASURES[2:]):
             found = contest(lines, column)

@@ -7,17 +7,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..frontend.se2 import Array
-from .along import HEIGHT, Series, along
 from .axes import fitted, legend, stretches
+from .backend_rows import height, rows
 from .exhibit import Exhibit
-from .framed import curve, exhibit, of
-from .key import ROW, named
+from .exhibit_figure import curve, exhibit, of
+from .figure_key import ROW, named
+from .growth import NO_GROWTH
 from .looks import Look
-from .numerals import number
-from .rows import height, rows
+from .names import tags
+from .numerals import number, raised
 from .scene import Scene, Trace
 from .summary import Line
 from .svg import INK
+from .time_curves import HEIGHT, Series, along
 
 STRETCHES = 60
 
@@ -39,7 +41,7 @@ def over_time(name: str, scene: Scene) -> Exhibit | None:
         middle, mean = stretches(t, us, STRETCHES)
         peaks = None if len(t) <= STRETCHES else _highest(t, us, STRETCHES)
         series.append(Series(trace.label, trace.look, middle, mean, peaks=peaks, marked=not trace.alone))
-    caption = f"Line: mean of each of up to {STRETCHES} stretches of the log. Dots: the slowest step of each."
+    caption = "Line: mean of short stretches. Dots: the slowest step of each."
     title, unit = "Step cost along the log", "CPU time a step, µs"
     return along(name, scene, title, unit, caption + _beside(scene), series, group="cost")
 
@@ -49,11 +51,12 @@ def spread(name: str, scene: Scene) -> Exhibit | None:
     timed = _timed(scene)
     if not timed:
         return None
+    called = tags(trace.label for trace in scene.traces)
     interval = _interval(scene, timed[0])
     beyond = interval is not None and interval > FAR * max(float(_us(trace).max()) for trace in timed)
 
     def draw(figure: Figure) -> None:
-        axes = rows(figure, [(trace.timed_label, trace.look) for trace in timed])
+        axes = rows(figure, [(called[trace.label] + "*" * (not trace.alone), trace.look) for trace in timed])
         ends: list[float] = []
         for k, trace in enumerate(timed):
             low, p5, p50, p95, p99, high = np.percentile(_us(trace), (0, 5, 50, 95, 99, 100)).tolist()
@@ -70,10 +73,11 @@ def spread(name: str, scene: Scene) -> Exhibit | None:
         fitted("x", axes, ends)
         axes.set_xlabel("CPU time a step, µs")
 
-    caption = "Dot: median. Bar: the middle 90 % of steps. Tick: 99 %. Thin line: from the cheapest to the slowest."
+    caption = "Dot: median step. Bar: middle 90 %. Tick: 99 %. Thin line: cheapest to slowest."
     if interval is not None:
-        where = "Far to the right" if beyond else "Dashed"
-        caption += f" {where}: a new step arrives every {number(interval / 1e3)} ms."
+        caption += (
+            f" {'Far to the right' if beyond else 'Dashed'}: {number(interval / 1e3)} ms, the time between steps."
+        )
     caption += _beside(scene)
     curves = [
         curve(trace.label, np.percentile(_us(trace), (50, 99, 100)), np.full(3, k + 0.12))
@@ -103,7 +107,7 @@ def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibi
     grown = [one for one in grown if len(one.size) > 2]
     if not grown or max(one.size[-1] / one.size[0] for one in grown) < 2:
         return None
-    key = named((one.trace.label for one in grown), scene.order, more=len("  k^0.0"))
+    key = named((one.trace.label for one in grown), scene.order, more=len(", " + _power("k", 0.5)))
     letter, what = ("k", "step") if along == "steps" else ("N", "landmarks known")
 
     def draw(figure: Figure) -> None:
@@ -112,7 +116,7 @@ def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibi
             look: Look = one.trace.look
             label = key.called(one.trace.label)
             if label is not None:
-                label += "*" * (not one.trace.alone) + ("" if one.power is None else f"  {letter}^{one.power:z.1f}")
+                label += "*" * (not one.trace.alone) + ("" if one.power is None else f", {_power(letter, one.power)}")
             style: dict[str, Any] = {
                 "linestyle": look.dash,
                 "marker": look.marker,
@@ -129,12 +133,16 @@ def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibi
         axes.set_ylabel("CPU time a step, µs")
         legend(figure, axes, key.columns)
 
-    caption = f"Median step of each of up to {BINS} sizes."
+    caption = "Median cost at each size."
     if any(one.power is not None for one in grown):
-        caption += f" {letter}^p: the power of the {what} that the cost grows with, the median over logs."
+        caption += " Behind a name: the power law fitted to each log, its median; flat: it hardly grows."
     curves = [curve(one.trace.label, one.size, one.us) for one in grown]
     title = f"How the cost of a step grows with {'the log' if along == 'steps' else 'the map'}"
     return exhibit(name, title, caption + _beside(scene), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves)
+
+
+def _power(letter: str, power: float) -> str:
+    return "flat" if abs(power) < NO_GROWTH else f"∝ {letter}{raised(f'{power:.1f}')}"
 
 
 def _sizes(trace: Trace, along: str) -> Array | None:

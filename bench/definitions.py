@@ -162,7 +162,7 @@ MORE: dict[str, Column] = {
         "The exponent b with which the cost of a step grows with its number k, as k to the power b: at 0 it does not "
         "grow, at 1 it is twice as much twice as far into the run. Fitted to the means of stretches that grow in "
         "proportion, so that rare expensive steps count; a constant part is told apart where there clearly is one. "
-        "Blank where its standard error is above 0.25, or the run is too short.",
+        "Beside it its standard error, the median over logs; blank where that is above 0.25, or the run is too short.",
     ),
     "growth_steps_se": Column("± with steps", "1", "Standard error of that exponent."),
     "growth_landmarks": Column(
@@ -200,3 +200,47 @@ MORE: dict[str, Column] = {
 
 WORKED_OUT: dict[str, Column] = {"done": Column("done", "", "Cells that are done, of all."), **MORE}
 """Columns that are in the report's tables, beside those of cells.csv."""
+
+PAIRS: dict[str, Column] = {
+    "second": Column("against", "", "The second backend of the pair."),
+    "measure": Column("measure", "", "Whose errors are compared."),
+    "ratio": Column(
+        "ratio",
+        "1",
+        "The second one's error over the first one's on the same logs, typically: the Hodges-Lehmann estimate, the "
+        "median of the averages of every two logarithms of these ratios. Beside it its 95 % interval, of the ratios "
+        "that the signed-rank test does not reject.",
+    ),
+    "verdict": Column("verdict", "", "What may be said of the first one: both the test and the interval must bear it."),
+    "adjusted": Column(
+        "p",
+        "1",
+        "Wilcoxon's signed-rank test, two-sided, after Holm's correction over all pairs of a measure; comparisons with "
+        "dead reckoning are corrected among themselves.",
+    ),
+    "effect": Column("effect", "1", "Matched-pairs rank-biserial correlation: 1 where the first is always closer."),
+    "closer": Column("closer on", "", "Logs on which the first one's error is the lower, of those that both ran on."),
+}
+"""The columns of the table of pairs, by their names in JSON."""
+
+STATISTICS: dict[str, Column] = {
+    "median": Column(
+        "median",
+        "",
+        "Over logs; what several runs on one log have is averaged first. A cell that failed has an infinite error.",
+    ),
+    "interval": Column(
+        "95 % interval",
+        "",
+        "Beside a median, from 6 logs on: between order statistics, interpolated as by Hettmansperger and Sheather "
+        "(1986). Of fewer logs it is the range.",
+    ),
+    "best": Column(
+        "bold", "", "Those that the most accurate one is not better than for sure; nothing is where it beats nobody so."
+    ),
+    "baseline": Column(
+        "dead-reckoning", "", "What everybody has to beat: it uses no sighting, and neither competes nor is ranked."
+    ),
+    **PAIRS,
+}
+"""What the words of tables and verdicts stand for."""

@@ -13,7 +13,7 @@ from ..frontend.se2 import Array, Ints
 from .axes import legend
 from .detection import AMBIGUOUS, Sightings, in_log
 from .exhibit import Exhibit
-from .framed import exhibit
+from .exhibit_figure import exhibit
 from .looks import COLOURS
 from .numerals import plain
 from .svg import INK

@@ -13,7 +13,8 @@ from ..frontend.files import write_whole
 from ..frontend.se2 import Array
 from ..frontend.tum import write_tum
 from .cost import TERMS
-from .store import COLUMNS, MORE, Row, Store, label
+from .record import COLUMNS, MORE, Row, label
+from .store import Store
 
 STEPS = (
     "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",

@@ -18,8 +18,9 @@ from ..frontend.factors import Log, Map
 from ..frontend.se2 import Array
 from .landmark_file import block_diagonal, read_landmarks
 from .numerals import counted
+from .record import FILE, Row, label
 from .spec import DatasetVariant
-from .store import FILE, Row, Store, label
+from .store import Store
 
 NAMED = 6
 """Cells that are named where one has to be chosen."""

@@ -20,7 +20,7 @@ _LETTERS = {
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\N{EN DASH}": "--", "\N{EM DASH}": "---",
     "\N{MULTIPLICATION SIGN}": r"$\times$", "\N{INFINITY}": r"$\infty$", "\N{MICRO SIGN}": r"$\mu$",
     "\N{DAGGER}": r"\dag{}", "\N{HORIZONTAL ELLIPSIS}": r"\ldots{}", "<": r"$<$", ">": r"$>$", "|": r"$|$",
-    "\N{DEGREE SIGN}": r"$^\circ$", '"': r"\textquotedbl{}",
+    "\N{PLUS-MINUS SIGN}": r"$\pm$", "\N{DEGREE SIGN}": r"$^\circ$", '"': r"\textquotedbl{}",
 }  # fmt: skip
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 

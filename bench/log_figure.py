@@ -15,6 +15,7 @@ from .log_panels import FIRST, INK, SOFT, noise, returns, seen, sensor
 from .log_path import Shown
 from .log_places import judge, sighted
 from .log_returns import Returns
+from .log_times import numbered
 from .log_words import headline
 from .picture import GRID, picture
 
@@ -124,7 +125,6 @@ def _path(figure: SubFigure, axes: Axes, log: Log, shown: Shown) -> None:
     before = np.concatenate((np.zeros(1, np.int64), np.cumsum(hole)))[some]
     lines: list[Array] = []
     at: list[float] = []
-    numbered = np.array_equal(log.t, np.arange(len(log)))
     for piece in pieces:
         rows = np.append(piece, piece[-1] + 1)
         line = xy[rows].astype(float)
@@ -145,7 +145,7 @@ def _path(figure: SubFigure, axes: Axes, log: Log, shown: Shown) -> None:
     axes.plot(*xy[-1], "s", color="#e0c81c", markersize=8, markeredgecolor=INK, label="end", zorder=4, linestyle="")
     if len(lines) > 1:
         bar = figure.colorbar(drawn, ax=axes, orientation="horizontal", shrink=0.5, aspect=45, pad=0.02)
-        bar.set_label("step" if numbered else "time, s")
+        bar.set_label("step" if numbered(log.t) else "time, s")
         bar.outline.set_visible(False)
 
 

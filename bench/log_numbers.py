@@ -14,6 +14,7 @@ from .log_honesty import Honesty, Measured, honesty, measured
 from .log_path import Shown
 from .log_places import Astray, judge, strays
 from .log_returns import Returns, loops, way
+from .log_times import numbered
 
 GAP = 5.0
 """Median times from step to step that make a gap."""
@@ -161,7 +162,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
 
 def times(log: Log) -> Times | None:
     """None for a log of one step, and for one that numbers its steps."""
-    if len(log) < 2 or np.array_equal(log.t, np.arange(len(log))):
+    if len(log) < 2 or numbered(log.t):
         return None
     apart = np.diff(log.t)
     median = float(np.median(apart))

@@ -35,24 +35,3 @@ def looks(backends: Iterable[str]) -> dict[str, Look]:
             chosen[label] = Look(colour, dash, marker, len(chosen))
             k += 1
     return chosen
-
-
-def tags(labels: Iterable[str]) -> dict[str, str]:
-    """What each label is called in a figure: its name where no other has it, else with the options that differ."""
-    known = list(dict.fromkeys(labels))
-    named: dict[str, list[str]] = {}
-    for label in known:
-        named.setdefault(label.partition("[")[0], []).append(label)
-    return {label: _tag(label, named[label.partition("[")[0]]) for label in known}
-
-
-def _tag(label: str, alike: list[str]) -> str:
-    name, _, mine = label.partition("[")
-    if len(alike) == 1 or not mine:
-        return name
-    shared = set.intersection(*({*_options(other)} for other in alike))
-    return f"{name}[{','.join(option for option in _options(label) if option not in shared)}]"
-
-
-def _options(label: str) -> list[str]:
-    return label.partition("[")[2].removesuffix("]").split(",")

@@ -1,13 +1,13 @@
-"""What people call the datasets of a run: those that are paths by the paths' last parts."""
+"""What people call the datasets and backends of a run: as short as tells each from the others."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 _PATH = re.compile(r'^\w+\[path=(?:"([^"]*)"|([^",\]]*))(?:,(.*))?\]$', re.DOTALL)
 
 
 def called(labels: Sequence[str]) -> dict[str, str]:
-    """A name a label, no two the same: log[path=runs/kitchen] is kitchen where no other dataset is called so."""
+    """A name a dataset's label, no two the same: log[path=runs/kitchen] is kitchen where no other is called so."""
     depth, names = 1, [_called(label, 1) for label in labels]
     while len(set(names)) < len(set(labels)):
         depth += 1
@@ -25,3 +25,24 @@ def _called(label: str, depth: int) -> str:
     parts = [part for part in (found[1] or found[2]).split("/") if part not in ("", ".")]
     rest = f"[{found[3]}]" if found[3] else ""
     return "/".join(parts[-depth:] or [label]) + rest
+
+
+def tags(labels: Iterable[str]) -> dict[str, str]:
+    """A name a backend's label: without options where no other has that name, else with the options that differ."""
+    known = list(dict.fromkeys(labels))
+    named: dict[str, list[str]] = {}
+    for label in known:
+        named.setdefault(label.partition("[")[0], []).append(label)
+    return {label: _tag(label, named[label.partition("[")[0]]) for label in known}
+
+
+def _tag(label: str, alike: list[str]) -> str:
+    name, _, mine = label.partition("[")
+    if len(alike) == 1 or not mine:
+        return name
+    shared = set.intersection(*({*_options(other)} for other in alike))
+    return f"{name}[{','.join(option for option in _options(label) if option not in shared)}]"
+
+
+def _options(label: str) -> list[str]:
+    return label.partition("[")[2].removesuffix("]").split(",")

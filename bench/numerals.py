@@ -2,13 +2,11 @@
 
 import math
 
-from .summary import Spread
-
 SMALLEST, LARGEST = 1e-5, 1e7
 """Sizes between which a number is written without an exponent."""
 
 TIMES = "\N{MULTIPLICATION SIGN}"
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_RAISED = str.maketrans("-.0123456789", "⁻·⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float) -> str:
@@ -20,21 +18,21 @@ def number(value: float) -> str:
     rounded = float(f"{value:.2e}")
     if not SMALLEST <= abs(rounded) < LARGEST:
         mantissa, _, exponent = f"{value:.2e}".partition("e")
-        return f"{mantissa}{TIMES}10{str(int(exponent)).translate(_RAISED)}"
+        return f"{mantissa}{TIMES}10{raised(str(int(exponent)))}"
     if abs(rounded) >= 100:
         return f"{value:,.0f}"
     return f"{rounded:.{2 - math.floor(math.log10(abs(rounded)))}f}"
+
+
+def raised(digits: str) -> str:
+    """An exponent: -0.5 as ⁻⁰·⁵."""
+    return digits.translate(_RAISED)
 
 
 def plain(value: float) -> str:
     """As `number`, without the zeros at its end: for the marks of an axis."""
     text = number(value)
     return text.rstrip("0").rstrip(".") if "." in text and TIMES not in text else text
-
-
-def span(value: Spread) -> str:
-    """The range over seeds, "" where there is one seed."""
-    return "" if value.n == 1 else f"{number(value.low)}\N{EN DASH}{number(value.high)}"
 
 
 def counted(n: int, noun: str) -> str:

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from .axes import legend
 from .exhibit import Exhibit
-from .framed import exhibit, of
-from .key import ROW, named
+from .exhibit_figure import WIDTH, exhibit, of
+from .figure_key import ROW, named
 from .panel import framed, panels
 from .scene import Scene
 from .trajectories import plane, tall
@@ -38,5 +38,5 @@ def overlay(name: str, scene: Scene) -> Exhibit | None:
         panel.online is None for panel in every
     )
     curves = [curve for panel in every for curve in panel.curves if curve.final == (panel.online is None)]
-    height = tall(frame) + ROW * key.rows
+    height = tall(frame, WIDTH) + ROW * key.rows
     return exhibit(name, "All paths", caption, height, draw, curves=curves)

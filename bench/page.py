@@ -11,9 +11,9 @@ from typing import Any
 from urllib.parse import quote
 
 from .exhibit import Axis, Plot
-from .looks import Look, tags
+from .looks import Look
+from .names import tags
 from .numerals import LARGEST
-from .summary import short
 from .table import Table
 
 TEMPLATES = Path(__file__).with_name("templates")
@@ -52,7 +52,6 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
         "md": _markdown,
         "on_page": on_page,
         "alone": alone,
-        "short": short,
         "tags": tags,
         "url": quote,
         "dashes": _dashes,

@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from ..frontend.se2 import Array, act, rotation
 from .exhibit import Curve
-from .framed import curve
+from .exhibit_figure import curve
 from .looks import BASELINE
 from .scene import Scene, Trace
 

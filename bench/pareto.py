@@ -1,6 +1,6 @@
 """What accuracy costs: every backend's error against its CPU time, and the front that no other one is before."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,18 +8,22 @@ from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .accuracy_figures import middle
+from .accuracy_figures import bars
 from .axes import fitted
-from .beside import Point, name_points
 from .exhibit import Exhibit
-from .framed import curve, exhibit, of
-from .looks import Look, tags
+from .exhibit_figure import curve, exhibit, of
+from .looks import Look
+from .medians import Typical, typical
+from .names import tags
+from .point_names import Point, name_points
 from .scene import Scene
-from .statistics import Estimate
 from .summary import Line
 from .svg import INK
 
 HEIGHT = 200
+
+NAMED = 7
+"""The most points that have their names beside them: those of the fronts, and the most accurate of the others."""
 
 
 class _Choice(NamedTuple):
@@ -28,13 +32,14 @@ class _Choice(NamedTuple):
     label: str
     look: Look
     us: float
-    error: Estimate
+    error: Typical
     final: bool
 
 
 def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
     """None where there are no two to choose from."""
     choices = list(_choices(lines, looks))
+    choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
     if len({choice.label for choice in choices}) < 2:
         return None
     called = tags(choice.label for choice in choices)
@@ -56,17 +61,23 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
             axes.plot([choice.us], [choice.error.value], choice.look.marker, **style)
         axes.set_xlabel("CPU time a step, µs")
         axes.set_ylabel(f"{what}, m")
-        bars = [(choice.us, choice.error.low, choice.error.high) for choice in choices]
-        named = [_named(choice, called, {c.label for c in choices if not c.final}) for choice in choices]
-        name_points(figure, axes, named, bars)
+        online = {choice.label for choice in choices if not choice.final}
+        points = [
+            Point(choice.us, choice.error.value, _name(choice, called, online), of(choice.look)) for choice in choices
+        ]
+        ends = [(choice.us, choice.error.low, choice.error.high) for choice in choices]
+        name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
 
-    caption = "Lower left is better; the line joins those that no other is both cheaper and more accurate than. "
-    caption += "Upright: 95 % interval of the median, or the range of fewer than 6 logs."
+    caption = "Lower left is better. The line joins those that none beats in both."
+    if any(choice.error.n > 1 for choice in choices):
+        caption += f" Upright: {bars([choice.error for choice in choices])}."
+    whole = "the whole log's time over its steps"
     if both:
-        caption += " Filled: online path, against the median step. Open, thin line: final path, against the CPU time "
-        caption += "of the whole log over its steps."
+        caption += f" Filled: online path at its median step. Open: final path at {whole}."
     elif choices[0].final:
-        caption += " CPU time is that of the whole log over its steps."
+        caption += f" Cost: {whole}."
+    if len(choices) > NAMED:
+        caption += f" Of {len(choices)} points, {NAMED} are named."
     curves = [
         curve(choice.label, np.array([choice.us]), np.array([choice.error.value]), final=choice.final)
         for choice in choices
@@ -84,14 +95,13 @@ def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choi
 
 
 def _choice(line: Line, look: Look, us: float, column: str) -> Iterator[_Choice]:
-    error = middle(line, column)
+    error = typical(line, column)
     if us > 0 and 0 < error.value < np.inf:
         yield _Choice(line.backend, look, us, error, column != "ate_m")
 
 
-def _named(choice: _Choice, called: Mapping[str, str], online: set[str]) -> Point:
-    name = called[choice.label] + (", final" if choice.final and choice.label in online else "")
-    return Point(choice.us, choice.error.value, name, of(choice.look))
+def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -> str:
+    return called[choice.label] + (", final" if choice.final and choice.label in online else "")
 
 
 def _fronts(axes: Axes, choices: Sequence[_Choice]) -> None:

@@ -2,26 +2,23 @@
 
 import numpy as np
 
-from .along import Series, along
 from .axes import stretches
 from .exhibit import Exhibit
 from .scene import Scene
+from .time_curves import Series, along
 
 STRETCHES = 100
 
 
 def effective(name: str, scene: Scene) -> Exhibit | None:
     """How many particles carry the weight."""
-    caption = "1 / sum of squared weights after each step, the mean of each stretch: low where few carry all."
+    caption = "1 / sum of squared weights: low where few particles carry all."
     return _particles(name, scene, "n_eff", "Effective particles", caption)
 
 
 def ancestors(name: str, scene: Scene) -> Exhibit | None:
     """How many histories are left."""
-    caption = (
-        "How many particles of the start those of each time descend from: where it falls to 1, all share one early "
-    )
-    caption += "path, and no later sighting can choose another."
+    caption = "Starting particles with descendants left. At 1, all share one early path that no sighting can change."
     return _particles(name, scene, "ancestors", "Ancestors left", caption)
 
 

@@ -21,9 +21,11 @@ from . import prepare, replay_cell
 from .looks import Look, looks
 from .numerals import listed
 from .plan import Cell, Plan
+from .record import Row
 from .replay_cell import Course, Landmarks
+from .runner import task
 from .spec import Variant
-from .store import Row, Store
+from .store import Store
 from .workers import execute
 
 V = TypeVar("V", bound=Variant)
@@ -126,12 +128,7 @@ def _log(store: Store, choice: Choice, path: Path) -> Dataset:
 def _parts(store: Store, choice: Choice, path: Path, frames: Ints, workers: int) -> Iterator[tuple[Course, Array, str]]:
     """Course, recorded step times and remark of every cell, in order."""
     able = [cell for cell in choice.cells if cell.backend.builder is not None]
-    tasks = [
-        replay_cell.Task(
-            cell.backend.label, cell.backend.name, cell.backend.options, cell.seed, path, frames, choice.plan.oracle
-        )
-        for cell in able
-    ]
+    tasks = [replay_cell.Task(task(choice.plan, cell, path), frames) for cell in able]
     courses: dict[Cell, Course] = {}
     for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=choice.plan.timeout_s):
         courses[able[ended.task]] = ended.value or _none("took too long" if ended.death == "timeout" else ended.death)

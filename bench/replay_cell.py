@@ -1,9 +1,7 @@
 """A backend driven through its log once more, in a process of its own, and asked at some steps what it thinks."""
 
 import time
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,25 +9,19 @@ from ..backends import registry as backends
 from ..backends.api import Backend, Diverged, Map, WantsTruth
 from ..datasets import archive
 from ..frontend.errors import SlamduelError
-from ..frontend.factors import Truth
+from ..frontend.factors import Step, Truth
 from ..frontend.se2 import Array, Ints
-from .cell import generator
+from . import cell as cells
 
 MAP_S = 20.0
 """CPU time that asking for maps may take all in all: a smoother's takes long where there are thousands of steps."""
 
 
-@dataclass(frozen=True)
-class Task:
+class Task(NamedTuple):
     """All that a worker needs to know."""
 
-    backend: str  # the variant's label
-    name: str
-    options: Any
-    seed: int
-    log: Path  # the prepared log's archive
+    cell: cells.Task
     frames: Ints  # (f,) the steps at which it is asked, the last one among them
-    oracle: bool = False
 
 
 class Landmarks(NamedTuple):
@@ -53,15 +45,15 @@ class Course(NamedTuple):
 
 def run(task: Task) -> Course:
     """Step by step as in the run. Nothing a backend raises gets out of here: it ends the course."""
-    course = Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
+    cell, course = task.cell, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
     try:
-        log, truth = archive.load(task.log)
-        builder = backends.find(task.name)
+        log, truth = archive.load(cell.log)
+        builder = backends.find(cell.name)
         if len(log.loop_to) and not builder.loops:
             return course._replace(ended="the log has loop closures, which this backend does not take")
         log = log if builder.associates else log.identified()
-        backend = builder.make(log.prior, task.options, generator(task.seed, task.backend))
-        if task.oracle and truth is not None:
+        backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
+        if cell.oracle and truth is not None:
             _tell(backend, truth)
     except Exception as error:
         return course._replace(ended=_said(error))
@@ -87,7 +79,7 @@ class _Way:
         self._maps: list[Landmarks] = []
         self._asked, self._spent, self._steps = 0, 0.0, 0
 
-    def go(self, backend: Backend, step: Any) -> None:
+    def go(self, backend: Backend, step: Step) -> None:
         """Fold the step in, and ask if it is that of a frame."""
         pose = backend.step(step)
         self._steps += 1

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..frontend.se2 import Array, Ints, act
+from .log_times import numbered
 from .looks import BASELINE, Look
 from .metrics import nees
 from .numerals import number
@@ -85,7 +86,7 @@ def view(replay: Replay) -> View:
         high=high,
         steps=replay.frames,
         t=seconds[replay.frames],
-        timed=not np.array_equal(log.t, np.arange(n)),
+        timed=not numbered(log.t),
         at=np.searchsorted(trail, replay.frames, "right"),
         truth=poses[trail][:, :2],
         robot=poses[replay.frames],

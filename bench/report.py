@@ -5,12 +5,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ..frontend.files import write_whole
-from .definitions import COLUMNS, WORKED_OUT
+from .definitions import COLUMNS, STATISTICS, WORKED_OUT
 from .latex import latex
 from .page import PURPOSES, rendered, script
+from .record import Row, label
 from .section import Section, sections
-from .store import Row, Store, label
-from .summary import short
+from .store import Store
 from .tables import cells_table, paper_table
 
 FIGURES, TABLES = "figures", "tables"
@@ -34,7 +34,7 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         "started": datetime.fromtimestamp(run["started"], UTC),
         "digests": _digests(rows),
         "given": run.get("map"),
-        "definitions": COLUMNS | WORKED_OUT,
+        "definitions": COLUMNS | WORKED_OUT | STATISTICS,
         "script": script("report.js"),
         "left_out": store.left_out,
     }
@@ -64,12 +64,13 @@ def _write_tables(folder: Path, section: Section) -> None:
         "paper": paper_table(section.accuracy),
         "pairs": section.pairs,
         "cost": section.cost,
+        "growth": section.growth,
         "fit": section.fit,
     }
     tables |= {"inside": section.inner} | {f"detail{k}": found for k, found in enumerate(section.details, 1)}
     for name, table in tables.items():
         if table.rows and len(table.headings) > 1:
-            caption = f"{short(section.dataset)}: {table.caption}."
+            caption = f"{section.name}: {table.caption}."
             text = latex(table, caption, f"tab:{section.anchor}-{name}")
             write_whole(folder / f"{section.anchor}-{name}.tex", text)
 

@@ -4,9 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .names import called
+from .record import Row
 from .statistics import estimate
-from .store import Row
 from .summary import Line, logs
 from .verdict import Verdict
 
@@ -42,14 +41,13 @@ def document(
 ) -> dict[str, Any]:
     """The document, as SCHEMA says; `verdicts` are by dataset label."""
     rows: list[Row] = [row for line in lines for row in line.rows]
-    names = called(list(verdicts))
     return _valid(
         {
             "folder": folder,
             "report": report,
             "status": status,
             "datasets": [
-                _dataset(names[dataset], [line for line in lines if line.dataset == dataset], verdict)
+                _dataset([line for line in lines if line.dataset == dataset], verdict)
                 for dataset, verdict in verdicts.items()
             ],
             "cells": [dict(row.columns) for row in rows],
@@ -58,10 +56,10 @@ def document(
     )
 
 
-def _dataset(name: str, lines: Sequence[Line], verdict: Verdict) -> dict[str, Any]:
+def _dataset(lines: Sequence[Line], verdict: Verdict) -> dict[str, Any]:
     return {
         "dataset": lines[0].dataset,
-        "name": name,
+        "name": lines[0].name,
         "truth_kind": lines[0].truth_kind,
         "logs": logs(lines),
         "verdict": verdict,

@@ -16,7 +16,7 @@ from .names import called
 from .numerals import counted
 from .pace import Pace, words
 from .plan import Cell
-from .store import COLUMNS, MORE, Row
+from .record import COLUMNS, MORE, Row
 from .summary import Line, lines, remarks
 from .terminal import NO_SIGHTING, STATUS_STYLE, plain, tables, unseen, watched
 
@@ -134,7 +134,7 @@ class Screen:
         if not self._live.is_started:
             return
         found = {(line.dataset, line.backend): line for line in lines(self._rows)}
-        every = [found.get(kind) or Line(*kind, "", [], {}) for kind in sorted(self._planned)]
+        every = [found.get(kind) or Line(*kind, "", [], {}, self._names[kind[0]]) for kind in sorted(self._planned)]
         for shown in (tables(every, self._console.width, self._planned), [self._compact(every)], []):
             self._shown = shown
             if len(self._console.render_lines(Group(*shown), pad=False)) < self._console.height - 2:

@@ -17,8 +17,9 @@ from . import prepare
 from .export import export
 from .machine import environment
 from .plan import Cell, Plan
+from .record import FILE, Row
+from .recorder import Recorder
 from .spec import DatasetVariant
-from .store import FILE, Row, Store
 from .workers import Ended, execute
 
 LOCK = ".lock"
@@ -64,7 +65,7 @@ def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Wat
     """
     with claimed(folder), tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         logs = _prepare(plan, Path(scratch), watcher)
-        with Store(folder, create=True) as store:
+        with Recorder(folder) as store:
             _describe(store, plan, command, workers)
             for c in plan.cells():
                 _record_log(store, c, logs[c.dataset.label, c.seed])
@@ -77,7 +78,7 @@ def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Wat
 def recorded_plan(folder: Path) -> Plan | None:
     """The plan of the run in `folder`; None where it holds none. InputError where it holds something else."""
     if (folder / FILE).is_file():
-        with Store(folder, create=True) as store:  # a run killed at its very start may have left no tables yet
+        with Recorder(folder) as store:  # a run killed at its very start may have left no tables yet
             words = store.run().get("plan")
         return None if words is None else Plan.from_words(words)
     if folder.exists() and (not folder.is_dir() or any(item.name not in (LOCK, LOGS) for item in folder.iterdir())):
@@ -167,7 +168,7 @@ def _log_seed(cell: Cell) -> int:
     return cell.seed if cell.dataset.source.seeded else 0
 
 
-def _describe(store: Store, plan: Plan, command: list[str], workers: int) -> None:
+def _describe(store: Recorder, plan: Plan, command: list[str], workers: int) -> None:
     """Keep what the run is; of one that goes on, what it was started as."""
     known = store.run()
     variants = [*plan.datasets, *plan.backends]
@@ -189,7 +190,7 @@ def _describe(store: Store, plan: Plan, command: list[str], workers: int) -> Non
             store.put_run(name, value)
 
 
-def _record_log(store: Store, cell: Cell, log: _Ready) -> None:
+def _record_log(store: Recorder, cell: Cell, log: _Ready) -> None:
     name, options, seed = cell.dataset.name, cell.dataset.given, cell.seed
     before = store.digest(name, options, seed)
     if before == log.digest:
@@ -207,7 +208,7 @@ def _record_log(store: Store, cell: Cell, log: _Ready) -> None:
     store.put_log(name, options, seed, log.digest, log.truth.kind if log.truth else "", arrays)
 
 
-def _record_truths(store: Store, logs: _Logs) -> None:
+def _record_truths(store: Recorder, logs: _Logs) -> None:
     """Keep the digests of the datasets' own truths; InputError where one is no longer what the cells were scored by."""
     known: dict[str, str | None] = store.run().get("truths", {})  # a run of an earlier version has none
     told = {f"{name}, seed {seed}": log.told for (name, seed), log in logs.items()}
@@ -221,7 +222,7 @@ def _record_truths(store: Store, logs: _Logs) -> None:
     store.put_run("truths", known | told)
 
 
-def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Watcher) -> None:
+def _run_cells(store: Recorder, plan: Plan, logs: _Logs, workers: int, watcher: Watcher) -> None:
     """Run what the record lacks; a row is in it as soon as its cell has ended."""
     before = list(store.cells())
     done = {row.key for row in before}
@@ -232,22 +233,19 @@ def _run_cells(store: Store, plan: Plan, logs: _Logs, workers: int, watcher: Wat
         if c.backend.builder is None:
             row = _keep(store, c, logs, cells.Result("error", c.backend.missing), True)
             watcher.finished(c, row, 0.0)
-    tasks = [
-        cells.Task(
-            c.backend.label,
-            c.backend.name,
-            c.backend.options,
-            c.seed,
-            logs[c.dataset.label, c.seed].archive,
-            plan.memory_mb,
-            plan.oracle,
-        )
-        for c in able
-    ]
+    tasks = [task(plan, c, logs[c.dataset.label, c.seed].archive) for c in able]
     for ended in execute(cells.run, tasks, workers=workers, timeout_s=plan.timeout_s):
         result = ended.value or _dead(ended, plan.timeout_s)
         row = _keep(store, able[ended.task], logs, result, ended.alone)
         watcher.finished(able[ended.task], row, ended.seconds)
+
+
+def task(plan: Plan, cell: Cell, archive: Path) -> cells.Task:
+    """What a worker is told of a cell whose log is in `archive`."""
+    backend = cell.backend
+    return cells.Task(
+        backend.label, backend.name, backend.options, cell.seed, archive, plan.memory_mb, oracle=plan.oracle
+    )
 
 
 def _dead(ended: Ended, timeout_s: float) -> cells.Result:
@@ -257,7 +255,7 @@ def _dead(ended: Ended, timeout_s: float) -> cells.Result:
     return cells.Result("error", ended.death)
 
 
-def _keep(store: Store, cell: Cell, logs: _Logs, result: cells.Result, alone: bool) -> dict[str, Any]:
+def _keep(store: Recorder, cell: Cell, logs: _Logs, result: cells.Result, alone: bool) -> dict[str, Any]:
     """Put the cell into the record; its row."""
     names = ("dataset", "dataset_options", "backend", "options", "seed")
     log = logs[cell.dataset.label, cell.seed]

@@ -60,11 +60,6 @@ def _text(raw: bytes) -> str:
     return raw.decode(errors="replace")
 
 
-def columns(db: sqlite3.Connection) -> set[str]:
-    """The columns that the table of cells has."""
-    return {row[1] for row in db.execute("PRAGMA table_info(cells)")}
-
-
 def agree(db: sqlite3.Connection) -> bool:
     """Whether the table and its index have as many rows: a damaged page may hide some without a complaint.
 

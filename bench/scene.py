@@ -6,8 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..frontend.se2 import Array
+from .log_times import length
 from .looks import Look
-from .store import Row, Store
+from .record import Row
+from .store import Store
 from .summary import Line
 
 
@@ -19,11 +21,6 @@ class Trace(NamedTuple):
     look: Look
     alone: bool  # no other cell ran at the same time
     arrays: Mapping[str, Any]  # as in the record
-
-    @property
-    def timed_label(self) -> str:
-        """The label where a time is shown: with * where other cells ran beside it."""
-        return self.label if self.alone else f"{self.label}*"
 
 
 class Scene(NamedTuple):
@@ -86,9 +83,4 @@ def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
 
 def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:
     first = {row.columns["seed"]: row for row in reversed(rows)}
-    return {seed: _length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()}
-
-
-def _length(t: Array) -> float | None:
-    """s from first to last step; None for a log of one step, or one that numbers its steps instead of timing them."""
-    return None if len(t) < 2 or np.array_equal(t, np.arange(len(t))) else float(t[-1] - t[0])
+    return {seed: length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()}

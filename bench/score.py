@@ -8,12 +8,13 @@ from ..backends.api import Diverged
 from ..frontend.factors import UNKNOWN, Log, Map, Truth
 from ..frontend.se2 import Array, Ints
 from ..frontend.table import upper
-from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretches
+from .accuracy_columns import consistency_columns, map_accuracy, path_accuracy, stretches
 from .cost import Cost, cost
 from .drive import Outcome
 from .growth import mapped
+from .log_times import length
 from .metrics import covariances, nees
-from .step_cost import length, step_cost
+from .step_cost import step_cost
 from .summary import REFERENCE, SURVEYED
 
 FEW = 0.9

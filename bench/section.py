@@ -8,12 +8,13 @@ import numpy as np
 from .exhibit import GROUPS, Exhibit
 from .looks import Look, looks
 from .numerals import counted, listed, number
-from .pairs import pairs_table
+from .pairs_table import pairs_table
+from .record import Row
 from .scene import Scene, scene
-from .store import Row, Store
-from .summary import Line, lines, remarks, telling
+from .store import Store
+from .summary import Line, lines, remarks, representative
 from .table import Table
-from .tables import accuracy_table, cost_table, details_tables, fit_table, inner_table
+from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table
 from .verdict import Verdict, verdict
 
 
@@ -30,7 +31,8 @@ class Failure(NamedTuple):
 class Section(NamedTuple):
     """All on one dataset."""
 
-    dataset: str
+    dataset: str  # label
+    name: str  # what people call it
     anchor: str
     kind: str  # "truth", "reference" or ""
     places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
@@ -39,7 +41,8 @@ class Section(NamedTuple):
     accuracy: Table  # the small one that answers most questions
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
-    cost: Table
+    cost: Table  # of a step, and of the log
+    growth: Table  # of a step, along the log
     fit: Table  # J by its terms
     fit_note: str
     inner: Table  # particles and gates
@@ -74,9 +77,10 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
 
     shown = scene(store, found, look, run["folders"])
     ruling = verdict(found)
-    known, slug = telling(found), run["folders"][found[0].dataset]
+    known, slug = representative(found), run["folders"][found[0].dataset]
     return Section(
         dataset=found[0].dataset,
+        name=found[0].name,
         anchor=slug,
         kind=known.truth_kind,
         places="truth" if known.surveyed else known.truth_kind,
@@ -86,6 +90,7 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         pairs=pairs_table(ruling),
         details=details_tables(found),
         cost=cost_table(found),
+        growth=growth_table(found),
         fit=fit_table(found),
         fit_note=_fit_note(found),
         inner=inner_table(found),

@@ -5,17 +5,12 @@ from typing import Any
 import numpy as np
 
 from ..frontend.factors import Log
-from ..frontend.se2 import Array
 from .drive import Outcome
 from .growth import growth, mapped
+from .log_times import length
 
 STRETCHES = 5
 """Equal parts of a run whose mean costs are told apart."""
-
-
-def length(t: Array) -> float | None:
-    """s from first to last of the times (n,); None for a log of one step, or one that numbers its steps."""
-    return None if len(t) < 2 or np.array_equal(t, np.arange(len(t))) else float(t[-1] - t[0])
 
 
 def step_cost(log: Log, outcome: Outcome) -> dict[str, Any]:

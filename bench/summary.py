@@ -1,18 +1,16 @@
 """A run's cells drawn together over their seeds: what the table in the terminal and the report show."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from .store import Row, label
+from .names import called
+from .record import Row, label
 
 FAILED = ("diverged", "timeout", "error")
 """Ways for a cell to end that count as the worst there is."""
 
 TOLD = "was told the truth: linearised there"
 """In the reason of a cell whose backend made use of --oracle."""
-
 
 SURVEYED = "the landmarks' true places are known, and the map is measured from them"
 """In the reason of a cell whose path is measured from a reference."""
@@ -38,6 +36,7 @@ class Line(NamedTuple):
     truth_kind: str
     rows: list[Row]  # by seed
     values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
+    name: str  # what people call the dataset, among those of the run
 
     @property
     def done(self) -> int:
@@ -97,17 +96,7 @@ def remarks(reason: str) -> str:
     return "; ".join(part for part in reason.split("; ") if part != SURVEYED and not part.startswith(REFERENCE))
 
 
-def short(label: str) -> str:
-    """A variant's label with the paths in it cut down to their last part: room for the rest of the sentence."""
-    return re.sub(r'path=("[^"]*"|[^",\]]*)', _last_part, label)
-
-
-def _last_part(found: re.Match[str]) -> str:
-    path = Path(found[1].strip('"'))
-    return f"path=…/{path.name}" if path.parent != Path() else f"path={path.name}"
-
-
-def telling(lines: Sequence[Line]) -> Line:
+def representative(lines: Sequence[Line]) -> Line:
     """One of a dataset's lines whose cells say what is known of it: the first that is done, if any is."""
     return next((line for line in lines if line.done), lines[0])
 
@@ -121,14 +110,15 @@ _WORDS = ("dataset", "dataset_options", "backend", "options", "seed", "status", 
 
 
 def lines(rows: Iterable[Row]) -> list[Line]:
-    """A line a (dataset, backend), in the order in which the record has them."""
+    """A line a (dataset, backend) of a run, in the order in which the record has them."""
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         c = row.columns
         key = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
         groups.setdefault(key, []).append(row)
+    names = called([dataset for dataset, _ in groups])
     return [
-        Line(dataset, backend, members[0].columns["truth_kind"], members, _spreads(members))
+        Line(dataset, backend, members[0].columns["truth_kind"], members, _spreads(members), names[dataset])
         for (dataset, backend), members in groups.items()
     ]
 

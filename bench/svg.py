@@ -47,6 +47,8 @@ _STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
+    "xtick.major.size": 0,  # the grid says where they are, and every one would be three elements of a page
+    "ytick.major.size": 0,
     "lines.linewidth": 1.3,
     **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
@@ -117,12 +119,26 @@ def alone(svg: str) -> str:
 def _lean(svg: str) -> str:
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->|<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"font-family: [^;\"]*", f"font-family: {FONT}", svg)
+    svg = re.sub(r" ?font-family: [^;\"]*;?", "", svg)
     svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag[0]), svg)
     svg = re.sub(r'(?<=<g) id="(of-\d+)"', r' class="\1"', svg)
     svg = re.sub(r'(?<=<g) id="[^"]*"| xmlns:xlink="[^"]*"| transform="rotate\(-0 [^"]*"', "", svg)
-    svg = svg.replace("xlink:href", "href").replace("<svg ", '<svg stroke-linejoin="round" ', 1)
-    return re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><").strip()
+    svg = svg.replace("xlink:href", "href").replace("<svg ", f'<svg stroke-linejoin="round" font-family="{FONT}" ', 1)
+    svg = re.sub(r'<path d="[^"]*" style="fill: none"/>', "", svg)  # grounds that cannot be seen
+    return _ungrouped(re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><").strip())
+
+
+def _ungrouped(svg: str) -> str:
+    """Without the groups that say nothing, or hold nothing: half of all elements."""
+    kept: list[bool] = []
+
+    def tag(found: re.Match[str]) -> str:
+        if found[0] == "</g>":
+            return "</g>" if kept.pop() else ""
+        kept.append(found[0] != "<g>")
+        return found[0] if kept[-1] else ""
+
+    return re.sub(r"<g(?=[ >])[^>]*>|</g>", tag, re.sub(r"<g(?: [^>]*)?/>", "", svg))
 
 
 def _coloured(svg: str, colours: dict[str, str]) -> str:

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from .beliefs import belief_word
 from .contest import contest, ordered, standing
 from .definitions import COLUMNS
+from .medians import Typical, typical
+from .names import called
 from .numerals import counted, number
+from .record import Row, label
 from .statistics import FEWEST
-from .store import Row, label
-from .summary import Line, logs, telling
-from .table import Entry, Table, TableRow, laid, shown
-from .typical import Typical, typical
+from .summary import Line, logs, representative
+from .table import SECONDS, Entry, Table, TableRow, laid, shown
 
 MAIN = (
     "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
@@ -25,10 +26,12 @@ FINAL = (
     "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside", "final_landmark_nees",
     "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
 )  # fmt: skip
-COSTS = (
-    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "step_us_fifth1", "step_us_fifth2",
-    "step_us_fifth3", "step_us_fifth4", "step_us_fifth5", "growth_steps", "growth_landmarks", "real_time",
-    "belief_us_mean", "setup_s", "finish_s", "cpu_s", "peak_mb",
+COST = (
+    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",
+    "finish_s", "cpu_s", "peak_mb",
+)  # fmt: skip
+GROWTH = (
+    *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
 )  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
@@ -42,11 +45,8 @@ CELLS = (
 WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
 """Columns of the small table whose interval is beside the median."""
 
-TIMES = {name for name in COSTS if name.startswith(("step_us", "belief_us"))} | {
-    "setup_s",
-    "finish_s",
-    "cpu_s",
-    "real_time",
+TIMES = {
+    name for name in (*COST, *GROWTH) if name.startswith(("step_us", "belief_us")) or name in (*SECONDS, "real_time")
 }
 """Columns that are marked * where other cells ran beside."""
 
@@ -62,7 +62,7 @@ FROM_REFERENCE = {
 
 def accuracy_table(lines: Sequence[Line]) -> Table:
     """How good, how sure of itself, how dear: what a reader wants first. The best are marked where that is tested."""
-    known = telling(lines)
+    known = representative(lines)
     kept = {"map_rmse_m", "final_map_rmse_m"} if known.surveyed else set[str]()
     reference = known.truth_kind == "reference"
     headings = {name: text for name, text in FROM_REFERENCE.items() if reference and name not in kept}
@@ -70,9 +70,9 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
     best = {name: _best(lines, name) for name in tested}
 
     def entry(line: Line, name: str) -> Entry:
-        found = typical(line, name)
-        if found is None:
+        if name not in line.values:
             return Entry("")
+        found = typical(line, name)
         word = belief_word(line) if name == "nees" else ""
         note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
         return Entry(_text(line, name, found), word, note, line.backend in best.get(name, ()), found.value)
@@ -104,8 +104,23 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
 
 
 def cost_table(lines: Sequence[Line]) -> Table:
-    """What it costs: medians; a time is marked * where other cells ran beside any of the line's."""
-    return laid(ordered(lines), COSTS, _median, f"Cost: {_basis(lines, ends=False)}{_marks(lines)}")
+    """What a step and the log cost: medians; a time is marked * where other cells ran beside any of the line's."""
+    caption = f"Cost of a step and of the whole log: {_basis(lines, ends=False)}{_marks(lines)}"
+    return laid(ordered(lines), COST, _median, caption)
+
+
+def growth_table(lines: Sequence[Line]) -> Table:
+    """How that grows along the log, and whether it keeps up with it: a question apart, for which the other has no room.
+
+    An exponent has its standard error beside it.
+    """
+
+    def entry(line: Line, name: str) -> Entry:
+        error = line.values.get(f"{name}_se")
+        return _median(line, name)._replace(note="" if error is None else f"\N{PLUS-MINUS SIGN}{error.median:.2f}")
+
+    caption = f"How the cost of a step grows along the log: {_basis(lines, ends=False)}{_marks(lines)}"
+    return laid(ordered(lines), GROWTH, entry, caption)
 
 
 def fit_table(lines: Sequence[Line]) -> Table:
@@ -116,9 +131,9 @@ def fit_table(lines: Sequence[Line]) -> Table:
     def entry(line: Line, name: str) -> Entry:
         return _median(line, name)._replace(best=name in FIT[-2:] and name in line.values and line.backend == least)
 
-    telling = [line for line in ordered(lines) if line.backend in totals]
+    having = [line for line in ordered(lines) if line.backend in totals]
     return laid(
-        telling,
+        having,
         FIT,
         entry,
         f"J, the misfit to all factors, by its parts: {_basis(lines, ends=False)}, the least in bold",
@@ -133,13 +148,14 @@ def inner_table(lines: Sequence[Line]) -> Table:
 def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
     """Every cell by itself; what is not done has a status and no numbers."""
     names = [name for name in CELLS if any(row.columns[name] is not None for row in rows)]
+    datasets = called([label(row.columns["dataset"], row.columns["dataset_options"]) for row in rows])
     found: list[TableRow] = []
     for row in rows:
         c = row.columns
         dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
         marks = {name: "*" * (name in TIMES and not c["timing_alone"]) for name in names}
         entries = [
-            Entry(dataset),
+            Entry(datasets[dataset]),
             Entry(str(c["seed"]), value=c["seed"]),
             Entry(c["status"]),
             *(Entry("" if c[name] is None else shown(name, c[name]) + marks[name], value=c[name]) for name in names),
@@ -164,9 +180,11 @@ def _having(lines: Sequence[Line], names: Sequence[str]) -> list[Line]:
 
 
 def _median(line: Line, name: str) -> Entry:
+    if name not in line.values:
+        return Entry("")
     found = typical(line, name)
     word = belief_word(line, name) if name == "final_nees" else ""
-    return Entry("") if found is None else Entry(_text(line, name, found), word, value=found.value)
+    return Entry(_text(line, name, found), word, value=found.value)
 
 
 def _text(line: Line, name: str, found: Typical) -> str:

@@ -13,9 +13,10 @@ from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
+from .medians import typical
 from .names import called
 from .numerals import counted
-from .statistics import FEWEST, estimate
+from .statistics import FEWEST
 from .summary import Line, logs, remarks
 from .verdict import Verdict, verdict
 
@@ -203,10 +204,8 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
 def _ends(line: Line, column: str, *, final: bool) -> tuple[float, float, float]:
     """The column's median and the ends of its interval, or range; NaN ends where there is but one value."""
     value = line.values[column]
-    by_log = list(line.by_log(column).values())
-    if final and len(by_log) >= FEWEST:
-        return estimate(by_log)[:3]
-    return (value.median, *((value.low, value.high) if value.n > 1 else (math.nan, math.nan)))
+    median, low, high = typical(line, column)[:3] if final else (value.median, value.low, value.high)
+    return (median, low, high) if low < high else (median, math.nan, math.nan)
 
 
 def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Entry]], form: _Form) -> Table:
@@ -249,6 +248,8 @@ def _whole(value: float) -> str:
 def _metres(median: float, low: float, high: float) -> _Entry:
     """To a millimetre, or to a thousandth where that is coarser; what is lost altogether by its order alone."""
     highest = median if math.isnan(high) else high
+    if math.isinf(median):
+        return _Entry("failed")
     if highest < 0.0005:
         return _Entry("<0.001")
     form = ".3f" if median < 10 else ".2f" if median < 100 else ".1f" if highest < LOST else ".1e"

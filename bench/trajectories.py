@@ -10,14 +10,20 @@ from matplotlib.figure import Figure
 
 from .axes import short
 from .exhibit import Exhibit
-from .framed import WIDTH, exhibit, of
+from .exhibit_figure import exhibit, of
 from .numerals import number
 from .panel import Frame, Panel, framed, panels
 from .scene import Scene
 from .svg import INK
 
-TITLE = 42
+PANEL = 200
+"""Points that a panel is wide: four stand beside each other on a page, and their letters are to be read."""
+
+TITLE = 34
 """Characters that fit above a panel."""
+
+TITLE_ROW = 11
+"""Points that a line of it is high."""
 
 VISIBLE = 0.012
 """Ellipses are left out where their longer half axis is a smaller share of the frame."""
@@ -34,15 +40,16 @@ def trajectories(name: str, scene: Scene) -> Iterator[Exhibit]:
             f"{name}-{panel.trace.slug}",
             panel.trace.label,
             _cut(panel, frame),
-            tall(frame) + 11 * _title(scene, panel).count("\n"),
+            TITLE_ROW * (1 + _title(scene, panel).count("\n")) + tall(frame, PANEL),
             lambda figure, panel=panel: _draw(figure, scene, panel, frame),
             curves=panel.curves,
+            width=PANEL,
         )
 
 
-def tall(frame: Frame) -> float:
-    """Points that a picture of the frame is high, with a line above it."""
-    return 46 + (WIDTH - 40) * float(np.clip(frame.size[1] / frame.size[0], 0.35, 1.3))
+def tall(frame: Frame, width: float) -> float:
+    """Points that a picture of the frame is high, without what is above it."""
+    return 34 + (width - 36) * float(np.clip(frame.size[1] / frame.size[0], 0.35, 1.3))
 
 
 def _cut(panel: Panel, frame: Frame) -> str:
@@ -87,7 +94,7 @@ def plane(figure: Figure, scene: Scene, frame: Frame) -> Axes:
 
 def _title(scene: Scene, panel: Panel) -> str:
     """Name and error, on two lines where one has no room."""
-    title = short(panel.trace.label)
+    title = short(panel.trace.label, TITLE - 2)
     if panel.error is not None:
         error = f"{number(panel.error)} m " + ("from reference" if scene.kind == "reference" else "ATE")
         title += (" · " if len(title + error) < TITLE else "\n") + error

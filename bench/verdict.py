@@ -10,7 +10,7 @@ from .contest import Contest, contest, ordered
 from .looks import BASELINE
 from .numerals import counted, factor, listed, number
 from .statistics import Comparison
-from .summary import Line, logs, short, telling
+from .summary import Line, logs, representative
 
 PATHS = {"online": ("ate_m", "online path"), "final": ("final_ate_m", "final path")}
 """What is compared where the path is known, by purpose: the path given step by step, and that smoothed at the end."""
@@ -40,9 +40,9 @@ class Verdict(NamedTuple):
 def verdict(lines: Sequence[Line]) -> Verdict:
     """The verdict on one dataset."""
     lines = ordered(lines)
-    known = telling(lines)
-    name, kind = short(known.dataset), known.truth_kind
-    basis = f"{counted(logs(lines), 'log')}; {_known(telling(lines))}"
+    known = representative(lines)
+    name, kind = known.name, known.truth_kind
+    basis = f"{counted(logs(lines), 'log')}; {_known(known)}"
     failures = _not_done(lines)
     if not any(line.done for line in lines):
         return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
@@ -76,7 +76,7 @@ def _uses(lines: Sequence[Line], contests: Mapping[str, Contest]) -> list[Use]:
 
     Maps are those smoothed at the end, with one or none the online ones.
     """
-    if telling(lines).truth_kind == "truth":
+    if representative(lines).truth_kind == "truth":
         return [advice(purpose, found) for purpose, found in contests.items()]
     uses = [unnamed(purpose, lines) for purpose in PATHS]
     found = contests.get("map")

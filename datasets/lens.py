@@ -111,9 +111,8 @@ class Lens:
     @cached_property
     def _flat(self) -> Singles:
         """(3, height, width) as `rays`, with NaN where there is none."""
-        v, u = np.mgrid[: self.camera.height, : self.camera.width]
-        rays = self.camera.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
-        return np.vstack((rays.T, np.ones(len(rays)))).reshape(3, *u.shape).astype(np.float32)
+        x, y = np.moveaxis(self.camera.rays, -1, 0)
+        return np.stack((x, y, np.ones_like(x))).astype(np.float32)
 
     @cached_property
     def _view(self) -> Singles:

@@ -18,6 +18,9 @@ PLANK = 0.14
 WALLS = np.array([168.0, 152.0, 180.0, 160.0])
 """Grey levels of the four walls: light falls differently on each."""
 
+FADED = 28
+"""Widths from a line at which nothing is left of it: exp(-28^2) is 0 in double precision."""
+
 Grey = NDArray[np.floating]
 
 
@@ -75,15 +78,19 @@ def _walls(room: Room, rng: np.random.Generator) -> Grey:
     grey = WALLS[wall] + 10 * plaster + 2.5 * clouds + 6 * z
     grey = np.where(z < 0.1, 208, grey) - 45 * _line(z - 0.1, 0.006) - 60 * _line(z, 0.006)
     for middle in (0.3 * room.length, ends[2] + 0.35 * room.length):
-        door = _outside(u, z, middle - 0.45, middle + 0.45, -1.0, 2.03)
-        grey = np.where(door < 0.08, 204, grey) - 40 * _line(door - 0.08, 0.006)
-        grey = np.where(door < 0, 128 + 4 * plaster, grey) - 50 * _line(door, 0.006)
+        near = _around(u, z, middle - 0.45, middle + 0.45, -1.0, 2.03, 0.08 + FADED * 0.006)
+        x, y, part = u[near[1]], z[near[0]], grey[near]
+        door = _outside(x, y, middle - 0.45, middle + 0.45, -1.0, 2.03)
+        part = np.where(door < 0.08, 204, part) - 40 * _line(door - 0.08, 0.006)
+        part = np.where(door < 0, 128 + 4 * plaster[near], part) - 50 * _line(door, 0.006)
         for bottom, top in ((0.14, 0.85), (1.0, 1.9)):
-            panel = _outside(u, z, middle - 0.33, middle + 0.33, bottom, top)
-            grey += 16 * _line(panel - 0.012, 0.008) - 22 * _line(panel, 0.008)
+            panel = _outside(x, y, middle - 0.33, middle + 0.33, bottom, top)
+            part += 16 * _line(panel - 0.012, 0.008) - 22 * _line(panel, 0.008)
+        grey[near] = part
     for middle in ends[:4] + 0.5 * np.diff(ends) + 0.7:
-        socket = _outside(u, z, middle - 0.04, middle + 0.04, 0.26, 0.34)
-        grey = np.where(socket < 0, 214, grey) - 40 * _line(socket, 0.004)
+        near = _around(u, z, middle - 0.04, middle + 0.04, 0.26, 0.34, FADED * 0.004)
+        socket = _outside(u[near[1]], z[near[0]], middle - 0.04, middle + 0.04, 0.26, 0.34)
+        grey[near] = np.where(socket < 0, 214, grey[near]) - 40 * _line(socket, 0.004)
     return grey * _shadow(corner)
 
 
@@ -120,6 +127,15 @@ def _cardboard(face: Face, paper: float, rng: np.random.Generator) -> NDArray[np
     if normal[2] < 0.5:
         grey *= _shadow(2 * (face.height - y))
     return np.clip(grey, 0, 255).astype(np.uint8)
+
+
+def _around(
+    u: Grey, z: Grey, left: float, right: float, bottom: float, top: float, reach: float
+) -> tuple[slice, slice]:
+    """The rows and columns of a wall within `reach` (m) of a rectangle: along rows u rises, down columns z falls."""
+    rows = np.searchsorted(-z[:, 0], (-top - reach, reach - bottom)).tolist()
+    columns = np.searchsorted(u, (left - reach, right + reach)).tolist()
+    return slice(*rows), slice(*columns)
 
 
 def _outside(u: Grey, z: Grey, left: float, right: float, bottom: float, top: float) -> Grey:

@@ -69,13 +69,6 @@ class Detector:
         return cv2.aruco.ArucoDetector(self.markers.opencv, parameters)
 
     @cached_property
-    def _rays(self) -> Array:
-        """(height, width, 2) the ray of every pixel."""
-        v, u = np.mgrid[: self.camera.height, : self.camera.width]
-        rays = self.camera.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
-        return np.ascontiguousarray(rays.reshape(*u.shape, 2))
-
-    @cached_property
     def _patterns(self) -> dict[int, NDArray[np.bool_]]:
         return {}
 
@@ -128,7 +121,7 @@ class Detector:
             return None
         if self.refinement != "template":
             return rays, self._cov_of_rays(rays, ROUGH_SD)
-        fit = template.fit(grey, self._rays, self._pattern(name), rays, corners)
+        fit = template.fit(grey, self.camera.rays, self._pattern(name), rays, corners)
         if fit is None:
             return None
         moved = self.camera.project(np.column_stack((fit.rays, np.ones(4)))) - corners

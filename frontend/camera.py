@@ -79,6 +79,13 @@ class Camera:
         _, bottom, slope = self._radial
         return float(np.sqrt(min(_first_root(slope), _first_root(bottom))))
 
+    @cached_property
+    def rays(self) -> Array:
+        """(height, width, 2) the ray of every pixel, found once; NaN for one that has none."""
+        v, u = np.mgrid[: self.height, : self.width]
+        rays = self.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
+        return np.ascontiguousarray(rays.reshape(*u.shape, 2))
+
     def undistort(self, pixels: Array) -> Array:
         """The rays of `pixels` (n, 2), as (n, 2); each projects to its pixel again to 1e-8 px.
 

@@ -4,7 +4,7 @@ from slamduel.datasets import cache, registry
 from slamduel.datasets.aruco_room import Options
 from slamduel.frontend.factors import Dataset, Truth
 
-DRIVE = Options(seconds=45.0, frame_rate=2.0)
+DRIVE = Options(seconds=45.0, frame_rate=1.0)
 
 
 def room_drive(seed: int) -> tuple[Dataset, Truth]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from slamduel.bench.store import COLUMNS, Store, label
+from slamduel.bench.record import COLUMNS, label
+from slamduel.bench.recorder import Recorder
 from slamduel.frontend.se2 import Array
 
 STEPS, LANDMARKS = 60, 5
@@ -33,7 +34,7 @@ class Record:
 
     def __init__(self, folder: Path, seed: int = 1) -> None:
         folder.mkdir()
-        self.store = Store(folder, create=True)
+        self.store = Recorder(folder)
         self._rng = np.random.default_rng(seed)
         self._folders: dict[str, str] = {}
         for name, value in RUN.items():

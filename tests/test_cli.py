@@ -72,6 +72,7 @@ def test_a_cell_that_fails_is_exit_status_1(
     assert "ValueError: the [brackets] of this" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("no_report")  # of the runs: it is `bench report` that has to write one
 def test_out_alone_goes_on_and_report_writes_the_files_again(
     tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,7 @@
 """`bench compare`: what has become worse or better, how sure that is, and what is not to be compared."""
 
 import json
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,19 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
-from slamduel.bench.compare_changes import FEW, GAIN, GONE, NEW, NOTHING, REGRESSION, SAME, Change, changes, summary
+from slamduel.bench.compare_changes import (
+    FEW,
+    GAIN,
+    GONE,
+    NEW,
+    NOTHING,
+    REGRESSION,
+    SAME,
+    Change,
+    by_how_much,
+    changes,
+    summary,
+)
 from slamduel.bench.compare_runs import facing, side
 from slamduel.bench.statistics import holm, signed_rank
 from slamduel.frontend.errors import InputError
@@ -171,9 +184,9 @@ def test_times_from_another_machine_are_left_out(tmp_path: Path, name: str, valu
 
 
 def elsewhere(folder: Path, **environment: Any) -> None:
-    from slamduel.bench.store import Store
+    from slamduel.bench.recorder import Recorder
 
-    with Store(folder, create=True) as store:
+    with Recorder(folder) as store:
         store.put_run("environment", RUN["environment"] | environment)
 
 
@@ -198,9 +211,9 @@ def test_other_logs_are_left_out_unless_told_otherwise(tmp_path: Path) -> None:
 
 def test_a_record_without_newer_columns_is_compared(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new")
-    from slamduel.bench.store import Store
+    from slamduel.bench.recorder import Recorder
 
-    with Store(old, create=True) as store:
+    with Recorder(old) as store:
         store.put_run("truths", None)
         store._db.execute("ALTER TABLE cells DROP COLUMN peak_mb")  # type: ignore[union-attr]
     assert "memory, MB" not in told(old, new)
@@ -234,3 +247,45 @@ def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture
 def test_what_is_no_run_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", str(run(tmp_path / "old")), str(tmp_path / "nowhere")]) == 2
     assert f"{tmp_path / 'nowhere'}: results.sqlite is not here" in capsys.readouterr().err
+
+
+# What must not hide
+
+
+@pytest.mark.parametrize("value", [None, float("nan")])
+def test_a_value_that_is_there_no_more_is_a_regression_though_the_cell_is_done(tmp_path: Path, value: Any) -> None:
+    old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "ate_m", value)
+    assert told(old, new)["ATE online, m"].verdict == REGRESSION
+    assert "none now: seeds 0, 1" in told(old, new)["ATE online, m"].words
+    assert not [change for change in told(new, old).values() if change.verdict in (REGRESSION, GAIN)]
+
+
+def test_a_cell_that_was_done_and_is_skipped_is_a_regression(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "status", "skipped")
+    assert (told(old, new)["failures"].verdict, told(new, old)["failures"].verdict) == (REGRESSION, GAIN)
+
+
+def test_a_distance_from_a_reference_is_not_compared_with_an_error(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "truth_kind", "reference")
+    assert "ATE online, m" not in told(old, new)
+    assert any("the truth is another one now" in note for note in facing(side(old), side(new)).notes)
+
+
+def test_an_error_of_nothing_is_no_failure_and_rounding_no_change(tmp_path: Path) -> None:
+    runs = [run(tmp_path / name, ate_m=factor) for name, factor in (("none", 0), ("hardly", 1e-14), ("some", 1))]
+    assert told(runs[0], runs[1])["ATE online, m"].verdict == NOTHING
+    assert "failing" not in by_how_much(told(runs[0], runs[2])["ATE online, m"])
+
+
+def test_from_failing_has_no_interval(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", failing=tuple(range(LOGS))), run(tmp_path / "new")
+    assert by_how_much(told(old, new)["ATE online, m"]) == "from failing"
+    assert by_how_much(told(new, old)["ATE online, m"]) == "to failing"
+
+
+def changed(folder: Path, column: str, value: Any) -> Path:
+    """The run with another value in every cell."""
+    with sqlite3.connect(folder / "results.sqlite") as record:
+        record.execute(f"UPDATE cells SET {column} = ?", (value,))
+    record.close()
+    return folder

@@ -17,8 +17,9 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.bench.record import COLUMNS, FILE, MORE, VERSION
 from slamduel.bench.runner import recorded_plan
-from slamduel.bench.store import COLUMNS, FILE, MORE, VERSION, Store
+from slamduel.bench.store import Store
 from slamduel.frontend.errors import InputError
 from small_record import STEPS, Record
 

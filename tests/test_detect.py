@@ -52,6 +52,7 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(detecting, "write_detection_report", lambda folder, *_: (folder / "detection.html").touch())
 
 
+@pytest.mark.usefixtures("no_report")
 def test_the_log_is_the_recordings_and_runs_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = Options(seconds=3.0)
     out = tmp_path / "log"

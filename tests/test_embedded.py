@@ -13,12 +13,13 @@ from room_drives import room_drive
 from slamduel.backends.registry import find
 from slamduel.bench.cli import main
 from slamduel.bench.metrics import align, aligned, ate
-from slamduel.bench.store import label
+from slamduel.bench.record import label
 from slamduel.frontend.factors import Log, Truth
 
 LOGS = 5
 
 
+@pytest.mark.usefixtures("no_report")
 @pytest.mark.parametrize(
     ("dataset", "backends", "kind"),
     [

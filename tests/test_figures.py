@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 from slamduel.bench.exhibit import GROUPS, Exhibit, Plot
-from slamduel.bench.looks import Look, looks, tags
+from slamduel.bench.looks import Look, looks
+from slamduel.bench.names import tags
 from slamduel.bench.plots import exhibits
 from slamduel.bench.scene import Scene, scene
 from slamduel.bench.statistics import compare
 from slamduel.bench.summary import Line, lines
 from slamduel.bench.svg import alone, on_page
-from slamduel.bench.trajectories import trajectories
+from slamduel.bench.trajectories import PANEL, trajectories
 from slamduel.frontend.se2 import Array
 from small_record import Record
 
@@ -173,11 +174,12 @@ def test_every_backend_in_a_figure_can_be_raised(few: Drawn, crowd: Drawn) -> No
 def test_nothing_sticks_out_of_a_figure(few: Drawn, crowd: Drawn) -> None:
     from slamduel.bench.svg import drawn as drawn_svg
 
-    for exhibit in (few.named("pareto"), *few.panels[:1], *crowd.exhibits[::2], crowd.panels[7]):
+    drawn_panels = few.panels[0], crowd.panels[7]
+    for exhibit in (few.named("pareto"), *crowd.exhibits[::2], *drawn_panels):
         assert isinstance(exhibit.printed, partial)
         width, height, fill = exhibit.printed.args
         _, figure = drawn_svg("again", width, height, fill)
-        assert width == 252
+        assert width == (PANEL if exhibit in drawn_panels else 252)
         (left, bottom), (right, top) = 72 * figure.get_tightbbox().get_points()
         assert min(left, bottom, width - right, height - top) > -1, exhibit.name
 
@@ -205,7 +207,7 @@ def test_names_of_backends_are_as_short_as_they_can_be() -> None:
 def test_names_stand_beside_their_points_and_not_on_each_other() -> None:
     from matplotlib.figure import Figure
 
-    from slamduel.bench.beside import Point, name_points
+    from slamduel.bench.point_names import Point, name_points
 
     rng = np.random.default_rng(5)
     figure = Figure((3.5, 2.8))
@@ -294,4 +296,4 @@ def test_error_and_growth_are_those_of_the_record(few: Drawn) -> None:
     assert (curve.x[0], curve.x[-1]) == (1, 12)
     us = trace.arrays["step_ns"][trace.arrays["mapped"] == 12] / 1e3
     assert curve.y[-1] == pytest.approx(np.median(us), rel=1e-3)
-    assert "N^1.2" in few.named("growth-landmarks").svg
+    assert "∝ N¹·²" in few.named("growth-landmarks").svg

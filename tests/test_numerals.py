@@ -4,8 +4,7 @@ from math import inf, nan
 
 import pytest
 
-from slamduel.bench.numerals import chance, counted, factor, larger, listed, number, plain, span, times
-from slamduel.bench.summary import Spread
+from slamduel.bench.numerals import chance, counted, factor, larger, listed, number, plain, times
 
 
 @pytest.mark.parametrize(
@@ -28,8 +27,6 @@ def test_marks_of_an_axis_have_no_zeros_at_the_end() -> None:
 def test_words_for_many_and_few() -> None:
     assert (counted(1, "seed"), counted(1200, "step")) == ("1 seed", "1,200 steps")
     assert [listed(list("abc")[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
-    assert span(Spread(1, 1, 1, 1)) == ""
-    assert span(Spread(2, 1, 3, 2)) == "1.00\u20133.00"
 
 
 @pytest.mark.parametrize(

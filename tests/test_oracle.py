@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
-from slamduel.bench.store import Row, Store
+from slamduel.bench.record import Row
+from slamduel.bench.recorder import Recorder
+from slamduel.bench.store import Store
 from slamduel.bench.summary import TOLD
 from slamduel.datasets import logfile
 from textbook import random_log
@@ -88,7 +90,7 @@ def test_a_run_that_goes_on_tells_it_still(
     out = tmp_path / "run"
     words = ("--backend", f"{BACKEND},{WITHOUT}", "--dataset", log_folder)
     go(out, *words, "--oracle")
-    with Store(out, create=True) as store:
+    with Recorder(out) as store:
         assert store._db is not None  # pyright: ignore[reportPrivateUsage]
         store._db.execute("DELETE FROM cells")  # pyright: ignore[reportPrivateUsage]
     found = go(out)

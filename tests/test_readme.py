@@ -11,8 +11,8 @@ import pytest
 
 from slamduel.backends import registry as backends
 from slamduel.bench.cli import COMMANDS
+from slamduel.bench.record import COLUMNS, Row
 from slamduel.bench.spec import backend_variants, dataset_variants
-from slamduel.bench.store import COLUMNS, Row
 from slamduel.bench.summary import lines
 from slamduel.bench.terminal import WIDE, tables
 from slamduel.datasets import logfile

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slamduel.datasets import surfaces as painting
 from slamduel.datasets.render import INK, PAPER, Renderer
 from slamduel.datasets.surfaces import Surfaces, paint
 from slamduel.datasets.world import Marker, Room, furnish, wall_point
@@ -181,6 +182,17 @@ def test_the_same_generator_takes_the_same_picture() -> None:
     np.testing.assert_array_equal(one, same)
     difference = one.astype(float) - other
     assert difference.std() == pytest.approx(2 * np.sqrt(2), rel=0.03)  # two grey levels of noise in each
+
+
+@pytest.mark.parametrize("size", [(6.0, 5.0, 2.5), (1.3, 0.9, 0.2)])
+def test_doors_and_sockets_are_painted_as_far_as_they_show(
+    size: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last grey level as if each were painted all over the walls; on small ones some are not there at all."""
+    room = Room(*size, SIDE, ())
+    painted = paint(room, np.random.default_rng(1)).image
+    monkeypatch.setattr(painting, "FADED", 10_000)
+    np.testing.assert_array_equal(painted, paint(room, np.random.default_rng(1)).image)
 
 
 @pytest.mark.parametrize("markers", [2, 3, 24, 50])

@@ -13,6 +13,7 @@ import pytest
 
 from slamduel.bench import replay_rerun
 from slamduel.bench.cli import main
+from slamduel.bench.recorder import Recorder
 from slamduel.bench.replay import Replay, choose, replay
 from slamduel.bench.replay_view import View, ellipses, view
 from slamduel.bench.store import Store
@@ -116,7 +117,7 @@ def test_an_ellipse_holds_95_percent() -> None:
 
 def test_another_path_than_the_recorded_one_is_told(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "run")
-    with Store(tmp_path / "run", create=True) as store:
+    with Recorder(tmp_path / "run") as store:
         row = next(row for row in store.cells() if row.columns["backend"] == "ekf")
         arrays = store.arrays(row)
         arrays["online"][7, 0] = np.nextafter(arrays["online"][7, 0], np.inf)

@@ -18,9 +18,9 @@ import pytest
 from slamduel.bench.definitions import COLUMNS as DEFINED
 from slamduel.bench.looks import Look, looks
 from slamduel.bench.numerals import number
+from slamduel.bench.record import COLUMNS
 from slamduel.bench.report import write_report
 from slamduel.bench.scene import Scene, Trace
-from slamduel.bench.store import COLUMNS
 from slamduel.bench.summary import lines
 from slamduel.bench.trajectories import trajectories
 from small_record import STEPS, Record
@@ -169,6 +169,15 @@ def test_tables_hold_the_records_numbers(record: Record, page: Page, markdown: s
                 assert number(line.values[name].median) in shown, (line.backend, name)
                 assert number(line.values[name].median) in markdown
     assert "1,235" in section(record, page, "room")
+
+
+def test_tables_in_markdown_are_tables(markdown: str) -> None:
+    """A line of dashes below each heading, nothing between, and as many columns in every row."""
+    tables = re.findall(r"(?:^\|.*\n)+", markdown, re.MULTILINE)
+    assert len(tables) > 4
+    for lines_ in (found.splitlines() for found in tables):
+        assert re.fullmatch(r"(\| :?---:? )+\|", lines_[1])
+        assert len({len(re.findall(r"(?<!\\)\|", line)) for line in lines_}) == 1
 
 
 def test_times_beside_others_are_marked(record: Record, page: Page, markdown: str) -> None:

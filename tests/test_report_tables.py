@@ -7,8 +7,8 @@ import pytest
 
 from slamduel.bench.definitions import Column
 from slamduel.bench.latex import escaped, latex
-from slamduel.bench.pairs import pairs_table
-from slamduel.bench.store import COLUMNS, MORE, Row
+from slamduel.bench.pairs_table import pairs_table
+from slamduel.bench.record import COLUMNS, MORE, Row
 from slamduel.bench.summary import TOLD, Line, lines
 from slamduel.bench.table import Entry, Table, TableRow
 from slamduel.bench.tables import (
@@ -17,6 +17,7 @@ from slamduel.bench.tables import (
     cost_table,
     details_tables,
     fit_table,
+    growth_table,
     inner_table,
     paper_table,
 )
@@ -90,8 +91,15 @@ def test_every_table_of_a_dataset_has_the_same_order() -> None:
     found = of(
         *({"backend": name, "ate_m": twice(LOGS, x), **more} for name, x in (("dead-reckoning", 9), ("z", 1), ("b", 2)))
     )
-    tables = [accuracy_table(found), cost_table(found), fit_table(found), inner_table(found), *details_tables(found)]
-    assert len(tables) == 5
+    tables = [
+        accuracy_table(found),
+        cost_table(found),
+        growth_table(found),
+        fit_table(found),
+        inner_table(found),
+        *details_tables(found),
+    ]
+    assert len(tables) == 6
     assert {tuple(row.backend for row in table.rows) for table in tables} == {("z", "b", "dead-reckoning")}
 
 
@@ -113,9 +121,9 @@ def test_shares_counts_and_what_takes_no_time() -> None:
     found = of(
         {"backend": "a", "real_time": [0.1, 0.3], "finish_s": 1e-6, "landmarks_missed": 3, "growth_steps": 1e-17}
     )
-    assert at(cost_table(found), "a", "of real time").text == "20.0 %"
+    assert at(growth_table(found), "a", "of real time").text == "20.0 %"
     assert at(cost_table(found), "a", "finish").text == "<0.001"
-    assert at(cost_table(found), "a", "growth with steps").text == "0.00"
+    assert at(growth_table(found), "a", "growth with steps").text == "0.00"
     assert at(details_tables(found)[0], "a", "missed").text == "3"
 
 

@@ -78,6 +78,7 @@ def test_it_shows_itself(result: Result) -> None:
     assert page.count("<div") == page.count("</div>")
 
 
+@pytest.mark.usefixtures("no_report")
 def test_the_same_again_goes_on_and_another_log_does_not(world: Dataset, result: Result) -> None:
     again = slamduel.run(world.log, "ekf,isam2", truth=world.truth, out=result.folder)
     assert again.cells == result.cells

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from slamduel.backends.api import Solution
-from slamduel.bench import definitions, store
+from slamduel.bench import definitions
 from slamduel.bench.drive import Outcome
 from slamduel.bench.export import export
 from slamduel.bench.metrics import Alignment, aligned, ate
+from slamduel.bench.record import COLUMNS, MORE
 from slamduel.bench.score import TRANSLATION_ONLY, score
 from slamduel.frontend.factors import Log, Map, Truth
 from slamduel.frontend.se2 import Array, compose
@@ -71,10 +72,10 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
         assert row[name] == pytest.approx(0, abs=1e-12), name
     assert len(ones) == 4
     assert all(row[name] == 1 for name in ones)
-    assert set(row) <= {*store.COLUMNS, *store.MORE}
+    assert set(row) <= {*COLUMNS, *MORE}
     untold = {"n_eff_least", "ancestors_left", "refused_share", "j_loops", "j_online"}
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
-    assert {*store.MORE} - set(row) == untold | few
+    assert {*MORE} - set(row) == untold | few
 
 
 def test_online_and_final_are_never_mixed() -> None:
@@ -88,7 +89,7 @@ def test_online_and_final_are_never_mixed() -> None:
     online = score(log, outcome(off, rough), truth)
     batch = score(log, outcome(None, NO_MAP, Solution(good, fine, cov)), truth)
     apart = {"cost_j", "landmarks", "j_online", "j_final", "j_prior", "j_odometry", "j_sightings"}  # of the final alone
-    for name in (*store.COLUMNS, *store.MORE):
+    for name in (*COLUMNS, *MORE):
         if name in apart:
             continue
         whole, alone = (batch, online) if name.startswith("final_") else (online, batch)
@@ -186,7 +187,7 @@ def test_every_log_is_scored(case: str, mapping: bool) -> None:
     for one in (outcome(path, landmarks), outcome(None, NO_MAP, Solution(path, landmarks, cov))):
         judged = score(log, one, truth)
         assert all_known(judged.row)
-        assert set(judged.row) <= {*store.COLUMNS, *store.MORE}
+        assert set(judged.row) <= {*COLUMNS, *MORE}
         assert (TRANSLATION_ONLY in judged.remark) == (case in ("one step", "two steps", "standing"))
         prefix = "" if one.solution is None else "final_"
         if case == "another frame":
@@ -200,8 +201,8 @@ def test_every_log_is_scored(case: str, mapping: bool) -> None:
 
 
 def test_every_column_has_a_definition() -> None:
-    assert list(definitions.COLUMNS) == list(store.COLUMNS)
-    assert list(definitions.MORE) == list(store.MORE)
+    assert list(definitions.COLUMNS) == list(COLUMNS)
+    assert list(definitions.MORE) == list(MORE)
     assert all(column.heading and column.meaning for column in definitions.MORE.values())
 
 
@@ -214,10 +215,10 @@ def test_metrics_csv_names_the_cell_and_has_every_column(tmp_path: Path) -> None
     with (out / "metrics.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     key = ("dataset", "dataset_options", "backend", "options", "seed")
-    assert tuple(rows[0]) == (*key, *store.MORE)
+    assert tuple(rows[0]) == (*key, *MORE)
     assert [(row["backend"], row["seed"], row["rpe_10m_m"], row["landmarks_missed"]) for row in rows] == [
         ("ekf", "3", "0.25", "2"),
         ("isam2", "3", "", ""),
     ]
     with (out / "cells.csv").open(newline="") as file:
-        assert tuple(next(csv.reader(file))) == store.COLUMNS
+        assert tuple(next(csv.reader(file))) == COLUMNS

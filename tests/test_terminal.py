@@ -20,10 +20,10 @@ from slamduel.bench.letters import PLAIN, plain_where_needed
 from slamduel.bench.names import called
 from slamduel.bench.pace import Pace, words
 from slamduel.bench.plan import Cell, Plan
+from slamduel.bench.record import COLUMNS, MORE, Row
 from slamduel.bench.run_document import document
 from slamduel.bench.run_progress import Screen
 from slamduel.bench.statistics import FEWEST
-from slamduel.bench.store import COLUMNS, MORE, Row
 from slamduel.bench.summary import Line, lines
 from slamduel.bench.terminal import conclude, screen_console, status, tables, verdicts, watched, wrapped
 

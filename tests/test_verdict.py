@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from slamduel.bench.beliefs import belief_sentences, belief_word
+from slamduel.bench.claims import between
 from slamduel.bench.contest import contest, needed, ordered, standing
-from slamduel.bench.store import COLUMNS, MORE, Row
-from slamduel.bench.summary import SURVEYED, TOLD, Line, lines, short
+from slamduel.bench.record import COLUMNS, MORE, Row
+from slamduel.bench.statistics import Comparison
+from slamduel.bench.summary import SURVEYED, TOLD, Line, lines
 from slamduel.bench.verdict import Use, Verdict, verdict
 
 SEED = 4
@@ -408,7 +410,108 @@ def test_repeats_on_a_log_are_averaged_and_a_failure_among_them_is_one() -> None
     assert (line.failed, line.done) == (1, 1)
 
 
-def test_a_path_in_a_label_is_cut_down_to_its_last_part() -> None:
-    assert short("log[path=/a/b/c d]") == "log[path=…/c d]"
-    assert short('mrclam[path="/a,x/[b]/c/",robot=3]') == "mrclam[path=…/c,robot=3]"
-    assert short("log[path=c]") == "log[path=c]"
+# What neither the sentences nor the advice may make of little, of failures, or of nothing
+
+
+def skipping(found: list[Row], *seeds: int) -> list[Row]:
+    """The cells, those of the seeds skipped."""
+    return failing(found, *seeds, status="skipped")
+
+
+def test_who_ran_on_a_few_logs_alone_neither_hides_the_others_nor_is_advised() -> None:
+    found = said(skipping(rows("a", 1), *range(4, 20)), rows("b", 2), rows("c", 4), rows("dead-reckoning", 9))
+    assert found.sentences[0].startswith("b's online path is")
+    assert "Too few logs in common with b to test, 6 at least: a (4)." in found.sentences
+    assert "b and c beat dead reckoning, b" in " ".join(found.sentences)
+    assert use(found).backend == "b"
+    alone = said(skipping(rows("a", 1), *range(4, 20)), skipping(rows("b", 2), *range(16)))
+    assert use(alone) == Use("online", "", "Nobody that competes has enough of the 20 logs to tell, 6 at least.")
+
+
+def test_too_few_logs_for_so_many_pairs_are_no_reason_to_advise_dead_reckoning() -> None:
+    found = said(rows("a", 1, 6), rows("b", 1, 6), rows("dead-reckoning", 10, 6))
+    assert found.sentences[1].endswith(" (6 logs cannot bear a test of 2 pairs, 7 could).")
+    assert use(found).backend == ""
+    assert re.fullmatch(
+        r"Nobody for sure: [ab] was measured [\d.]+ to \d+ times better than dead reckoning, but 6 logs cannot bear a "
+        r"test of 2 pairs, 7 could\.",
+        use(found).why,
+    )
+    assert use(said(rows("a", 1, 7), rows("b", 1, 7), rows("dead-reckoning", 10, 7))).backend in ("a", "b")
+
+
+def test_one_that_is_beaten_for_sure_is_not_advised_though_it_is_level_with_the_best() -> None:
+    wide = told("wide", ate_m=(LOGS[:12] * np.exp(np.linspace(-3, 2.6, 12))).tolist(), step_us_p50=[50] * 12)
+    found = said(wide, rows("a", 1, 12, sd=0.001), rows("b", 1.1, 12, sd=0.001, step=1))
+    (best,) = [c for c in found.comparisons["ate_m"] if (c.first, c.second) == ("a", "b")]
+    assert best.holds
+    assert use(found).backend == "a"
+
+
+def test_where_each_is_beaten_by_another_nobody_is_the_best() -> None:
+    each = {"a": (1, 0, 2), "b": (2, 1, 0), "c": (0, 2, 1)}
+    cells = [
+        Row({**row.columns, "ate_m": row.columns["ate_m"] * level[k // 10]}, "") if level[k // 10] else row
+        for name, level in each.items()
+        for k, row in enumerate(skipping(rows(name, 1, 30), *[k for k in range(30) if not level[k // 10]]))
+    ]
+    found = said(cells)
+    assert "Nobody's online path is the best: " in " ".join(found.sentences)
+    assert "cannot be told apart" not in " ".join(found.sentences)
+    assert use(found).backend == ""
+
+
+def test_an_error_of_nothing_makes_no_failure_of_the_others_nor_rounding_a_difference() -> None:
+    found = said(rows("a", 0), rows("b", 1))
+    assert "failed" not in " ".join([*found.sentences, use(found).why])
+    assert use(found).backend == "a"
+    assert "alike" in said(rows("a", 1e-14), rows("b", 3e-14)).sentences[0]
+    assert "alike" in said(rows("a", 1e-14), rows("b", 3e-14), rows("c", 1)).sentences[1]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (4, inf, "at least 4.0 times better"),
+        (0, 0.25, "at least 4.0 times worse"),
+        (inf, inf, "beyond measure better"),
+        (0, 0, "beyond measure worse"),
+        (0, 2, "at most 2.0 times better"),
+        (1, inf, "no worse"),
+        (0, inf, "anything from worse to better"),
+    ],
+)
+def test_a_difference_without_an_end_is_told_by_the_other(low: float, high: float, words: str) -> None:
+    assert between(Comparison("a", "b", 9, 9, 1, low, high, 0.01, 0.1, 1)) == words
+
+
+def test_a_cost_of_nothing_is_not_about_that_of_another() -> None:
+    why = use(said(rows("a", 1, step=0.0), rows("b", 2, step=20.0))).why
+    assert why.endswith("; 0 µs a step.")
+
+
+CHANCES = 120
+"""Records drawn for what must hold of every verdict."""
+
+
+def test_of_whatever_record_the_verdict_bears_what_it_says() -> None:
+    for seed in range(CHANCES):
+        rng = np.random.default_rng([SEED, seed])
+        n = int(rng.choice((6, 7, 10, 20)))
+        cells: list[Row] = []
+        for name in ("a", "b", "c", "d", "dead-reckoning")[int(rng.integers(4)) :]:
+            errors = LOGS[:n] * np.exp(rng.normal(0, rng.choice((0.02, 0.5)), n)) * np.exp(rng.normal(0, 0.5))
+            part = told(name, ate_m=errors.tolist(), step_us_p50=[float(rng.choice((0, 1, 30)))] * n, cpu_s=[1.0] * n)
+            part = failing(part, *np.flatnonzero(rng.random(n) < rng.choice((0, 0, 0.3, 0.7))).tolist())
+            cells += skipping(part, *np.flatnonzero(rng.random(n) < rng.choice((0, 0, 0.5))).tolist())
+        found = said(cells)
+        words = " ".join([*found.sentences, *(one.why for one in found.uses)])
+        assert not re.search(r"nan|not a number|∞|\binf|None|(?<![\d.,])0(\.0)? (%|times)|by beyond", words), words
+        pairs = found.comparisons.get("ate_m", [])
+        sure = [c for c in pairs if c.second != "dead-reckoning" and standing(c) in ("better", "worse")]
+        for c in sure:
+            assert c.holds
+            assert [one.backend for one in found.uses] != [c.second if c.low > 1 else c.first]
+        assert bool(re.search(r"'s online path is .*closer to the truth", words)) <= bool(sure), words
+        for line in lines(cells):
+            assert not line.failed or f"{line.backend} failed on {line.failed} of {n} cells" in words

@@ -25,6 +25,9 @@
     return size >= 100 ? Math.round(v).toLocaleString("en") : v.toPrecision(3);
   };
 
+  // What cannot be seen yet is laid out once the page is there, not piece by piece while it is read.
+  addEventListener("load", () => document.body.classList.remove("opening"));
+
   // Backends: what is of one is shown or not, in every figure; rows of tables are dimmed.
   const hidden = new Set();
   const toggles = new Map();
@@ -53,6 +56,7 @@
     button("None", () => { for (const k of toggles.keys()) show(k, false); }),
   );
   bar.append(rest);
+  new ResizeObserver(() => document.documentElement.style.setProperty("--bar", `${bar.offsetHeight}px`)).observe(bar);
 
   const root = document.documentElement.style;
   const theme = button("", () => paint(root.colorScheme === "dark" ? "light" : "dark"));
@@ -304,6 +308,6 @@
     });
     slider.addEventListener("input", () => { stop(); to(slider.valueAsNumber); });
     sliders.set(section, to);
-    along.append(make("div", { class: "time" }, play, slider, told));
+    (along.querySelector(".key") ?? along.firstElementChild).after(make("div", { class: "time" }, play, slider, told));
   }
 })();

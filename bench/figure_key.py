@@ -6,8 +6,9 @@ from typing import NamedTuple
 from matplotlib.axes import Axes
 
 from .axes import legend_columns
-from .framed import WIDTH
-from .looks import BASELINE, tags
+from .exhibit_figure import WIDTH
+from .looks import BASELINE
+from .names import tags
 from .svg import INK
 
 ROW = 11.5

@@ -4,27 +4,11 @@ from math import isnan
 
 from .claims import between
 from .contest import standing
-from .definitions import COLUMNS, Column
+from .definitions import COLUMNS, PAIRS
 from .numerals import number
 from .statistics import FEWEST, Comparison
 from .table import Entry, Table, TableRow
 from .verdict import Verdict
-
-HEADINGS = (
-    Column("against", "", "The second backend of the pair."),
-    Column("measure", "", "Whose errors are compared."),
-    Column(
-        "ratio",
-        "1",
-        "Its error over the first one's on the same logs, by Hodges and Lehmann, and the signed-rank test's 95 % "
-        "interval.",
-    ),
-    Column("verdict", "", "What may be said of the first one."),
-    Column("p", "1", "Wilcoxon's signed-rank test, two-sided, after Holm's correction over all pairs of the measure."),
-    Column("effect", "1", "Matched-pairs rank-biserial correlation: 1 where the first is closer on every log."),
-    Column("closer on", "", "Logs on which the first one's error is the lower, of those that both ran on."),
-)
-"""What the columns of the table are."""
 
 WORDS = {
     "better": "closer",
@@ -47,7 +31,7 @@ def pairs_table(found: Verdict) -> Table:
         "Every pair on the same logs: how many times the first one's error the second one's is, and its 95 % interval; "
         "those with dead reckoning are corrected among themselves"
     )
-    return Table(HEADINGS, rows, caption)
+    return Table(list(PAIRS.values()), rows, caption)
 
 
 def _entries(c: Comparison) -> list[Entry]:

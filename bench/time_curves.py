@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from ..frontend.se2 import Array
 from .axes import fitted, legend
 from .exhibit import Exhibit
-from .framed import curve, exhibit, of
-from .key import ROW, named
+from .exhibit_figure import curve, exhibit, of
+from .figure_key import ROW, named
 from .looks import Look
 from .numerals import listed, number
 from .scene import Scene

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .axes import short
-from .framed import of
+from .exhibit_figure import of
 from .looks import Look
 
 ROW, MARGINS = 22, 34

@@ -31,21 +31,25 @@ class Point(NamedTuple):
 
 
 def name_points(
-    figure: Figure, axes: Axes, points: Sequence[Point], bars: Sequence[tuple[float, float, float]] = ()
+    figure: Figure,
+    axes: Axes,
+    points: Sequence[Point],
+    bars: Sequence[tuple[float, float, float]] = (),
+    others: Sequence[Point] = (),
 ) -> None:
-    """Write the names, over none of the upright `bars` (x, low, high) either; a line leads to a name that is far off.
+    """Write the names, not over `others` and upright `bars` (x, low, high); a line leads to one far off.
 
     The axes' limits and labels are as they will be.
     """
     lay_out(figure)  # so that the axes stand where they will
     scale = 72 / figure.dpi
-    at = axes.transData.transform([(point.x, point.y) for point in points]) * scale
+    at = axes.transData.transform([(point.x, point.y) for point in (*points, *others)]) * scale
     room = axes.get_window_extent()
     frame = (room.x0 * scale, room.y0 * scale, room.x1 * scale, room.y1 * scale)
     taken: list[_BOX] = [(x - POINT, y - POINT, x + POINT, y + POINT) for x, y in at.tolist()]
     ends = np.array([axes.transData.transform([(x, low), (x, high)]) for x, low, high in bars]).reshape(-1, 4) * scale
     taken += [(x - 1, low, x + 1, high) for x, low, _, high in np.clip(ends, -1e4, 1e4).tolist()]
-    for k in _crowded_first(at):
+    for k in _crowded_first(at[: len(points)]):
         point = points[k]
         text = axes.annotate(
             short(point.name), (point.x, point.y), (0, 0), textcoords="offset points", fontsize=SIZE, gid=point.gid
@@ -74,7 +78,7 @@ def _put(axes: Axes, text: Annotation, box: _BOX, own: Array) -> None:
 def _offsets(wide: float, high: float) -> Iterator[tuple[float, float]]:
     """Where a name's lower left corner may be from its point, the best first."""
     for far in (1.0, 2.0, 3.5, 5.0, 7.0, 9.0):
-        gap = far * POINT + 1
+        gap = far * POINT + 2
         yield from (
             (gap, -high / 2),
             (-gap - wide, -high / 2),

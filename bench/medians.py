@@ -25,10 +25,8 @@ class Typical(NamedTuple):
     interval: bool  # whether low and high are the ends of a 95 % interval, or of the range that was measured
 
 
-def typical(line: Line, column: str) -> Typical | None:
-    """None where the line has no value. On a single log, the median and range of the runs on it."""
-    if column not in line.values:
-        return None
+def typical(line: Line, column: str) -> Typical:
+    """Of a column in which the line has a value. On a single log, the median and range of the runs on it."""
     by_log = line.by_log(column) if column in ERRORS else line.measured(column)
     values = list(by_log.values()) if len(by_log) > 1 else [value for _, value in line.runs(column)]
     if len(by_log) >= FEWEST:
