@@ -3,8 +3,11 @@
 import numpy as np
 
 from ..frontend.factors import Map, Prior, Step
+from . import _ekf
 from .api import Belief, Builder, NoOptions, Pose, Solution
-from .models import predict
+
+NOTHING = np.zeros((3, 0))
+"""The cross-covariance with an empty map."""
 
 
 class DeadReckoning:
@@ -15,10 +18,13 @@ class DeadReckoning:
         self._pose, self._cov, self._known = prior.pose, prior.cov, prior.map
 
     def step(self, step: Step) -> Pose:
-        """Compose the motion: ArUco EKF SLAM, eqs (1) and (2)."""
+        """Compose the motion: ArUco EKF SLAM, eqs (1) and (2), by the EKF's own kernel with nothing in its map."""
         if step.odometry is not None:
-            self._pose, G, N = predict(self._pose, step.odometry)
-            self._cov = G @ self._cov @ G.T + N
+            motion = np.empty((4, 3))
+            motion[0], motion[1:] = step.odometry
+            pose, cov = np.array(self._pose), np.array(self._cov)  # what was handed out is the caller's
+            _ekf.predict(pose, pose, cov, NOTHING, NOTHING, 0, 0, motion, pose, _ekf.STANDARD)
+            self._pose, self._cov = pose, cov
         return self._pose
 
     def belief(self) -> Belief:

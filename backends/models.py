@@ -1,23 +1,9 @@
-"""Motion and measurement models with their Jacobians, for one pose or a batch of them on leading axes.
-
-The equations are those of ArUco EKF SLAM; its motion model enters as the body-frame delta that the front end made of
-it, so the three documents' motion models share one prediction.
-"""
+"""Measurement models with their Jacobians, for one pose or a batch of them on leading axes: ArUco EKF SLAM's."""
 
 import numpy as np
 
-from ..frontend.factors import Odometry
-from ..frontend.se2 import Array, act, act_jacobians, compose, compose_jacobians, wrap
+from ..frontend.se2 import Array, act, act_jacobians, wrap
 from .api import Diverged
-
-
-def predict(pose: Array, odometry: Odometry) -> tuple[Array, Array, Array]:
-    """The pose (3,) after `odometry`, its Jacobian G (3, 3) and the motion's noise N (3, 3) in the world frame.
-
-    ArUco EKF SLAM, eqs (1)-(4): a belief's covariance C becomes G C G' + N.
-    """
-    by_pose, by_delta = compose_jacobians(pose, odometry.delta)
-    return compose(pose, odometry.delta), by_pose, by_delta @ odometry.cov @ by_delta.T
 
 
 def sight(pose: Array, xy: Array) -> tuple[Array, Array, Array]:

@@ -14,6 +14,7 @@ from .exhibit_figure import curve, exhibit, of
 from .looks import Look
 from .medians import Typical, typical
 from .names import tags
+from .numerals import number
 from .scene import Scene, Trace
 from .statistics import FEWEST, Comparison
 from .summary import Line
@@ -48,13 +49,18 @@ def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         for having in [[column for column in PATHS if column in line.values]]
         for column in having
     ]
-    errors = {(line.backend, column): list(line.by_log(column).values()) for _, line, column in drawn}
+    runs = scene.logs == 1
+    errors = {
+        (line.backend, column): [value for _, value in line.runs(column)] if runs else [*line.by_log(column).values()]
+        for _, line, column in drawn
+    }
     failed = any(np.isinf(error) for values in errors.values() for error in values)
     called = tags(looks)
+    names = [called[line.backend] + _lost(line) for line in shown]
     both = any(column == "final_ate_m" for _, _, column in drawn)
 
     def draw(figure: Figure) -> None:
-        axes = rows(figure, [(called[line.backend] + _lost(line), looks[line.backend]) for line in shown])
+        axes = rows(figure, [(name, looks[line.backend]) for name, line in zip(names, shown, strict=True)])
         for at, line, column in drawn:
             look, values = looks[line.backend], np.array(errors[line.backend, column])
             style: dict[str, Any] = {"color": look.colour, "markersize": 4.2, "gid": of(look)}
@@ -70,7 +76,8 @@ def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         axes.set_xlabel(f"{what}, m")
 
     caption = (
-        f"Dot: a log. Upright: the median. Level: its {bars([typical(line, column) for _, line, column in drawn])}."
+        f"Dot: a {'run' if runs else 'log'}; tick: median; bar: "
+        f"{'range' if runs else bars([typical(line, column) for _, line, column in drawn])}."
     )
     caption += " Filled: online path. Open: final path." * both + " What failed counts as the worst." * failed
     curves = [
@@ -78,8 +85,8 @@ def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         for at, line, column in drawn
         for values in [[error for error in errors[line.backend, column] if np.isfinite(error)]]
     ]
-    title = f"{what[0].upper()}{what[1:]} by log"
-    return exhibit(name, title, caption, height(shown), draw, curves=curves)
+    title = f"{what[0].upper()}{what[1:]} by {'run' if runs else 'log'}"
+    return exhibit(name, title, caption, height(names), draw, curves=curves)
 
 
 def _lost(line: Line) -> str:
@@ -90,7 +97,11 @@ def _lost(line: Line) -> str:
 def pairs(
     name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
 ) -> Iterator[Exhibit]:
-    """The most accurate backend against every other one, for each path on which there are intervals."""
+    """The most accurate backend against every other one, for each path on which there are intervals.
+
+    One that it has a single other one on is no figure, but a sentence below that of the other path.
+    """
+    found: dict[str, tuple[str, Sequence[Comparison]]] = {}
     for column, path in PATHS.items():
         compared = [c for c in comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
         known = {label for c in compared for label in (c.first, c.second)}
@@ -99,7 +110,21 @@ def pairs(
             continue
         best = min(able, key=lambda line: typical(line, column).value).backend
         against = sorted((_over(best, c) for c in compared if best in (c.first, c.second)), key=lambda c: c.ratio)
-        yield _pairs(f"{name}-pairs" if path == "online" else f"{name}-{path}-pairs", path, best, against, looks)
+        found[path] = best, against
+    called = tags(looks)
+    said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
+    for path, (best, against) in found.items():
+        if len(against) > 1:
+            yield _pairs(
+                f"{name}-pairs" if path == "online" else f"{name}-{path}-pairs", path, best, against, looks, said
+            )
+
+
+def _said(path: str, called: Mapping[str, str], c: Comparison) -> str:
+    ratio, low, high = (number(value) for value in (c.ratio, c.low, c.high))
+    return (
+        f"{path.capitalize()} paths: {called[c.second]}'s error is {ratio} times {called[c.first]}'s ({low} to {high})."
+    )
 
 
 def _over(best: str, c: Comparison) -> Comparison:
@@ -110,7 +135,9 @@ def _over(best: str, c: Comparison) -> Comparison:
     return c._replace(first=c.second, second=c.first, ratio=1 / c.ratio, low=low, high=high)
 
 
-def _pairs(name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look]) -> Exhibit:
+def _pairs(
+    name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look], said: str
+) -> Exhibit:
     called = tags(looks)
 
     def draw(figure: Figure) -> None:
@@ -128,10 +155,10 @@ def _pairs(name: str, path: str, best: str, against: Sequence[Comparison], looks
 
     caption = "Median ratio of the errors on the same logs, with its 95 % interval."
     caption += " Filled: a difference is shown." * any(c.holds for c in against)
-    caption += " Open: not told apart." * any(not c.holds for c in against)
+    caption += " Open: not told apart." * any(not c.holds for c in against) + said
     curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
-    title = f"Errors over those of {called[best]}, {path} path"
-    return exhibit(name, title, caption, height(against), draw, curves=curves)
+    title = f"Errors relative to {called[best]}'s, {path} path"
+    return exhibit(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)
 
 
 def errors(name: str, scene: Scene) -> Exhibit | None:

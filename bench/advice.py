@@ -25,6 +25,14 @@ final path alone do nothing."""
 PATH = {"online": "ate_m", "final": "final_ate_m"}
 """The column of those that have what is to be used."""
 
+HAVING = {
+    "ate_m": "an online path", "final_ate_m": "a final path", "map_rmse_m": "a map", "final_map_rmse_m": "a final map",
+}  # fmt: skip
+"""What a backend may be the only one to have."""
+
+LISTED = 4
+"""Backends whose cost is told where none is named."""
+
 BELIEF = {"online": "nees", "final": "final_nees"}
 """Whose word counts: an online belief says nothing of a final path, and nothing of a map as a whole."""
 
@@ -67,18 +75,19 @@ def advice(purpose: str, found: Contest) -> Use:
     least = min(cost.values(), default=0.0)
     chosen = next((line for line in sure if cost.get(line.backend, inf) <= SAME_COST * least), sure[0])
     rival = next((line for line in found.lines if line is not chosen), None)
+    accuracy = _accuracy(found, chosen, rival)
     parts = [
-        _accuracy(found, chosen, rival),
+        accuracy,
         _belief(belief_word(chosen, BELIEF.get(purpose, "")), [line for line in whole if line not in sure]),
         _failures(chosen, [line for line in level if line not in whole]),
-        _cost(COST[purpose], chosen, rival),
+        _cost(COST[purpose], chosen, rival, named=rival is not None and rival.backend in accuracy),
     ]
     why = "; ".join(part for part in parts if part)
     return Use(purpose, chosen.backend, f"{why[0].upper()}{why[1:]}.")
 
 
 def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
-    """Nobody, where no path is known to judge by; what is known is the cost."""
+    """Nobody, where no path is known to judge by; what is known is the cost, and the distance from the reference."""
     having = [
         line
         for line in lines
@@ -87,9 +96,23 @@ def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
     ]  # fmt: skip
     having.sort(key=lambda line: line.values[COST[purpose]].median)
     why = "The true path is not known, so nothing says which is the more accurate."
-    if len(having) > 1:
-        why += f" The cheapest is {having[0].backend}: {_cost(COST[purpose], having[0], having[1])}."
+    told = [
+        f"{line.backend} {_amount(COST[purpose], line)}, {number(line.values[PATH[purpose]].median)} m"
+        for line in having[:LISTED]
+    ]
+    if told:
+        more = f", and {len(having) - LISTED} more" if len(having) > LISTED else ""
+        why += f" Cost, and distance from the reference: {'; '.join(told)}{more}."
     return Use(purpose, "", why)
+
+
+def _amount(column: str, line: Line) -> str:
+    """What it costs; of steps, the median and what one in a hundred takes."""
+    mine = line.values[column].median
+    if column != "step_us_p50":
+        return f"{number(mine)} s of CPU for the whole log"
+    slow = line.values.get("step_us_p99")
+    return f"{number(mine)} µs a step" + (f" (p99 {number(slow.median)})" if slow else "")
 
 
 def _too_few(found: Contest) -> str:
@@ -105,7 +128,7 @@ def _too_few(found: Contest) -> str:
 def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
     """Against the one that the reader would take instead: the best, or where that is the chosen one the next."""
     if rival is None:
-        return "the only one that has it"
+        return f"the only one with {HAVING[found.column]}"
     best = chosen is found.lines[0]
     c = found.between(chosen, rival) if best else found.between(rival, chosen)
     kind = standing(c)
@@ -144,23 +167,23 @@ def _is(lines: Sequence[Line]) -> str:
     return "is" if len(lines) == 1 else "are"
 
 
-def _cost(column: str, chosen: Line, rival: Line | None) -> str:
-    """What it takes, against the one that the reader would take instead."""
+def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False) -> str:
+    """What it takes, against the one that the reader would take instead; `named`: the sentence has its name already."""
     if column not in chosen.values:
         return ""
     mine = chosen.values[column].median
-    said = f"{number(mine)} µs a step" if column == "step_us_p50" else f"{number(mine)} s of CPU for the whole log"
+    said = _amount(column, chosen)
     alone = chosen.alone
     if rival is not None and column in rival.values and bool(mine) == bool(rival.values[column].median):
-        said += f", {compared(mine, rival.values[column].median)} {rival.backend}"
+        said += f", {compared(mine, rival.values[column].median, '' if named else rival.backend)}"
         alone = alone and rival.alone
     return said + ", timed while others ran beside" * (not alone)
 
 
-def compared(mine: float, theirs: float) -> str:
-    """ "17 times cheaper than", "3.1 times the cost of" or "about the cost of"."""
+def compared(mine: float, theirs: float, rival: str) -> str:
+    """ "17 times cheaper than isam2", "3.1 times as costly as isam2" or "about as costly as isam2"; "" is not named."""
     if min(mine, theirs) <= 0 or max(mine / theirs, theirs / mine) < SAME_COST:
-        return "about the cost of"
-    return (
-        f"{factor(theirs / mine)} times cheaper than" if theirs > mine else f"{factor(mine / theirs)} times the cost of"
-    )
+        return "about as costly" + f" as {rival}" * bool(rival)
+    if theirs > mine:
+        return f"{factor(theirs / mine)} times cheaper" + f" than {rival}" * bool(rival)
+    return f"{factor(mine / theirs)} times as costly" + f" as {rival}" * bool(rival)

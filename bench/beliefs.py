@@ -21,6 +21,10 @@ LOST = 10.0
 MOST = 4
 """Backends that a sentence names one by one."""
 
+TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT = "consistent or a little cautious", "consistent or a little overconfident"
+UNCLEAR = "it is not clear for"
+"""What is said where no word is clear."""
+
 _NOBODY = (
     " None of them has a belief that fits this log: noise stated too small, wrong ids, landmarks that move, or clocks "
     "that differ would do that to all alike; bench show tells more of the log."
@@ -74,13 +78,14 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
     if not found:
         return []
     said: list[str] = []
-    for word in ("consistent", "overconfident", "cautious", ""):
-        names = [name for name, known in found.items() if known.word == word]
+    told = {name: known.word or _between(known.nees) for name, known in found.items()}
+    for word in ("consistent", "overconfident", "cautious", TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT, UNCLEAR):
+        names = [name for name, word_of in told.items() if word_of == word]
         if names:
             sized = [f"{name} ({_size(found[name].nees)})" for name in names[:MOST]]
             sized += [f"{len(names) - MOST} more"] if len(names) > MOST else []
             is_are = "is" if len(names) == 1 else "are"
-            said.append(f"{listed(sized)} {is_are} {word}" if word else f"it is not clear for {listed(sized)}")
+            said.append(f"{word} {listed(sized)}" if word == UNCLEAR else f"{listed(sized)} {is_are} {word}")
     using = [known for name, known in found.items() if name != BASELINE]
     lost = len(using) > 1 and all(known.nees.value > LOST for known in using)
     few = [name for name, known in found.items() if known.nees.n < FEWEST]
@@ -89,6 +94,13 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
     return [
         f"By NEES / 3, which is 1 where a belief is as wide as its errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}"
     ]
+
+
+def _between(nees: Estimate) -> str:
+    """Where no word is clear, between which two it lies."""
+    if nees.n >= FEWEST and nees.high < 1:
+        return TOWARDS_CAUTIOUS
+    return TOWARDS_OVERCONFIDENT if nees.n >= FEWEST and nees.low > 1 else UNCLEAR
 
 
 def _size(nees: Estimate) -> str:

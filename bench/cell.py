@@ -16,6 +16,7 @@ import numpy as np
 from ..backends import registry as backends
 from ..backends.api import Diverged, TruthWanted
 from ..datasets import archive
+from ..frontend import compiled
 from ..frontend.errors import SlamduelError
 from ..frontend.factors import UNKNOWN, Log, Truth
 from .drive import drive
@@ -59,7 +60,7 @@ def run(task: Task) -> Result:
     """The cell's result; every way in which a backend can end short of killing the process is a status here."""
     row: dict[str, Any] = {}
     _limit_memory(task.memory_mb)
-    before_mb = _peak_mb()
+    before_mb, made = _peak_mb(), compiled.made()
     try:
         log = archive.load_log(task.log)
         row |= _about(log)
@@ -80,7 +81,8 @@ def run(task: Task) -> Result:
         return Result("error", f"needed more than the memory limit of {task.memory_mb} MB", row)
     except BaseException as error:  # a backend may raise anything at all, SystemExit included
         return Result("error", _where(error), row, traceback=traceback.format_exc())
-    row["peak_mb"] = max(_peak_mb() - before_mb, 0.0)
+    if compiled.made() == made:
+        row["peak_mb"] = max(_peak_mb() - before_mb, 0.0)
     judged = score(log, outcome, archive.load(task.log).truth)
     said = [TOLD] * outcome.told + [judged.remark] * bool(judged.remark)
     return Result("done", "; ".join(said), row | judged.row, judged.arrays)

@@ -43,7 +43,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     action: Callable[[argparse.Namespace], int] | None = None
     try:
         for name, (summary, module) in COMMANDS.items():
-            command = subparsers.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+            command = subparsers.add_parser(
+                name, help=summary, description=summary[0].upper() + summary[1:] + ".", allow_abbrev=False
+            )
             if name == chosen:
                 implementation = import_module(module, __package__)
                 implementation.arguments(command)

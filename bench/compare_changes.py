@@ -161,7 +161,7 @@ def _judged(one: _Found, tested: int) -> tuple[str, str]:
         on = "on this log" if c.n == 1 else f"on these {c.n} logs"
         return towards, f"{on}: {count if towards == NOTHING else 'the same factors, and nothing random'}"
     enough = next(n for n in range(FEWEST, 99) if _least_p(n, max(tested, 1)) < LEVEL)
-    return FEW, f"{_logs(one)}, {enough} can be tested"
+    return FEW, f"{_logs(one)}, a test of so many comparisons takes {enough}"
 
 
 def _least_p(n: int, tested: int) -> float:

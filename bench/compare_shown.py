@@ -45,7 +45,8 @@ def table(told: list[Change]) -> Table | None:
     striking = [change for change in told if _striking(change)]
     if not striking:
         return None
-    grid = Table(box=box.SIMPLE_HEAD, collapse_padding=True)
+    about = "old and new are medians, the change is the typical one log by log"
+    grid = Table(box=box.SIMPLE_HEAD, collapse_padding=True, caption=about, caption_justify="left")
     for heading in ("", "backend, dataset", ""):
         grid.add_column(heading, overflow="fold")
     for heading in ("old", "new"):

@@ -1,16 +1,21 @@
 """Figures of beliefs beside their errors: NEES and NIS along a run, over their degrees of freedom."""
 
 import numpy as np
+from scipy.special import chdtri
 
 from .axes import stretches
 from .bands import averaged, flagged
 from .exhibit import Exhibit
+from .looks import BASELINE
 from .names import tags
 from .numerals import listed
 from .scene import Scene
 from .time_curves import Band, Series, along
 
 STRETCHES = 100
+
+NIS_STRETCHES = 50
+"""Of all logs together."""
 
 MOST = 30.0
 """Values above have nothing to do with the errors: how far above is said, and what is near 1 can be seen."""
@@ -63,18 +68,35 @@ def _along(name: str, scene: Scene) -> Exhibit | None:
 
 
 def nis(name: str, scene: Scene) -> Exhibit | None:
-    """Innovations beside what each backend expected of them; needs no known path. None where no backend tells."""
+    """Innovations beside what each backend expected of them; needs no known path.
+
+    None where no backend tells, or with a single log: scatter alone would be seen.
+    """
+    shown = {trace.label: scene.nis[trace.label] for trace in scene.traces if len(scene.nis.get(trace.label, ())) > 1}
+    if not shown:
+        return None
+    look = {trace.label: trace.look for trace in scene.traces}
+    end = max(float(t[-1]) for runs in shown.values() for t, _, _ in runs if len(t))
+    edges = np.linspace(0, end, NIS_STRETCHES + 1)
     series: list[Series] = []
-    for trace in scene.traces:
-        a = trace.arrays
-        seen = np.flatnonzero(a["nis_dof"] > 0) if "nis" in a else np.zeros(0, int)
-        seen = seen[np.isfinite(a["nis"][seen])] if len(seen) else seen
-        if len(seen):
-            t, total = stretches(a["t"][seen], a["nis"][seen], STRETCHES)
-            _, dof = stretches(a["t"][seen], a["nis_dof"][seen].astype(float), STRETCHES)
-            series.append(Series(trace.label, trace.look, t, total / dof))
+    bands: list[Band] = []
+    for label, runs in shown.items():
+        t, total, dof = (np.concatenate([run[k] for run in runs]) for k in range(3))
+        sums, counts = (np.histogram(t, edges, weights=weights)[0] for weights in (total, dof))
+        seen = counts > 0
+        middle = ((edges[:-1] + edges[1:]) / 2)[seen]
+        series.append(Series(label, look[label], middle, sums[seen] / counts[seen]))
+        bands.append(Band(middle, *(chdtri(counts[seen], p) / counts[seen] for p in (0.975, 0.025))))
     caption = (
-        "Squared innovations over what was expected. 1 is right; above, sightings were worse than their stated noise."
+        "Squared innovations over what was expected, over short stretches of "
+        f"{max(map(len, shown.values()))} independent logs. 1 is right; above, sightings were worse than their stated "
+        "noise, below, better. Grey: where 95 % lie if all is right."
     )
-    title, unit = "NIS along the log", "NIS / degrees of freedom"
-    return along(name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST)
+    without = [label for label in look if label not in scene.nis and label != BASELINE]
+    if without:
+        called = tags(look)
+        caption += f" {listed([called[label] for label in without])} {'gives' if len(without) == 1 else 'give'} no NIS."
+    title, unit = "NIS over the logs", "NIS / degrees of freedom"
+    return along(
+        name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=bands[0], start=0.0
+    )

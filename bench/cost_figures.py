@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..frontend.se2 import Array
+from ..frontend.se2 import Array, Ints
 from .axes import fitted, legend, stretches
 from .backend_rows import height, rows
 from .exhibit import Exhibit
 from .exhibit_figure import curve, exhibit, of
 from .figure_key import ROW, named
-from .growth import NO_GROWTH
+from .growth import NO_GROWTH, binned
 from .looks import Look
 from .names import tags
 from .numerals import number, raised
@@ -28,9 +28,6 @@ SHORTEST_US = 0.1
 
 FAR = 20
 """Times the slowest step; the time between steps is not drawn where it is longer."""
-
-BINS = 24
-"""Of a growth curve."""
 
 
 def over_time(name: str, scene: Scene) -> Exhibit | None:
@@ -52,11 +49,12 @@ def spread(name: str, scene: Scene) -> Exhibit | None:
     if not timed:
         return None
     called = tags(trace.label for trace in scene.traces)
+    names = [called[trace.label] + "*" * (not trace.alone) for trace in timed]
     interval = _interval(scene, timed[0])
     beyond = interval is not None and interval > FAR * max(float(_us(trace).max()) for trace in timed)
 
     def draw(figure: Figure) -> None:
-        axes = rows(figure, [(called[trace.label] + "*" * (not trace.alone), trace.look) for trace in timed])
+        axes = rows(figure, [(name, trace.look) for name, trace in zip(names, timed, strict=True)])
         ends: list[float] = []
         for k, trace in enumerate(timed):
             low, p5, p50, p95, p99, high = np.percentile(_us(trace), (0, 5, 50, 95, 99, 100)).tolist()
@@ -83,7 +81,7 @@ def spread(name: str, scene: Scene) -> Exhibit | None:
         curve(trace.label, np.percentile(_us(trace), (50, 99, 100)), np.full(3, k + 0.12))
         for k, trace in enumerate(timed)
     ]
-    return exhibit(name, "What a step costs", caption, height(timed), draw, group="cost", curves=curves)
+    return exhibit(name, "What a step costs", caption, height(names), draw, group="cost", curves=curves)
 
 
 class _Growth(NamedTuple):
@@ -96,19 +94,19 @@ class _Growth(NamedTuple):
 def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibit | None:
     """Against the step's number, or against landmarks known, `along` being steps or landmarks; both logarithmic.
 
-    None where no run grows: it takes ten times as many steps at the end, or twice as many landmarks.
+    None where there is no power to be seen: each fit is flat, or there is none.
     """
     powers = {line.backend: line.values[f"growth_{along}"].median for line in lines if f"growth_{along}" in line.values}
     grown = [
-        _Growth(trace, *_binned(size, _us(trace)), powers.get(trace.label))
+        _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label))
         for trace in _timed(scene)
         if (size := _sizes(trace, along)) is not None
     ]
     grown = [one for one in grown if len(one.size) > 2]
-    if not grown or max(one.size[-1] / one.size[0] for one in grown) < 2:
+    if all(one.power is None or abs(one.power) < NO_GROWTH for one in grown):
         return None
     key = named((one.trace.label for one in grown), scene.order, more=len(", " + _power("k", 0.5)))
-    letter, what = ("k", "step") if along == "steps" else ("N", "landmarks known")
+    letter, what = ("k", "step k") if along == "steps" else ("N", "landmarks known N")
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
@@ -133,9 +131,10 @@ def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibi
         axes.set_ylabel("CPU time a step, µs")
         legend(figure, axes, key.columns)
 
-    caption = "Median cost at each size."
-    if any(one.power is not None for one in grown):
-        caption += " Behind a name: the power law fitted to each log, its median; flat: it hardly grows."
+    caption = (
+        "Means of bins. Behind a name: the power fitted to them, a constant part aside (its median over logs); flat: "
+        "hardly any growth."
+    )
     curves = [curve(one.trace.label, one.size, one.us) for one in grown]
     title = f"How the cost of a step grows with {'the log' if along == 'steps' else 'the map'}"
     return exhibit(name, title, caption + _beside(scene), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves)
@@ -145,24 +144,11 @@ def _power(letter: str, power: float) -> str:
     return "flat" if abs(power) < NO_GROWTH else f"∝ {letter}{raised(f'{power:.1f}')}"
 
 
-def _sizes(trace: Trace, along: str) -> Array | None:
+def _sizes(trace: Trace, along: str) -> Ints | None:
     if along == "steps":
-        return np.arange(1.0, len(trace.arrays["step_ns"]) + 1)
+        return np.arange(1, len(trace.arrays["step_ns"]) + 1)
     mapped = trace.arrays.get("mapped")
-    return None if mapped is None else np.asarray(mapped, float)
-
-
-def _binned(size: Array, us: Array) -> tuple[Array, Array]:
-    """Sizes, rising, and the median cost of each; many are put in bins, equally wide on a logarithmic scale."""
-    known = (size > 0) & np.isfinite(us)
-    size, us = size[known], us[known]
-    if not len(size) or size.max() == size.min():
-        return np.zeros(0), np.zeros(0)
-    bins, place = np.unique(size, return_inverse=True)
-    if len(bins) > BINS:
-        place = np.floor(np.log(size / size.min()) / np.log(size.max() / size.min()) * (BINS - 1e-6))
-    bins = np.unique(place)
-    return np.array([size[place == b].mean() for b in bins]), np.array([np.median(us[place == b]) for b in bins])
+    return None if mapped is None else np.asarray(mapped, np.int64)
 
 
 def _highest(t: Array, values: Array, count: int) -> Array:

@@ -86,7 +86,12 @@ COLUMNS: dict[str, Column] = {
     "finish_s": Column("finish", "s", "CPU time of the smoothing at the end of the log."),
     "setup_s": Column("set-up", "s", "CPU time of making the backend."),
     "cpu_s": Column("whole log", "s", "CPU time of set-up, all steps and finish."),
-    "peak_mb": Column("memory", "MB", "How much the process grew over what it held before the backend was made."),
+    "peak_mb": Column(
+        "memory",
+        "MB",
+        "How much the process grew over what it held before the backend was made; blank where inner loops "
+        "had to be compiled meanwhile.",
+    ),
     "timing_alone": Column(
         "alone", "", "0: other cells ran at the same time, so the times are marked * and are worth less."
     ),

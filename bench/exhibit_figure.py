@@ -20,7 +20,7 @@ MOST_POINTS = 200
 
 def of(look: Look) -> str:
     """The mark of what belongs to one backend in a figure, for `set_gid` and `gid`."""
-    return f"of-{look.index}"
+    return f"of-{look.place}"
 
 
 def exhibit(

@@ -80,7 +80,7 @@ def growth(x: Ints, cost: Ints) -> Growth | None:
     the exponents whose fit is worse by no more than one residual variance. None where x covers too little, or where the
     error would be above MOST_ERROR.
     """
-    at, mean, variance = _binned(x, cost)
+    at, mean, variance = binned(x, cost)
     if len(at) < LEAST_BINS or at[-1] < LEAST_SPAN * at[0] or (mean <= 0).any():
         return None
     sampled = 1 / (FLOOR**2 + variance)
@@ -93,7 +93,7 @@ def growth(x: Ints, cost: Ints) -> Growth | None:
     return Growth(found.exponent, found.error) if found.error <= MOST_ERROR else None
 
 
-def _binned(x: Ints, cost: Ints) -> tuple[Array, Array, Array]:
+def binned(x: Ints, cost: Array | Ints) -> tuple[Array, Array, Array]:
     """The mean x and the mean cost of each bin, by x, and the relative variance of that mean cost.
 
     The variance of a step, relative to its bin's mean, is taken to be the same in all: a bin of a few steps would not

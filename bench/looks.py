@@ -4,11 +4,15 @@ The colours are those of Okabe and Ito (Color Universal Design, 2008), which tel
 """
 
 from collections.abc import Iterable
+from itertools import count
 from typing import NamedTuple
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9")
 DASHES = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 2, 2, 2, 2, 2)))
 MARKERS = ("o", "s", "D", "^", "v", "P", "X")
+
+USUAL = ("ekf", "fastslam", "isam2", "graph", "fixed-lag", "invariant-ekf", "ukf")
+"""Backends whose looks nobody has to learn twice."""
 
 BASELINE = "dead-reckoning"
 """What every backend has to beat: grey, and out of the ranking of costs."""
@@ -20,18 +24,26 @@ class Look(NamedTuple):
     colour: str
     dash: str | tuple[int, tuple[float, ...]]  # a matplotlib line style
     marker: str
-    index: int  # pyright: ignore[reportIncompatibleMethodOverride] - nobody looks for a value in a look. Its place among the report's backends: what belongs to it in a page is of the class of-INDEX
+    place: int  # among the report's backends: what belongs to this one in a page is of the class of-PLACE
 
 
 def looks(backends: Iterable[str]) -> dict[str, Look]:
-    """A look for every label, the plainest first. Dashes and markers go round in steps of their own."""
-    chosen: dict[str, Look] = {}
-    k = 0
-    for label in dict.fromkeys(backends):
-        if label == BASELINE:
-            chosen[label] = Look("#8c8c8c", (0, (1, 1)), ".", len(chosen))
-        else:
-            colour, dash, marker = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)]
-            chosen[label] = Look(colour, dash, marker, len(chosen))
-            k += 1
-    return chosen
+    """A look for every label; those in USUAL look the same in every report, the others take what is left, in turn."""
+    labels = list(dict.fromkeys(backends))
+    taken = {USUAL.index(label) for label in labels if label in USUAL}
+    free = (k for k in count() if k not in taken)
+    return {
+        label: GREY._replace(place=place)
+        if label == BASELINE
+        else _look(USUAL.index(label) if label in USUAL else next(free), place)
+        for place, label in enumerate(labels)
+    }
+
+
+def _look(k: int, place: int) -> Look:
+    """The k-th, from the plainest on: dashes and markers go round in steps of their own."""
+    return Look(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)], place)
+
+
+GREY = Look("#8c8c8c", (0, (1, 1)), ".", 0)
+"""The baseline's."""

@@ -8,9 +8,10 @@ from .axes import legend
 from .exhibit import Exhibit
 from .exhibit_figure import WIDTH, exhibit, of
 from .figure_key import ROW, named
+from .numerals import listed, number
 from .panel import framed, panels
 from .scene import Scene
-from .trajectories import plane, tall
+from .trajectories import beyond, plane, tall
 
 
 def overlay(name: str, scene: Scene) -> Exhibit | None:
@@ -31,12 +32,15 @@ def overlay(name: str, scene: Scene) -> Exhibit | None:
         key.others(axes)
         legend(figure, axes, key.columns)
 
-    caption = f"Seed {scene.seed}."
+    caption = f"{scene.which.capitalize()}." * bool(scene.which)
     if scene.kind:
         caption += f" Plain line: {scene.kind}" + ("; crosses: landmarks." if "xy" in scene.known else ".")
     caption += " Online paths; of a backend without one, the path smoothed at the end." * any(
         panel.online is None for panel in every
     )
+    far = {panel.trace.label: beyond(frame, panel.final if panel.online is None else panel.online) for panel in every}
+    cut = [f"{key.tags[label]} (by up to {number(by)} m)" for label, by in far.items() if by > 0]
+    caption += f" Beyond the frame: {listed(cut)}." if cut else ""
     curves = [curve for panel in every for curve in panel.curves if curve.final == (panel.online is None)]
     height = tall(frame, WIDTH) + ROW * key.rows
-    return exhibit(name, "All paths", caption, height, draw, curves=curves)
+    return exhibit(name, "All paths", caption.strip(), height, draw, curves=curves)

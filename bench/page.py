@@ -79,7 +79,7 @@ def answers(plot: Plot, looks: Mapping[str, Look]) -> str:
         "timed": plot.timed,
         "curves": [
             {
-                "of": looks[curve.label].index if curve.label in looks else -1,
+                "of": looks[curve.label].place if curve.label in looks else -1,
                 "label": curve.label,
                 "final": curve.final,
                 "x": _known(curve.x),

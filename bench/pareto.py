@@ -5,11 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rcParams
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from .accuracy_figures import bars
-from .axes import fitted
+from .axes import fitted, logarithmic
 from .exhibit import Exhibit
 from .exhibit_figure import curve, exhibit, of
 from .looks import Look
@@ -49,8 +48,12 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         fitted("x", axes, [choice.us for choice in choices])
-        fitted("y", axes, [end for choice in choices for end in choice.error[:3] if np.isfinite(end)])
-        _fronts(axes, choices)
+        least = min(choice.error.value for choice in choices)
+        ends = [max(end, least / 3) for choice in choices for end in choice.error[:3] if np.isfinite(end)]
+        logarithmic("y", axes, min(ends), max(ends))  # every point is in it, however accurate one is
+        for final, front in _fronts(choices).items():
+            x, y = [choice.us for choice in front], [choice.error.value for choice in front]
+            axes.step(x, y, where="post", color=INK, linewidth=0.6 if final and both else 1, alpha=0.45, zorder=1)
         edge = {"markeredgewidth": 0.6, "markeredgecolor": rcParams["figure.facecolor"]}
         for choice in choices:
             gid, colour = of(choice.look), choice.look.colour
@@ -68,9 +71,12 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         ends = [(choice.us, choice.error.low, choice.error.high) for choice in choices]
         name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
 
-    caption = "Lower left is better. The line joins those that none beats in both."
+    fronts = _fronts(choices)
+    caption = "Lower left is better. " * (scene.kind == "truth")
+    if fronts:
+        caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
     if any(choice.error.n > 1 for choice in choices):
-        caption += f" Upright: {bars([choice.error for choice in choices])}."
+        caption += f" Bar: {bars([choice.error for choice in choices])}."
     whole = "the whole log's time over its steps"
     if both:
         caption += f" Filled: online path at its median step. Open: final path at {whole}."
@@ -82,7 +88,7 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         curve(choice.label, np.array([choice.us]), np.array([choice.error.value]), final=choice.final)
         for choice in choices
     ]
-    return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption, HEIGHT, draw, curves=curves)
+    return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves)
 
 
 def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choice]:
@@ -104,14 +110,14 @@ def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -
     return called[choice.label] + (", final" if choice.final and choice.label in online else "")
 
 
-def _fronts(axes: Axes, choices: Sequence[_Choice]) -> None:
-    """A stair for either kind of path."""
+def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
+    """Those that none is before, of online paths and of final ones, where there are several; the cheapest first."""
+    fronts: dict[bool, list[_Choice]] = {}
     for final in (False, True):
         front = [choice for choice in choices if choice.final == final and not any(_before(c, choice) for c in choices)]
-        front.sort(key=lambda choice: choice.us)
         if len(front) > 1:
-            x, y = [choice.us for choice in front], [choice.error.value for choice in front]
-            axes.step(x, y, where="post", color=INK, linewidth=0.6 if final else 1, alpha=0.45, zorder=1)
+            fronts[final] = sorted(front, key=lambda choice: choice.us)
+    return fronts
 
 
 def _before(one: _Choice, other: _Choice) -> bool:

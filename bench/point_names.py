@@ -18,6 +18,12 @@ SIZE = 7
 POINT = 4.0
 """Half of what a point takes."""
 
+NEARER = 12.0
+"""Square points that a name may share with something, rather than be one point nearer to another's point."""
+
+ON_ANOTHER = 30.0
+"""Points by which a name on another's point counts as nearer to that."""
+
 _BOX = tuple[float, float, float, float]
 
 
@@ -59,7 +65,9 @@ def name_points(
         wide, high = size.width * scale, size.height * scale
         own = at[k]
         boxes = [(own[0] + dx, own[1] + dy, own[0] + dx + wide, own[1] + dy + high) for dx, dy in _offsets(wide, high)]
-        best = min(range(len(boxes)), key=lambda i: (round(_bad(boxes[i], taken, frame), 1), i))
+        rest = np.delete(at, k, axis=0)
+        bad = [_bad(box, taken, frame) + NEARER * _nearer(box, own, rest) for box in boxes]
+        best = min(range(len(boxes)), key=lambda i: (round(bad[i], 1), i))
         taken.append(boxes[best])
         _put(axes, text, boxes[best], own)
 
@@ -95,6 +103,19 @@ def _bad(box: _BOX, taken: Sequence[_BOX], frame: _BOX) -> float:
     """Square points of it that are on something else or outside the frame."""
     inside = _shared(box, frame)
     return sum(_shared(box, other) for other in taken) + 4 * ((box[2] - box[0]) * (box[3] - box[1]) - inside)
+
+
+def _nearer(box: _BOX, own: Array, rest: Array) -> float:
+    """How much nearer than to its own point a name is to the nearest of the others (n, 2), points."""
+    if not len(rest):
+        return 0.0
+    other = _gap(box, rest)
+    return max(0.0, _gap(box, own[None]) + POINT / 2 - other) + ON_ANOTHER * (other < POINT)
+
+
+def _gap(box: _BOX, points: Array) -> float:
+    """From a name to the nearest of some points (n, 2)."""
+    return float(np.hypot(*np.maximum(0, np.maximum(box[:2] - points, points - box[2:])).T).min())
 
 
 def _shared(a: _BOX, b: _BOX) -> float:

@@ -82,11 +82,12 @@ def _purposes(parts: Sequence[Section]) -> dict[str, str]:
 
 
 def _counts(rows: Sequence[Row], planned: int) -> str:
-    """How many cells ended how, and how many of those planned have not been run."""
+    """How many cells ended how, how many of those planned have not been run, and what a cell is."""
     statuses = [row.columns["status"] for row in rows]
     counts = {status: statuses.count(status) for status in sorted(statuses)}
     counts |= {"not run yet": planned - len(rows)} if planned > len(rows) else {}
-    return ", ".join(f"{n} {status}" for status, n in counts.items())
+    said = ", ".join(f"{n} {status}" for status, n in counts.items()).replace(" ", " cells ", 1)
+    return f"{said}: a cell is one run of one backend on one log" if said else ""
 
 
 def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:

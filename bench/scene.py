@@ -1,16 +1,17 @@
 """What the figures of a dataset show: the known path, and a run along it of every backend that has one."""
 
 from collections.abc import Mapping, Sequence
+from math import log
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..frontend.se2 import Array
 from .log_times import length
-from .looks import Look
+from .looks import BASELINE, Look
 from .record import Row
 from .store import Store
-from .summary import Line
+from .summary import Line, logs
 
 
 class Trace(NamedTuple):
@@ -24,7 +25,7 @@ class Trace(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """One log of a dataset: the first seed for which any cell is done."""
+    """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians."""
 
     kind: str  # "truth", "reference" or "" where no path is known
     seed: int
@@ -34,11 +35,21 @@ class Scene(NamedTuple):
     lengths: Mapping[int, float | None]  # s that each seed's log covers; None where its times are no times
     order: Sequence[str] = ()  # the backends, the lowest median error first
     nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
+    nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
+    logs: int = 1  # different ones that the dataset has
+    typical: bool = False  # whether the log was chosen among several by its errors
 
     @property
     def clock(self) -> str:
         """What its times are, as an axis names them."""
         return "step" if self.lengths.get(self.seed) is None else "time, s"
+
+    @property
+    def which(self) -> str:
+        """Which of the logs is drawn; "" where there is one."""
+        if self.logs == 1:
+            return ""
+        return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
 
 
 def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]) -> Scene | None:
@@ -46,7 +57,7 @@ def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs:
     done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
     if not done:
         return None
-    seed = min(row.columns["seed"] for _, row in done)
+    seed, typical = _drawn(done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
     c = shown[0][1].columns
     return Scene(
@@ -61,7 +72,32 @@ def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs:
         lengths=_lengths(store, [row for _, row in done]),
         order=[line.backend for line in sorted(lines, key=_error)],
         nees={line.backend: _nees(store, line) for line in lines},
+        nis={line.backend: found for line in lines if (found := _nis(store, line))},
+        logs=logs(lines),
+        typical=typical,
     )
+
+
+def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
+    """The seed that is drawn, and whether its errors say that it is."""
+    by_seed: dict[int, list[tuple[Line, Row]]] = {}
+    for line, row in done:
+        by_seed.setdefault(row.columns["seed"], []).append((line, row))
+    most = max(map(len, by_seed.values()))
+    off = {seed: _off(cells) for seed, cells in by_seed.items() if len(cells) == most}
+    seed = min(off, key=lambda seed: (off[seed], seed))
+    return seed, len(set(off.values())) > 1
+
+
+def _off(cells: Sequence[tuple[Line, Row]]) -> float:
+    """How far the cells' errors are from their backends' medians: the sum of the ratios' logarithms, without signs."""
+    total = 0.0
+    for line, row in cells:
+        column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
+        error = row.columns[column]
+        if line.backend != BASELINE and error and line.values[column].median > 0:
+            total += abs(log(error / line.values[column].median))
+    return total
 
 
 def _error(line: Line) -> tuple[int, float]:
@@ -78,6 +114,18 @@ def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
             arrays = store.arrays(row, ("t", "at", "nees"))
             if "nees" in arrays and "at" in arrays:
                 by_log[row.columns["digest"]] = arrays["t"][arrays["at"]], arrays["nees"]
+    return list(by_log.values())
+
+
+def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:
+    """Of each log's first run that has it: s since the log began, NIS and its degrees of freedom, where it has any."""
+    by_log: dict[str, tuple[Array, Array, Array]] = {}
+    for row in line.rows:
+        if row.columns["nis"] is not None and row.columns["digest"] not in by_log:
+            a = store.arrays(row, ("t", "nis", "nis_dof"))
+            if len(a) == 3:
+                seen = (a["nis_dof"] > 0) & np.isfinite(a["nis"])
+                by_log[row.columns["digest"]] = (a["t"] - a["t"][0])[seen], a["nis"][seen], a["nis_dof"][seen]
     return list(by_log.values())
 
 

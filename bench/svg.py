@@ -29,7 +29,10 @@ DPI = 300
 Draw = Callable[[Figure], None]
 """What fills an empty figure."""
 
-_ON_PAGE = {INK: "currentColor", RULE: "var(--rule)", PAPER: "var(--paper)"}
+_BLUE = "#0072b2"
+"""Of the looks, the one that is too dark on a dark page, which has a `--blue` for it."""
+
+_ON_PAGE = {_BLUE: f"var(--blue,{_BLUE})", INK: "currentColor", RULE: "var(--rule)", PAPER: "var(--paper)"}
 _ALONE = {INK: "#222222", RULE: "#dddddd", PAPER: "#ffffff"}
 
 _STYLE: dict[str, Any] = {

@@ -202,7 +202,9 @@ def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
     n = logs(lines)
     if n == 1:
         runs = max(len(line.rows) for line in lines)
-        return "one run on one log" if runs == 1 else f"medians{' and ranges' * ends} of {runs} runs on one log"
+        if runs == 1:
+            return "one run on one log"
+        return f"one log; of the {runs} runs of a backend that draws at random, medians{' and ranges' * ends}"
     if not ends:
         return f"medians over {counted(n, 'log')}"
     what = "95 % intervals" if n >= FEWEST else "their range, as there are too few for intervals"

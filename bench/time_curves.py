@@ -53,15 +53,17 @@ def along(
     level: float | None = None,
     most: float = np.inf,
     band: Band | None = None,
+    start: float | None = None,
 ) -> Exhibit | None:
     """The exhibit; None without any series.
 
-    `level` is where values should be. Those above `most` are left out, and told of, where that leaves something to see.
+    `start` is when the log began, if not with the first of the series. `level` is where values should be. Those above
+    `most` are left out, and told of, where that leaves something to see.
     """
     series = [one for one in series if len(one.t)]
     if not series:
         return None
-    start = min(one.t[0] for one in series)
+    begun = min(one.t[0] for one in series) if start is None else start
     most = max(most, 3 * min(_median(one.values) for one in series))
     beyond = {one.label: highest for one in series if (highest := float(np.nanmax(one.values))) > most}
     if beyond:
@@ -71,11 +73,11 @@ def along(
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         if band is not None:
-            axes.fill_between(band.t - start, band.low, band.high, color=INK, alpha=0.12, linewidth=0)
+            axes.fill_between(band.t - begun, band.low, band.high, color=INK, alpha=0.12, linewidth=0)
         done: set[str] = set()
         for one in series:
             label = None if one.label in done else key.called(one.label)
-            _draw(axes, one, start, label and label + "*" * one.marked, key.alpha(one.label))
+            _draw(axes, one, begun, label and label + "*" * one.marked, key.alpha(one.label))
             done.add(one.label)
         key.others(axes)
         values = [value for one in series for value in one.values[np.isfinite(one.values)].tolist()]
@@ -90,7 +92,7 @@ def along(
         legend(figure, axes, key.columns)
 
     height = HEIGHT + ROW * key.rows
-    curves = [curve(one.label, one.t - start, one.values, final=one.final) for one in series]
+    curves = [curve(one.label, one.t - begun, one.values, final=one.final) for one in series]
     return exhibit(name, title, caption, height, draw, group=group, curves=curves, timed=True)
 
 

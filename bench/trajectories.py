@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
+from ..frontend.se2 import Array
 from .axes import short
 from .exhibit import Exhibit
 from .exhibit_figure import exhibit, of
@@ -53,12 +54,13 @@ def tall(frame: Frame, width: float) -> float:
 
 
 def _cut(panel: Panel, frame: Frame) -> str:
-    beyond = [
-        float(np.maximum(frame.low - path, path - frame.high).max())
-        for path in (panel.online, panel.final)
-        if path is not None
-    ]
-    return f"Leaves the frame by up to {number(max(beyond))} m." if max(beyond) > 0 else ""
+    far = beyond(frame, panel.online, panel.final)
+    return f"Leaves the frame by up to {number(far)} m." if far > 0 else ""
+
+
+def beyond(frame: Frame, *paths: Array | None) -> float:
+    """How far the paths (n, 2) leave the frame, m; nothing, or less, where they do not."""
+    return max(float(np.maximum(frame.low - path, path - frame.high).max()) for path in paths if path is not None)
 
 
 def _draw(figure: Figure, scene: Scene, panel: Panel, frame: Frame) -> None:

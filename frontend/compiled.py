@@ -27,17 +27,22 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
     dispatcher: Any = njit(cache=True, error_model="numpy")(function)
     dispatcher._cache._cache_file._source_stamp = stamp()
-    _ready.append(dispatcher.overloads)
+    _dispatchers.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
 
 
-_ready: list[dict[Any, Any]] = []
-"""Of every function its machine code by the types of its arguments, as far as this process has made or loaded it."""
+_dispatchers: list[Any] = []
+"""Every function: its machine code by the types of its arguments, as far as this process has made or loaded it."""
 
 
 def ready() -> int:
     """How many pieces of machine code this process has made or loaded; it grows at a function's first call."""
-    return sum(map(len, _ready))
+    return sum(len(dispatcher.overloads) for dispatcher in _dispatchers)
+
+
+def made() -> int:
+    """How many of these it had to make: what compiling takes, memory above all, is no backend's own."""
+    return sum(sum(dispatcher.stats.cache_misses.values()) for dispatcher in _dispatchers)
 
 
 @cache

@@ -11,7 +11,7 @@ from slamduel.backends.registry import find
 from slamduel.bench.textbook_ekf import TextbookEkf
 from slamduel.datasets import registry as datasets
 from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from slamduel.frontend.se2 import Array, act_jacobians, compose_jacobians, wrap
+from slamduel.frontend.se2 import Array, act_jacobians, compose, compose_jacobians, wrap
 from textbook import TextbookKalman, random_log
 
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -65,13 +65,12 @@ def test_model_jacobians_are_the_derivatives() -> None:
         assert by_pose == pytest.approx(numerical(lambda p, z=z: models.place(p, z)[0], pose), abs=1e-7)
         assert by_z == pytest.approx(numerical(lambda z, p=pose: models.place(p, z)[0], z), abs=1e-7)
 
-        after, G, N = models.predict(pose, odometry)
-        moved = numerical(lambda p, o=odometry, a=after: off(models.predict(p, o)[0], a), pose)
-        assert moved == pytest.approx(G, abs=1e-7)
-        by_delta = numerical(
-            lambda d, p=pose, a=after, n=N: off(models.predict(p, Odometry(d, n))[0], a), odometry.delta
-        )
-        assert by_delta @ odometry.cov @ by_delta.T == pytest.approx(N, abs=1e-7)
+        reckoner = make("dead-reckoning", Prior(pose, odometry.cov))
+        after = reckoner.step(Step(0.0, odometry, NO_SIGHTINGS, NO_LOOPS))
+        assert off(after.copy(), compose(pose, odometry.delta)) == pytest.approx(np.zeros(3), abs=1e-12)
+        G = numerical(lambda p, o=odometry, a=after: off(compose(p, o.delta), a), pose)
+        V = numerical(lambda d, p=pose, a=after: off(compose(p, d), a), odometry.delta)
+        assert reckoner.belief().cov == pytest.approx(G @ odometry.cov @ G.T + V @ odometry.cov @ V.T, abs=1e-7)
 
 
 def off(pose: Array, centre: Array) -> Array:
@@ -112,7 +111,7 @@ def linearised_answer(log: Log, truth: Truth) -> Array:
     kalman.mean[:3] = off(log.prior.pose.copy(), truth.poses[0])
     for k, step in enumerate(log):
         if step.odometry is not None:
-            exact = models.predict(truth.poses[k - 1], step.odometry)[0]
+            exact = compose(truth.poses[k - 1], step.odometry.delta)
             by_pose, by_delta = compose_jacobians(truth.poses[k - 1], step.odometry.delta)
             F, Q, u = np.eye(n), np.zeros((n, n)), np.zeros(n)
             F[:3, :3], Q[:3, :3] = by_pose, by_delta @ step.odometry.cov @ by_delta.T

@@ -13,7 +13,10 @@ from slamduel.backends import _models
 
 OUTER = "from .compiled import compiled\nfrom ._inner import inner\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
 INNER = "from .compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
-ASK = "from house.floor._outer import outer; y = outer(1.0); print(y, sum(outer.stats.cache_hits.values()))"
+ASK = (
+    "from house.floor import compiled; from house.floor._outer import outer; y = outer(1.0); "
+    "print(y, sum(outer.stats.cache_hits.values()), compiled.made())"
+)
 
 
 def test_a_changed_callee_is_noticed_and_an_unchanged_one_is_not_compiled_again(tmp_path: Path) -> None:
@@ -30,9 +33,9 @@ def test_a_changed_callee_is_noticed_and_an_unchanged_one_is_not_compiled_again(
             [sys.executable, "-c", ASK], cwd=tmp_path, check=True, capture_output=True, text=True
         ).stdout
 
-    assert answer(1) == "2.0 0\n"
-    assert answer(1) == "2.0 1\n"
-    assert answer(2) == "3.0 0\n"
+    assert answer(1) == "2.0 0 2\n"
+    assert answer(1) == "2.0 1 0\n"
+    assert answer(2) == "3.0 0 2\n"
 
 
 def test_what_is_called_for_the_first_time_is_counted() -> None:

@@ -300,7 +300,7 @@ def test_every_belief_is_named_clear_or_not() -> None:
 def test_of_those_that_cannot_be_told_apart_the_cheapest_is_advised() -> None:
     found = use(said(rows("isam2", 1, step=170, nees=1.0), rows("ekf", 1, step=10, nees=1.0)))
     assert found.backend == "ekf"
-    assert "17 times cheaper than isam2" in found.why
+    assert "17 times cheaper." in found.why
     assert "consistent" in found.why
 
 
@@ -308,7 +308,7 @@ def test_a_backend_that_is_worse_is_not_advised_however_cheap() -> None:
     found = use(said(rows("isam2", 1, step=170), rows("ekf", 2, step=10)))
     assert found.backend == "isam2"
     assert re.match(
-        r"The most accurate, 1.9 to 2.[01] times closer than ekf; 170 µs a step, 17 times the cost", found.why
+        r"The most accurate, 1.9 to 2.[01] times closer than ekf; 170 µs a step, 17 times as costly", found.why
     )
 
 
@@ -332,7 +332,7 @@ def test_of_about_the_same_cost_the_more_accurate_is_advised() -> None:
         told(name, ate_m=(base * e).tolist(), step_us_p50=[c] * 20) for name, e, c in (("a", 1.0, 14), ("b", 1.005, 10))
     ]
     assert use(said(*close)).backend == "a"
-    assert "about the cost of b" in use(said(*close)).why
+    assert "about as costly" in use(said(*close)).why
     close = [
         told(name, ate_m=(base * e).tolist(), step_us_p50=[c] * 20) for name, e, c in (("a", 1.0, 16), ("b", 1.005, 10))
     ]
@@ -351,7 +351,7 @@ def test_a_method_with_a_final_path_alone_is_no_candidate_online_and_costs_its_w
     )
     assert use(found).backend == "isam2"
     assert use(found, "final").backend == "graph"
-    assert "3.00 s of CPU for the whole log, 67 times cheaper than isam2" in use(found, "final").why
+    assert "3.00 s of CPU for the whole log, 67 times cheaper" in use(found, "final").why
 
 
 def test_times_that_others_ran_beside_are_marked() -> None:
