@@ -73,6 +73,8 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
     if "final" in arrays:
         write_tum(place / "final.tum", arrays["t"], arrays["final"])
     prefix = "final_map" if "final_map_ids" in arrays else "map"
+    if f"{prefix}_ids" not in arrays:
+        return
     ids, xy, cov = arrays[f"{prefix}_ids"], arrays[f"{prefix}_xy"], arrays.get(f"{prefix}_cov")
     blocks = np.full((len(ids), 3), np.nan) if cov is None else cov[:, [0, 0, 1], [0, 1, 1]]
     rows = ([i, *_blank(p), *_blank(b)] for i, p, b in zip(ids.tolist(), xy, blocks, strict=True))
@@ -81,23 +83,23 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
 
 def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
     n = len(arrays["t"])
-    none = np.full(n, np.nan)  # a record of an earlier version has not every array
     error, consistency = np.full((2, n), np.nan)
+
+    def known(name: str) -> Array:
+        return arrays.get(name, np.full(n, np.nan))  # a record of an earlier version, or of others, has not every one
+
     if "aligned" in arrays:
         error[arrays["at"]] = np.hypot(*(arrays["aligned"] - truth["poses"])[:, :2].T)
     if "nees" in arrays:
         consistency[arrays["at"]] = arrays["nees"]
-    upper = np.triu_indices(3)
-    table = np.column_stack(
-        (arrays["t"], arrays["online"], arrays["cov"][:, *upper], error, consistency, arrays["nis"])
-    )
-    after = np.column_stack(
-        (arrays["n_eff"], arrays["step_ns"] / 1e3, arrays["wall_ns"] / 1e3, arrays["belief_ns"] / 1e3)
-    )
-    inside = np.column_stack((arrays.get("ancestors", none), arrays.get("refused", none)))
+    cov = arrays.get("cov", np.full((n, 3, 3), np.nan))[:, *np.triu_indices(3)]
+    table = np.column_stack((arrays["t"], arrays["online"], cov, error, consistency, known("nis")))
+    clocks = (known(name) / 1e3 for name in ("step_ns", "wall_ns", "belief_ns"))
+    after = np.column_stack((known("n_eff"), *clocks))
+    inside = np.column_stack([known(name) for name in ("nis_dof", "ancestors", "refused")])
     for k in range(n):
-        counts = (None if count != count else int(count) for count in inside[k])
-        yield k, *_blank(table[k]), int(arrays["nis_dof"][k]), *_blank(after[k]), *counts
+        dof, *counts = (None if count != count else int(count) for count in inside[k])
+        yield k, *_blank(table[k]), dof, *_blank(after[k]), *counts
 
 
 def _blank(values: Array) -> list[float | None]:

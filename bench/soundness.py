@@ -18,10 +18,10 @@ NEVER_NEGATIVE = ("ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m",
 
 SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(
-        ("t", "nis", "nis_dof", "n_eff", "ancestors", "refused", "step_ns", "wall_ns", "belief_ns"), ("n",)
+        ("t", "nis", "nis_dof", "n_eff", "ancestors", "refused", "step_ns", "wall_ns", "belief_ns", "mapped"), ("n",)
     ),
     **dict.fromkeys(("online", "final"), ("n", 3)),
-    **dict.fromkeys(("at", "nees"), ("m",)),
+    **dict.fromkeys(("at", "nees", "final_nees"), ("m",)),
     **dict.fromkeys(("aligned", "final_aligned"), ("m", 3)),
     **dict.fromkeys(("alignment", "final_alignment"), (3,)),
     "cov": ("n", 3, 3),
@@ -41,6 +41,15 @@ LOG_SHAPES: Mapping[str, tuple[str | int, ...]] = {"t": ("m",), "poses": ("m", 3
 
 FINITE = ("t", "poses", "online", "final", "aligned", "final_aligned", "xy")
 """Arrays without a gap."""
+
+
+BELONGING: Mapping[str, str] = {
+    **dict.fromkeys(("online", "final"), "t"),
+    **dict.fromkeys(("aligned", "final_aligned", "nees", "final_nees"), "at"),
+    **{name: f"{name.rpartition('_')[0]}_ids" for name in ("map_xy", "map_cov", "final_map_xy", "final_map_cov")},
+    **{name: f"{name.rpartition('_')[0]}_xy" for name in ("map_ids", "final_map_ids")},
+}
+"""What an array says nothing without."""
 
 
 def disbelief(columns: Mapping[str, Any]) -> str:
@@ -102,3 +111,9 @@ def misfit(
     if "at" in arrays and "n" in known and not (np.isin(arrays["at"], np.arange(known["n"])).all()):
         return f"at names a step outside the {known['n']} there are"
     return ""
+
+
+def incomplete(arrays: Mapping[str, Any]) -> str:
+    """Which of a cell's arrays is there without the one it belongs to; "" if none is."""
+    alone = [f"{name} without {other}" for name, other in BELONGING.items() if name in arrays and other not in arrays]
+    return f"there is {alone[0]}" if alone else ""

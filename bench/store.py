@@ -14,7 +14,7 @@ from .record import COLUMNS, FILE, MORE, VERSION, Row, columns, label, rows, unp
 from .run_facts import completed
 from .run_files import CELLS, RUN, Written, written
 from .salvage import BROKEN, agree, opened, salvage
-from .soundness import KEY, LOG_SHAPES, disbelief, misfit, nonsense
+from .soundness import KEY, LOG_SHAPES, disbelief, incomplete, misfit, nonsense
 
 OWN = (
     f"{FILE}*", "run.json", "cells.csv", "metrics.csv", "cost.csv", "report*", "figures", "tables*", "*.tex", "logs",
@@ -227,6 +227,8 @@ class Store:
             found = self._all(f"SELECT arrays FROM cells WHERE {where}", row.key)
             arrays = unpacked(found[0][0], names) if found else {}
             problem = misfit(arrays, {} if row.columns["steps"] is None else {"n": row.columns["steps"]})
+            if names is None:
+                problem = problem or incomplete(arrays)
             if self.recorded and not found:
                 problem = "they are not in the record"
         except Exception as error:  # a damaged archive may raise anything

@@ -17,8 +17,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.bench.export import export
 from slamduel.bench.record import COLUMNS, FILE, MORE, VERSION
 from slamduel.bench.runner import recorded_plan
+from slamduel.bench.soundness import BELONGING
 from slamduel.bench.store import Store
 from slamduel.frontend.errors import InputError
 from small_record import STEPS, Record
@@ -221,6 +223,20 @@ def test_arrays_that_do_not_fit_are_left_out_and_named(folder: Path, blob: bytes
     assert min(arrays[1:]) > 0
     assert "room · ekf · seed 0: paths and costs over time cannot be read" in said
     assert sentence in said
+
+
+def test_without_any_one_of_the_arrays_there_is_no_traceback_and_a_lack_that_matters_is_named(tmp_path: Path) -> None:
+    record = Record(tmp_path / "r")
+    row = record.cell("room", "truth", "isam2", paths=("online", "final"))
+    (kept,) = [record.store.arrays(row) for row in record.store.cells()]
+    for name in kept:
+        record.store.put_cell(row, {other: array for other, array in kept.items() if other != name}, "")
+        with Store(record.store.folder) as store:
+            export(store)
+            read_all = bool(store.arrays(next(store.cells())))
+            assert read_all == (name not in BELONGING.values()), name
+            assert any(f"without {name}" in said for said in store.left_out) != read_all, name
+    record.store.close()
 
 
 @pytest.mark.parametrize(
