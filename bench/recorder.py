@@ -18,6 +18,8 @@ class Recorder(Store):
     A run is to go on by it, so no damage is put up with: InputError, as where the file is not a record of ours.
     """
 
+    _ready = False  # whether the tables are as they have to be for writing
+
     def put_run(self, name: str, value: Any) -> None:
         """Keep something about the run as a whole."""
         self._write("INSERT OR REPLACE INTO run VALUES (?, ?)", (name, json.dumps(value)))
@@ -35,8 +37,10 @@ class Recorder(Store):
         self._write(f"INSERT OR REPLACE INTO cells ({', '.join(names)}) VALUES ({marks})", values)
 
     def run(self) -> dict[str, Any]:
-        """What has been kept about the run as a whole."""
+        """What has been kept about the run as a whole; nothing in a record that is only beginning."""
         try:
+            if not columns(self._opened):
+                return {}
             found = dict(self._words())
         except (*BROKEN, ValueError, TypeError, RecursionError) as error:
             raise self._damaged(error) from None
@@ -61,15 +65,12 @@ class Recorder(Store):
             strange = version == 0 and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
             if version not in (0, VERSION) or strange:
                 raise InputError(f"{path}: found a record of format {version}, expected {VERSION}.")
-            if version == 0:
-                db.execute("PRAGMA journal_mode = WAL")
-                db.executescript(f"BEGIN; {SCHEMA} COMMIT;")
             fault = db.execute("PRAGMA integrity_check(1)").fetchone()[0]
             if fault != "ok":
                 raise sqlite3.DatabaseError(" ".join(fault.split()))
             there = columns(db)
-            for name in (name for name in (*COLUMNS, *MORE) if name not in there):  # a run of an earlier version
-                db.execute(f"ALTER TABLE cells ADD COLUMN {name}")
+            if there and (lost := sorted(set(COLUMNS) - set(there))):
+                raise sqlite3.DatabaseError(f"the table of cells has no column {lost[0]}")
         except BaseException as error:
             db.close()
             if isinstance(error, BROKEN):
@@ -79,6 +80,17 @@ class Recorder(Store):
                 ) from None
             raise
         return db
+
+    def _make_ready(self) -> None:
+        """Make the tables, or the columns that a run of an earlier version lacks, once something is to be kept."""
+        db = self._opened
+        if not columns(db):
+            db.execute("PRAGMA journal_mode = WAL")
+            db.executescript(f"BEGIN; {SCHEMA} COMMIT;")
+        there = columns(db)
+        for name in (name for name in (*COLUMNS, *MORE) if name not in there):
+            db.execute(f"ALTER TABLE cells ADD COLUMN {name}")
+        self._ready = True
 
     def _foreign(self) -> list[str]:
         """Not looked for: a run leaves alone what is not its own."""
@@ -95,6 +107,8 @@ class Recorder(Store):
     def _write(self, statement: str, values: Sequence[Any]) -> None:
         """One transaction; InputError where the file can no longer be written to, with all before it safe."""
         try:
+            if not self._ready:
+                self._make_ready()
             self._opened.execute(statement, values)
         except sqlite3.Error as error:
             raise InputError(f"{self.folder / FILE}: cannot be written to: {error}.") from None
