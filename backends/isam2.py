@@ -46,6 +46,9 @@ class Options:
         choices=("qr", "cholesky"),
     )
     final_updates: int = option(10, "most updates without new factors made at the end of the log", minimum=0)
+    joint_up_to: int = option(
+        5000, "landmarks up to which a map comes with its joint covariance, which takes long to work out", minimum=0
+    )
     loss: str = option("none", "robust loss of the sightings", choices=("none", *LOSSES))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
 
@@ -88,8 +91,10 @@ class Isam2:
         return Belief(pose, to_world(pose, R_inv @ R_inv.T))
 
     def map(self) -> Map:
-        """The landmarks at the current estimate with their joint covariance."""
+        """The landmarks at the current estimate with, up to `joint_up_to` of them, their joint covariance."""
         landmarks = path_and_map(self._factors.keys, 0, self._isam.calculateEstimate())[1]
+        if len(landmarks.ids) > self._options.joint_up_to:
+            return landmarks
         try:
             # From the factors anew: what the tree would do by QR is ten times slower where there are many landmarks.
             marginals = gtsam.Marginals(self._isam.getFactorsUnsafe(), self._isam.getLinearizationPoint())

@@ -18,6 +18,7 @@ BUILTIN = {
     "graph": "slamduel.backends.graph:build",
     "invariant-ekf": "slamduel.backends.invariant_ekf:build",
     "isam2": "slamduel.backends.isam2:build",
+    "kf": "slamduel.backends.kf:build",
     "ukf": "slamduel.backends.ukf:build",
 }
 GROUP = "slamduel.backends"

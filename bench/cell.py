@@ -4,9 +4,8 @@ Limits are set, the backend is driven through the log, and only then is the trut
 """
 
 import hashlib
-import resource
-import sys
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,23 +19,28 @@ from ..frontend import compiled
 from ..frontend.errors import SlamduelError
 from ..frontend.factors import UNKNOWN, Log, Truth
 from .drive import drive
+from .memory import Peak, limited
 from .score import score
 from .summary import TOLD
 
-MEGABYTE = 1 << 20
-
 
 @dataclass(frozen=True)
-class Task:
-    """All that a worker needs to know of its cell."""
+class Job:
+    """One backend on a log: all that a worker needs to know beside the log."""
 
     backend: str  # the variant's label
     name: str
     options: Any
     seed: int
-    log: Path  # the prepared log's archive
     memory_mb: int
     oracle: bool = False  # tell the backend the truth, if it wants to know
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task(Job):
+    """A job on a log that has been prepared."""
+
+    log: Path  # its archive
 
 
 @dataclass(frozen=True)
@@ -57,40 +61,50 @@ def generator(seed: int, backend: str, repeat: int = 0) -> np.random.Generator:
 
 
 def run(task: Task) -> Result:
-    """The cell's result; every way in which a backend can end short of killing the process is a status here."""
+    """The cell's result; the truth is not read before the backend has done."""
+    return run_on(task, lambda: archive.load_log(task.log), lambda: archive.load(task.log).truth)
+
+
+def run_on(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:
+    """The result of the job; every way in which a backend can end short of killing the process is a status here."""
+    with limited(job.memory_mb):
+        return _run(job, read_log, read_truth)
+
+
+def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:
     row: dict[str, Any] = {}
-    _limit_memory(task.memory_mb)
-    before_mb, made = _peak_mb(), compiled.made()
+    peak, made = Peak(), compiled.made()
     try:
-        log = archive.load_log(task.log)
+        log = read_log()
         row |= _about(log)
-        builder = backends.find(task.name)
+        builder = backends.find(job.name)
         if len(log.loop_to) and not builder.loops:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
         if builder.associates:
             row["ignored"] = 0
-        outcome = drive(builder, task.options, log, lambda: generator(task.seed, task.backend), _oracle(task))
+        outcome = drive(builder, job.options, log, lambda: generator(job.seed, job.backend), _oracle(job, read_truth))
     except Diverged as error:
         return Result("diverged", str(error), row)
     except TruthWanted as error:
-        unknown = "nobody knows the truth of this log, so --oracle has none to tell; " if task.oracle else ""
+        unknown = "nobody knows the truth of this log, so --oracle has none to tell; " if job.oracle else ""
         return Result("skipped", unknown + str(error), row)
     except SlamduelError as error:
         return Result("error", str(error), row)
     except MemoryError:
-        return Result("error", f"needed more than the memory limit of {task.memory_mb} MB", row)
+        return Result("error", f"needed more than the memory limit of {job.memory_mb} MB", row)
     except BaseException as error:  # a backend may raise anything at all, SystemExit included
         return Result("error", _where(error), row, traceback=traceback.format_exc())
-    if compiled.made() == made:
-        row["peak_mb"] = max(_peak_mb() - before_mb, 0.0)
-    judged = score(log, outcome, archive.load(task.log).truth)
+    held = peak.mb()
+    if held is not None and compiled.made() == made:
+        row["peak_mb"] = held
+    judged = score(log, outcome, read_truth())
     said = [TOLD] * outcome.told + [judged.remark] * bool(judged.remark)
     return Result("done", "; ".join(said), row | judged.row, judged.arrays)
 
 
-def _oracle(task: Task) -> Truth | None:
+def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:
     """What the backend is told, where the run says so: a batch optimum is no truth."""
-    truth = archive.load(task.log).truth if task.oracle else None
+    truth = read_truth() if job.oracle else None
     return truth if truth is not None and truth.kind == "truth" else None
 
 
@@ -109,19 +123,3 @@ def _where(error: BaseException) -> str:
     last = traceback.extract_tb(error.__traceback__)[-1]
     said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said} ({Path(last.filename).name}:{last.lineno})"
-
-
-def _peak_mb() -> float:
-    """The most memory this process has held, MB."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / MEGABYTE if sys.platform == "darwin" else peak / 1024
-
-
-def _limit_memory(megabytes: int) -> None:
-    """Let the process grow by no more than this: address space, the one limit that the kernel keeps."""
-    if sys.platform != "linux":  # elsewhere the kernel takes the limit and does not keep it
-        return
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + megabytes * MEGABYTE
-    _, most = resource.getrlimit(resource.RLIMIT_AS)
-    resource.setrlimit(resource.RLIMIT_AS, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))

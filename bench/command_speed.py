@@ -1,13 +1,14 @@
-"""`bench speed`: what a step of every backend costs as the map grows; with `--frontend`, what a marker's corners cost.
+"""`bench speed`: what a step of every backend costs as the map grows; with `--frontend`, what a marker's corners cost;
+with `--pool`, what the processes of a study add to its cells.
 
-Either study prints tables, and writes them as CSV with a picture where it is asked to.
+Each study prints tables, and writes them as CSV with a picture where it is asked to.
 """
 
 import argparse
 from pathlib import Path
 
 from ..frontend.errors import InputError
-from . import speed_backends, speed_frontend
+from . import speed_backends, speed_frontend, speed_pool
 from .terminal import screen_console
 
 
@@ -15,6 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
+    add("--pool", action="store_true", help="many small cells on a pool of processes, not the backends")
     add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a look: little of everything, for no figure that counts")
     add("--csv", type=Path, metavar="FILE", help="also write the figures")
@@ -22,12 +24,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--quiet", action="store_true", help="print nothing but errors")
     speed_backends.arguments(parser.add_argument_group("backends"))
     speed_frontend.arguments(parser.add_argument_group("--frontend"))
+    speed_pool.arguments(parser.add_argument_group("--pool"))
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Measure and print; 0, whatever was found."""
-    chosen, other = (speed_frontend, speed_backends) if namespace.frontend else (speed_backends, speed_frontend)
-    _check(namespace, other.OPTIONS)
+    if namespace.frontend and namespace.pool:
+        raise InputError("--frontend --pool: expected one of them, they are studies of their own")
+    studies = {"frontend": speed_frontend, "pool": speed_pool, "": speed_backends}
+    name = "frontend" if namespace.frontend else "pool" if namespace.pool else ""
+    chosen = studies.pop(name)
+    _check(namespace, tuple(option for other in studies.values() for option in other.OPTIONS))
     console = screen_console(quiet=namespace.quiet)
     for path in chosen.study(namespace, console):
         console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
@@ -38,7 +45,9 @@ def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
     """InputError for an option of the study that was not asked for, and for what neither can work with."""
     for name in foreign:
         if getattr(namespace, name) not in (None, False):
-            asked = "--frontend times the detector" if namespace.frontend else "without --frontend backends are timed"
+            asked = "without --frontend backends are timed"
+            asked = "--pool times the pool" if namespace.pool else asked
+            asked = "--frontend times the detector" if namespace.frontend else asked
             raise InputError(f"--{name}: {asked}, which has no such option")
     if namespace.seed < 0:
         raise InputError(f"--seed {namespace.seed}: expected 0 or more")

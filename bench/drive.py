@@ -9,7 +9,8 @@ import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from math import isfinite
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ..frontend import compiled
 from ..frontend.errors import SlamduelError
 from ..frontend.factors import Log, Map, Step, Truth
 from ..frontend.se2 import Array, Ints
+from .clock import CLOCK
 
 FARTHEST = 1e9
 """m from the origin: more than any coordinates on Earth, national grids included."""
@@ -72,7 +74,7 @@ def drive(
     log = log if builder.associates else log.identified()
     steps = list(log)
     _warm_up(builder, options, log, generator, truth)
-    clock = clock_cost()
+    clock = CLOCK.cost()
 
     gc.collect()
     gc.disable()
@@ -96,32 +98,29 @@ def drive(
 
     backend = builder.make(log.prior, options, generator())
     _tell(backend, truth)
-    beliefs, belief_ns = _belief_pass(backend, steps, online)
+    beliefs = _belief_pass(backend, steps, online)
     start = time.process_time_ns()
     found = backend.map()
     map_ns = time.process_time_ns() - start
     return Outcome(
         online=online,
-        cov=np.array([_NO_COV if b is None or b.cov is None else b.cov for b in beliefs]),
-        nis=np.array([np.nan if b is None or b.nis is None else b.nis for b in beliefs]),
-        nis_dof=np.array([0 if b is None else b.nis_dof for b in beliefs]),
-        n_eff=np.array([np.nan if b is None or b.n_eff is None else b.n_eff for b in beliefs]),
-        ancestors=np.array([np.nan if b is None or b.ancestors is None else b.ancestors for b in beliefs]),
-        refused=np.array([0 if b is None else b.refused for b in beliefs]),
+        cov=beliefs.cov,
+        nis=beliefs.nis,
+        nis_dof=beliefs.nis_dof,
+        n_eff=np.array(beliefs.n_eff),
+        ancestors=np.array(beliefs.ancestors),
+        refused=beliefs.refused,
         map=_checked_map(found, "map()"),
         solution=solution,
         step_ns=np.maximum(step_ns - clock, 0),
         wall_ns=np.maximum(wall_ns - clock, 0),
-        belief_ns=np.maximum(belief_ns - clock, 0),
+        belief_ns=np.maximum(beliefs.ns - clock, 0),
         map_ns=map_ns,
         setup_ns=setup_ns,
         finish_ns=finish_ns,
         clock_ns=clock,
         told=told,
     )
-
-
-_NO_COV = np.full((3, 3), np.nan)
 
 
 def _tell(backend: Backend, truth: Truth | None) -> bool:
@@ -135,70 +134,104 @@ def _warm_up(
     """Take a backend of its own through the log's first steps, every method once."""
     backend = builder.make(log.prior, options, generator())
     _tell(backend, truth)
-    for step in log.head(min(WARM_UP, len(log))):
-        backend.step(step)
+    for k in range(min(WARM_UP, len(log))):
+        backend.step(log[k])
     backend.belief()
     backend.map()
     backend.finish()
 
 
-def clock_cost() -> int:
-    """ns that reading both clocks before and after an empty call takes, as the loop below sees it; the median."""
-    costs = []
-    for _ in range(1000):
-        before = time.process_time_ns()
-        time.perf_counter_ns()
-        time.perf_counter_ns()
-        costs.append(time.process_time_ns() - before)
-    return int(np.median(costs))
-
-
 def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
     """The online path (n, 3), and each step's CPU and wall time in ns."""
-    poses: list[Any] = []
-    cpu, wall = np.zeros((2, len(steps)), np.int64)
+    poses = np.empty((len(steps), 3))
+    given = 0
+    cpu, wall = [0] * len(steps), [0] * len(steps)
     cpu_clock, wall_clock = time.process_time_ns, time.perf_counter_ns
     for k, step in enumerate(steps):
         cpu_start = cpu_clock()
         wall_start = wall_clock()
         pose = backend.step(step)
-        wall[k] = wall_clock() - wall_start
+        wall_end = wall_clock()
         cpu[k] = cpu_clock() - cpu_start
-        poses.append(_checked_pose(pose, k))
-    if all(pose is None for pose in poses):
-        return None, cpu, wall
-    if any(pose is None for pose in poses):
+        wall[k] = wall_end - wall_start
+        given += _took(pose, poses, k)
+    times = np.array(cpu, np.int64), np.array(wall, np.int64)
+    if given not in (0, len(steps)):
         raise Broken("step() returned a pose at some steps and None at others, expected one or the other throughout")
-    return np.array(poses), cpu, wall
+    return (poses if given else None, *times)
 
 
-def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> tuple[list[Belief | None], Ints]:
-    """The belief after every step, and what asking cost in ns; Broken where asking has changed the path."""
-    beliefs: list[Belief | None] = []
-    cpu = np.zeros(len(steps), np.int64)
+class _Beliefs(NamedTuple):
+    """What a backend believed after every step, as of an Outcome."""
+
+    cov: Array
+    nis: Array
+    nis_dof: Ints
+    n_eff: list[float]
+    ancestors: list[float]
+    refused: Ints
+    ns: Ints  # what asking cost
+
+    @classmethod
+    def none(cls, n: int) -> "_Beliefs":
+        nis_dof, refused, ns = np.zeros((3, n), np.int64)
+        unknown = [np.nan] * n
+        return cls(np.full((n, 3, 3), np.nan), np.full(n, np.nan), nis_dof, unknown, [*unknown], refused, ns)
+
+
+def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _Beliefs:
+    """The belief after every step; Broken where asking has changed the path."""
+    found, again = _Beliefs.none(len(steps)), np.empty((len(steps), 3))
     for k, step in enumerate(steps):
-        pose = _checked_pose(backend.step(step), k)
-        if online is not None and (pose is None or pose.tobytes() != online[k].tobytes()):
-            raise Broken(f"step {k}: the path differs once beliefs are asked for: {pose}, expected {online[k]}")
+        given = _took(backend.step(step), again, k)
+        if online is not None and not (given and again[k].tobytes() == online[k].tobytes()):
+            raise Broken(
+                f"step {k}: the path differs once beliefs are asked for: {again[k] if given else None}, "
+                f"expected {online[k]}"
+            )
         start = time.process_time_ns()
         belief = backend.belief()
-        cpu[k] = time.process_time_ns() - start
-        beliefs.append(_checked_belief(belief, k))
-    return beliefs, cpu
+        found.ns[k] = time.process_time_ns() - start
+        if belief is None:
+            continue
+        if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
+            raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
+        if belief.cov is not None:
+            _take_cov(belief.cov, found.cov[k], k)
+        if belief.nis is not None:
+            found.nis[k] = belief.nis
+        found.nis_dof[k], found.refused[k] = belief.nis_dof, belief.refused
+        if belief.n_eff is not None:
+            found.n_eff[k] = belief.n_eff
+        if belief.ancestors is not None:
+            found.ancestors[k] = belief.ancestors
+    return found
 
 
-def _checked_pose(pose: Any, k: int) -> Array | None:
-    """A copy of what step() returned at step k."""
-    return None if pose is None else _on_earth(pose, (3,), f"step {k}: the pose")
+def _took(pose: Any, into: Array, k: int) -> bool:
+    """Whether step() returned a pose at step k; it is copied. That nearly all are in order is seen at little cost."""
+    if pose is None:
+        return False
+    if type(pose) is np.ndarray and pose.shape == (3,) and pose.dtype == np.float64:
+        x, y, heading = pose.tolist()
+        if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and isfinite(heading):
+            into[k] = pose
+            return True
+    into[k] = _on_earth(pose, (3,), f"step {k}: the pose")
+    return True
 
 
-def _checked_belief(belief: Any, k: int) -> Belief | None:
-    if belief is None:
-        return None
-    if not isinstance(belief, Belief):
-        raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
-    cov = None if belief.cov is None else _finite(belief.cov, (3, 3), f"step {k}: the belief's covariance")
-    return belief._replace(cov=cov)
+def _take_cov(cov: Any, into: Array, k: int) -> None:
+    """Copy a belief's covariance."""
+    if (
+        type(cov) is np.ndarray
+        and cov.shape == (3, 3)
+        and cov.dtype == np.float64
+        and isfinite(sum(cov.ravel().tolist()))
+    ):
+        into[:] = cov  # a sum is finite only where all its terms are
+    else:
+        into[:] = _finite(cov, (3, 3), f"step {k}: the belief's covariance")
 
 
 def _checked_solution(solution: Any, n: int) -> Solution | None:

@@ -84,12 +84,13 @@ def growth(x: Ints, cost: Ints) -> Growth | None:
     if len(at) < LEAST_BINS or at[-1] < LEAST_SPAN * at[0] or (mean <= 0).any():
         return None
     sampled = 1 / (FLOOR**2 + variance)
-    found = _fit(at, mean, mean, sampled)
+    power = (at / at[-1]) ** EXPONENTS[:, None]  # (e, m)
+    found = _fit(power, mean, mean, sampled)
     for _ in range(ROUNDS):
         off = np.abs(found.residuals) * np.sqrt(sampled)
         scale = max(1.4826 * float(np.median(off)), 1.0)
         weights = sampled * np.minimum(1.0, HUBER * scale / np.maximum(off, HUBER))
-        found = _fit(at, mean, found.mean, weights)
+        found = _fit(power, mean, found.mean, weights)
     return Growth(found.exponent, found.error) if found.error <= MOST_ERROR else None
 
 
@@ -115,30 +116,48 @@ def binned(x: Ints, cost: Array | Ints) -> tuple[Array, Array, Array]:
     return np.add.reduceat(sizes, starts) / counts, mean, float((relative**2).mean()) / counts
 
 
-def _fit(x: Array, y: Array, unit: Array, weights: Array) -> _Fit:
+def _fit(power: Array, y: Array, unit: Array, weights: Array) -> _Fit:
     """With a constant part where the F ratio says so, otherwise without; the error is what it were with one.
 
     So an exponent that might be another with a constant part is not said to be well known. Where there is no growth
     to speak of nothing is to be told apart from a constant.
     """
-    plain, full = (_profile(x, y, unit, weights, constant=constant) for constant in (False, True))
-    if (plain.squares - full.squares) * (len(x) - 3) > CONSTANT * full.squares:
+    sums = _sums(power, y, unit, weights)
+    plain, full = (_profile(sums, constant=constant) for constant in (False, True))
+    if (plain.squares - full.squares) * (len(y) - 3) > CONSTANT * full.squares:
         return full
     if abs(plain.exponent) < max(2 * plain.error, NO_GROWTH):
         return plain
     return plain._replace(error=float(np.hypot(full.error, full.exponent - plain.exponent)))
 
 
-def _profile(x: Array, y: Array, unit: Array, weights: Array, *, constant: bool) -> _Fit:
-    """The best exponent, with the best of the other numbers for each: least squares of residuals in units of `unit`.
+class _Sums(NamedTuple):
+    """What a fit of y by a + s power, each residual in units of `unit`, is made of."""
+
+    unit: Array  # (m,)
+    weights: Array  # (m,)
+    u: Array  # (m,) a residual is a u + s v - z
+    v: Array  # (e, m) for each of the exponents
+    z: Array  # (m,)
+    uu: float
+    uv: Array  # (e,)
+    vv: Array
+    uz: float
+    vz: Array
+
+
+def _sums(power: Array, y: Array, unit: Array, w: Array) -> _Sums:
+    u, v, z = 1 / unit, power / unit, y / unit
+    uu, uv, vv = (w * u * u).sum(), (w * u * v).sum(axis=1), (w * v * v).sum(axis=1)
+    return _Sums(unit, w, u, v, z, uu, uv, vv, (w * u * z).sum(), (w * v * z).sum(axis=1))
+
+
+def _profile(sums: _Sums, *, constant: bool) -> _Fit:
+    """The best exponent, with the best of the other numbers for each: least squares of the residuals.
 
     Neither the constant part nor the growing one is negative.
     """
-    power = (x / x[-1]) ** EXPONENTS[:, None]  # (e, m)
-    u, v, z = 1 / unit, power / unit, y / unit  # residual: a u + s v - z
-    w = weights
-    uu, uv, vv = (w * u * u).sum(), (w * u * v).sum(axis=1), (w * v * v).sum(axis=1)
-    uz, vz = (w * u * z).sum(), (w * v * z).sum(axis=1)
+    unit, w, u, v, z, uu, uv, vv, uz, vz = sums
     a, s = np.zeros(len(EXPONENTS)), vz / vv
     if constant:
         determinant = uu * vv - uv**2
@@ -151,7 +170,7 @@ def _profile(x: Array, y: Array, unit: Array, weights: Array, *, constant: bool)
     residuals = fitted - z
     squares = (w * residuals**2).sum(axis=1)
     best = int(squares.argmin())
-    variance = max(squares[best] / (len(x) - 2 - constant), 1.0)  # 1: what the steps' own scatter makes
+    variance = max(squares[best] / (len(z) - 2 - constant), 1.0)  # 1: what the steps' own scatter makes
     near = EXPONENTS[squares <= squares[best] + variance]
     step = EXPONENTS[1] - EXPONENTS[0]
     error = max((near[-1] - near[0]) / 2, step / 2)

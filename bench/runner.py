@@ -91,19 +91,7 @@ def recorded_plan(folder: Path) -> Plan | None:
 def claimed(folder: Path) -> Generator[None]:
     """The folder, made where it is not there, for this process alone; if nothing came of it, it is gone again."""
     made = _make(folder)
-    try:
-        lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
-    except OSError as error:
-        raise InputError(
-            f"--out {folder}: cannot be written to ({error.strerror}); expected a writable folder."
-        ) from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        raise InputError(
-            f"--out {folder}: another run is writing to this folder; expected to be alone in it."
-        ) from None
+    lock = _locked(folder)
     try:
         yield
     finally:
@@ -113,6 +101,34 @@ def claimed(folder: Path) -> Generator[None]:
         for path in made:
             with contextlib.suppress(OSError):  # not empty: something came of it
                 path.rmdir()
+
+
+def _locked(folder: Path) -> int:
+    """A descriptor of the folder's lock, which is ours."""
+    while True:
+        try:
+            lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
+        except OSError as error:
+            raise InputError(
+                f"--out {folder}: cannot be written to ({error.strerror}); expected a writable folder."
+            ) from None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(folder / LOCK, lock):
+                return lock
+            os.close(lock)  # its last holder took it away in between
+        except OSError:
+            os.close(lock)
+            raise InputError(
+                f"--out {folder}: another run or study is writing to this folder; expected to be alone in it."
+            ) from None
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    """Whether the file that is open is the one at that path."""
+    with contextlib.suppress(FileNotFoundError):
+        return os.path.samestat(os.stat(path), os.fstat(descriptor))
+    return False
 
 
 def _make(folder: Path) -> list[Path]:
@@ -243,9 +259,7 @@ def _run_cells(store: Recorder, plan: Plan, logs: _Logs, workers: int, watcher: 
 def task(plan: Plan, cell: Cell, archive: Path) -> cells.Task:
     """What a worker is told of a cell whose log is in `archive`."""
     backend = cell.backend
-    return cells.Task(
-        backend.label, backend.name, backend.options, cell.seed, archive, plan.memory_mb, oracle=plan.oracle
-    )
+    return cells.Task(backend.label, backend.name, backend.options, cell.seed, plan.memory_mb, plan.oracle, log=archive)
 
 
 def _dead(ended: Ended, timeout_s: float) -> cells.Result:

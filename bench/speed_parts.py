@@ -12,7 +12,7 @@ import numpy as np
 
 from ..frontend.factors import Step
 from ..frontend.se2 import Ints
-from .drive import clock_cost
+from .clock import clock_cost
 from .speed_timing import Row, timing
 
 EVERY = 20

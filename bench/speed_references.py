@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..frontend.se2 import Ints
-from .drive import clock_cost
+from .clock import clock_cost
 from .speed_timing import Row, stepped, timing
 from .speed_world import World
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..frontend.factors import Step
 from ..frontend.se2 import Array, Ints
-from .drive import clock_cost, timing_pass
+from .clock import clock_cost
+from .drive import timing_pass
 
 FIFTHS = 5
 CHUNK = 50

@@ -10,13 +10,13 @@ from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
-from math import comb, erfc, sqrt
+from math import comb, erfc, exp, lgamma, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..frontend.se2 import Array
+from .averages import ranked
 
 FEWEST = 6
 """Logs below which no signed-rank test can come out below 5 %, and no interval of a median can cover 95 %."""
@@ -28,7 +28,7 @@ SAME = 1e-9
 """Errors whose logarithms differ by less are the same: what is left is rounding, which always points one way."""
 
 EXACT = 100
-"""Logs up to which the signed-rank statistic's distribution is worked out; beyond, the normal one serves."""
+"""Logs up to which distributions are worked out in whole numbers; beyond, the signed-rank statistic's is normal."""
 
 
 class Estimate(NamedTuple):
@@ -38,6 +38,17 @@ class Estimate(NamedTuple):
     low: float
     high: float
     n: int  # logs
+
+
+class Shift(NamedTuple):
+    """How far the one of paired values is from the other."""
+
+    value: float  # NaN with none
+    low: float  # 95 % interval; NaN where there are fewer than FEWEST
+    high: float
+    p: float  # two-sided Wilcoxon signed-rank, of a difference from `against`; NaN as the interval
+    effect: float  # matched-pairs rank-biserial correlation; likewise
+    n: int
 
 
 class Comparison(NamedTuple):
@@ -104,22 +115,50 @@ def holm(p: Sequence[float]) -> Array:
     return adjusted
 
 
+def shift(differences: Array, against: float = 0.0) -> Shift:
+    """How far paired values are apart, typically; of differences (n,), which may be infinite, but not NaN.
+
+    Those that are less than SAME from 0, or from `against`, are rounding, and count as it. How `compare` finds a ratio
+    is how this finds a difference.
+    """
+    d = np.where(abs(differences) < SAME, 0.0, differences)
+    n = len(d)
+    if not n:
+        return Shift(np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+    count = n * (n + 1) // 2
+    if n < FEWEST:
+        return Shift(_middle(np.array(ranked(d, _central(count)))), np.nan, np.nan, np.nan, np.nan, n)
+    depth = _rejected(n)
+    *central, low, high = (
+        0.0 if abs(average) < SAME else average for average in ranked(d, (*_central(count), depth - 1, count - depth))
+    )
+    off = d - against
+    off[abs(off) < SAME] = 0
+    return Shift(_middle(np.array(central)), low, high, *signed_rank(off), n)
+
+
+def _central(count: int) -> tuple[int, int]:
+    """The ranks, from 0 on, of the one or two in the middle."""
+    return (count - 1) // 2, count // 2
+
+
 def _paired(first: str, second: str, one: Mapping[str, float], other: Mapping[str, float]) -> Comparison:
     logs = [log for log in one if log in other]
-    a, b = (np.array([side[log] for log in logs], float) for side in (one, other))
+    d = log_ratios(*(np.array([side[log] for log in logs], float) for side in (one, other)))
+    found = shift(d)
+    ratio, low, high = _exp(found.value), _exp(found.low), _exp(found.high)
+    return Comparison(first, second, len(logs), int((d > 0).sum()), ratio, low, high, found.p, np.nan, found.effect)
+
+
+def log_ratios(first: Array, second: Array) -> Array:
+    """The logarithms of second / first, (n,) each and from 0 to infinity; 0 where they are the same but for rounding.
+
+    NaN where either is.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
-        d = np.log(b) - np.log(a)
-    d[(a == b) | (abs(d) < SAME)] = 0
-    n = len(logs)
-    averages = _averages(d)
-    ratio = low = high = p = effect = np.nan
-    if n:
-        ratio = _exp(_middle(averages))
-    if n >= FEWEST:
-        depth = _rejected(n)
-        low, high = _exp(averages[depth - 1]), _exp(averages[-depth])
-        p, effect = signed_rank(d)
-    return Comparison(first, second, n, int((d > 0).sum()), ratio, low, high, p, np.nan, effect)
+        d = np.log(second) - np.log(first)
+    d[(first == second) | (abs(d) < SAME)] = 0
+    return d
 
 
 def signed_rank(differences: Array) -> tuple[float, float]:
@@ -162,30 +201,9 @@ def _rejected(n: int) -> int:
     return bisect_right(range(n * (n + 1) // 4), LEVEL / 2, key=lambda total: _below(ranks, 2 * total))
 
 
-def _averages(d: Array) -> Array:
-    """The averages of every two of d (n,) and of each with itself, (n (n + 1) / 2,), sorted.
-
-    Of one that is infinite and one that is minus infinite, half count as either: on no ratio do their ranks differ.
-    """
-    one, other = _twos(len(d))
-    with np.errstate(invalid="ignore"):
-        found = np.sort((d[one] + d[other]) / 2)
-    opposed = int(np.isnan(found).sum())
-    if not opposed:
-        return found
-    half = np.full(opposed // 2, np.inf)
-    return np.concatenate([-half, np.sort(np.append(found[:-opposed], np.zeros(opposed % 2))), half])
-
-
 def _exp(logarithm: float) -> float:
     with np.errstate(over="ignore"):
         return float(np.exp(logarithm))
-
-
-@lru_cache(maxsize=8)
-def _twos(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The two places in an array of n that each average is of."""
-    return np.triu_indices(n)
 
 
 def _middle(values: Array) -> float:
@@ -197,11 +215,18 @@ def _middle(values: Array) -> float:
 @lru_cache(maxsize=64)
 def _depth(n: int) -> tuple[int, float]:
     """From which order statistic to the next one, and how far, a median's interval goes."""
-    outside, depth = 2 / 2**n, 1  # the probability outside the order statistics at this depth
-    while (further := outside + 2 * comb(n, depth) / 2**n) <= LEVEL:
+    outside, depth = 2 * _heads(n, 0), 1  # the probability outside the order statistics at this depth
+    while (further := outside + 2 * _heads(n, depth)) <= LEVEL:
         outside, depth = further, depth + 1
     part = (LEVEL - outside) / (further - outside)
     return depth, (n - depth) * part / (depth + (n - 2 * depth) * part)
+
+
+def _heads(n: int, k: int) -> float:
+    """The probability of k heads of n fair coins."""
+    if n <= EXACT:
+        return comb(n, k) / 2**n
+    return exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) - n * log(2))
 
 
 def _between(start: float, end: float, share: float) -> float:

@@ -42,6 +42,12 @@ class Options(Mishaps):
         1000, "landmarks along the streets; with more of them the city grows", minimum=40, maximum=1_000_000
     )
     steps: int = option(2000, "steps of the drive", minimum=2, maximum=1_000_000)
+    passes: float = option(
+        0.0,
+        "way of the drive over the streets' length, in place of steps; 0: as steps says",
+        minimum=0.0,
+        maximum=100.0,
+    )
     stride: float = option(1.0, "way from step to step, m", minimum=0.05, maximum=10.0)
     speed: float = option(2.0, "speed of the robot, m/s", minimum=0.05, maximum=50.0)
     reach: float = option(4.0, "range of the sightings, m", minimum=2.5, maximum=100.0)
@@ -55,7 +61,10 @@ def city(options: Options, rng: np.random.Generator) -> Dataset:
     world, driving, moving, seeing = rng.spawn(4)
     blocks = side(options.landmarks)
     xy = _landmarks(options.landmarks, blocks, world)
-    way = options.stride * np.arange(options.steps, dtype=np.float64)
+    steps = options.steps
+    if options.passes:
+        steps = 2 + int(options.passes * 2 * blocks * (blocks + 1) * BLOCK / options.stride)
+    way = options.stride * np.arange(steps, dtype=np.float64)
     poses, turns = _drive(_route(blocks, way[-1], driving), way)
     rolling = np.stack((np.diff(way), turns), axis=-1)
     delta, delta_cov = odometry(poses, rolling, np.array([options.forward, options.turning]), moving)

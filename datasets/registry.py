@@ -42,6 +42,7 @@ BUILTIN = {
     "freiburg": ".freiburg:source",
     "g2o": ".g2o:source",
     "gtsam": ".gtsam_text:source",
+    "linear": ".linear:source",
     "log": ".logfile:source",
     "matlab-report": ".matlab_report:source",
     "mrclam": ".mrclam:source",

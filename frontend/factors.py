@@ -200,19 +200,30 @@ class Log:
         return f"<Log {self.name!r}: {', '.join(said)}>"
 
     def __iter__(self) -> Iterator[Step]:
-        return (self[k] for k in range(len(self)))
+        seen, loops = self.sighting_first.tolist(), self.loop_first.tolist()
+        no_loops = RelativePoses(self.loop_to[:0], self.loop_delta[:0], self.loop_cov[:0])
+        for k, t in enumerate(self.t.tolist()):
+            rows = slice(seen[k], seen[k + 1])
+            yield Step(
+                t,
+                Odometry(self.delta[k], self.delta_cov[k]) if k else None,
+                RangeBearing(self.ids[rows], self.z[rows], self.z_cov[rows]),
+                self._loops(loops[k], loops[k + 1]) if loops[k] < loops[k + 1] else no_loops,
+            )
 
     def __getitem__(self, k: int) -> Step:
         """Step k (from the end where negative), as views of the columns."""
         k = range(len(self))[k]
         seen = slice(self.sighting_first[k], self.sighting_first[k + 1])
-        loops = slice(self.loop_first[k], self.loop_first[k + 1])
         return Step(
             float(self.t[k]),
             None if k == 0 else Odometry(self.delta[k], self.delta_cov[k]),
             RangeBearing(self.ids[seen], self.z[seen], self.z_cov[seen]),
-            RelativePoses(self.loop_to[loops], self.loop_delta[loops], self.loop_cov[loops]),
+            self._loops(self.loop_first[k], self.loop_first[k + 1]),
         )
+
+    def _loops(self, first: int, end: int) -> RelativePoses:
+        return RelativePoses(self.loop_to[first:end], self.loop_delta[first:end], self.loop_cov[first:end])
 
     @property
     def sighting_step(self) -> Ints:

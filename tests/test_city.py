@@ -124,3 +124,10 @@ def test_mishaps_befall_a_city(made: Dataset) -> None:
     assert np.isin(kept[:, 0], made.log.z[:, 0]).all()
     assert len(kept) / len(made.log.z) == pytest.approx(0.5, abs=6 * 0.5 / np.sqrt(len(made.log.z)))
     assert np.sum(poor.log.ids < 0) == poor.log.notes["mishaps"]["false sightings"] > 0
+
+
+def test_a_drive_may_be_as_long_as_the_streets() -> None:
+    one, two = (city(Options(landmarks=170, passes=passes), np.random.default_rng(0)).log for passes in (1.0, 2.0))
+    streets = 2 * side(170) * (side(170) + 1) * BLOCK
+    assert len(one) - 2 == streets
+    assert len(two) - 2 == 2 * streets

@@ -1,0 +1,144 @@
+"""`bench ablate`: a study, from its question to its answer."""
+
+import argparse
+import contextlib
+import os
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from ..frontend.errors import InputError, Interrupted
+from . import study_file
+from .arguments import count
+from .executors import Executor
+from .numerals import counted
+from .study import Study
+from .study_choice import choice
+from .study_progress import StudyScreen
+from .study_runner import Tally, Wanted, run
+from .study_schema import FILE
+from .study_store import StudyStore
+from .terminal import screen_console
+
+EXECUTORS = ("local", "here", "dask", "slurm")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = (
+        "Without STUDY: the studies that come along. A study that was stopped goes on with the same command;\n"
+        "what has a result is not run again as long as log, backend, options and code are the same.\n"
+        "Exit status 0: every claim holds; 1: not so, or cells failed.\n\n"
+        f"A study file:\n\n{study_file.FORMAT}"
+    )
+    parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of one that comes along")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where it goes (default results/NAME)")
+    parser.add_argument("--full", action="store_true", help="the study's full size instead of the quick one")
+    parser.add_argument("--dry-run", action="store_true", help="tell how many cells there are, and how long they take")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME=VALUE", help="run the cells with that parameter alone"
+    )
+    parser.add_argument("--limit", type=count, metavar="N", help="run at most so many cells now")
+    parser.add_argument("--retry", action="store_true", help="run cells again that failed")
+    parser.add_argument(
+        "--executor",
+        choices=EXECUTORS,
+        default="local",
+        help="where cells run: processes of this machine (default), this very process, a Dask cluster, SLURM's jobs",
+    )
+    parser.add_argument(
+        "--jobs", type=count, metavar="N", help="local: processes (default one a core); slurm: jobs (default 4)"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Run the study; 0 where every claim holds, 1 where one does not or cells failed."""
+    console = screen_console(quiet=namespace.quiet)
+    if namespace.study is None:
+        _list(console)
+        return 0
+    study = study_file.read(namespace.study, full=namespace.full)
+    out = namespace.out or Path("results") / study.name
+    wanted = Wanted(choice(study, namespace.only), namespace.limit, namespace.retry)
+    if namespace.dry_run:
+        _estimate(console, study, out, wanted, namespace)
+        return 0
+    again = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    try:
+        with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
+            tally = run(study, out, executor, wanted, again, screen)
+    except KeyboardInterrupt:
+        raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
+    return _conclude(console, study, out, tally)
+
+
+def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], None]) -> Executor:
+    """What runs the cells. InputError for options that do not go together."""
+    kind, address = namespace.executor, namespace.scheduler
+    if address is not None and kind != "dask":
+        raise InputError(f"--scheduler {address}: found --executor {kind} beside it, expected --executor dask.")
+    if namespace.jobs is not None and kind in ("here", "dask"):
+        raise InputError(f"--jobs {namespace.jobs}: found --executor {kind} beside it, expected local or slurm.")
+    if kind == "here":
+        from .executor_here import Here
+
+        return Here()
+    if kind == "local":
+        from .executor_local import Local
+
+        return Local(namespace.jobs or os.cpu_count() or 1)
+    if kind == "slurm":
+        from .executor_slurm import Slurm
+
+        return Slurm(namespace.jobs or 4, exclusive=any(cell.timed for cell in study.cells), say=say)
+    if address is None:
+        raise InputError("--executor dask: expected --scheduler ADDRESS beside it, tcp://host:port or a file.")
+    from .executor_dask import Dask
+
+    return Dask(address, say=say)
+
+
+def _list(console: Console) -> None:
+    """The studies that come along, with their questions."""
+    for name in study_file.packaged():
+        study, full = (study_file.read(name, full=size) for size in (False, True))
+        cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
+        console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
+
+
+def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespace: argparse.Namespace) -> None:
+    """Tell what there is to do, and do nothing of it."""
+    from .study_estimate import estimate
+
+    with contextlib.ExitStack() as stack:
+        store = stack.enter_context(StudyStore(out)) if (out / FILE).is_file() else None
+        executor = stack.enter_context(contextlib.closing(_executor(namespace, study, console.print)))
+        for sentence in estimate(study, store, executor, wanted).sentences():
+            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
+def _conclude(console: Console, study: Study, out: Path, tally: Tally) -> int:
+    """Print the answer and write the report."""
+    from .study_evidence import evidence
+    from .study_report import write
+
+    found = evidence(out)
+    said: list[Any] = [study.question, found.conclusion.sentence, *(f"  {a.sentence}" for a in found.answers)]
+    said += _left(tally)
+    report = write(out)
+    for sentence in [*said, f"report: {report}"]:
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    return int(found.conclusion.reproduced != "yes" or tally.failed > 0)
+
+
+def _left(tally: Tally) -> Sequence[str]:
+    said = [f"{counted(tally.failed, 'cell')} failed; --retry runs them again."] * bool(tally.failed)
+    waiting = tally.cells - tally.done
+    return [*said, *[f"{counted(waiting, 'cell')} of {tally.cells} wait; the same command goes on."] * bool(waiting)]

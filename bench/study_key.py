@@ -1,0 +1,90 @@
+"""What determines a log and a result, as keys of the store: the same key, the same numbers to the last bit.
+
+A log's key is over the dataset, its options, its seed and the code that makes it. A result's is over the digests of the
+log and its truth, the backend with its options, its randomness and its code, and the code that runs and judges it. A
+limit of time or memory is in none of them: it decides whether a cell ends, not how.
+"""
+
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from ..backends import registry as backends
+from ..datasets import registry as datasets
+from .fingerprint import PACKAGE, fingerprint
+from .plan import Cell
+from .study_store import Known
+
+JUDGE = f"{PACKAGE}.bench.cell"
+"""The module that runs a cell and judges what comes of it."""
+
+REGISTRIES = frozenset(f"{PACKAGE}.{name}" for name in ("datasets.registry", "backends.registry"))
+"""Modules that only say which other module has something; that one is in a key."""
+
+ELSEWHERE = REGISTRIES | {f"{PACKAGE}.{name}" for name in ("datasets.cache", "datasets.archive", "bench.reference")}
+"""Modules that have a part in a result through its log and its truth alone, whose digests are in its key."""
+
+MAKER = f"{PACKAGE}.datasets.cache"
+"""The module that draws a log's random generator."""
+
+
+def log_seed(cell: Cell) -> int:
+    """The seed that the cell's log is made with."""
+    return cell.seed if cell.dataset.source.seeded else 0
+
+
+def from_files(cell: Cell) -> bool:
+    """Whether the cell's log may be another one without its key being so: it, or a part of it, is read from files."""
+    return not cell.dataset.source.seeded or hasattr(cell.dataset.options, "path")
+
+
+def log_key(cell: Cell) -> str:
+    """Of the cell's log."""
+    return _digest(f"log {source_key(cell.dataset.name, cell.dataset.options)} {log_seed(cell)}")
+
+
+def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:
+    """Of the cell's result on a log that is known."""
+    backend = cell.backend
+    drawn = cell.seed if backend.builder is not None and backend.builder.random else None
+    return _digest(f"result {'/'.join(log)} {backend_key(backend.name, backend.options)} {drawn} {timed} {oracle}")
+
+
+@functools.cache
+def source_key(name: str, options: Any) -> str:
+    """Of the dataset, with the code that makes it."""
+    module = datasets.BUILTIN[name].partition(":")[0]
+    code = [fingerprint(f"{PACKAGE}.datasets{module}", REGISTRIES), fingerprint(MAKER, REGISTRIES)]
+    return hashed(name, vars(options), code)
+
+
+@functools.cache
+def backend_key(name: str, options: Any) -> str:
+    """Of the backend, with its code and that of its judge."""
+    target = _target(name)
+    code = [fingerprint(target.partition(":")[0], REGISTRIES), fingerprint(JUDGE, ELSEWHERE)]
+    return hashed(name, target, vars(options), code)
+
+
+def _target(backend: str) -> str:
+    """The module of the backend of that name, in full, and the name of its builder there."""
+    if ":" in backend:
+        return backend
+    return backends.BUILTIN.get(backend) or _plugins().get(backend, backend)
+
+
+@functools.cache
+def _plugins() -> Mapping[str, str]:
+    return {name: found.value for name, found in backends.plugins().items()}
+
+
+def hashed(*parts: Any) -> str:
+    """Of values as JSON has them; a float stands in it with as many digits as tell it from every other."""
+    return _digest(json.dumps(parts, sort_keys=True, default=repr))
+
+
+def _digest(text: str) -> str:
+    """128 bits."""
+    return hashlib.sha256(text.encode()).hexdigest()[:32]

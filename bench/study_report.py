@@ -1,0 +1,90 @@
+"""A study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..frontend.files import write_whole
+from . import conclusion
+from .definitions import COLUMNS, WORKED_OUT
+from .numerals import number
+from .page import rendered
+from .study_evidence import SIGNS, VERDICTS, Evidence, evidence
+from .study_tables import claim_grid, median_grid
+
+FIGURES = "figures"
+"""Folder beside the page."""
+
+
+def write(folder: Path, forms: Sequence[str] = ()) -> Path:
+    """Write the report of the study in `folder` as it stands into it, each file whole or not at all; where the page is.
+
+    The figures are written as SVG and in `forms` ("png", "pdf"). InputError where there is no study in the folder.
+    """
+    found = evidence(folder)
+    _write_figures(found, forms)
+    write_whole(folder / "answers.json", json.dumps(document(found), indent=1, allow_nan=False) + "\n")
+    page = filled(found)
+    for name in ("md", "html"):
+        write_whole(folder / f"report.{name}", rendered(f"study.{name}.jinja", page))
+    return folder / "report.html"
+
+
+def filled(found: Evidence) -> dict[str, Any]:
+    """What the templates say."""
+    about = COLUMNS | WORKED_OUT
+    measures = dict.fromkeys([*(answer.claim.measure for answer in found.answers), *(f.y for f in found.study.figures)])
+    return {
+        "found": found,
+        "study": found.study,
+        "words": found.words,
+        "signs": SIGNS,
+        "kinds": VERDICTS,
+        "claims": claim_grid(found.answers),
+        "grids": [median_grid(numbers) for numbers in found.medians],
+        "started": datetime.fromtimestamp(found.words["started"], UTC),
+        "took": lasting(found.seconds),
+        "command": again(found),
+        "definitions": {name: about[name] for name in measures if name in about},
+    }
+
+
+def lasting(seconds: float) -> str:
+    """A time in words: 0.4 s, 39 s, 12 min, 3.4 h."""
+    if seconds < 100:
+        return f"{number(seconds)} s" if seconds < 9.95 else f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def again(found: Evidence) -> Mapping[str, str]:
+    """What to type to run it again, by what it does."""
+    command = [*found.words["command"]]
+    plain = [word for word in command if word not in ("--full", "--retry")]
+    commands = {"Go on, or run what has changed": shlex.join(command)}
+    if found.standing.failed:
+        commands["Run again what failed"] = shlex.join([*command, "--retry"])
+    if found.study.size == "quick":
+        commands["At full size"] = shlex.join([*plain, "--full"])
+    return commands
+
+
+def document(found: Evidence) -> dict[str, Any]:
+    """The study's answers as JSON has them."""
+    study = found.study
+    about = {name: getattr(study, name) for name in ("name", "title", "size", "question", "source", "finding", "note")}
+    return {**about, "cells": found.standing.counts, **conclusion.document(found.conclusion)}
+
+
+def _write_figures(found: Evidence, forms: Sequence[str]) -> None:
+    from .svg import alone  # matplotlib
+
+    folder = found.folder / FIGURES
+    folder.mkdir(exist_ok=True)
+    for exhibit in found.exhibits:
+        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
+        for form in forms:
+            assert exhibit.printed is not None
+            write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))

@@ -1,0 +1,220 @@
+"""A study from its cells to its store: logs looked at where that is needed, cells run that have no result yet."""
+
+import contextlib
+import random
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from ..frontend.errors import InputError
+from .batch import Batch, Finished, LogFacts
+from .cell import Job
+from .executors import Executor
+from .machine import environment
+from .runner import claimed
+from .study import Study, StudyCell
+from .study_key import from_files, log_key, log_seed, result_key
+from .study_store import Known, StudyStore
+from .summary import FAILED
+
+MOST_JOBS = 20
+"""Of a batch: no more is lost with a machine."""
+
+ROUNDS = 4
+"""Batches for each slot, at least, so that the end of a study is shared evenly."""
+
+
+class Watcher(Protocol):
+    """Whoever is told how a study goes along."""
+
+    def looking(self, logs: int) -> None:
+        """That many logs are looked at first, to know which results are still theirs."""
+        ...
+
+    def running(self, cells: int, done: int, slots: int) -> None:
+        """So many cells are to be run, and so many have a result already."""
+        ...
+
+    def finished(self, cell: StudyCell, status: str, reason: str, seconds: float) -> None:
+        """One has ended."""
+        ...
+
+
+class Wanted(NamedTuple):
+    """What is asked of a study now."""
+
+    chosen: Callable[[StudyCell], bool]  # --only
+    limit: int | None  # cells at most
+    retry: bool  # failed ones, too
+
+
+class Tally(NamedTuple):
+    """How far a study is."""
+
+    cells: int
+    done: int  # with a result of any status
+    failed: int  # those, and cells whose log could not be made
+    ran: int  # just now
+
+
+def run(
+    study: Study, folder: Path, executor: Executor, wanted: Wanted, command: Sequence[str], watcher: Watcher
+) -> Tally:
+    """Run the study's cells into the store in `folder`, or those that it has no result of."""
+    with claimed(folder), StudyStore(folder, writing=True) as store:
+        return _Run(study, store, executor, watcher).run(wanted, command)
+
+
+@dataclass
+class _Run:
+    study: Study
+    store: StudyStore
+    executor: Executor
+    watcher: Watcher
+
+    def run(self, wanted: Wanted, command: Sequence[str]) -> Tally:
+        study, store = self.study, self.store
+        _refuse_another(store, study)
+        store.put_words(_words(study, command, self.executor))
+        self.log_keys = [log_key(cell.cell) for cell in study.cells]
+        self.without_log = 0
+        self.logs = store.logs(arrays=study.keep)
+        self.statuses = store.statuses(arrays=study.keep)
+        self._look()
+        self.keys = [self._key(place) for place in range(len(study.cells))]
+        store.put_plan([_plan_row(cell, key) for cell, key in zip(study.cells, self.keys, strict=True)])
+        todo = self._todo(wanted)
+        self.watcher.running(len(todo), self._ended(), self.executor.slots)
+        for timed in (False, True):
+            places = [place for place in todo if study.cells[place].timed == timed]
+            for finished in self._executed(self._batches(places), alone=timed):
+                self._keep(finished)
+        store.put_words({"finished": time.time()})
+        failed = sum(self.statuses.get(key or "") in FAILED for key in self.keys) + self.without_log
+        return Tally(len(self.keys), self._ended(), failed, len(todo))
+
+    def _ended(self) -> int:
+        """How many cells have a result."""
+        return sum(key in self.statuses for key in self.keys)
+
+    def _executed(self, batches: Sequence[Batch], *, alone: bool) -> Iterator[Finished]:
+        """Each job of the batches as it ends; whatever happens here ends those that are running."""
+        if batches:
+            with contextlib.closing(self.executor.run(batches, alone=alone)) as ended:
+                yield from ended
+
+    def _look(self) -> None:
+        """Find the digests of logs that the store knows by other code, and of those that lie in files."""
+        known = self.store.logs_made()
+        unsure: dict[Any, StudyCell] = {}
+        for key, cell in zip(self.log_keys, self.study.cells, strict=True):
+            dataset = cell.cell.dataset
+            if from_files(cell.cell) or (key not in self.logs and _log_name(cell) in known):
+                unsure[dataset.name, dataset.options, log_seed(cell.cell)] = cell
+        batches = [self._batch(cell, []) for cell in unsure.values()]
+        self.watcher.looking(len(batches))
+        for finished in self._executed(batches, alone=False):
+            if finished.log is not None:
+                batch = finished.batch
+                self._know(unsure[batch.dataset, batch.options, batch.seed], finished.log)
+
+    def _know(self, cell: StudyCell, log: LogFacts) -> None:
+        known, key = Known(*log[:3]), log_key(cell.cell)
+        if self.logs.get(key) != known:
+            self.store.put_log(key, _log_name(cell), known, log.truth)
+            self.logs[key] = known
+
+    def _key(self, place: int) -> str | None:
+        """That of the cell's result, where its log is known."""
+        cell, log = self.study.cells[place], self.logs.get(self.log_keys[place])
+        return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.study.oracle)
+
+    def _todo(self, wanted: Wanted) -> list[int]:
+        """The places of the cells that are to be run now, in an order that is shuffled but always the same.
+
+        Cells of one key have one result: it is got once.
+        """
+        places: dict[Any, int] = {}
+        for place, (cell, key) in enumerate(zip(self.study.cells, self.keys, strict=True)):
+            status = None if key is None else self.statuses.get(key)
+            if wanted.chosen(cell) and (status is None or (wanted.retry and status in FAILED)):
+                places.setdefault(key or place, place)
+        todo = list(places.values())
+        random.Random(0).shuffle(todo)
+        return todo[: wanted.limit]
+
+    def _batches(self, places: Sequence[int]) -> list[Batch]:
+        """Cells of the same log together, as far as there are batches enough for everybody."""
+        most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
+        by_log: dict[str, list[int]] = {}
+        for place in places:
+            by_log.setdefault(self.log_keys[place], []).append(place)
+        return [
+            self._batch(self.study.cells[group[0]], group[first : first + most])
+            for group in by_log.values()
+            for first in range(0, len(group), most)
+        ]
+
+    def _batch(self, cell: StudyCell, places: Sequence[int]) -> Batch:
+        dataset, study = cell.cell.dataset, self.study
+        jobs = tuple((place, self._job(study.cells[place])) for place in places)
+        return Batch(dataset.name, dataset.options, log_seed(cell.cell), jobs, study.timeout_s, study.keep)
+
+    def _job(self, cell: StudyCell) -> Job:
+        backend = cell.cell.backend
+        memory_mb, oracle = self.study.memory_mb, self.study.oracle
+        return Job(backend.label, backend.name, backend.options, cell.cell.seed, memory_mb, oracle)
+
+    def _keep(self, finished: Finished) -> None:
+        """Put a result into the store as soon as it is there."""
+        assert finished.index is not None
+        cell, result = self.study.cells[finished.index], finished.result
+        if finished.log is None:
+            self.store.settle(finished.index, None, result.reason)
+            self.without_log += 1
+        else:
+            self._know(cell, finished.log)
+            key = self.keys[finished.index] = self._key(finished.index)
+            assert key is not None
+            if self.store.put_result(key, self._row(cell, finished), result.arrays):
+                self.statuses[key] = result.status
+            self.store.settle(finished.index, key, None)
+        self.watcher.finished(cell, result.status, result.reason, finished.seconds)
+
+    def _row(self, cell: StudyCell, finished: Finished) -> dict[str, Any]:
+        assert finished.log is not None
+        names = ("dataset", "dataset_options", "backend", "options", "seed")
+        result, log = finished.result, finished.log
+        row = dict(zip(names, cell.cell.key, strict=True)) | {"status": result.status, "reason": result.reason}
+        row |= {"digest": log.digest, "truth_kind": log.truth_kind, "timing_alone": int(finished.alone)}
+        row |= {"seconds": finished.seconds, "host": finished.host, "executor": self.executor.name}
+        return row | {"recorded": time.time(), "traceback": result.traceback} | result.row
+
+
+def _refuse_another(store: StudyStore, study: Study) -> None:
+    """InputError where the folder holds another study than this one, of whatever text."""
+    name = store.words().get("name", study.name)
+    if name != study.name:
+        raise InputError(f"--out {store.folder}: holds the study {name}, expected {study.name} or another folder.")
+
+
+def _log_name(cell: StudyCell) -> tuple[str, str, int]:
+    return cell.cell.dataset.name, cell.cell.dataset.given, log_seed(cell.cell)
+
+
+def _plan_row(cell: StudyCell, key: str | None) -> tuple[Any, ...]:
+    return (*cell.cell.key, dict(cell.parameters), key)
+
+
+def _words(study: Study, command: Sequence[str], executor: Executor) -> Mapping[str, Any]:
+    return {
+        "name": study.name,
+        "size": study.size,
+        "text": study.text,
+        "command": list(command),
+        "executor": executor.name,
+        "environment": environment(),
+        "started": time.time(),
+    }

@@ -1,0 +1,104 @@
+"""The lines on which a TOML file has its keys, which Python's tomllib does not tell."""
+
+import re
+import tomllib
+from bisect import bisect_right
+
+Place = tuple[str | int, ...]
+"""Where a value stands: keys of tables and places in arrays, from the outermost."""
+
+_KEY = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
+_BLANK = re.compile(r"(?:[ \t\n]|#[^\n]*)*")
+_PLAIN = re.compile(
+    r'''"""(?:\\.|[^\\])*?""""{0,2}|\'\'\'.*?\'\'\''{0,2}|"(?:\\.|[^"\\])*"|'[^']*'|[^,\]}#\n]+''', re.DOTALL
+)
+"""A string of one of the four kinds, or a number, a date, true or false."""
+
+
+def lines(text: str) -> dict[Place, int]:
+    """The line, from 1, of every table, key and element; `text` is what tomllib has read without a complaint."""
+    return _Scan(text.replace("\r\n", "\n")).lines
+
+
+class _Scan:
+    """One pass over the text; `at` is the letter that is looked at."""
+
+    def __init__(self, text: str) -> None:
+        self.text, self.at = text, 0
+        self.lines: dict[Place, int] = {}
+        self.counts: dict[Place, int] = {}  # of the arrays of tables: how many there are so far
+        self.ends = [match.start() for match in re.finditer("\n", text)]
+        table: Place = ()
+        while self._next():
+            table = self._header() if self._next() == "[" else self._pair(table)
+
+    def _header(self) -> Place:
+        """[table] or [[one of an array of tables]]: where it is."""
+        many = self.text.startswith("[[", self.at)
+        line = self._line()
+        self.at += 1 + many
+        *outer, last = self._key()
+        self.at += 1 + many
+        place: Place = ()
+        for part in outer:
+            place = (*place, part)
+            self.lines.setdefault(place, line)
+            if place in self.counts:
+                place = (*place, self.counts[place] - 1)
+        place = (*place, last)
+        self.lines.setdefault(place, line)
+        if many:
+            self.counts[place] = self.counts.get(place, 0) + 1
+            place = (*place, self.counts[place] - 1)
+            self.lines[place] = line
+        return place
+
+    def _pair(self, table: Place) -> Place:
+        """A key and its value; `table` again."""
+        line, place = self._line(), table
+        for part in self._key():
+            place = (*place, part)
+            self.lines.setdefault(place, line)
+        self.at += 1  # the sign of equality
+        self._value(place)
+        return table
+
+    def _value(self, place: Place) -> None:
+        first = self._next()
+        if first not in ("[", "{"):
+            found = _PLAIN.match(self.text, self.at)
+            assert found is not None
+            self.at = found.end()
+            return
+        self.at += 1
+        count = 0
+        while (found := self._next()) not in ("]", "}"):
+            if found == ",":
+                self.at += 1
+            elif first == "{":
+                self._pair(place)
+            else:
+                self.lines[(*place, count)] = self._line()
+                self._value((*place, count))
+                count += 1
+        self.at += 1
+
+    def _key(self) -> list[str]:
+        """The parts of a dotted key."""
+        parts: list[str] = []
+        while not parts or self.text[self.at] == ".":
+            found = _KEY.match(self.text, self.at + bool(parts))
+            assert found is not None
+            self.at = found.end()
+            parts.append(tomllib.loads(f"key = {found[1]}")["key"] if found[1][0] in "\"'" else found[1])
+        return parts
+
+    def _next(self) -> str:
+        """The next letter that is neither blank nor in a comment, "" at the end."""
+        found = _BLANK.match(self.text, self.at)
+        assert found is not None
+        self.at = found.end()
+        return self.text[self.at : self.at + 1]
+
+    def _line(self) -> int:
+        return bisect_right(self.ends, self.at - 1) + 1

@@ -1,0 +1,66 @@
+"""Schedulers and workers of Dask as processes of this machine, each with a log that tells why it did not come up."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+WITHOUT = 'import sys; sys.modules["slamduel"] = None; '
+"""Before anything else in a process that is to be without this package."""
+
+
+class Processes:
+    """A scheduler, and workers that come and go."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.file = folder / "scheduler.json"
+        self.running: list[subprocess.Popen[bytes]] = []
+        self.scheduler = self._start(
+            "",
+            "dask_scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            "0",
+            "--no-dashboard",
+            "--scheduler-file",
+            str(self.file),
+        )
+        self.until(self.file.exists)
+        self.address = str(json.loads(self.file.read_text())["address"])
+
+    def worker(self, *options: str, path: Path | None = None, before: str = "") -> subprocess.Popen[bytes]:
+        """Start one without a nanny; `path`: where it finds modules first, `before`: what it runs first."""
+        local = str(self.folder / "local")
+        wanted = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", local, *options)
+        return self._start(before, "dask_worker", self.address, *wanted, path=path)
+
+    def until(self, there: Callable[[], bool], seconds: float = 60) -> None:
+        """Wait for something, with what the processes said where it does not come."""
+        end = time.monotonic() + seconds
+        while not there():
+            said = "\n".join(path.read_text() for path in self.folder.glob("*.log"))
+            assert time.monotonic() < end, said
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """End all of them."""
+        for process in self.running:
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+        for process in self.running:
+            process.wait()
+
+    def _start(self, before: str, name: str, *options: str, path: Path | None = None) -> subprocess.Popen[bytes]:
+        environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(path or Path(__file__).parent)}
+        code = f"{before}from distributed.cli.{name} import main; main()"
+        with (self.folder / f"{len(self.running)}-{name}.log").open("w") as log:
+            command = [sys.executable, "-c", code, *options]
+            process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+        self.running.append(process)
+        return process

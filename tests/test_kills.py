@@ -1,0 +1,16 @@
+"""A study that is killed, and begun again, ends with exactly the rows of one that was left in peace."""
+
+import random
+from pathlib import Path
+
+from kills import in_peace, killed, same, write
+
+
+def test_a_study_ends_as_if_it_had_not_been_killed(tmp_path: Path) -> None:
+    write(tmp_path, seeds=12)
+    expected = in_peace(tmp_path / "peace")
+    draws, folder = random.Random(1), tmp_path / "killed"
+    struck = [killed(folder, victim, draws, latest=0.5)[0] for victim in ("runner", "worker", "runner")]
+    assert any(struck), "it ended before anything was killed"
+    in_peace(folder)
+    same(folder, expected)
