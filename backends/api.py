@@ -114,7 +114,8 @@ class Builder:
     `random`: it draws from `rng`, so it is run once a seed even where the log is always the same. `loops`: it takes
     RelativePoses factors; a log that has some is skipped for a backend that does not. `associates`: it finds landmarks
     for sightings with id UNKNOWN by itself; for the others these are taken out of the log, and counted. `forgets`: it
-    lets go of landmarks that are long out of view, so that it does not close loops.
+    lets go of landmarks that are long out of view, so that it does not close loops. `linear`: it takes the models for
+    linear at a heading that is not its estimate, and where that heading is off is held to dead reckoning's bound alone.
     """
 
     make: Callable[[Prior, Any, np.random.Generator], Backend]
@@ -123,6 +124,7 @@ class Builder:
     loops: bool = False
     associates: bool = False
     forgets: bool = False
+    linear: bool = False
 
     @property
     def summary(self) -> str:

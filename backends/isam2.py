@@ -2,8 +2,8 @@
 
 Two things are done otherwise than in GTSAM's examples. The latest pose is taken from its marginal, which the top of the
 Bayes tree alone gives, since its last factors have just been put there: asking for the estimate would substitute back
-through all that has changed, at every step. And variables are checked for relinearization every 50 steps: `make
-study-isam2` shows what that saves and that nothing is lost.
+through all that has changed, at every step. And variables are checked for relinearization every 50 steps, which
+saves most of what checking costs (the study `relinearisation`).
 """
 
 import math
@@ -33,7 +33,7 @@ NOTHING = gtsam.VectorValues()
 
 @dataclass(frozen=True)
 class Options:
-    """The settings that `make study-isam2` found best."""
+    """The settings that were found best."""
 
     relinearize_threshold: float = option(
         0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0

@@ -132,4 +132,4 @@ def _left(w: Array) -> Array:
     return np.array([-w[1], w[0]])
 
 
-build = Builder(Kf)
+build = Builder(Kf, linear=True)

@@ -33,17 +33,22 @@ def plugins() -> Mapping[str, EntryPoint]:
     return {found.name: found for found in entry_points(group=GROUP) if found.name not in BUILTIN}
 
 
+def target(name: str) -> str:
+    """Where the builder of that name is, as module:builder; KeyError where nothing has the name."""
+    return BUILTIN.get(name) or (name if ":" in name else plugins()[name].value)
+
+
 def find(name: str) -> Builder:
     """The builder of that name.
 
     Raises KeyError where nothing has the name, and Missing where what has it cannot be imported or is no Builder.
     """
-    target = BUILTIN.get(name) or (name if ":" in name else plugins()[name].value)
-    module, _, attribute = target.partition(":")
+    place = target(name)
+    module, _, attribute = place.partition(":")
     try:
         found = getattr(import_module(module), attribute)
     except Exception as error:  # a plug-in's import may fail in any way at all, and that is the plug-in's matter
-        raise Missing(f"backend {name}: {target} cannot be imported: {type(error).__name__}: {error}") from error
+        raise Missing(f"backend {name}: {place} cannot be imported: {type(error).__name__}: {error}") from error
     if not isinstance(found, Builder):
-        raise Missing(f"backend {name}: {target} is {type(found).__name__}, expected slamduel.backends.api.Builder")
+        raise Missing(f"backend {name}: {place} is {type(found).__name__}, expected slamduel.backends.api.Builder")
     return found

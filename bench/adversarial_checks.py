@@ -11,8 +11,9 @@ What a backend may be off from it is SIGMAS standard deviations of a Kalman filt
   fold at the m-th motion, and q h.
 - A backend that makes no use of sightings (the check sees that on an ordinary log) has the covariance of dead
   reckoning. So has one that forgets landmarks: of all the batch answer knows of a place that is seen again, it has
-  what dead reckoning brings along and no more. One that draws particles is given twice that: its path is a sample of
-  what the answer is a sample of.
+  what dead reckoning brings along and no more. So has one that is `linear`: it turns what it sees by a heading that is
+  not its estimate, and where that is off its gains are those of another world. One that draws particles is given twice
+  that: its path is a sample of what the answer is a sample of.
 - Where an error was planted that is larger than claimed, m standard deviations of it move an estimate by m of its own
   (K R K' <= P), so SIGMAS becomes SIGMAS + m.
 """
@@ -34,6 +35,7 @@ from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, Trial, stays
 from .conformance_logs import around, dead_reckoned
 from .cost import cost
 from .journey import Journey, journey
+from .reference import reference
 
 DIGITS = 1e-9
 """The share of the coordinates' size that rounding and iterations stopped early may add up to."""
@@ -78,9 +80,10 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
 def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[Array, Array]:
     """How far (n,) m and (n,) rad an estimate may be off the batch answer at each step."""
     log, cov = adversary.journey.log, answer.cov
-    if candidate.builder.forgets or not uses_sightings(ordinary(candidate)):
+    built = candidate.builder
+    if built.forgets or built.linear or not uses_sightings(ordinary(candidate)):
         cov = answer.reckoned
-    elif candidate.builder.random:
+    elif built.random:
         cov = 2 * answer.reckoned
     sigmas = SIGMAS + adversary.planted
     size = np.abs(answer.path[:, :2]).max() + (log.z[:, 0].max() if len(log.z) else 0.0)
@@ -106,8 +109,6 @@ def ordinary(candidate: Candidate) -> Trial:
 @cache
 def batch_answer(adversary: Adversary) -> Answer:
     """The answer that every backend is held to; the optimum is kept in the user's cache."""
-    from .reference import reference  # and GTSAM with it
-
     made = adversary.journey
     found = reference(made.log)
     along, batch = made, False

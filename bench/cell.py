@@ -19,9 +19,9 @@ from ..frontend import compiled
 from ..frontend.errors import SlamduelError
 from ..frontend.factors import UNKNOWN, Log, Truth
 from .drive import drive
+from .endings import TOLD
 from .memory import Peak, limited
 from .score import score
-from .summary import TOLD
 
 
 @dataclass(frozen=True)

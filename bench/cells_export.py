@@ -47,7 +47,7 @@ def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[t
     """
     wanted = [(made, path) for made, path in ((CsvFile, csv), (ParquetFile, parquet)) if path is not None]
     for _, path in wanted:
-        if path.is_dir() or path.name in (FILE, RUN):
+        if path.is_dir() or path.name.startswith((FILE, RUN)):  # with what SQLite keeps beside them
             raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'a record'}, expected a file to be made.")
     if csv is not None and parquet is not None and csv.absolute() == parquet.absolute():
         raise InputError(f"--csv and --parquet: found {csv} for both, expected a file each.")

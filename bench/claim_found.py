@@ -1,11 +1,10 @@
 """What was found for a claim: an estimate with its interval, and how that stands to the claim's bounds."""
 
-from math import inf, isinf, isnan
+from math import inf, isinf, isnan, nan
 from typing import Literal, NamedTuple
 
 Verdict = Literal["holds", "fails", "open"]
 """open: the interval is on both sides of a bound, or there is too little to tell."""
-
 
 FIGURES = ("estimate", "low", "high", "n", "p", "medians")
 """The numbers of what was found."""
@@ -45,5 +44,4 @@ def margin(low: float, high: float, least: float, most: float) -> float:
 
 def nothing(reason: str) -> Found:
     """Where no cell has an answer, for that reason."""
-    nan = float("nan")
     return Found("open", nan, nan, nan, 0, -inf, reason, "")

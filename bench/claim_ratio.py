@@ -12,7 +12,7 @@ from .claim_median import cautious
 from .claim_side import Side, pairs
 from .claim_words import ratio, sized, tested
 from .numerals import factor, larger
-from .statistics import LEVEL, Shift, log_ratios, shift
+from .statistics import LEVEL, Shift, exponential, log_ratios, shift
 
 
 def less(claim: Claim, first: Side, second: Side) -> Found:
@@ -79,7 +79,7 @@ class _Ratios(NamedTuple):
         """The figures, from the interval of d; verdict and bounds are yet to come."""
         medians = tuple(cautious(values).value for values in (self.first, self.second))
         one, other = (sized(value, measure) for value, measure in zip(medians, self.measures, strict=True))
-        at, start, end = (_exp(value) for value in (shift(self.d[~np.isnan(self.d)]).value, low, high))
+        at, start, end = (exponential(value) for value in (shift(self.d[~np.isnan(self.d)]).value, low, high))
         n = len(self.d)
         said = f"{one} against {other}"
         if not np.isnan(low):
@@ -94,8 +94,3 @@ def _paired(first: Side, second: Side) -> _Ratios | None:
         return None
     a, b = both.first[:, 0], both.second[:, 0]
     return _Ratios((first.measure, second.measure), a, b, log_ratios(a, b), both.lost)
-
-
-def _exp(logarithm: float) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.exp(logarithm))

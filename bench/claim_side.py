@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from ..frontend.se2 import Array, Ints
 from .contest import ROUNDING
+from .endings import FAILED
 from .medians import ERRORS
 from .numerals import listed
 from .study_table import StudyTable
-from .summary import FAILED
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]

@@ -1,9 +1,12 @@
 """The command line: `bench run`, `bench detect` and the others. A mendable error is one sentence and status 2."""
 
 import argparse
+import contextlib
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Generator, Sequence
 from importlib import import_module
 
 from ..frontend.errors import Interrupted, SlamduelError
@@ -23,7 +26,7 @@ COMMANDS = {
     "speed": ("time a step of every backend, or of the front end, against stated references", ".command_speed"),
     "ablate": ("run a study to its answer, on this machine or a cluster", ".command_ablate"),
     "check": ("hold a backend to the conformance suite", ".command_check"),
-    "report": ("write the report of a run's folder again", ".command_report"),
+    "report": ("write the report of a run's or a study's folder again", ".command_report"),
     "compare": ("regressions and gains between two runs, for a pull request or CI", ".command_compare"),
     "replay": ("a run step by step, backends side by side, as a page, a film or a recording", ".command_replay"),
 }
@@ -54,7 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.path.append(os.getcwd())  # so that my_module:build is found in the folder one stands in
         namespace = parser.parse_args(given)
         assert action is not None  # argparse has refused every other command
-        return action(namespace)
+        with _ended_gently():
+            return action(namespace)
     except Interrupted as error:
         print(f"bench: interrupted; {error}.", file=sys.stderr)
         return 130
@@ -70,6 +74,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("bench: interrupted.", file=sys.stderr)
         return 130
+
+
+@contextlib.contextmanager
+def _ended_gently() -> Generator[None]:
+    """Who is asked to end, by a batch system or a closing terminal, ends as after Ctrl-C: nothing is left behind."""
+    ours: list[signal.Signals] = []
+    if threading.current_thread() is threading.main_thread():
+        ours = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) == signal.SIG_DFL]
+    for one in ours:
+        signal.signal(one, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for one in ours:
+            signal.signal(one, signal.SIG_DFL)
 
 
 if __name__ == "__main__":

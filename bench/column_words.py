@@ -5,6 +5,9 @@ from .definitions import COLUMNS, WORKED_OUT
 CONSISTENCY = ("nees", "final_nees", "landmark_nees", "final_landmark_nees", "nis")
 """Columns that are 1 where a belief is as wide as its errors."""
 
+EXPECTED = {**dict.fromkeys(CONSISTENCY, 1.0), "nees_inside": 0.95, "landmark_nees_inside": 0.95}
+"""What a column is on average where a belief is as wide as its errors."""
+
 _SAID = {
     "heading_rad": "error of the heading", "final_heading_rad": "error of the final heading",
     "map_rmse_m": "error of the map", "final_map_rmse_m": "error of the final map",
@@ -12,6 +15,8 @@ _SAID = {
     "step_us_mean": "mean time of a step", "step_us_p50": "median time of a step",
     "step_us_p95": "95th percentile of a step's time", "step_us_p99": "99th percentile of a step's time",
     "step_us_max": "time of the slowest step", "belief_us_mean": "mean time of a belief",
+    "step_us_fifth1": "mean time of a step in the first fifth",
+    "step_us_fifth5": "mean time of a step in the last fifth",
     "finish_s": "time of the finish",
     "setup_s": "time of the set-up", "cpu_s": "time of the whole log",
 }  # fmt: skip

@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.console import Console
+from rich.table import Table
 
 from ..frontend.errors import InputError, Interrupted
 from . import study_file
@@ -19,10 +21,10 @@ from .numerals import counted
 from .study import Study
 from .study_choice import choice
 from .study_progress import StudyScreen
-from .study_runner import Tally, Wanted, run
+from .study_runner import Tally, Wanted, refuse_another, run
 from .study_schema import FILE
 from .study_store import StudyStore
-from .terminal import screen_console
+from .terminal import plain, screen_console
 
 EXECUTORS = ("local", "here", "dask", "slurm")
 
@@ -118,9 +120,21 @@ def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespa
     from .study_estimate import estimate
 
     with contextlib.ExitStack() as stack:
+        if out.exists() and not out.is_dir():
+            raise InputError(f"--out {out}: is no folder, expected one, or the name of a new one.")
         store = stack.enter_context(StudyStore(out)) if (out / FILE).is_file() else None
+        if store is not None:
+            refuse_another(store, study)
         executor = stack.enter_context(contextlib.closing(_executor(namespace, study, console.print)))
-        for sentence in estimate(study, store, executor, wanted).sentences():
+        found = estimate(study, store, executor, wanted)
+        head, *rows = found.table()
+        table = Table(*head, box=box.SIMPLE_HEAD)
+        for column in table.columns[2:]:
+            column.justify = "right"
+        for row in rows:
+            table.add_row(*map(plain, row))
+        console.print(table)
+        for sentence in found.sentences():
             console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 

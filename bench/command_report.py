@@ -1,4 +1,4 @@
-"""`bench report FOLDER`: the files and the report of a run's folder, made again from its record."""
+"""`bench report FOLDER`: the files and the report of a run's folder, or a study's, made again from its record."""
 
 import argparse
 import os
@@ -12,6 +12,7 @@ from .export import export
 from .report import write_report
 from .run_files import CELLS
 from .store import Store
+from .study_schema import FILE as STUDY
 
 FORMS = ("pdf", "png")
 WRITTEN = (CELLS, "metrics.csv", "cost.csv", "run.json", "report.html", "report.md")
@@ -25,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "Of a folder that is damaged it gives what can be read, and names what was left out; nothing in it is lost: "
         f"files that would come out poorer than they were are kept in {EARLIER}/."
     )
-    parser.add_argument("folder", type=Path, help="the folder that bench run left")
+    parser.add_argument("folder", type=Path, help="the folder that bench run or bench ablate left")
     parser.add_argument(
         "--figures", type=_forms, default=(), metavar="FORMS", help="every figure in these forms, too: pdf, png or both"
     )
@@ -43,9 +44,16 @@ def _forms(text: str) -> tuple[str, ...]:
 def main(namespace: argparse.Namespace) -> int:
     """Write the files anew; 0."""
     folder: Path = namespace.folder
+    if (folder / STUDY).is_file():
+        from .study_report import write
+
+        _check_writable(folder)
+        page = write(folder, namespace.figures)
+        if not namespace.quiet:
+            Console(highlight=False, markup=False, soft_wrap=True).print(f"report: {page}")
+        return 0
     with Store(folder) as store:
-        if not os.access(folder, os.W_OK):
-            raise InputError(f"{folder}: cannot be written to, expected a folder that can, or a copy of it.")
+        _check_writable(folder)
         before = {name: (folder / name).read_bytes() for name in WRITTEN if (folder / name).is_file()}
         try:
             if store.recorded:
@@ -62,6 +70,11 @@ def main(namespace: argparse.Namespace) -> int:
             console.print(f"{', '.join(kept)}: as they were before, in {folder / EARLIER}")
         console.print(f"report: {folder / 'report.html'}")
     return 0
+
+
+def _check_writable(folder: Path) -> None:
+    if not os.access(folder, os.W_OK):
+        raise InputError(f"{folder}: cannot be written to, expected a folder that can, or a copy of it.")
 
 
 def _kept(store: Store, before: Mapping[str, bytes]) -> list[str]:

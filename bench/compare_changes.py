@@ -12,10 +12,11 @@ import numpy as np
 
 from .compare_runs import Facing, Pair
 from .contest import ROUNDING
+from .endings import FAILED
 from .numerals import chance, counted, listed, number
 from .record import Row
 from .statistics import FEWEST, LEVEL, Comparison, compare, holm
-from .summary import FAILED, remarks
+from .summary import remarks
 
 REGRESSION, GAIN = "regression", "gain"
 NOTHING, FEW, SAME = "no difference shown", "too few logs to test", "the same to the last bit"

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from math import isinf, isnan
 from typing import Any, Literal, NamedTuple
 
+from .claim_answer import Answer, Part
 from .claim_found import FIGURES, Verdict
-from .claim_test import Answer, Part
 from .numerals import counted
 
 SAYS = {

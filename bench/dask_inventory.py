@@ -19,7 +19,7 @@ from .library_version import version
 Inventory = Mapping[tuple[str, str], str]
 """(kind, name) -> version or digest; kinds are python, library, module, plug-in and file."""
 
-JUDGE = f"{PACKAGE}.bench.batch"
+WORK = f"{PACKAGE}.bench.batch"
 """Imports all that has a part in a cell's numbers, but for datasets and backends."""
 
 SHOWN = 3
@@ -33,9 +33,9 @@ def inventory(batches: Iterable[Batch]) -> Inventory:
         names |= {job.name for _, job in batch.jobs}
         sources.add(batch.dataset)
         paths.add(str(getattr(batch.options, "path", None) or ""))
-    modules = {JUDGE} | {f"{PACKAGE}.datasets{datasets.BUILTIN[name].partition(':')[0]}" for name in sources}
+    modules = {WORK} | {datasets.module(name) for name in sources}
     own = {name for name in names if name not in backends.BUILTIN}
-    modules |= {_target(name) for name in names}
+    modules |= {backends.target(name).partition(":")[0] for name in names}
     wanted: set[tuple[str, str]] = {("python", "Python")} | {("plug-in", name) for name in own}
     wanted |= {("file", path) for path in paths if Path(path).exists() and path}
     for module in modules:
@@ -89,13 +89,6 @@ def _plugin(name: str) -> str:
     except backends.Missing as error:
         return str(error)
     return ""
-
-
-def _target(backend: str) -> str:
-    """The module of a backend."""
-    plugin = backends.plugins().get(backend)
-    target = backends.BUILTIN.get(backend) or (plugin.value if plugin is not None else backend)
-    return target.partition(":")[0]
 
 
 def _module(name: str) -> str:

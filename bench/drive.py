@@ -7,17 +7,17 @@ to the last bit, or the answer to "how fast" and the answer to "how good" would 
 
 import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
 from ..backends.api import Backend, Belief, Builder, Diverged, Solution, WantsTruth
 from ..frontend import compiled
 from ..frontend.errors import SlamduelError
-from ..frontend.factors import Log, Map, Step, Truth
+from ..frontend.factors import Log, Map, Prior, Step, Truth
 from ..frontend.se2 import Array, Ints
 from .clock import CLOCK
 
@@ -29,6 +29,9 @@ WARM_UP = 20
 
 Where a compiled function of ours is first called later than that, the whole timing pass is made again.
 """
+
+_POSE, _COV = (3,), (3, 3)
+_FLOAT = np.dtype(np.float64)
 
 
 class Broken(SlamduelError):
@@ -73,7 +76,7 @@ def drive(
     """
     log = log if builder.associates else log.identified()
     steps = list(log)
-    _warm_up(builder, options, log, generator, truth)
+    _warm_up(builder, options, log.prior, steps[:WARM_UP], generator, truth)
     clock = CLOCK.cost()
 
     gc.collect()
@@ -107,8 +110,8 @@ def drive(
         cov=beliefs.cov,
         nis=beliefs.nis,
         nis_dof=beliefs.nis_dof,
-        n_eff=np.array(beliefs.n_eff),
-        ancestors=np.array(beliefs.ancestors),
+        n_eff=beliefs.n_eff,
+        ancestors=beliefs.ancestors,
         refused=beliefs.refused,
         map=_checked_map(found, "map()"),
         solution=solution,
@@ -129,13 +132,18 @@ def _tell(backend: Backend, truth: Truth | None) -> bool:
 
 
 def _warm_up(
-    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None
+    builder: Builder,
+    options: Any,
+    prior: Prior,
+    steps: Sequence[Step],
+    generator: Callable[[], np.random.Generator],
+    truth: Truth | None,
 ) -> None:
     """Take a backend of its own through the log's first steps, every method once."""
-    backend = builder.make(log.prior, options, generator())
+    backend = builder.make(prior, options, generator())
     _tell(backend, truth)
-    for k in range(min(WARM_UP, len(log))):
-        backend.step(log[k])
+    for step in steps:
+        backend.step(step)
     backend.belief()
     backend.map()
     backend.finish()
@@ -143,8 +151,7 @@ def _warm_up(
 
 def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
     """The online path (n, 3), and each step's CPU and wall time in ns."""
-    poses = np.empty((len(steps), 3))
-    given = 0
+    poses = bytearray()
     cpu, wall = [0] * len(steps), [0] * len(steps)
     cpu_clock, wall_clock = time.process_time_ns, time.perf_counter_ns
     for k, step in enumerate(steps):
@@ -154,11 +161,13 @@ def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints
         wall_end = wall_clock()
         cpu[k] = cpu_clock() - cpu_start
         wall[k] = wall_end - wall_start
-        given += _took(pose, poses, k)
+        if pose is not None:
+            poses += _pose(pose, k)
     times = np.array(cpu, np.int64), np.array(wall, np.int64)
-    if given not in (0, len(steps)):
+    online = np.frombuffer(poses).reshape(-1, *_POSE)
+    if len(online) not in (0, len(steps)):
         raise Broken("step() returned a pose at some steps and None at others, expected one or the other throughout")
-    return (poses if given else None, *times)
+    return (online if len(online) else None, *times)
 
 
 class _Beliefs(NamedTuple):
@@ -167,71 +176,75 @@ class _Beliefs(NamedTuple):
     cov: Array
     nis: Array
     nis_dof: Ints
-    n_eff: list[float]
-    ancestors: list[float]
+    n_eff: Array
+    ancestors: Array
     refused: Ints
     ns: Ints  # what asking cost
-
-    @classmethod
-    def none(cls, n: int) -> "_Beliefs":
-        nis_dof, refused, ns = np.zeros((3, n), np.int64)
-        unknown = [np.nan] * n
-        return cls(np.full((n, 3, 3), np.nan), np.full(n, np.nan), nis_dof, unknown, [*unknown], refused, ns)
 
 
 def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _Beliefs:
     """The belief after every step; Broken where asking has changed the path."""
-    found, again = _Beliefs.none(len(steps)), np.empty((len(steps), 3))
-    for k, step in enumerate(steps):
-        given = _took(backend.step(step), again, k)
-        if online is not None and not (given and again[k].tobytes() == online[k].tobytes()):
-            raise Broken(
-                f"step {k}: the path differs once beliefs are asked for: {again[k] if given else None}, "
-                f"expected {online[k]}"
-            )
-        start = time.process_time_ns()
-        belief = backend.belief()
-        found.ns[k] = time.process_time_ns() - start
-        if belief is None:
-            continue
-        if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
-            raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
-        if belief.cov is not None:
-            _take_cov(belief.cov, found.cov[k], k)
-        if belief.nis is not None:
-            found.nis[k] = belief.nis
-        found.nis_dof[k], found.refused[k] = belief.nis_dof, belief.refused
-        if belief.n_eff is not None:
-            found.n_eff[k] = belief.n_eff
-        if belief.ancestors is not None:
-            found.ancestors[k] = belief.ancestors
-    return found
+    n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
+    nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
+    nis_dof, refused = [0] * n, [0] * n
+    path = b"" if online is None else online.tobytes()
+    known, covs = list[int](), bytearray()
+    try:
+        for k, step in enumerate(steps):
+            pose = backend.step(step)
+            if not (_is_floats(pose, _POSE) and pose.tobytes() == path[24 * k : 24 * k + 24]):
+                _check_again(pose, online, k)
+            start = clock()
+            belief = backend.belief()
+            ns[k] = clock() - start
+            if belief is None:
+                continue
+            if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
+                raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
+            _, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _ = belief
+            if cov is not None:
+                covs += (cov if _is_floats(cov, _COV) else _finite_cov(cov, k)).tobytes()
+                known.append(k)
+    finally:  # what is not finite was there before any error
+        found = _covariances(covs, known, n)
+    return _Beliefs(
+        cov=found,
+        nis=np.array(nis, np.float64).reshape(n),
+        nis_dof=np.array(nis_dof, np.int64).reshape(n),
+        n_eff=np.array([np.nan if value is None else value for value in n_eff]),
+        ancestors=np.array([np.nan if value is None else value for value in ancestors]),
+        refused=np.array(refused, np.int64).reshape(n),
+        ns=np.array(ns, np.int64),
+    )
 
 
-def _took(pose: Any, into: Array, k: int) -> bool:
-    """Whether step() returned a pose at step k; it is copied. That nearly all are in order is seen at little cost."""
-    if pose is None:
-        return False
-    if type(pose) is np.ndarray and pose.shape == (3,) and pose.dtype == np.float64:
+def _pose(pose: Any, k: int) -> bytes:
+    """A copy of what step() returned at step k. That nearly all are in order is seen at little cost."""
+    if _is_floats(pose, _POSE):
         x, y, heading = pose.tolist()
         if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and isfinite(heading):
-            into[k] = pose
-            return True
-    into[k] = _on_earth(pose, (3,), f"step {k}: the pose")
-    return True
+            return pose.tobytes()
+    return _on_earth(pose, _POSE, f"step {k}: the pose").tobytes()
 
 
-def _take_cov(cov: Any, into: Array, k: int) -> None:
-    """Copy a belief's covariance."""
-    if (
-        type(cov) is np.ndarray
-        and cov.shape == (3, 3)
-        and cov.dtype == np.float64
-        and isfinite(sum(cov.ravel().tolist()))
-    ):
-        into[:] = cov  # a sum is finite only where all its terms are
-    else:
-        into[:] = _finite(cov, (3, 3), f"step {k}: the belief's covariance")
+def _check_again(pose: Any, online: Array | None, k: int) -> None:
+    """Broken unless the pose, if there is one, is the same as when no beliefs were asked for."""
+    again = None if pose is None else np.frombuffer(_pose(pose, k))
+    if online is not None and (again is None or again.tobytes() != online[k].tobytes()):
+        raise Broken(f"step {k}: the path differs once beliefs are asked for: {again}, expected {online[k]}")
+
+
+def _covariances(covs: bytearray, known: Sequence[int], n: int) -> Array:
+    """(n, 3, 3) from the bytes of those that are known, at these steps; Diverged names the first that is not finite."""
+    cov, found = np.full((n, *_COV), np.nan), np.frombuffer(covs).reshape(-1, *_COV)
+    for row in np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))[:1]:
+        _finite_cov(found[row], known[row])
+    cov[known] = found
+    return cov
+
+
+def _is_floats(values: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
+    return type(values) is np.ndarray and values.shape == shape and values.dtype is _FLOAT
 
 
 def _checked_solution(solution: Any, n: int) -> Solution | None:
@@ -258,6 +271,10 @@ def _on_earth(poses: Any, shape: tuple[int, ...], what: str) -> Array:
     if far > FARTHEST:
         raise Diverged(f"{what} is {far:.1e} m from the origin, farther than the {FARTHEST:.0e} m of any log")
     return found
+
+
+def _finite_cov(cov: Any, k: int) -> Array:
+    return _finite(cov, _COV, f"step {k}: the belief's covariance")
 
 
 def _finite(values: Any, shape: tuple[int, ...], what: str) -> Array:

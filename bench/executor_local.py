@@ -23,6 +23,9 @@ MOST_JOBS = 500
 """That a process does before it is replaced: what leaks does not add up, and a new one costs no more than a few jobs.
 """
 
+MOST_WAIT_S = 3600.0
+"""Between two looks at the clock: the system refuses to wait for weeks at once."""
+
 AHEAD = 2
 """Batches in a worker's hands, so that it never waits for whoever takes the results in."""
 
@@ -134,11 +137,8 @@ def _single(batches: Sequence[Batch]) -> Iterator[Batch]:
 
 def _ready(busy: Sequence[PoolWorker]) -> list[PoolWorker]:
     """Wait until one of them has something to say, is dead, or overdue; those."""
-    patience = max(0.0, min(worker.deadline for worker in busy) - time.monotonic())
-    ready = wait(
-        [channel for worker in busy for channel in worker.process.channels],
-        None if patience == float("inf") else patience,
-    )
+    patience = max(0.0, min(MOST_WAIT_S, *(worker.deadline - time.monotonic() for worker in busy)))
+    ready = wait([channel for worker in busy for channel in worker.process.channels], patience)
     now = time.monotonic()
     return [w for w in busy if now >= w.deadline or any(channel in ready for channel in w.process.channels)]
 

@@ -12,14 +12,12 @@ backend a cell has is in its key.
 import functools
 import hashlib
 import platform
-import sys
 from collections.abc import Collection, Iterator
 from importlib import util
-from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 from .imports import NONE, Imports, imports
-from .library_version import is_library, version
+from .library_version import is_library, located, version
 
 PACKAGE = __name__.partition(".")[0]
 
@@ -82,7 +80,7 @@ def source(name: str) -> Path | None:
     """The file of the module of that full name; None where there is none, or it is Python's own."""
     package, _, last = name.rpartition(".")
     if not package:
-        spec = found(name)
+        spec = located(name)
         return Path(spec.origin) if spec is not None and spec.has_location and spec.origin else None
     folder = folder_of(package)
     if folder is None:
@@ -96,22 +94,11 @@ def folder_of(package: str) -> Path | None:
     """Where the package's modules are; nothing is imported to find that out."""
     outer, _, last = package.rpartition(".")
     if not outer:
-        spec = found(package)
+        spec = located(package)
         places = list(spec.submodule_search_locations or ()) if spec is not None else []
         return Path(places[0]) if places else None
     above = folder_of(outer)
     return above / last if above is not None and (above / last).is_dir() else None
-
-
-@functools.cache
-def found(name: str) -> ModuleSpec | None:
-    """Where a top-level module comes from; None for Python's own, and where there is none."""
-    if name in sys.stdlib_module_names:
-        return None
-    try:
-        return util.find_spec(name)
-    except (ValueError, ImportError):  # of a module that has been put together by hand
-        return None
 
 
 def _parents(name: str) -> Iterator[str]:

@@ -12,11 +12,10 @@ from urllib.parse import quote
 
 from ..frontend.errors import InputError, SlamduelError
 from ..frontend.files import write_whole
-from .numerals import counted
+from .numerals import counted, lasting
 from .page import rendered
 from .study_evidence import SIGNS, VERDICTS, Evidence, evidence
-from .study_report import lasting
-from .study_store import FILE
+from .study_schema import FILE
 
 FOLDER, PAGE = Path("results/gallery"), "index.html"
 

@@ -16,7 +16,7 @@ from typing import Any
 from ..backends import registry as backends
 from .candidate import Candidate
 from .conformance import Check, Outcome, chosen, examine
-from .workers import execute
+from .processes import execute
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ import numpy as np
 from ..frontend.errors import InputError
 from ..frontend.factors import Map
 from ..frontend.se2 import Array
-from ..frontend.table import Table, symmetric, text
+from ..frontend.table import Table, text
+from ..frontend.triangles import symmetric
 from .export import MAP as COLUMNS
 
 

@@ -3,14 +3,26 @@
 import functools
 import sys
 from importlib import util
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 _INSTALLED = ("site-packages", "dist-packages")
 
 
+@functools.cache
+def located(name: str) -> ModuleSpec | None:
+    """Where a top-level module comes from; None for Python's own, and where there is none."""
+    if name in sys.stdlib_module_names:
+        return None
+    try:
+        return util.find_spec(name)
+    except (ValueError, ImportError):  # of a module that has been put together by hand
+        return None
+
+
 def is_library(name: str) -> bool:
     """Whether the top-level name is of code that is installed and not worked on, other than Python's own."""
-    return name not in sys.stdlib_module_names and home_of(name) is not None
+    return home_of(name) is not None
 
 
 @functools.cache
@@ -28,10 +40,7 @@ def version(name: str) -> str:
 @functools.cache
 def home_of(name: str) -> Path | None:
     """The folder of installed libraries that the top-level name is found in."""
-    try:
-        spec = util.find_spec(name)
-    except (ValueError, ImportError):  # of a module that has been put together by hand
-        return None
+    spec = located(name)
     if spec is None:
         return None
     places = [*(spec.submodule_search_locations or ()), *([spec.origin] if spec.has_location and spec.origin else [])]

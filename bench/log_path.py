@@ -9,6 +9,7 @@ from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ..frontend.se2 import Array, Ints, between, compose
 from .log_places import Places, placed
+from .reference import outliers, reference
 
 LARGEST = 40_000
 """Steps and sightings up to which the batch optimum is found without being asked for: about half a minute."""
@@ -75,8 +76,6 @@ def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
     size = len(log) + len(log.ids)
     if solve is False or (solve is None and size > LARGEST):
         return None, "dead reckoning" + ("; --solve finds the batch optimum" if solve is None else "")
-    from .reference import outliers, reference  # gtsam
-
     truth = reference(log)
     if truth is None:
         return None, "dead reckoning; no batch optimum was found"

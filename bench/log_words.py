@@ -28,7 +28,7 @@ def headline(found: Numbers) -> str:
     """What the log is, in a sentence that fits over a picture."""
     parts = [counted(found.way.steps, "step"), f"{number(found.way.odometry_m)} m"]
     if found.times is not None:
-        parts.append(lasting(found.times.duration))
+        parts.append(_duration(found.times.duration))
     seen = counted(found.seen.sightings, "sighting")
     if found.landmarks is not None:
         seen += f" of {counted(found.landmarks.landmarks, 'landmark')}"
@@ -60,7 +60,7 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
         yield "odometry against truth", _joined(_honest(known.odometry))
 
 
-def lasting(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     """A length of time: 12.3 s, 25.6 min or 3.2 h."""
     if seconds < 600:
         return f"{number(seconds)} s"
@@ -99,7 +99,7 @@ def _times(found: Numbers) -> Iterator[str]:
         yield "none: t is the number of the step"
         return
     t = found.times
-    yield lasting(t.duration)
+    yield _duration(t.duration)
     yield f"a step every {number(t.median)} s"
     yield f"at most {number(t.longest)} s apart"
     yield f"{counted(t.gaps, 'gap')} of more than 5 times the median" if t.gaps else "no gap"
@@ -115,7 +115,7 @@ def _seen(seen: Seen) -> Iterator[str]:
     if seen.steps_without:
         length = f"{number(seen.longest_without_m)} m"
         if seen.longest_without_s is not None:
-            length += f", {lasting(seen.longest_without_s)}"
+            length += f", {_duration(seen.longest_without_s)}"
         yield f"{counted(seen.steps_without, 'step')} without, at most {seen.longest_without:,} in a row ({length})"
     else:
         yield "no step without"

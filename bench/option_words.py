@@ -9,8 +9,8 @@ from ..backends import registry as backends
 from ..datasets import registry as datasets
 from .study_table import StudyTable
 
-LONGEST = 52
-"""Letters that an axis has room for."""
+LONGEST = 84
+"""Letters that an axis has room for, in two lines."""
 
 
 def option_words(parameter: str, table: StudyTable) -> str:
@@ -22,7 +22,7 @@ def option_words(parameter: str, table: StudyTable) -> str:
         return plain
     for column, registry in (("dataset", datasets), ("backend", backends)):
         summary = _summary(registry, str(table.columns[column][having[0]]).partition("[")[0], name)
-        if summary:
+        if summary and ":" not in summary:  # what stands after it tells the default, or one choice from another
             said = summary if plain in summary else f"{summary} ({plain})"
             return said if len(said) <= LONGEST else plain
     return plain

@@ -21,6 +21,15 @@ COLUMNS = (
 )  # fmt: skip
 """The columns of cells.csv, in order."""
 
+KEY = COLUMNS[:5]
+"""Those that name a cell."""
+
+WORDS = COLUMNS[:9]
+"""Those that say which cell it is and how it ended; what follows them was measured."""
+
+TEXTS = tuple(name for name in WORDS if name != "seed")
+"""Those that hold no number."""
+
 MORE = (
     "length_s", "real_time", "align_x_m", "align_y_m", "align_rad", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
     "rpe_rad", "landmarks_missed", "landmarks_spurious", "landmark_nees", "landmark_nees_inside",

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..backends import graph
+from .. import backends
 from ..backends.api import Diverged, Solution
 from ..datasets import archive, cache
 from ..frontend.errors import InputError
@@ -97,9 +97,9 @@ def _beside(places: Map, onto: Map) -> Map:
 
 
 def _found(log: Log) -> Truth | None:
-    solution, words = _optimum(log, graph.Options()), ""
+    solution, words = _optimum(log), ""
     if solution is None or outliers(log, solution).many:
-        robust = _optimum(log, graph.Options(loss="cauchy"))
+        robust = _optimum(log, loss="cauchy")
         if robust is not None:
             odd = outliers(log, robust)
             solution = robust
@@ -109,8 +109,10 @@ def _found(log: Log) -> Truth | None:
     return Truth(log.t, solution.path, solution.map._replace(cov=None), None, "reference", "reference", words)
 
 
-def _optimum(log: Log, options: graph.Options) -> Solution | None:
-    batch = graph.build.make(log.prior, options, np.random.default_rng(0))
+def _optimum(log: Log, loss: str = "none") -> Solution | None:
+    from ..backends import graph  # gtsam
+
+    batch = graph.build.make(log.prior, graph.Options(loss=loss), np.random.default_rng(0))
     for step in log.identified():
         batch.step(step)
     try:
@@ -122,6 +124,6 @@ def _optimum(log: Log, options: graph.Options) -> Solution | None:
 def _key(log: Log) -> str:
     """What the optimum depends on: the factors, the code that finds it and the library it uses."""
     total = hashlib.sha256(f"{log.digest} gtsam {metadata.version('gtsam')}\n".encode())
-    for file in [Path(__file__), *sorted(Path(graph.__file__).parent.glob("*.py"))]:
+    for file in [Path(__file__), *sorted(Path(backends.__file__).parent.glob("*.py"))]:
         total.update(file.read_bytes())
     return total.hexdigest()

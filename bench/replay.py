@@ -21,12 +21,12 @@ from . import prepare, replay_cell
 from .looks import Look, looks
 from .numerals import listed
 from .plan import Cell, Plan
+from .processes import execute
 from .record import Row
 from .replay_cell import Course, Landmarks
 from .runner import task
 from .spec import Variant
 from .store import Store
-from .workers import execute
 
 V = TypeVar("V", bound=Variant)
 

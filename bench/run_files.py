@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .soundness import KEY, TEXTS
+from .record import KEY, TEXTS
 
 CELLS, METRICS, RUN = "cells.csv", "metrics.csv", "run.json"
 

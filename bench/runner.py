@@ -17,10 +17,10 @@ from . import prepare
 from .export import export
 from .machine import environment
 from .plan import Cell, Plan
+from .processes import Ended, execute
 from .record import FILE, Row
 from .recorder import Recorder
 from .spec import DatasetVariant
-from .workers import Ended, execute
 
 LOCK = ".lock"
 LOGS = "logs"

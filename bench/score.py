@@ -7,15 +7,15 @@ import numpy as np
 from ..backends.api import Diverged
 from ..frontend.factors import UNKNOWN, Log, Map, Truth
 from ..frontend.se2 import Array, Ints
-from ..frontend.table import upper
+from ..frontend.triangles import upper
 from .accuracy_columns import consistency_columns, map_accuracy, path_accuracy, stretches
 from .cost import Cost, cost
 from .drive import Outcome
+from .endings import REFERENCE, SURVEYED
 from .growth import mapped
 from .log_times import length
 from .metrics import covariances, nees
 from .step_cost import step_cost
-from .summary import REFERENCE, SURVEYED
 
 FEW = 0.9
 """Truth at a smaller share of the steps than this is remarked on."""

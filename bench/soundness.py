@@ -6,13 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from .record import TEXTS
+
 STATUSES = ("done", "diverged", "timeout", "error", "skipped")
 KINDS = ("truth", "reference", "")
-KEY = ("dataset", "dataset_options", "backend", "options", "seed")
-"""What names a cell."""
-
-TEXTS = (*KEY[:4], "status", "reason", "digest", "truth_kind")
-"""The columns that hold no number."""
 
 NEVER_NEGATIVE = ("ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m", "nees", "nis", "landmarks", "peak_mb")
 

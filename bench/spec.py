@@ -8,6 +8,7 @@ import types
 import typing
 from collections.abc import Iterable, Sequence
 from dataclasses import Field, dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,7 +27,7 @@ class Variant:
     name: str
     options: Any  # the options' dataclass
 
-    @property
+    @cached_property
     def given(self) -> str:
         """The options that differ from their defaults, as `name=value,...`."""
         changed = [
@@ -36,7 +37,7 @@ class Variant:
         ]
         return ",".join(f"{name}={_quoted(_text(value))}" for name, value in changed)
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The name, and in brackets the options that differ from their defaults: what the command line would take."""
         return f"{self.name}[{self.given}]" if self.given else self.name

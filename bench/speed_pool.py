@@ -1,7 +1,7 @@
 """`bench speed --pool`: what a pool of processes adds to the cells that it runs, beside the cells' own work alone.
 
-The reference is that work in the same run, by as many processes at once and in turns with the pool: the log drawn, the
-backend taken through it twice, its beliefs asked for, and the outcome judged.
+The reference is that work in the same run, by as many processes at once and in turns with the pool: the log drawn and
+checked, the backend warmed up and taken through it twice, its beliefs asked for, and the outcome judged.
 """
 
 import argparse
@@ -23,12 +23,12 @@ from ..frontend.errors import InputError
 from ..frontend.files import write_whole
 from .batch import Batch
 from .cell import Job, generator
-from .drive import drive
+from .drive import WARM_UP, drive
 from .executor_local import Local
 from .memory import MEGABYTE
+from .processes import execute
 from .score import score
 from .terminal import plain
-from .workers import execute
 
 OPTIONS = ("cells", "workers")
 """The study's own."""
@@ -132,13 +132,13 @@ def _work(batch: Batch) -> float:
     ((_, job),) = batch.jobs
     builder = backends.find(job.name)
     began = time.process_time()
-    log, truth = source.make(batch.options, cache.generator(batch.dataset, batch.seed))
+    log, truth = cache.prepared(batch.dataset, source, batch.options, batch.seed)
     drawn = time.process_time()
     steps = list(log)
     driven = time.process_time()
-    for asked in (False, True):
+    for part, asked in ((steps[:WARM_UP], False), (steps, False), (steps, True)):
         backend = builder.make(log.prior, job.options, generator(job.seed, job.backend))
-        for step in steps:
+        for step in part:
             backend.step(step)
             if asked:
                 backend.belief()

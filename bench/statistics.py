@@ -146,7 +146,7 @@ def _paired(first: str, second: str, one: Mapping[str, float], other: Mapping[st
     logs = [log for log in one if log in other]
     d = log_ratios(*(np.array([side[log] for log in logs], float) for side in (one, other)))
     found = shift(d)
-    ratio, low, high = _exp(found.value), _exp(found.low), _exp(found.high)
+    ratio, low, high = exponential(found.value), exponential(found.low), exponential(found.high)
     return Comparison(first, second, len(logs), int((d > 0).sum()), ratio, low, high, found.p, np.nan, found.effect)
 
 
@@ -159,6 +159,12 @@ def log_ratios(first: Array, second: Array) -> Array:
         d = np.log(second) - np.log(first)
     d[(first == second) | (abs(d) < SAME)] = 0
     return d
+
+
+def exponential(logarithm: float) -> float:
+    """Of what `log_ratios` has, infinite where no number is large enough."""
+    with np.errstate(over="ignore"):
+        return float(np.exp(logarithm))
 
 
 def signed_rank(differences: Array) -> tuple[float, float]:
@@ -199,11 +205,6 @@ def _rejected(n: int) -> int:
     """How many of the lesser rank sums 0, 1, 2 ... of n untied differences the test rejects."""
     ranks = tuple(range(2, 2 * n + 1, 2))
     return bisect_right(range(n * (n + 1) // 4), LEVEL / 2, key=lambda total: _below(ranks, 2 * total))
-
-
-def _exp(logarithm: float) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.exp(logarithm))
 
 
 def _middle(values: Array) -> float:

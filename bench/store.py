@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from ..frontend.errors import InputError
-from .record import COLUMNS, FILE, MORE, VERSION, Row, columns, label, rows, unpacked
+from .record import COLUMNS, FILE, KEY, MORE, VERSION, Row, columns, label, rows, unpacked
 from .run_facts import completed
 from .run_files import CELLS, RUN, Written, written
 from .salvage import BROKEN, agree, opened, salvage
-from .soundness import KEY, LOG_SHAPES, disbelief, incomplete, misfit, nonsense
+from .soundness import LOG_SHAPES, disbelief, incomplete, misfit, nonsense
+from .study_schema import FILE as STUDY
 
 OWN = (
     f"{FILE}*", "run.json", "cells.csv", "metrics.csv", "cost.csv", "report*", "figures", "tables*", "*.tex", "logs",
@@ -71,7 +72,7 @@ class Store:
     def _open(self) -> sqlite3.Connection | None:
         """The record, or None where there is nothing to read but the files beside it; InputError without those."""
         path = self.folder / FILE
-        trouble = f"{FILE} is not here"
+        trouble = f"holds a study, {STUDY}, and no run" if (self.folder / STUDY).is_file() else f"{FILE} is not here"
         if path.is_file():
             try:
                 db, self._trouble = opened(path, VERSION)

@@ -1,6 +1,7 @@
 """The [[cells]] of a study file: datasets x backends x what is swept x seeds, as combinations and then as cells."""
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -9,15 +10,15 @@ from ..frontend.errors import InputError
 from .plan import Cell
 from .spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_options
 from .study import StudyCell
-from .study_words import Words, nearest, shown
+from .study_entries import Entries, nearest, shown
 from .toml_lines import Place
 
-KEYS = ("dataset", "backend", "seeds", "grid", "zip", "list", "timed")
+KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
 TAKEN = ("dataset", "backend", "seed", "status", "reason")
 """Names that an option cannot have by itself: swept, it goes by its full one."""
 
-Swept = Mapping[str, Any]
-"""Options by full name, dataset.x or backend.x -> value as the file has it."""
+MOST = 1_000_000
+"""Cells of a study: more take gigabytes before the first is run."""
 
 
 class Combination(NamedTuple):
@@ -39,7 +40,7 @@ class Combination(NamedTuple):
 class _Side:
     """A dataset or a backend as the file names it, and its variants by what is swept of it."""
 
-    def __init__(self, words: Words, side: str, label: str, place: Place) -> None:
+    def __init__(self, words: Entries, side: str, label: str, place: Place) -> None:
         self.words, self.side, self.label = words, side, label
         try:
             found = dataset_variants(label, side) if side == "dataset" else backend_variants(label, side)
@@ -84,7 +85,7 @@ class _Side:
 class _Block:
     """One [[cells]]; every axis is a list of what one step along it sets."""
 
-    words: Words
+    words: Entries
     datasets: list[_Side]
     backends: list[_Side]
     axes: list[list[dict[str, tuple[Any, Place]]]]
@@ -96,14 +97,15 @@ class _Block:
         return list(dict.fromkeys(name for axis in self.axes for step in axis for name in step))
 
 
-def combinations(file: Words, *, timed: bool) -> list[Combination]:
+def combinations(file: Entries, *, timed: bool) -> list[Combination]:
     """Those of all [[cells]], which have to be there; InputError for what cannot be, or is there twice."""
     blocks = [_block(words, file) for words in file.tables("cells", "[[cells]] with a dataset and a backend")]
     if not blocks:
         raise file.lacks("cells", "[[cells]] with a dataset and a backend")
     names = _names(dict.fromkeys(name for block in blocks for name in block.swept))
     found: list[Combination] = []
-    before: dict[tuple[Any, ...], list[tuple[Sequence[int], Words]]] = {}
+    before: dict[tuple[Any, ...], list[tuple[Sequence[int], Entries]]] = {}
+    _check_number(blocks)
     for block in blocks:
         timed_too = block.words.switch("timed", timed)
         for one in _combined(block, names, timed=timed_too):
@@ -115,6 +117,18 @@ def combinations(file: Words, *, timed: bool) -> list[Combination]:
             before[one.key].append((one.seeds, block.words))
             found.append(one)
     return found
+
+
+def _check_number(blocks: Iterable[_Block]) -> None:
+    """InputError where there are more cells than are kept in mind at once, told before any of them is made."""
+    count = 0
+    for block in blocks:
+        lengths = [len(block.datasets), len(block.backends), *map(len, block.axes), len(block.seeds)]
+        count += math.prod(lengths)
+        if count > MOST:
+            raise block.words.refused(
+                "dataset", f"with these there are {count:,} cells, expected {MOST:,} at most in a study."
+            )
 
 
 def _combined(block: _Block, names: Mapping[str, str], *, timed: bool) -> Iterator[Combination]:
@@ -156,11 +170,11 @@ def _names(swept: Iterable[str]) -> dict[str, str]:
     }
 
 
-def _block(words: Words, file: Words) -> _Block:
+def _block(words: Entries, file: Entries) -> _Block:
     words.only(KEYS)
     sides = {side: _sides(words, side) for side in ("dataset", "backend")}
     axes = [*_grid(words), *_zip(words), *_list(words)]
-    block = _Block(words, sides["dataset"], sides["backend"], axes, _seeds(words if words.has("seeds") else file))
+    block = _Block(words, sides["dataset"], sides["backend"], axes, _seeds(words, file))
     by: dict[str, Place] = {}
     for axis in axes:
         for name, (_, place) in {name: found for step in axis for name, found in step.items()}.items():
@@ -171,7 +185,7 @@ def _block(words: Words, file: Words) -> _Block:
     return block
 
 
-def _sides(words: Words, side: str) -> list[_Side]:
+def _sides(words: Entries, side: str) -> list[_Side]:
     """Those that the block names, each once."""
     labels = words.names(side)
     places = [(*words.place, side, k) for k in range(len(labels))]
@@ -181,24 +195,31 @@ def _sides(words: Words, side: str) -> list[_Side]:
     return [_Side(words, side, label, place) for label, place in zip(labels, places, strict=True)]
 
 
-def _seeds(words: Words) -> Sequence[int]:
-    """The first n of all, or a list; one where nothing is said."""
-    found = words.entries.get("seeds", 1)
+def _seeds(words: Entries, file: Entries) -> Sequence[int]:
+    """So many from the first one on, or a list; one where nothing is said. What a block lacks the file says for it."""
+    here = words if words.has("seeds") else file
+    found = here.entries.get("seeds", 1)
+    first = (words if words.has("first_seed") else file).whole("first_seed", 0, 0)
+    if type(found) is int and found > MOST:
+        raise here.fault("seeds", f"at most as many as a study may have cells, {MOST:,}")
     if type(found) is int and found >= 1:
-        return range(found)
+        return range(first, first + found)
     if not isinstance(found, list) or not found or not all(type(seed) is int and seed >= 0 for seed in found):
-        raise words.fault("seeds", "a whole number, at least 1, or a list of seeds, each at least 0")
+        raise here.fault("seeds", "a whole number, at least 1, or a list of seeds, each at least 0")
     if len(set(found)) < len(found):
-        raise words.fault("seeds", "each seed once")
+        raise here.fault("seeds", "each seed once")
+    for one in (words, here):
+        if one.has("first_seed"):
+            raise one.refused("first_seed", "the seeds are a list, expected how many there are from that one on.")
     return found
 
 
-def _grid(words: Words) -> list[list[dict[str, tuple[Any, Place]]]]:
+def _grid(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
     """An axis an option."""
     return [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
 
 
-def _zip(words: Words) -> list[list[dict[str, tuple[Any, Place]]]]:
+def _zip(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
     """One axis, along which all the options go together."""
     columns = _columns(words.table("zip"), distinct=False)
     lengths = {name: len(steps) for name, steps in columns.items()}
@@ -210,7 +231,7 @@ def _zip(words: Words) -> list[list[dict[str, tuple[Any, Place]]]]:
     )
 
 
-def _columns(table: Words, *, distinct: bool) -> dict[str, list[tuple[Any, Place]]]:
+def _columns(table: Entries, *, distinct: bool) -> dict[str, list[tuple[Any, Place]]]:
     """The values of every option, none of them empty, and where each stands."""
     found: dict[str, list[tuple[Any, Place]]] = {}
     for name, (values, place) in table.flat().items():
@@ -223,7 +244,7 @@ def _columns(table: Words, *, distinct: bool) -> dict[str, list[tuple[Any, Place
     return found
 
 
-def _list(words: Words) -> list[list[dict[str, tuple[Any, Place]]]]:
+def _list(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
     """One axis, every step of which is written out."""
     expected = "a list of tables, as in list = [{ dataset.x = 1, backend.y = 2 }]"
     tables = words.tables("list", expected)
@@ -236,13 +257,13 @@ def _list(words: Words) -> list[list[dict[str, tuple[Any, Place]]]]:
     return [steps] if steps else []
 
 
-def _scalar(words: Words, name: str, value: Any, place: Place) -> Any:
+def _scalar(words: Entries, name: str, value: Any, place: Place) -> Any:
     if not isinstance(value, str | int | float):
         raise words.at(place, f"{name}: found {shown(value)}, expected a number, a text, true or false.")
     return value
 
 
-def _check_option(words: Words, full: str, place: Place, sides: Mapping[str, Sequence[_Side]]) -> None:
+def _check_option(words: Entries, full: str, place: Place, sides: Mapping[str, Sequence[_Side]]) -> None:
     """InputError unless every dataset, or backend, of the block has the option, and none has it set already."""
     side, _, option = full.partition(".")
     if side not in sides or not option:

@@ -6,13 +6,15 @@ from typing import Any
 
 from ..frontend.errors import InputError
 from .study import Study, StudyCell
-from .study_words import nearest
+from .study_entries import nearest
 
 MOST = 12
 """Values that a sentence names."""
 
 _VALUE = re.compile(r"""(?:"[^"]*"|\[[^\]]*\]|[^,\["])+""")
 """One of those between commas; those in brackets are part of it, as in ekf[gate=3,confirm=2]."""
+
+_LIST = re.compile(f"{_VALUE.pattern}(?:,{_VALUE.pattern})*")
 
 
 def choice(study: Study, only: Sequence[str]) -> Callable[[StudyCell], bool]:
@@ -30,6 +32,10 @@ def choice(study: Study, only: Sequence[str]) -> Callable[[StudyCell], bool]:
         if name not in study.parameters:
             raise InputError(f"--only {text}: no cell has a parameter {name!r}; {nearest(name, study.parameters)}")
         known = list(dict.fromkeys(cell.parameters[name] for cell in study.cells))
+        if not _LIST.fullmatch(values):
+            raise InputError(
+                f"--only {text}: expected values separated by commas, with every bracket and quote closed."
+            )
         for pattern in _VALUE.findall(values):
             found = [value for value in known if _is_meant(pattern.strip(), value)]
             if not found:

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 from .batch import Batch
 from .cell import Job
+from .endings import FAILED
 from .executors import Executor
-from .numerals import counted
+from .numerals import counted, lasting
 from .study import Study, StudyCell
 from .study_key import log_key, log_seed, result_key
 from .study_runner import Wanted
 from .study_schema import FILE
 from .study_store import Known, StudyStore
-from .summary import FAILED
 
 BUDGET_S = 20.0
 """Of wall time for cells that are timed now."""
@@ -109,14 +109,6 @@ def estimate(
     alone = [s or 0.0 for cell, s in zip(todo, each, strict=True) if cell.timed]
     wall = max([sum(side) / executor.slots, *side]) + sum(alone)
     return Estimate(_shares(study, done, todo, each), executor.slots, len(alone), wall, len(now))
-
-
-def lasting(seconds: float) -> str:
-    """A time as one says it."""
-    for unit, many in (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
-        if seconds >= 2 * many:
-            return f"{seconds / many:.0f} {unit}"
-    return f"{seconds:.0f} s" if seconds >= 1 else "less than 1 s"
 
 
 class _Averages:

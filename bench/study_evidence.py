@@ -1,17 +1,21 @@
 """All that a report says of a study, worked out from its store alone: how far it is, its numbers, its answers."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import claim_test, study_file
-from .claim_test import Answer
+from ..frontend.errors import InputError
+from . import claim_answer, study_file
+from .claim_answer import Answer
+from .claim_found import Verdict
 from .conclusion import Conclusion, conclude
 from .exhibit import Exhibit
+from .numerals import counted
 from .option_words import option_words
 from .study import Study
 from .study_medians import Medians, medians
@@ -22,8 +26,23 @@ from .study_table import StudyTable
 SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}
 """By verdict: of a claim, and of the study."""
 
+WORDS = ("name", "text", "size", "command", "executor", "environment", "started")
+"""What the store has to know of the study."""
+
 VERDICTS = {"holds": "holds", "fails": "fails", "open": "open", "yes": "holds", "no": "fails"}
 """The class of each in a page."""
+
+
+MOST_TELLING = 3
+"""Claims that a page with many studies has room for, of each."""
+
+
+class Finding(NamedTuple):
+    """What became of a claim, in the parts in which a page sets it."""
+
+    verdict: Verdict
+    says: str
+    measured: str  # the numbers, the bounds, and what else a reader must know
 
 
 @dataclass(frozen=True)
@@ -43,9 +62,27 @@ class Evidence:
 
     @property
     def answered(self) -> tuple[str, str]:
-        """What the study comes to: the words that say it, and what they are due to."""
+        """What the study comes to: the words that say it, and what they are due to in few words."""
         head, _, why = self.conclusion.sentence.partition(": ")
-        return head, why
+        if not self.answers or self.conclusion.reproduced == "yes":
+            return head, why
+        counts = Counter(answer.verdict for answer in self.answers)
+        said = [f"{counts['holds']} of {counted(len(self.answers), 'claim')} hold"]
+        said += [f"{counts['fails']} {'fails' if counts['fails'] == 1 else 'fail'}"] * (counts["fails"] > 0)
+        said += [f"{counts['open']} {'is' if counts['open'] == 1 else 'are'} open"] * (counts["open"] > 0)
+        return head, f"{', '.join(said)}."
+
+    @property
+    def findings(self) -> Sequence[Finding]:
+        """Every claim with what it was found to be, in the file's order."""
+        return [Finding(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
+
+    @property
+    def most_telling(self) -> Sequence[Finding]:
+        """What a reader has to see: all claims that do not hold, and of the others the first ones."""
+        others = [found for found in self.findings if found.verdict != "holds"]
+        held = [found for found in self.findings if found.verdict == "holds"]
+        return [*others, *held[: max(MOST_TELLING - len(others), 1)]]
 
     @cached_property
     def standing(self) -> Standing:
@@ -85,12 +122,22 @@ class Evidence:
         return f" Timed while other cells ran on the same machine: {beside.sum():,} of {len(beside):,}."
 
 
+def _measured(found: Answer) -> str:
+    """What its sentence says after what is claimed."""
+    return found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2]
+
+
 def evidence(folder: Path) -> Evidence:
     """Of the study in the folder; InputError where there is none."""
     with StudyStore(folder) as store:
         words = store.words()
+        lacks = [name for name in WORDS if name not in words]
+        if lacks:
+            raise InputError(
+                f"{folder}: has no {lacks[0]} of the study yet; expected one that was begun: bench ablate."
+            )
         study = study_file.reread(words["name"], words["text"], full=words["size"] == "full")
-        columns = [*claim_test.measures(study.claims), *(figure.y for figure in study.figures)]
+        columns = [*claim_answer.measures(study.claims), *(figure.y for figure in study.figures)]
         table = store.table(list(dict.fromkeys([*columns, "seconds", "timing_alone"])))
-    conclusion = conclude([claim_test.answer(claim, table) for claim in study.claims], study.finding)
+    conclusion = conclude([claim_answer.answer(claim, table) for claim in study.claims], study.finding)
     return Evidence(folder, study, words, table, conclusion)

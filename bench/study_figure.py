@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
+from textwrap import fill, wrap
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,9 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
 from ..frontend.se2 import Array
-from .axes import fitted, short
-from .claim_test import Answer
-from .column_words import CONSISTENCY, called, meaning, with_unit
+from .axes import logarithmic, short
+from .claim_answer import Answer
+from .column_words import CONSISTENCY, EXPECTED, called, meaning, with_unit
 from .exhibit import Exhibit
 from .exhibit_figure import exhibit
 from .looks import Look
@@ -27,8 +28,11 @@ from .study_rows import draw_rows, rows_height
 WIDTH, HEIGHT = 310, 205
 """Points."""
 
-LETTERS = 17
+LETTERS = 18
 """Of a line of a name, at the end of its curve."""
+
+LABEL = 52
+"""Letters of a line below the axis."""
 
 MOST_MARKS = 8
 """Values of x that each have a mark on its axis, where there is room."""
@@ -36,13 +40,16 @@ MOST_MARKS = 8
 LEVEL = (0, (1, 1.5))
 """The line of what has no value of x, in its colour."""
 
+EDGE = 1e-3
+"""Of the axis: a mark nearer to its end may be taken to be outside, and not be drawn."""
+
 TIGHT = 0.07
 """Of the axis: how near two marks on it may be."""
 
 
 def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: Iterable[Answer], x: str) -> Exhibit:
     """The figure drawn; `x` is what its axis is called."""
-    looks, drawn = line_looks(found, backends), marks(found.figure, answers)
+    looks, drawn = line_looks(found, backends), marks(found, answers)
     y = with_unit(found.figure.y)
     plain = f"{called(found.figure.y)} over {found.figure.x.replace('_', ' ')}"
     title = found.figure.title or f"{plain[:1].upper()}{plain[1:]}"
@@ -53,19 +60,28 @@ def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: It
         )
 
     def draw(canvas: Canvas) -> None:
-        _draw_lines(canvas.subplots(), found, looks, drawn, height)
-        canvas.axes[0].set_xlabel(x)
+        _draw_lines(canvas.subplots(), found, looks, drawn, named, height)
+        canvas.axes[0].set_xlabel(fill(_together(x), LABEL))
         canvas.axes[0].set_ylabel(y)
 
-    height = max(HEIGHT, 60 + 10 * sum(len(_lines(found.called[by])) for by in found.bys))
+    slopes = drawn.slopes if found.figure.log == "xy" else {}
+    named = {by: _lines(found.called[by], slopes.get(by)) for by in found.bys}
+    height = max(HEIGHT, 60 + 10 * sum(len(lines) for lines in named.values()))
     return exhibit(name, title, _caption(found, drawn), height, draw, width=WIDTH)
 
 
-def _draw_lines(axes: Axes, found: Medians, looks: Mapping[Any, Look], drawn: Marks, height: float) -> None:
+def _draw_lines(
+    axes: Axes,
+    found: Medians,
+    looks: Mapping[Any, Look],
+    drawn: Marks,
+    named: Mapping[Any, Sequence[str]],
+    height: float,
+) -> None:
     xs = [float(x) for x in found.xs if x is not None]
     _set_x(axes, xs, log="x" in found.figure.log)
     _set_y(axes, found, drawn)
-    draw_across(axes, found.figure, drawn)
+    draw_across(axes, found, drawn)
     if len(xs) <= MOST_MARKS:
         _mark_values(axes, xs)
     ends: list[tuple[Any, float]] = []
@@ -78,7 +94,7 @@ def _draw_lines(axes: Axes, found: Medians, looks: Mapping[Any, Look], drawn: Ma
             last = level if np.isnan(last) else last
         if np.isfinite(last):
             ends.append((by, last))
-    _name_ends(axes, [(looks[by], _lines(found.called[by]), y) for by, y in ends], height - 45)
+    _name_ends(axes, [(looks[by], named[by], y) for by, y in ends], height - 45)
 
 
 def _draw_line(axes: Axes, look: Look, places: Sequence[Place], at: Array) -> float:
@@ -114,16 +130,30 @@ def _set_x(axes: Axes, xs: Sequence[float], *, log: bool) -> None:
 
 
 def _set_y(axes: Axes, found: Medians, drawn: Marks) -> None:
-    ends = [end for place in found.places.values() for end in (place.value, place.low, place.high)]
-    ends = [end for end in ends + drawn.values if np.isfinite(end)] or [1.0]
-    ends += [1.0] * (found.figure.y in CONSISTENCY)
-    if "y" in found.figure.log and min(ends) > 0:
-        fitted("y", axes, ends)
+    low, high, log = span(found, drawn)
+    if log:
+        logarithmic("y", axes, low, high)
         return
-    low, high = min(ends), max(ends)
     low = 0.0 if 0 <= low < 0.7 * high else low
     room = 0.06 * (high - low) or 0.5 * abs(high) or 0.5
     axes.set_ylim(low - room * (low != 0), high + room)
+
+
+def span(found: Medians, drawn: Marks) -> tuple[float, float, bool]:
+    """From where to where the axis goes, and whether it is logarithmic.
+
+    Over all medians, and of their intervals over as much as leaves the medians more than a third of the axis.
+    """
+    values = [place.value for place in found.places.values()] + drawn.values
+    values = [value for value in values if np.isfinite(value)] or [1.0]
+    values += [EXPECTED[found.figure.y]] if found.figure.y in EXPECTED else []
+    ends = [end for place in found.places.values() for end in (place.low, place.high)]
+    log = "y" in found.figure.log and min(values) > 0
+    ends = [end for end in ends if np.isfinite(end) and (end > 0 or not log)] + values
+    scaled, reach = (np.log10(values), np.log10(4)) if log else (np.array(values), 0.5 * max(map(abs, values)))
+    reach = max(0.9 * float(np.ptp(scaled)), reach)
+    low, high = ((10**end if log else end) for end in (scaled.min() - reach, scaled.max() + reach))
+    return max(low, min(ends)), min(high, max(ends)), log
 
 
 def _mark_values(axes: Axes, xs: Sequence[float]) -> None:
@@ -136,8 +166,12 @@ def _mark_values(axes: Axes, xs: Sequence[float]) -> None:
             kept.append(x)
             last = place
     axes.xaxis.set_major_locator(FixedLocator(kept))
-    axes.xaxis.set_major_formatter(FixedFormatter([plain(x) if x % 1 else f"{x:,.0f}" for x in kept]))
+    axes.xaxis.set_major_formatter(FixedFormatter([_marked(x) for x in kept]))
     axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _marked(x: float) -> str:
+    return f"{x:,.0f}" if x % 1 == 0 else plain(x).removeprefix(f"1.00{TIMES}")
 
 
 def _dodged(axes: Axes, xs: Sequence[float], place: float) -> Array:
@@ -183,19 +217,27 @@ def _apart(wanted: Sequence[float], heights: Sequence[float]) -> list[float]:
                 places[one] -= lacking / 2
                 places[other] += lacking / 2
         for k in order:
-            places[k] = min(max(places[k], heights[k] / 2 - 0.03), 1.03 - heights[k] / 2)
+            low = max(heights[k] / 2 - 0.03, EDGE)
+            places[k] = min(max(places[k], low), 1 - low)
     return places
 
 
-def _lines(name: str) -> list[str]:
+def _together(label: str) -> str:
+    """With its last words in brackets on one line."""
+    head, bracket, last = label.rpartition(" (")
+    return head + bracket + last.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _lines(name: str, slope: float | None) -> list[str]:
     """A name as it stands at the end of a line: the options of a backend below it, words without what they are."""
     head, _, inside = name.removesuffix("]").partition("[")
-    options = [part.partition("=") for part in inside.split(",") if part]
-    said = [
-        value if value[:1].isalpha() and value not in ("true", "false") else f"{key}={value}"
-        for key, _, value in options
-    ]
-    return [short(line, LETTERS) for line in (head, *said)]
+    said = [head]
+    for key, _, value in (part.partition("=") for part in inside.split(",") if part):
+        many = f"{int(value):,}" if value.isdecimal() else value
+        called = value if value[:1].isalpha() else f"{key} {many}"
+        said.append({"true": key, "false": f"no {key}"}.get(value, called).replace("_", " "))
+    said += [] if slope is None else [f"slope {slope:.2f}"]
+    return [short(line, LETTERS) for words in said for line in wrap(words, LETTERS)]
 
 
 def _caption(found: Medians, drawn: Marks) -> str:
@@ -219,7 +261,22 @@ def _caption(found: Medians, drawn: Marks) -> str:
         said.append(f"{TIMES}: where runs failed, {failed:,} of {sum(place.ended for place in every):,}, {worst}.")
     if figure.y in CONSISTENCY:
         said.append("Grey band: neither overconfident nor cautious.")
-    if any(np.isfinite(low) for _, low, _ in drawn.crossings) and found.numeric:
-        said.append("Upright line: where the lines cross, with its 95 % interval.")
+    elif figure.y in EXPECTED:
+        said.append(f"Grey line: {EXPECTED[figure.y]:g}, where a belief is as wide as its errors.")
+    if found.numeric:
+        said += _told(found, drawn)
     said.append(meaning(figure.y))
     return " ".join(filter(None, said))
+
+
+def _told(found: Medians, drawn: Marks) -> list[str]:
+    """What else is drawn of lines."""
+    said: list[str] = []
+    low, high, _ = span(found, drawn)
+    if any(place.low < low or place.high > high for place in found.places.values() if np.isfinite(place.value)):
+        said.append("A bar that reaches the edge goes on beyond it.")
+    if drawn.slopes and found.figure.log == "xy":
+        said.append("Slope: the exponent with which the measure grows, median over the logs.")
+    if any(np.isfinite(crossing.low) for crossing in drawn.crossings):
+        said.append("Upright line: where the lines cross, with its 95 % interval.")
+    return said

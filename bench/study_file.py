@@ -6,6 +6,7 @@
     finding    what was found then
     note       what a reader of the answer has to know
     seeds      of every [[cells]] that has none of its own (1)
+    first_seed likewise, the seed to count from where seeds is a number (0)
     timed      true: each cell alone on its machine
                (true where a figure or a claim is about a time)
     keep       true: paths and other arrays are stored, too (false)
@@ -24,6 +25,7 @@
                these and no others
     seeds      how many, or a list; where neither log nor backend draws
                random numbers one is enough, and only one is run
+    first_seed the seed to count from, where seeds is a number
     timed      of these cells
 
                Datasets x backends x grid x zip x list x seeds are cells, and
@@ -72,7 +74,7 @@ from .claim import Claim
 from .study import Figure, Study
 from .study_cells import combinations
 from .study_checks import check_claim, check_figure
-from .study_words import Words, is_number, nearest, shown
+from .study_entries import Entries, is_number, nearest, shown
 
 FORMAT = (__doc__ or "").partition("\n\n")[2]
 """The format, for `bench ablate --help`."""
@@ -84,8 +86,8 @@ TIMES = ("step_us_", "belief_us_", "finish_s", "setup_s", "cpu_s", "real_time", 
 """How the columns begin that are times."""
 
 KEYS = (
-    "title", "question", "source", "finding", "note", "seeds", "timed", "keep", "oracle", "timeout_s", "memory_mb",
-    "cells", "figure", "claim",
+    "title", "question", "source", "finding", "note", "seeds", "first_seed", "timed", "keep", "oracle", "timeout_s",
+    "memory_mb", "cells", "figure", "claim",
 )  # fmt: skip
 
 BOUNDS = ("above", "below", "within")
@@ -110,10 +112,10 @@ def read(which: str, *, full: bool) -> Study:
     """The packaged study of that name, or the file at that path, in its quick or full size; InputError as below."""
     path = PACKAGED / f"{which}.toml" if which in packaged() else Path(which)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
     except (OSError, ValueError) as error:
         said = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
-        hint = nearest(which, packaged())
+        hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
         raise InputError(f"{which}: {said}; expected a study file, or one that comes along: {hint}") from None
     return made(str(path), text, full=full)
 
@@ -123,7 +125,7 @@ def made(file: str, text: str, *, full: bool) -> Study:
 
     InputError names the file, the line and the key of the first thing that is wrong, what was found and what expected.
     """
-    words = Words.load(file, text, "full" if full else "quick").only(KEYS)
+    words = Entries.load(file, text, "full" if full else "quick").only(KEYS)
     study = _without_cells(words, text, full=full)
     measures = [claim.measure for claim in study.claims] + [figure.y for figure in study.figures]
     measures += [side.get("measure", "") for claim in study.claims for side in (claim.first, claim.second)]
@@ -138,10 +140,10 @@ def made(file: str, text: str, *, full: bool) -> Study:
 
 def reread(file: str, text: str, *, full: bool) -> Study:
     """The study of a text that was read before, without its cells: nothing is looked up that may have gone since."""
-    return _without_cells(Words.load(file, text, "full" if full else "quick").only(KEYS), text, full=full)
+    return _without_cells(Entries.load(file, text, "full" if full else "quick").only(KEYS), text, full=full)
 
 
-def _without_cells(words: Words, text: str, *, full: bool) -> Study:
+def _without_cells(words: Entries, text: str, *, full: bool) -> Study:
     name = Path(words.file).name.removesuffix(".toml")
     return Study(
         name=name,
@@ -157,12 +159,12 @@ def _without_cells(words: Words, text: str, *, full: bool) -> Study:
         keep=words.switch("keep", False),
         oracle=words.switch("oracle", False),
         timeout_s=words.above("timeout_s", 600.0, 0.0),
-        memory_mb=words.whole("memory_mb", 4000, 1),
+        memory_mb=words.whole("memory_mb", 4000, 1, 10**9),
         text=text,
     )
 
 
-def _figure(words: Words) -> Figure:
+def _figure(words: Entries) -> Figure:
     words.only(("x", "y", "by", "where", "log", "title", "caption"))
     x = words.text("x")
     return Figure(
@@ -176,7 +178,7 @@ def _figure(words: Words) -> Figure:
     )
 
 
-def _claim(words: Words) -> Claim:
+def _claim(words: Entries) -> Claim:
     kind = next((kind for kind, keys in CLAIMS.items() if words.has(keys[0])), None)
     if kind is None:
         words.only((*COMMON, *dict.fromkeys(key for keys in CLAIMS.values() for key in keys)))
@@ -203,7 +205,7 @@ def _claim(words: Words) -> Claim:
     return Claim(kind, first=_selection(words, "of"), second={}, low=low, high=high, along=along, **common)  # pyright: ignore[reportArgumentType] - value or grows
 
 
-def _bounds(words: Words, *, needed: bool) -> tuple[float, float]:
+def _bounds(words: Entries, *, needed: bool) -> tuple[float, float]:
     """Those within which the measure has to be."""
     if not words.has("within"):
         low, high = words.number("above", -inf), words.number("below", inf)
@@ -216,18 +218,20 @@ def _bounds(words: Words, *, needed: bool) -> tuple[float, float]:
         if words.has(other):
             raise words.refused(other, "is given beside within, expected one or the other.")
     found = words.entries["within"]
-    if not isinstance(found, list) or len(found) != 2 or not all(map(is_number, found)) or not found[0] < found[1]:
+    if not (
+        isinstance(found, list) and len(found) == 2 and all(map(is_number, found)) and -inf < found[0] < found[1] < inf
+    ):
         raise words.fault("within", "two numbers, the lower one first")
     return float(found[0]), float(found[1])
 
 
-def _side(words: Words, key: str) -> dict[str, Any]:
+def _side(words: Entries, key: str) -> dict[str, Any]:
     if not words.has(key):
         raise words.lacks(key, f'the cells to compare with, as in {key} = {{ backend = "ekf" }}')
     return _selection(words, key)
 
 
-def _selection(words: Words, key: str) -> dict[str, Any]:
+def _selection(words: Entries, key: str) -> dict[str, Any]:
     """Parameter -> value."""
     inside = words.table(key)
     for name, value in inside.entries.items():
@@ -235,4 +239,6 @@ def _selection(words: Words, key: str) -> dict[str, Any]:
             raise inside.fault(name, 'a value; a name with a dot goes in quotes, "dataset.x"')
         if not isinstance(value, str | int | float):
             raise inside.fault(name, "a number, a text, true or false")
+        if name == "measure":
+            inside.text(name)
     return dict(inside.entries)

@@ -8,7 +8,6 @@ limit of time or memory is in none of them: it decides whether a cell ends, not 
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
 from typing import Any
 
 from ..backends import registry as backends
@@ -55,8 +54,7 @@ def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:
 @functools.cache
 def source_key(name: str, options: Any) -> str:
     """Of the dataset, with the code that makes it."""
-    module = datasets.BUILTIN[name].partition(":")[0]
-    code = [fingerprint(f"{PACKAGE}.datasets{module}", REGISTRIES), fingerprint(MAKER, REGISTRIES)]
+    code = [fingerprint(datasets.module(name), REGISTRIES), fingerprint(MAKER, REGISTRIES)]
     return hashed(name, vars(options), code)
 
 
@@ -68,16 +66,8 @@ def backend_key(name: str, options: Any) -> str:
     return hashed(name, target, vars(options), code)
 
 
-def _target(backend: str) -> str:
-    """The module of the backend of that name, in full, and the name of its builder there."""
-    if ":" in backend:
-        return backend
-    return backends.BUILTIN.get(backend) or _plugins().get(backend, backend)
-
-
-@functools.cache
-def _plugins() -> Mapping[str, str]:
-    return {name: found.value for name, found in backends.plugins().items()}
+_target = functools.cache(backends.target)
+"""Cached, since to look for plug-ins costs milliseconds."""
 
 
 def hashed(*parts: Any) -> str:

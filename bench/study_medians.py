@@ -1,17 +1,17 @@
 """A study's figure as numbers: of every place on its x axis, for every value of `by`, the median and its interval."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..frontend.se2 import Array
+from .endings import FAILED
 from .medians import ERRORS
 from .names import tags
 from .statistics import FEWEST, estimate
 from .study import Figure
 from .study_table import StudyTable
-from .summary import FAILED
 
 MANY = 400
 """Values beyond which the exact ends of an interval are the normal ones, and take long to work out."""
@@ -128,21 +128,27 @@ def _sorted(values: list[Any]) -> list[Any]:
 def _called(figure: Figure, table: StudyTable, bys: Sequence[Any]) -> dict[Any, str]:
     """Names; what has no value of the parameter is called by its backends."""
     words = figure.by.rpartition(".")[2].replace("_", " ")
-    names: dict[Any, str] = {
+    found: dict[Any, str] = {
         value: worded(value) if isinstance(value, str) else f"{words} {worded(value)}" for value in bys
     }
-    if figure.by == "backend":
-        names |= tags(str(value) for value in bys)
-    if None in names:
-        names[None] = _lacking(figure.by, figure, table)
-    return names
+    found |= names(figure.by, bys)
+    if None in found:
+        found[None] = _lacking(figure.by, figure, table)
+    return found
+
+
+def names(parameter: str, values: Iterable[Any]) -> dict[Any, str]:
+    """Of datasets and backends, as short as tells each from the others; none of the values of another parameter."""
+    if parameter not in ("dataset", "backend"):
+        return {}
+    return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
 
 
 def _lacking(parameter: str, figure: Figure, table: StudyTable) -> str:
     """The backends that have no value of the parameter."""
     rows = table.rows(figure.where)
     backends = table.values("backend", rows[table.columns[parameter][rows] == None])  # noqa: E711 - of each element
-    return ", ".join(tags(backends).values())
+    return ", ".join(names("backend", backends).values())
 
 
 def worded(value: Any) -> str:

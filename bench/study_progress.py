@@ -6,9 +6,9 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from .endings import FAILED
 from .numerals import counted
 from .study import StudyCell
-from .summary import FAILED
 from .terminal import plain, watched
 
 AGAIN_S = 30.0

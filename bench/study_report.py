@@ -10,10 +10,10 @@ from typing import Any
 from ..frontend.files import write_whole
 from . import conclusion
 from .definitions import COLUMNS, WORKED_OUT
-from .numerals import number
+from .numerals import lasting
 from .page import rendered
 from .study_evidence import SIGNS, VERDICTS, Evidence, evidence
-from .study_tables import claim_grid, median_grid
+from .study_grids import claim_grid, median_grid
 
 FIGURES = "figures"
 """Folder beside the page."""
@@ -26,7 +26,7 @@ def write(folder: Path, forms: Sequence[str] = ()) -> Path:
     """
     found = evidence(folder)
     _write_figures(found, forms)
-    write_whole(folder / "answers.json", json.dumps(document(found), indent=1, allow_nan=False) + "\n")
+    write_whole(folder / "answers.json", json.dumps(_answers(found), indent=1, allow_nan=False) + "\n")
     page = filled(found)
     for name in ("md", "html"):
         write_whole(folder / f"report.{name}", rendered(f"study.{name}.jinja", page))
@@ -52,13 +52,6 @@ def filled(found: Evidence) -> dict[str, Any]:
     }
 
 
-def lasting(seconds: float) -> str:
-    """A time in words: 0.4 s, 39 s, 12 min, 3.4 h."""
-    if seconds < 100:
-        return f"{number(seconds)} s" if seconds < 9.95 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
-
-
 def again(found: Evidence) -> Mapping[str, str]:
     """What to type to run it again, by what it does."""
     command = [*found.words["command"]]
@@ -71,8 +64,8 @@ def again(found: Evidence) -> Mapping[str, str]:
     return commands
 
 
-def document(found: Evidence) -> dict[str, Any]:
-    """The study's answers as JSON has them."""
+def _answers(found: Evidence) -> dict[str, Any]:
+    """For answers.json: the study, how far it is, and what became of its claims."""
     study = found.study
     about = {name: getattr(study, name) for name in ("name", "title", "size", "question", "source", "finding", "note")}
     return {**about, "cells": found.standing.counts, **conclusion.document(found.conclusion)}

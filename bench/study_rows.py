@@ -9,10 +9,9 @@ from matplotlib.figure import Figure
 from .axes import fitted
 from .backend_rows import height, rows
 from .looks import Look
-from .names import tags
 from .numerals import TIMES
 from .study_marks import Marks, draw_upright
-from .study_medians import Medians, Place, worded
+from .study_medians import Medians, Place, names, worded
 from .svg import INK
 
 MOST_DOTS = 60
@@ -37,7 +36,7 @@ def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: 
         low = 0.0 if 0 <= low < 0.7 * high else low
         room = 0.05 * (high - low) or 0.5
         axes.set_xlim(low - room * (low != 0), high + room)
-    draw_upright(axes, found.figure, drawn)
+    draw_upright(axes, found, drawn, [place for _, place in named])
     for k, (_, place) in enumerate(named):
         look, dots = looks[_whose(found, place)], _some(place)
         across = k + 0.12 + 0.34 * ((np.arange(len(dots)) * 0.618) % 1 - 0.5)
@@ -59,7 +58,7 @@ def _rows(found: Medians) -> list[tuple[str, Place]]:
     """(name, its cells) from the top, those with a value or a failure."""
     places = [found.places[x, by] for x in found.xs for by in found.bys if (x, by) in found.places]
     places = [place for place in places if place.n or place.failed] or places
-    named = {x: worded(x) for x in found.xs} | (tags(map(str, found.xs)) if found.figure.x == "backend" else {})
+    named = {x: worded(x) for x in found.xs} | names(found.figure.x, found.xs)
     if found.figure.x == found.figure.by:
         return [(found.called[place.by], place) for place in places]
     if len(found.bys) == 1:

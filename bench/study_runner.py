@@ -11,13 +11,13 @@ from typing import Any, NamedTuple, Protocol
 from ..frontend.errors import InputError
 from .batch import Batch, Finished, LogFacts
 from .cell import Job
+from .endings import FAILED
 from .executors import Executor
 from .machine import environment
 from .runner import claimed
 from .study import Study, StudyCell
 from .study_key import from_files, log_key, log_seed, result_key
 from .study_store import Known, StudyStore
-from .summary import FAILED
 
 MOST_JOBS = 20
 """Of a batch: no more is lost with a machine."""
@@ -76,7 +76,7 @@ class _Run:
 
     def run(self, wanted: Wanted, command: Sequence[str]) -> Tally:
         study, store = self.study, self.store
-        _refuse_another(store, study)
+        refuse_another(store, study)
         store.put_words(_words(study, command, self.executor))
         self.log_keys = [log_key(cell.cell) for cell in study.cells]
         self.without_log = 0
@@ -171,16 +171,17 @@ class _Run:
         """Put a result into the store as soon as it is there."""
         assert finished.index is not None
         cell, result = self.study.cells[finished.index], finished.result
-        if finished.log is None:
-            self.store.settle(finished.index, None, result.reason)
-            self.without_log += 1
-        else:
-            self._know(cell, finished.log)
-            key = self.keys[finished.index] = self._key(finished.index)
-            assert key is not None
-            if self.store.put_result(key, self._row(cell, finished), result.arrays):
-                self.statuses[key] = result.status
-            self.store.settle(finished.index, key, None)
+        with self.store.together():
+            if finished.log is None:
+                self.store.settle(finished.index, None, result.reason)
+                self.without_log += 1
+            else:
+                self._know(cell, finished.log)
+                key = self.keys[finished.index] = self._key(finished.index)
+                assert key is not None
+                if self.store.put_result(key, self._row(cell, finished), result.arrays):
+                    self.statuses[key] = result.status
+                self.store.settle(finished.index, key, None)
         self.watcher.finished(cell, result.status, result.reason, finished.seconds)
 
     def _row(self, cell: StudyCell, finished: Finished) -> dict[str, Any]:
@@ -193,7 +194,7 @@ class _Run:
         return row | {"recorded": time.time(), "traceback": result.traceback} | result.row
 
 
-def _refuse_another(store: StudyStore, study: Study) -> None:
+def refuse_another(store: StudyStore, study: Study) -> None:
     """InputError where the folder holds another study than this one, of whatever text."""
     name = store.words().get("name", study.name)
     if name != study.name:

@@ -8,17 +8,13 @@ plan     a row a cell of the study as it stands: its parameters, and the key of 
 cells    the plan with its results: what a reader wants
 """
 
-from .record import COLUMNS, MORE
+from .record import COLUMNS, KEY, MORE, TEXTS
 
 FILE = "study.sqlite"
 VERSION = 1
 APPLICATION = 0x536C6144
 """SQLite's application_id: "SlaD"."""
 
-KEY = COLUMNS[:5]
-"""The columns that name a cell as a run would."""
-
-_TEXTS = ("dataset", "dataset_options", "backend", "options", "status", "reason", "digest", "truth_kind")
 _COUNTS = (
     "seed", "steps", "sightings", "ignored", "landmarks", "timing_alone", "landmarks_missed", "landmarks_spurious",
     "final_landmarks_missed", "final_landmarks_spurious", "ancestors_left",
@@ -27,7 +23,7 @@ _COUNTS = (
 
 def kind(column: str) -> str:
     """The type, to SQLite, of a column of cells.csv or metrics.csv."""
-    return "TEXT" if column in _TEXTS else "INTEGER" if column in _COUNTS else "REAL"
+    return "TEXT" if column in TEXTS else "INTEGER" if column in _COUNTS else "REAL"
 
 
 MEASURED = {name: kind(name) for name in (*COLUMNS, *MORE) if name not in (*KEY, "status", "reason")}

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .claim_side import parameters
+from .endings import FAILED
 from .study_medians import worded
 from .study_table import StudyTable
-from .summary import FAILED
 
 ENDS = ("done", *FAILED, "skipped", "waiting")
 """Statuses in the order in which they are told."""

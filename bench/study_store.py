@@ -15,14 +15,17 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from .endings import FAILED
 from .record import packed, unpacked
 from .study_open import BROKEN, damaged, read_only, unwritable, writable
 from .study_schema import ABOUT, FILE, MEASURED, RESULT
 from .study_table import StudyTable, numbers, words
-from .summary import FAILED
 
 KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
 """The columns of a result that a table may have, and their types."""
+
+
+_PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
 
 
 class Known(NamedTuple):
@@ -55,7 +58,8 @@ class StudyStore:
 
     def words(self) -> dict[str, Any]:
         """What is known of the study as a whole: text, size, command, environment, executor, started, finished."""
-        return {name: json.loads(value) for name, value in self._all("SELECT name, value FROM study")}
+        with self._read():
+            return {name: json.loads(value) for name, value in self._all("SELECT name, value FROM study")}
 
     def put_words(self, words: Mapping[str, Any]) -> None:
         """Keep such facts."""
@@ -96,9 +100,7 @@ class StudyStore:
             bare = not db.execute("SELECT 1 FROM arrays WHERE key = ?", (key,)).fetchone()
             if before and before[0] not in FAILED and not (arrays and bare):
                 return False
-            marks = ", ".join("?" * (1 + len(RESULT)))
-            values = (key, *(row.get(name) for name in RESULT))
-            db.execute(f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({marks})", values)
+            db.execute(_PUT_RESULT, (key, *map(row.get, RESULT)))
             _keep(db, key, arrays)
         return True
 
@@ -144,19 +146,16 @@ class StudyStore:
         texts, seeds, wanted, troubles = _columns(plan, 4)
         known = dict(zip(keys, range(len(keys)), strict=True))
         at = np.array([known.get(key, -1) for key in wanted], int)  # -1: the None at the end of every column
-        table = _parameters(texts, seeds)
-        for name, values in zip(names, columns, strict=True):
-            table.setdefault(name, (words if KINDS[name] == "TEXT" else numbers)([*values, None])[at])
+        with self._read():
+            table = _parameters(texts, seeds)
+            for name, values in zip(names, columns, strict=True):
+                table.setdefault(name, (words if KINDS[name] == "TEXT" else numbers)([*values, None])[at])
         for name in measures:  # of which a store of an earlier version has none
             table.setdefault(name, numbers([None] * len(at)))
         trouble, missing = words(troubles), at < 0
         table["status"][missing] = ["waiting" if said is None else "error" for said in trouble[missing]]
         table["reason"][missing] = trouble[missing]
         return StudyTable(table)
-
-    def known_columns(self) -> Collection[str]:
-        """The columns that `table` takes."""
-        return KINDS
 
     def cells(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
         """The view `cells`: the names of its columns, what its `parameters` mean, and its rows, each as it is read.
@@ -169,11 +168,9 @@ class StudyStore:
             found = self._db.execute("SELECT * FROM cells")
         except BROKEN as error:
             raise damaged(self.folder / FILE, error) from None
-        return (
-            [column[0] for column in found.description],
-            {text: json.loads(text) for (text,) in texts},
-            self._each(found),
-        )
+        with self._read():
+            meant = {text: json.loads(text) for (text,) in texts}
+        return [column[0] for column in found.description], meant, self._each(found)
 
     def _each(self, found: sqlite3.Cursor) -> Iterator[tuple[Any, ...]]:
         try:
@@ -184,6 +181,14 @@ class StudyStore:
             with contextlib.suppress(sqlite3.Error):  # the store may be closed by now
                 self._db.execute("COMMIT")
 
+    @contextlib.contextmanager
+    def _read(self) -> Generator[None]:
+        """InputError where what the file holds makes no sense."""
+        try:
+            yield
+        except (ValueError, TypeError, AttributeError) as error:
+            raise damaged(self.folder / FILE, error) from None
+
     def _all(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
         try:
             return self._db.execute(query, values).fetchall()
@@ -191,8 +196,17 @@ class StudyStore:
             raise damaged(self.folder / FILE, error) from None
 
     @contextlib.contextmanager
+    def together(self) -> Generator[None]:
+        """Whatever is put meanwhile is kept as one, or nothing of it."""
+        with self._writing():
+            yield
+
+    @contextlib.contextmanager
     def _writing(self) -> Generator[sqlite3.Connection]:
-        """One transaction; InputError where the file cannot be written to, with all before it safe."""
+        """One transaction, or a part of one; InputError where the file cannot be written to: all before is safe."""
+        if self._db.in_transaction:
+            yield self._db
+            return
         try:
             self._db.execute("BEGIN IMMEDIATE")
             yield self._db

@@ -3,20 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from .endings import FAILED, REFERENCE, SURVEYED, TOLD
 from .names import called
-from .record import Row, label
-
-FAILED = ("diverged", "timeout", "error")
-"""Ways for a cell to end that count as the worst there is."""
-
-TOLD = "was told the truth: linearised there"
-"""In the reason of a cell whose backend made use of --oracle."""
-
-SURVEYED = "the landmarks' true places are known, and the map is measured from them"
-"""In the reason of a cell whose path is measured from a reference."""
-
-REFERENCE = "reference: "
-"""In the reason of a cell, before what the reference is where it is not the plain batch optimum."""
+from .record import WORDS, Row, label
 
 
 class Spread(NamedTuple):
@@ -106,9 +95,6 @@ def logs(lines: Sequence[Line]) -> int:
     return len({row.columns["digest"] for line in lines for row in line.rows})
 
 
-_WORDS = ("dataset", "dataset_options", "backend", "options", "seed", "status", "reason", "digest", "truth_kind")
-
-
 def lines(rows: Iterable[Row]) -> list[Line]:
     """A line a (dataset, backend) of a run, in the order in which the record has them."""
     groups: dict[tuple[str, str], list[Row]] = {}
@@ -126,7 +112,7 @@ def lines(rows: Iterable[Row]) -> list[Line]:
 def _spreads(rows: list[Row]) -> dict[str, Spread]:
     done = [row.columns for row in rows if row.columns["status"] == "done"]
     spreads: dict[str, Spread] = {}
-    for name in [name for name in rows[0].columns if name not in _WORDS]:
+    for name in [name for name in rows[0].columns if name not in WORDS]:
         values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
         if values:
             spreads[name] = spread(values)

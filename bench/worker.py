@@ -1,7 +1,7 @@
 """One process, forked from a server that has the heavy imports: begun, heard, and killed.
 
-A worker has one thread, a session of its own, and its output in a file. It ends when the server does, and that when
-whoever started it does: no worker outlives its run, whatever killed that.
+A worker has one thread, a process group of its own, and its output in a file. It ends when the server does, and that
+when whoever started it does: no worker outlives its run, whatever killed that.
 """
 
 import contextlib

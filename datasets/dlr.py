@@ -33,7 +33,7 @@ from ..frontend.factors import UNKNOWN, Dataset, Log, Prior
 from ..frontend.frames import as_range_bearing
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints
-from ..frontend.table import symmetric
+from ..frontend.triangles import symmetric
 from .published import fetched
 from .registry import Source
 from .stepwise import FLOORED, Row, definite, read_rows

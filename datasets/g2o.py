@@ -25,7 +25,8 @@ from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Prior
 from ..frontend.frames import before_motion
 from ..frontend.options import option
-from ..frontend.table import Table, symmetric
+from ..frontend.table import Table
+from ..frontend.triangles import symmetric
 from .pose_graph import START, PoseGraph, inverted, log_of, map_of, points_seen, wrapped
 from .registry import Source
 from .tagged import LIST, read_tagged

@@ -17,7 +17,7 @@ from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Log
 from ..frontend.frames import after_motion, as_points
 from ..frontend.se2 import Array, Ints, act
-from ..frontend.table import upper
+from ..frontend.triangles import upper
 from .pose_graph import inverses
 
 MOST_ID = 2**31 - 1

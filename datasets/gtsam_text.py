@@ -30,7 +30,8 @@ from ..frontend.factors import Dataset
 from ..frontend.frames import before_motion
 from ..frontend.options import option
 from ..frontend.se2 import Array
-from ..frontend.table import Table, symmetric
+from ..frontend.table import Table
+from ..frontend.triangles import symmetric
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped
 from .registry import Source
 from .tagged import read_tagged

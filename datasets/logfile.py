@@ -27,7 +27,8 @@ from ..frontend.files import beside
 from ..frontend.options import option
 from ..frontend.scan import Scan, attempted, counted, strict
 from ..frontend.se2 import Array, Ints
-from ..frontend.table import CHUNK, Table, scan_csv, symmetric, upper
+from ..frontend.table import CHUNK, Table, scan_csv
+from ..frontend.triangles import symmetric, upper
 from .logwords import Contents, Words, check_words, scan_words, write_words
 from .registry import Source
 from .truth import PLACES, POSES, digest, scan_truth, write_truth

@@ -53,7 +53,11 @@ BUILTIN = {
 """Name -> module of this package and the `Source` in it."""
 
 
+def module(name: str) -> str:
+    """The full name of the module that has the source of that name; KeyError where there is none."""
+    return f"{__package__}{BUILTIN[name].partition(':')[0]}"
+
+
 def find(name: str) -> Source:
     """The source of that name; KeyError where there is none."""
-    module, _, attribute = BUILTIN[name].partition(":")
-    return getattr(import_module(module, __package__), attribute)
+    return getattr(import_module(module(name)), BUILTIN[name].partition(":")[2])

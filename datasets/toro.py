@@ -19,7 +19,7 @@ import numpy as np
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset
 from ..frontend.options import option
-from ..frontend.table import symmetric
+from ..frontend.triangles import symmetric
 from .pose_graph import PoseGraph, inverted, log_of
 from .registry import Source
 from .tagged import read_tagged

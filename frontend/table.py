@@ -156,20 +156,6 @@ def text(path: Path) -> str:
         raise InputError(f"{path}, line {line}: byte {content[error.start]:#04x} is not UTF-8 text.") from error
 
 
-def upper(cov: Array) -> Array:
-    """The upper triangles (k (k + 1) / 2, m), row by row, of `cov` (m, k, k); the mean of both where halves differ."""
-    i, j = np.triu_indices(cov.shape[-1])
-    return ((cov[:, i, j] + cov[:, j, i]) / 2).T
-
-
-def symmetric(triangles: Array) -> Array:
-    """Symmetric matrices (m, k, k) from their upper triangles (m, k (k + 1) / 2), row by row."""
-    k = {3: 2, 6: 3}[triangles.shape[1]]
-    index = np.zeros((k, k), np.int64)
-    index[np.triu_indices(k)] = np.arange(triangles.shape[1])
-    return triangles[:, np.maximum(index, index.T)]
-
-
 def _scan_rows(
     path: Path, lines: Sequence[str], first: int, columns: tuple[str, ...], delimiter: str | None, before: list[Table]
 ) -> Scan[Table]:

@@ -178,12 +178,13 @@ def main(times: int) -> None:
         write(here, seeds=30)
         expected = in_peace(here / "peace")
         while done < times:
-            folder, status = Path(tempfile.mkdtemp(dir=here)) / "study", -1
+            folder, status = here / f"killed-{done}", -1
             while status != 0:
                 victim = next(victims)
                 struck, status, said = killed(folder, victim, draws)
                 done += struck
                 print(f"{done}: {victim}{'' if struck else ', too late'}: status {status} {said.strip()}", flush=True)
+                assert struck or status == 0, "it ended by itself and not well"
             same(folder, expected)
             print(f"all {len(expected)} rows are as they were in peace", flush=True)
 

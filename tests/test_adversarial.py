@@ -5,7 +5,7 @@ import pytest
 
 from broken_backends import ADVERSE, GivesUp, Sound
 from slamduel.backends.api import Builder, Map
-from slamduel.bench import reference
+from slamduel.bench import adversarial_checks
 from slamduel.bench.adversarial_checks import Answer, batch_answer, bound, filtered, ordinary, uses_sightings
 from slamduel.bench.adversarial_logs import ADVERSARIES, Adversary
 from slamduel.bench.candidate import Candidate, spread
@@ -130,7 +130,7 @@ def test_an_optimum_that_is_none_is_not_taken_for_the_answer(monkeypatch: pytest
             log.t, found.path + np.array([1.0, 0, 0]), Map(found.map.ids, found.map.xy, None), None, "reference"
         )
 
-    monkeypatch.setattr(reference, "reference", elsewhere)
+    monkeypatch.setattr(adversarial_checks, "reference", elsewhere)
     own = Adversary("one-landmark", "The same, and not in the cache.", BY_NAME["one-landmark"].make)
     answer = batch_answer(own)
     assert not answer.batch

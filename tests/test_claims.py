@@ -10,7 +10,7 @@ import pytest
 
 from slamduel.bench.averages import MANY, ranked
 from slamduel.bench.claim import Claim
-from slamduel.bench.claim_test import Answer, answer, measures
+from slamduel.bench.claim_answer import Answer, answer, measures
 from slamduel.bench.conclusion import conclude, document
 from slamduel.bench.statistics import estimate, shift
 from slamduel.bench.study_table import StudyTable, numbers, words

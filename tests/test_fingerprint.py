@@ -39,7 +39,7 @@ def forget() -> None:
         READ,
         source,
         code.folder_of,
-        code.found,
+        library_version.located,
         library_version.home_of,
     ):
         cached.cache_clear()
@@ -116,8 +116,9 @@ def test_a_cell_is_judged_by_no_report() -> None:
     names = {name.removeprefix("slamduel.") for name in files}
     assert {"bench.cell", "bench.drive", "bench.score", "bench.cost", "bench.metrics", "frontend.factors"} <= names
     assert {name for name in names if name.startswith("datasets.")} == set()
-    assert not libraries & {"matplotlib", "jinja2", "rich", "gtsam", "cv2"}
-    assert not any(word in name for name in names for word in ("report", "plot", "page", "figure", "store", "runner"))
+    assert not libraries & {"matplotlib", "jinja2", "rich", "gtsam", "cv2", "scipy"}
+    others = ("report", "plot", "page", "figure", "store", "runner", "summary", "record", "words", "frontend.table")
+    assert not any(word in name for name in names for word in others)
 
 
 def test_every_module_that_a_backend_loads_is_in_its_closure() -> None:

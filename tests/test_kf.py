@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from slamduel.backends.api import Diverged
+from slamduel.backends.api import Builder, Diverged
 from slamduel.backends.ekf import Ekf
 from slamduel.backends.ekf import Options as EkfOptions
-from slamduel.backends.kf import Kf
+from slamduel.backends.kf import Kf, build
+from slamduel.bench.candidate import Candidate
+from slamduel.bench.conformance import chosen, examine
 from slamduel.datasets.linear import Options, linear
 from slamduel.frontend.factors import Log, Map, Prior
 from slamduel.frontend.options import NoOptions
@@ -111,6 +113,12 @@ def test_in_the_linear_world_it_is_the_ekf() -> None:
 
 def test_where_the_heading_is_lost_it_is_not() -> None:
     assert apart(0.1, 1e-2) > 1.0
+
+
+def test_where_the_heading_is_off_it_is_held_to_dead_reckoning_alone() -> None:
+    (check,) = chosen(["near-and-far"])
+    assert examine(check, Candidate(build, NoOptions())).status == "passed"
+    assert examine(check, Candidate(Builder(Kf), NoOptions())).status == "failed"
 
 
 def test_a_map_that_is_given_is_kept_to() -> None:

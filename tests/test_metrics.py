@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from scipy.special import chdtri
 
 from slamduel.backends.registry import find
 from slamduel.bench import metrics
@@ -77,8 +78,13 @@ def test_nees_of_true_covariances_is_chi_square() -> None:
     estimate = np.array([rng.multivariate_normal(p, c) for p, c in zip(truth, covs, strict=True)])
     values = metrics.nees(estimate, covs, truth)
     assert values.mean() == pytest.approx(3, abs=6 * np.sqrt(6 / n))  # 6 sigma: the variance of chi-square(3) is 6
-    inside = (values <= metrics.INSIDE_95).mean()
+    inside = (values <= metrics.INSIDE_95[3]).mean()
     assert inside == pytest.approx(0.95, abs=6 * np.sqrt(0.95 * 0.05 / n))
+
+
+def test_the_bounds_are_chi_squares() -> None:
+    dof = np.array(list(metrics.INSIDE_95))
+    np.testing.assert_allclose(list(metrics.INSIDE_95.values()), chdtri(dof, 0.05), rtol=1e-14)
 
 
 def test_nees_is_blank_where_there_is_no_covariance_to_divide_by() -> None:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.bench.endings import TOLD
 from slamduel.bench.record import Row
 from slamduel.bench.recorder import Recorder
 from slamduel.bench.store import Store
-from slamduel.bench.summary import TOLD
 from slamduel.datasets import logfile
 from textbook import random_log
 

@@ -27,7 +27,7 @@ from slamduel.bench.cell import Job, Result
 from slamduel.bench.executor_here import Here
 from slamduel.bench.executor_local import Local
 from slamduel.bench.memory import Peak, limited
-from slamduel.bench.workers import execute
+from slamduel.bench.processes import execute
 from slamduel.datasets import logfile
 from slamduel.datasets import registry as datasets
 from slamduel.frontend.factors import Log

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from slamduel.bench import reference
+from slamduel.bench.endings import REFERENCE, SURVEYED
 from slamduel.bench.metrics import align, aligned, ate, own_map_rmse
-from slamduel.bench.summary import REFERENCE, SURVEYED, lines
+from slamduel.bench.summary import lines
 from slamduel.bench.tables import accuracy_table
 from slamduel.bench.terminal import tables
 from slamduel.bench.verdict import verdict

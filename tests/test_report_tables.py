@@ -6,10 +6,11 @@ from typing import Any
 import pytest
 
 from slamduel.bench.definitions import Column
+from slamduel.bench.endings import TOLD
 from slamduel.bench.latex import escaped, latex
 from slamduel.bench.pairs_table import pairs_table
 from slamduel.bench.record import COLUMNS, MORE, Row
-from slamduel.bench.summary import TOLD, Line, lines
+from slamduel.bench.summary import Line, lines
 from slamduel.bench.table import Entry, Table, TableRow
 from slamduel.bench.tables import (
     accuracy_table,

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.bench.endings import SURVEYED
 from slamduel.bench.plan import Cell, Plan
+from slamduel.bench.processes import execute
 from slamduel.bench.record import COLUMNS, Row
 from slamduel.bench.runner import claimed, recorded_plan, run
 from slamduel.bench.store import Store
-from slamduel.bench.summary import SURVEYED
-from slamduel.bench.workers import execute
 from slamduel.datasets import logfile
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log

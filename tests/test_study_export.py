@@ -156,6 +156,7 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
         (["study", "--csv", "x", "--parquet", "x"], "--csv and --parquet: found x for both, expected a file each."),
         (["study", "--csv", "study"], "study: is a folder, expected a file to be made."),
         (["study", "--csv", "study/study.sqlite"], "study.sqlite: is a record, expected a file to be made."),
+        (["study", "--csv", "study/study.sqlite-wal"], "study.sqlite-wal: is a record, expected a file to be made."),
         (["study", "--csv", "no/such.csv"], "no/such.csv: cannot be written (No such file or directory)."),
         (["study", "--parquet", "no/such.parquet"], "no/such.parquet: cannot be written (No such file or directory)."),
         (["circle", "--csv", "x"], "--csv: is for the folder of a study or a run, and circle is none;"),

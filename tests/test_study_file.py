@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from slamduel.bench.batch import Batch, Finished, LogFacts
 from slamduel.bench.cell import Result
+from slamduel.bench.numerals import lasting
 from slamduel.bench.spec import backend_variants, dataset_variants
 from slamduel.bench.study import Study
 from slamduel.bench.study_choice import choice
-from slamduel.bench.study_estimate import Estimate, estimate, lasting
+from slamduel.bench.study_estimate import Estimate, estimate
 from slamduel.bench.study_file import FORMAT, made, packaged, read, reread
 from slamduel.bench.study_runner import Wanted, run
 from slamduel.bench.study_store import StudyStore
@@ -130,6 +131,17 @@ def test_what_draws_nothing_runs_for_one_seed(tmp_path: Path) -> None:
     assert found.cells[0].cell.dataset.options.path == str(tmp_path)
 
 
+def test_seeds_are_counted_from_the_first_one() -> None:
+    def seeds(head: str, block: str = "") -> list[int]:
+        return [c.cell.seed for c in study(f"{head}\n[[cells]]\ndataset = 'bailey'\nbackend = 'ekf'\n{block}\n").cells]
+
+    assert seeds("seeds = 2\nfirst_seed = 1000") == [1000, 1001]
+    assert seeds("first_seed = { quick = 7, full = 0 }") == [7]
+    assert seeds("seeds = 2\nfirst_seed = 1000", "first_seed = 3") == [3, 4]
+    assert seeds("first_seed = 1000", "seeds = 2") == [1000, 1001]
+    assert seeds("first_seed = 1000", "seeds = [4, 7]") == [4, 7]
+
+
 def test_sizes_are_chosen_wherever_they_stand() -> None:
     text = HEAD + '[[figure]]\nx = { quick = "loops", full = "particles" }\ny = "ate_m"\nwhere.backend = "fastslam"\n'
     text = text.replace("seeds = 3", "seeds = { quick = 1, full = 2 }")
@@ -182,11 +194,18 @@ ERRORS = {
     "no cells": ('title = "x"\n', "s.toml: the file has no 'cells', expected [[cells]] with a dataset and a backend."),
     "cells as a table": ("[cells]\n", "s.toml, line 1: cells: found an empty table, expected [[cells]] with a dataset"),
     "a title that is none": ("\ntitle = 3\n", "s.toml, line 2: title: found 3, expected a text."),
+    "a limit of exabytes": ("memory_mb = 1000000000000\n", "line 1: memory_mb: found 1000000000000, expected a whole"),
+    "a number of 20 digits": (
+        "seeds = 1\ntimeout_s = 12345678901234567890\n", "s.toml, line 2: found a whole number of 20 digits, expected",
+    ),
+    "thousands of digits": ("seeds = 1" + "0" * 5000, "s.toml: not valid TOML: Exceeds the limit"),
+    "tables in tables": (".".join("a" * 2000) + " = 1", "s.toml: found tables or lists that are hundreds deep"),
+    "a key without a letter": ('"" = 1\n', "s.toml, line 1: '': there is no such key; expected one of"),
     "a switch that is none": ("keep = 1\n", "line 1: keep: found 1, expected true or false."),
     "a limit of nothing": ("timeout_s = 0\n", "line 1: timeout_s: found 0, expected a number above 0."),
     "a limit that is true": (
         "memory_mb = true\n",
-        "line 1: memory_mb: found true, expected a whole number, at least 1.",
+        "line 1: memory_mb: found true, expected a whole number, at least 1 and at most 1,000,000,000.",
     ),
     "a block without a backend": (
         '[[cells]]\ndataset = "bailey"\n',
@@ -205,10 +224,17 @@ CELL_ERRORS = {
         "seeds = 0\n",
         "line 4: cells.seeds: found 0, expected a whole number, at least 1, or a list",
     ),
+    "seeds without end": ("seeds = 2000000\n", "line 4: cells.seeds: found 2000000, expected at most as many"),
+    "cells without end": ("seeds = 600000\n", "line 2: cells.dataset: with these there are 1,200,000 cells, expected"),
     "true seeds": ("seeds = true\n", "line 4: cells.seeds: found true, expected a whole number"),
     "no seed": ("seeds = []\n", "line 4: cells.seeds: found [], expected a whole number"),
     "a negative seed": ("seeds = [1, -1]\n", "line 4: cells.seeds: found [1, -1], expected a whole number"),
     "a seed twice": ("seeds = [1, 2, 1]\n", "line 4: cells.seeds: found [1, 2, 1], expected each seed once."),
+    "a negative first seed": ("first_seed = -1\n", "line 4: cells.first_seed: found -1, expected a whole number, at"),
+    "a first seed of a list": (
+        "first_seed = 9\nseeds = [1, 2]\n",
+        "line 4: cells.first_seed: the seeds are a list, expected how many there are from that one on.",
+    ),
     "a misspelt key": ("gird = 1\n", "line 4: cells.gird: there is no such key; did you mean 'grid'?"),
     "a grid that is none": ("grid = 3\n", "line 4: cells.grid: found 3, expected a table, grid = { ... }."),
     "a name without a side": ("grid.loops = [1]\n", "line 4: 'loops': expected the name of an option, as in"),
@@ -312,6 +338,11 @@ CLAIM_ERRORS = {
     "bounds the wrong way": (
         CLAIM + "of.loops = 1\nwithin = [2, 1]\n",
         "line 19: claim.within: found [2, 1], expected two",
+    ),
+    "a bound without end": (CLAIM + "of.loops = 1\nbelow = inf\n", "line 19: claim.below: found inf, expected a"),
+    "bounds without end": (CLAIM + "of.loops = 1\nwithin = [0, inf]\n", "line 19: claim.within: found [0, inf]"),
+    "a measure that is a number": (
+        CLAIM + "of = { loops = 1, measure = 1 }\nbelow = 1\n", "line 18: claim.of.measure: found 1, expected a text."
     ),
     "bounds that cross": (
         CLAIM + "of.loops = 1\nabove = 2\nbelow = 1\n",
@@ -519,6 +550,8 @@ def test_files_are_found_by_name_or_path_or_not_at_all(tmp_path: Path, monkeypat
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text(HEAD)
     assert read("mine.toml", full=False).name == "mine"
+    Path("marked.toml").write_bytes(b"\xef\xbb\xbf" + HEAD.replace("\n", "\r\n").encode())
+    assert read("marked.toml", full=False).cells == read("mine.toml", full=False).cells
     Path("bad.toml").write_bytes(b"\xff")
     for which, sentence in {
         "matlab-reprt": "matlab-reprt: No such file or directory; expected a study file, or one that comes along: did",
@@ -534,7 +567,20 @@ def test_every_packaged_study_is_right_in_both_sizes_and_the_reference_fits_a_te
     for name in packaged():
         assert len(read(name, full=False).cells) <= len(read(name, full=True).cells)
     assert max(map(len, FORMAT.splitlines())) < 80
-    for key in ("seeds", "grid", "zip", "list", "crosses", "alike", "keep", "oracle", "memory_mb", "timed", "note"):
+    for key in (
+        "seeds",
+        "first_seed",
+        "grid",
+        "zip",
+        "list",
+        "crosses",
+        "alike",
+        "keep",
+        "oracle",
+        "memory_mb",
+        "timed",
+        "note",
+    ):
         assert key in FORMAT
 
 
@@ -605,6 +651,8 @@ def test_a_comma_in_brackets_is_no_end_of_a_value() -> None:
     [
         (["ekf"], "--only ekf: expected NAME=VALUE, and NAME one of dataset, backend, seed, loops, particles."),
         (["loops="], "--only loops=: expected NAME=VALUE"),
+        (["loops=,"], "--only loops=,: expected values separated by commas"),
+        (["backend=["], "--only backend=[: expected values separated by commas, with every bracket and quote closed."),
         (["lops=1"], "--only lops=1: no cell has a parameter 'lops'; did you mean 'loops'?"),
         (["loops=3"], "--only loops=3: no cell has loops=3, expected one of 1, 2."),
         (["backend=isam2*"], "no cell has backend=isam2*, expected one of ekf, dead-reckoning, fastslam."),

@@ -3,22 +3,30 @@
 import json
 import re
 import shutil
+import sqlite3
 from collections.abc import Iterator
 from html import unescape
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
+from slamduel.bench.cli import main as bench
 from slamduel.bench.gallery import gallery, main
 from slamduel.bench.numerals import number
+from slamduel.bench.option_words import option_words
 from slamduel.bench.statistics import estimate
 from slamduel.bench.study import Figure
 from slamduel.bench.study_evidence import evidence
-from slamduel.bench.study_medians import MANY, medians
+from slamduel.bench.study_figure import span
+from slamduel.bench.study_marks import Bound, Marks, marks
+from slamduel.bench.study_medians import MANY, medians, names
 from slamduel.bench.study_report import write
 from slamduel.bench.study_table import StudyTable
+from slamduel.bench.svg import PAPER
 from slamduel.frontend.errors import InputError
 from small_study import Outcome, small_study
 
@@ -90,6 +98,11 @@ def said(path: Path) -> str:
     return " ".join(unescape(re.sub(r"<[^>]*>", " ", body)).split())
 
 
+def parted(sentence: str, says: str) -> str:
+    """As a page sets it: what is claimed, then what was measured."""
+    return f"{says} {sentence.partition(f'{says}: ')[2]}"
+
+
 def test_the_page_has_the_numbers_of_the_store(page: Path) -> None:
     text = said(page)
     for backend in ("ekf", "ukf"):
@@ -105,12 +118,14 @@ def test_the_page_has_the_numbers_of_the_store(page: Path) -> None:
 
 def test_a_finding_that_holds_is_reproduced_and_every_claim_has_its_interval(page: Path, folder: Path) -> None:
     text, found = said(page), evidence(folder)
-    assert "✓ Reproduced : all 2 claims hold" in text
+    markdown = page.with_name("report.md").read_text(encoding="utf-8")
+    assert "✓ Reproduced : all 2 claims hold." in text
     document = json.loads(page.with_name("answers.json").read_text())
     assert document["reproduced"] == "yes"
     assert document["cells"] == {"done": 46, "diverged": 2}
     for answer, written in zip(found.answers, document["claims"], strict=True):
-        assert answer.sentence in text
+        assert parted(answer.sentence, answer.claim.says) in text
+        assert answer.sentence in unescape(markdown)
         assert written["estimate"] == pytest.approx(answer.figures["estimate"])
         ends = f"{number(answer.figures['low'])}\N{EN DASH}{number(answer.figures['high'])}"
         assert ends in text or answer.figures["low"] == answer.figures["high"]
@@ -122,6 +137,103 @@ def test_a_finding_that_does_not_hold_says_so_plainly(tmp_path: Path) -> None:
     assert "✗ Not reproduced" in text
     assert "✓ Reproduced" not in text
     assert json.loads((folder / "answers.json").read_text())["reproduced"] == "no"
+
+
+def test_what_does_not_hold_is_told_first_where_there_is_little_room(tmp_path: Path) -> None:
+    more = "".join(
+        f'[[claim]]\nsays = "{k}"\nmeasure = "ate_m"\nof = {{ backend = "ekf", landmarks = 6 }}\nbelow = {k}.0\n'
+        for k in range(1, 5)
+    )
+    found = evidence(small_study(tmp_path / "s", "s", TEXT + more, outcomes(nees=3.0)))
+    assert [one.verdict for one in found.most_telling] == ["fails", "holds", "holds"]
+    assert [one.says for one in found.most_telling] == ["The EKF is consistent", "More are better", "1"]
+    assert found.answered == ("Not reproduced", "5 of 6 claims hold, 1 fails.")
+
+
+def drawn(folder: Path, claim: str, figure: int = 0) -> Marks:
+    """What the claim draws into a figure of the study."""
+    found = evidence(small_study(folder, "s", f'{TEXT}[[claim]]\nsays = "so"\n{claim}', outcomes()))
+    return marks(found.medians[figure], found.answers[2:])
+
+
+def test_a_claim_draws_its_bound_where_it_is_claimed(tmp_path: Path) -> None:
+    of = 'of = { backend = "ekf", landmarks = 12 }'
+    assert drawn(tmp_path / "a", f'measure = "ate_m"\n{of}\nbelow = 0.1').bounds == (Bound(0.1, True, 12, "ekf"),)
+    each = 'of = { backend = "ekf" }\neach = "landmarks"'
+    assert drawn(tmp_path / "b", f'measure = "ate_m"\n{each}\nabove = 0.1').bounds == (Bound(0.1, False, None, "ekf"),)
+    assert drawn(tmp_path / "c", f'measure = "nees"\n{of}\nabove = 0.1', figure=1) == Marks((), (), {})  # has 6 alone
+
+
+def test_a_power_is_written_beside_its_line(tmp_path: Path) -> None:
+    found = drawn(tmp_path / "a", 'measure = "ate_m"\nof = { backend = "ekf" }\ngrows = "landmarks"\nbelow = 0.0')
+    assert found.slopes == {"ekf": pytest.approx(-1)}
+    write(tmp_path / "a")
+    assert "slope -1.00" in (tmp_path / "a" / "figures" / "s-1.svg").read_text(encoding="utf-8")
+
+
+def test_in_print_words_stand_on_white(tmp_path: Path) -> None:
+    """Not on the colour that only a page replaces by its own."""
+    claim = 'measure = "ate_m"\nof = { backend = "ekf", landmarks = 12 }\nbelow = 0.1'
+    drawn(tmp_path / "a", claim)
+    found = evidence(tmp_path / "a").exhibits[0]
+    assert "claimed: below 0.1" in found.svg
+    assert PAPER in found.svg
+    assert found.printed is not None
+    pixels = imread(BytesIO(found.printed("png")))[..., :3]
+    paper = [int(PAPER[k : k + 2], 16) for k in (1, 3, 5)]
+    assert (np.round(255 * pixels) == paper).all(axis=-1).sum() < 100  # edges of letters; the words' ground has 10,000
+
+
+def test_where_lines_cross_it_says_whose_is_less(tmp_path: Path) -> None:
+    """The UKF's error is twice the EKF's, then falls with the cube of the landmarks instead of in proportion."""
+    crossing = 'measure = "ate_m"\nless = { backend = "ukf" }\nthan = { backend = "ekf" }\ncrosses = "landmarks"'
+    text = f'{TEXT}[[claim]]\nsays = "so"\n{crossing}'
+    steeper = [
+        one._replace(columns={**one.columns, "ate_m": one.columns["ate_m"] * (12 / one.parameters["landmarks"]) ** 2})
+        if one.parameters["backend"] == "ukf" else one
+        for one in outcomes()
+    ]  # fmt: skip
+    found = evidence(small_study(tmp_path / "s", "s", text, steeper))
+    (one,) = marks(found.medians[0], found.answers).crossings
+    assert one.value == pytest.approx(12 * 2**0.5, rel=1e-6)  # there 2 (12 / x)^2 is 1
+    write(tmp_path / "s")
+    svg = (tmp_path / "s" / "figures" / "s-1.svg").read_text(encoding="utf-8")
+    assert "ukf is less" in svg
+    assert "from 17.0 on" in svg
+
+
+def test_one_wild_interval_leaves_the_medians_their_room(tmp_path: Path) -> None:
+    """Of 8 runs one end of the interval is among the wild ones: it may not push the medians out of the picture."""
+    wild = [
+        one._replace(columns={**one.columns, "ate_m": 1e9}) if one.parameters["seed"] >= 5 else one
+        for one in outcomes()
+    ]
+    found = evidence(small_study(tmp_path / "s", "s", TEXT, wild))
+    places = found.medians[0].places.values()
+    low, high, log = span(found.medians[0], marks(found.medians[0], found.answers))
+    assert log
+    assert all(low <= place.value <= high for place in places)
+    assert max(place.high for place in places) > high
+    values = np.log10([place.value for place in places])
+    assert np.ptp(values) > np.log10(high / low) / 3
+
+
+@pytest.mark.parametrize(
+    ("option", "dataset", "label"),
+    [
+        ("tags", "matlab-report", "tags"),
+        ("loops", "bailey", "times round the loop (loops)"),
+        ("wrong_ids", "circle", "share of the sightings taken for another landmark's (wrong ids)"),
+    ],
+)
+def test_an_axis_is_called_what_its_option_is(option: str, dataset: str, label: str) -> None:
+    table = StudyTable({"dataset": np.array([dataset], object), "backend": np.array(["ekf"], object),
+                        option: np.array([1], object)})  # fmt: skip
+    assert option_words(option, table) == label
+
+
+def test_names_of_datasets_leave_out_what_all_of_them_say() -> None:
+    assert names("dataset", ["a[b=1]", "a[b=1,c=2]"]) == {"a[b=1]": "a", "a[b=1,c=2]": "a[c=2]"}
 
 
 def test_failures_are_grouped_with_their_reason_and_place(page: Path) -> None:
@@ -195,7 +307,8 @@ def test_the_gallery_counts_findings_and_leads_to_reports(page: Path, tmp_path: 
     text = said(index)
     assert "1 of 2 published findings reproduced, 1 not" in text
     assert 'href="tags/report.html"' in index.read_text(encoding="utf-8")
-    assert evidence(root / "tags").answers[0].sentence in text
+    first = evidence(root / "tags").answers[0]
+    assert parted(first.sentence, first.claim.says) in text
     (root / "broken").mkdir()
     (root / "broken" / "study.sqlite").write_text("no database")
     assert main([str(root)]) == 0
@@ -235,3 +348,43 @@ def test_pages_fit_are_quiet_and_ask_for_nothing(browser: Any, page: Path) -> No
             assert (heard, asked) == ([], [path.as_uri()])
             assert shown.evaluate("getComputedStyle(document.body).backgroundColor") != "rgb(255, 255, 255)"
             shown.close()
+
+
+def test_the_command_writes_it_again_and_others_say_that_it_is_no_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = small_study(tmp_path / "again", "again", TEXT, outcomes())
+    assert bench(["report", str(folder), "--figures", "png"]) == 0
+    assert capsys.readouterr().out == f"report: {folder / 'report.html'}\n"
+    assert len(list((folder / "figures").glob("*.png"))) == len(evidence(folder).study.figures)
+    assert bench(["compare", str(folder), str(folder)]) == 2
+    assert "holds a study, study.sqlite, and no run; expected the folder of a run." in capsys.readouterr().err
+
+
+def test_no_estimate_where_it_could_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = small_study(tmp_path / "another", "another", TEXT, outcomes())
+    (tmp_path / "file").touch()
+    for place, sentence in ((folder, "holds the study another, expected"), (tmp_path / "file", "is no folder")):
+        assert bench(["ablate", "matlab-report", "--dry-run", "--out", str(place)]) == 2
+        assert f"--out {place}: {sentence}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        ("DELETE FROM study WHERE name = 'size'", "has no size of the study yet; expected one that was begun"),
+        ("UPDATE study SET value = '{' WHERE name = 'size'", "expected the store of a study, whole"),
+        ("UPDATE plan SET parameters = '{' WHERE place = 0", "expected the store of a study, whole"),
+        ("UPDATE results SET ate_m = 'x' WHERE key = 'key 0'", "expected the store of a study, whole"),
+    ],
+)
+def test_a_store_that_makes_no_sense_is_a_sentence(
+    tmp_path: Path, spoil: str, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = small_study(tmp_path / "s", "s", TEXT, outcomes())
+    with sqlite3.connect(folder / "study.sqlite") as db:
+        db.execute(spoil)
+    db.close()
+    assert bench(["report", str(folder)]) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (folder / "report.html").exists()

@@ -319,3 +319,24 @@ def test_a_second_runner_is_refused(tmp_path: Path) -> None:
         pass
     with claimed(tmp_path):
         pass
+
+
+def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:
+    filled(tmp_path, 1)
+
+    def put(name: str, *, fails: bool) -> None:
+        with store.together():
+            store.put_log(name, ("city", "", 0), Known("d", "t", "truth"), {})
+            store.put_result(name, result(0), {})
+            assert not reader.logs()
+            if fails:
+                raise KeyboardInterrupt
+            store.settle(0, name, None)
+
+    with StudyStore(tmp_path, writing=True) as store, StudyStore(tmp_path) as reader:
+        with pytest.raises(KeyboardInterrupt):
+            put("lost", fails=True)
+        assert store.statuses() == {"k0": "done"}
+        put("kept", fails=False)
+        assert reader.logs().keys() == {"kept"}
+        assert reader.statuses().keys() == {"k0", "kept"}

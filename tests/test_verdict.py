@@ -10,9 +10,10 @@ import pytest
 from slamduel.bench.beliefs import belief_sentences, belief_word
 from slamduel.bench.claims import between
 from slamduel.bench.contest import contest, needed, ordered, standing
+from slamduel.bench.endings import SURVEYED, TOLD
 from slamduel.bench.record import COLUMNS, MORE, Row
 from slamduel.bench.statistics import Comparison
-from slamduel.bench.summary import SURVEYED, TOLD, Line, lines
+from slamduel.bench.summary import Line, lines
 from slamduel.bench.verdict import Use, Verdict, verdict
 
 SEED = 4

@@ -12,9 +12,12 @@ from .toml_lines import Place, lines
 
 Size = Literal["quick", "full"]
 
+LARGEST = 2**63 - 1
+"""Of whole numbers, to TOML and to the store."""
+
 
 @dataclass(frozen=True)
-class Words:
+class Entries:
     """One table and where it stands. Every reader raises InputError for a value of another kind or out of range."""
 
     file: str
@@ -23,22 +26,27 @@ class Words:
     entries: Mapping[str, Any]
 
     @classmethod
-    def load(cls, file: str, text: str, size: Size) -> "Words":
+    def load(cls, file: str, text: str, size: Size) -> "Entries":
         """The file itself, with the one of that size in the place of every {quick = ..., full = ...}."""
         try:
             entries = tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            said = _with_line(str(error) or "it is nested too deeply")
+        except ValueError as error:  # TOMLDecodeError, or that of a number with thousands of digits
+            said = _with_line(str(error).partition("; use ")[0])
             raise InputError(f"{file}{said}; expected a TOML file.") from None
+        except RecursionError:
+            raise _too_deep(file) from None
         found: dict[Place, int] = {}
-        sized = _Sizes(file, lines(text), size, found).chosen(entries, (), ())
+        try:
+            sized = _Sizes(file, lines(text), size, found).chosen(entries, (), ())
+        except RecursionError:
+            raise _too_deep(file) from None
         return cls(file, found, (), sized)
 
     def has(self, key: str) -> bool:
         """Whether it is given."""
         return key in self.entries
 
-    def only(self, known: Collection[str]) -> "Words":
+    def only(self, known: Collection[str]) -> "Entries":
         """Itself, where it has none but the keys `known`."""
         for key in self.entries:
             if key not in known:
@@ -66,11 +74,11 @@ class Words:
             raise self.fault(key, "true or false")
         return found
 
-    def whole(self, key: str, default: int, least: int) -> int:
-        """A whole number, at least `least`."""
+    def whole(self, key: str, default: int, least: int, most: int = LARGEST) -> int:
+        """A whole number from `least` to `most`."""
         found = self.entries.get(key, default)
-        if type(found) is not int or found < least:
-            raise self.fault(key, f"a whole number, at least {least}")
+        if type(found) is not int or not least <= found <= most:
+            raise self.fault(key, f"a whole number, at least {least}" + f" and at most {most:,}" * (most < LARGEST))
         return found
 
     def above(self, key: str, default: float | None, bound: float) -> float:
@@ -81,9 +89,11 @@ class Words:
         return float(found)
 
     def number(self, key: str, default: float) -> float:
-        """A number that is not NaN."""
-        found = self.entries.get(key, default)
-        if not is_number(found) or found != found:
+        """A finite number, or the default."""
+        if key not in self.entries:
+            return default
+        found = self.entries[key]
+        if not is_number(found) or not math.isfinite(found):
             raise self.fault(key, "a number")
         return float(found)
 
@@ -95,19 +105,19 @@ class Words:
             raise self.fault(key, "a text or a list of texts, at least one")
         return found
 
-    def table(self, key: str) -> "Words":
+    def table(self, key: str) -> "Entries":
         """The table `key`, empty where there is none."""
         found = self.entries.get(key, {})
         if not isinstance(found, dict):
             raise self.fault(key, f"a table, {key} = {{ ... }}")
-        return Words(self.file, self.lines, (*self.place, key), found)
+        return Entries(self.file, self.lines, (*self.place, key), found)
 
-    def tables(self, key: str, expected: str) -> "list[Words]":
+    def tables(self, key: str, expected: str) -> "list[Entries]":
         """Those of a list of tables, none where it is not given."""
         found = self.entries.get(key, [])
         if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
             raise self.fault(key, expected)
-        return [Words(self.file, self.lines, (*self.place, key, k), one) for k, one in enumerate(found)]
+        return [Entries(self.file, self.lines, (*self.place, key, k), one) for k, one in enumerate(found)]
 
     def flat(self) -> dict[str, tuple[Any, Place]]:
         """Its entries by dotted key, and where each stands: dataset.tags and "dataset.tags" are the same to a study."""
@@ -146,7 +156,7 @@ class Words:
         return self.lines.get((*self.place, key)) or self.lines[self.place]
 
     def _called(self, *key: str) -> str:
-        return ".".join(str(part) for part in (*self.place, *key) if isinstance(part, str))
+        return ".".join(part or "''" for part in (*self.place, *key) if isinstance(part, str))
 
     def _found(self, key: str, default: Any, expected: str) -> Any:
         if key not in self.entries and default is None:
@@ -169,7 +179,7 @@ class _Sizes:
         if isinstance(value, dict):
             if "quick" in value or "full" in value:
                 if set(value) != {"quick", "full"}:
-                    raise Words(self.file, self.lines, stood, value).at(
+                    raise Entries(self.file, self.lines, stood, value).at(
                         stood,
                         f"{'.'.join(str(part) for part in stood if isinstance(part, str)) or 'the file'}: found "
                         f"{' and '.join(value)}, expected quick and full, each with a value, and nothing else.",
@@ -178,7 +188,15 @@ class _Sizes:
             return {name: self.chosen(inner, (*stood, name), (*place, name)) for name, inner in value.items()}
         if isinstance(value, list):
             return [self.chosen(inner, (*stood, k), (*place, k)) for k, inner in enumerate(value)]
+        if isinstance(value, int) and not -LARGEST <= value <= LARGEST:
+            raise Entries(self.file, self.lines, (), {}).at(
+                stood, f"found a whole number of {len(str(abs(value)))} digits, expected 19 at most: one of 64 bits."
+            )
         return value
+
+
+def _too_deep(file: str) -> InputError:
+    return InputError(f"{file}: found tables or lists that are hundreds deep in one another, expected a few.")
 
 
 def _with_line(said: str) -> str:

@@ -5,7 +5,7 @@ from math import isfinite, isnan, nan
 from typing import Any, NamedTuple
 
 from .claim import Claim
-from .claim_test import Answer
+from .claim_answer import Answer
 from .column_words import called, with_unit
 from .numerals import number
 from .statistics import FEWEST

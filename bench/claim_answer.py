@@ -28,12 +28,10 @@ from .tables import TIMES
 HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Cannot be told", "holds": "Holds"}
 """What an answer begins with; the worst first."""
 
-
 KINDS: Mapping[str, Callable[..., Found]] = {
     "value": median, "less": less, "alike": alike, "grows": exponents, "crosses": crossing,
 }  # fmt: skip
 """How each kind of claim is tested: given the claim and its sides."""
-
 
 OF_EACH: Mapping[Verdict, str] = {"fails": "not for", "open": "untold for", "holds": "for"}
 """What an answer says before the share of the values of `each` that it is about."""
