@@ -1,13 +1,19 @@
 """Cells on a Dask cluster whose workers are jobs of SLURM, submitted by dask-jobqueue as the user has configured it."""
 
+import contextlib
 import shutil
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Generator
 from functools import cached_property
 from typing import Any
 
 from ..frontend.errors import InputError
 from .dask_cluster import RESOURCE, Cluster, quieten
 from .executor_dask import Dask, to_stderr
+
+QUIET = {"dashboard": False, "dashboard_address": ":0"}
+"""Of the scheduler: no dashboard, and a free port for what it tells others over HTTP."""
 
 QUEUE_S = 24 * 3600
 """For SLURM to start a first job, or the next one when all have come to their time limits."""
@@ -65,7 +71,7 @@ class Slurm(Dask):
                 f"--executor slurm: jobqueue.slurm.{unset[0]} is not set; expected jobqueue: {{slurm: {{cores: 8, "
                 f"memory: 16GB, walltime: '04:00:00'}}}} or the like in {config.PATH}/jobqueue.yaml."
             )
-        given: dict[str, Any] = {"scheduler_options": {"dashboard": False} | _configured("scheduler-options", {})}
+        given: dict[str, Any] = {"scheduler_options": QUIET | _configured("scheduler-options", {})}
         if self.exclusive:
             given["processes"] = 1
             given["worker_extra_args"] = [*_configured("worker-extra-args", []), "--resources", f"{RESOURCE}=1"]
@@ -76,6 +82,17 @@ class Slurm(Dask):
             raise InputError(
                 f"--executor slurm: {error}; expected a configuration that dask-jobqueue takes, in {config.PATH}."
             ) from None
+
+
+@contextlib.contextmanager
+def _own_interrupt() -> Generator[None]:
+    """What Ctrl-C does stays as it is: importing dask-jobqueue would make it end the process without a word."""
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, before)
 
 
 def _configured(name: str, default: Any) -> Any:

@@ -4,12 +4,14 @@ import os
 import subprocess
 import time
 from collections.abc import Generator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-pytest.importorskip("dask_jobqueue", reason="dask-jobqueue is not installed")
+if find_spec("dask_jobqueue") is None:  # not imported here: it would take Ctrl-C from all other tests
+    pytest.skip("dask-jobqueue is not installed", allow_module_level=True)
 
 from dask import config
 

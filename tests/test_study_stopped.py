@@ -4,7 +4,9 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,16 +16,22 @@ from kills import descendants, held
 STUDY = """
 [[cells]]
 dataset = "matlab-report"
-backend = "misbehaving:slow[seconds=0.5]"
+backend = "misbehaving:slow[seconds=0.3]"
 seeds = 200
 """
 
 
+@pytest.fixture
+def temporary() -> Iterator[Path]:
+    """A folder with a short name: the path of a socket has 107 letters at most."""
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_it_tells_how_to_go_on_and_is_gone(tmp_path: Path, how: signal.Signals) -> None:
+def test_it_tells_how_to_go_on_and_is_gone(tmp_path: Path, temporary: Path, how: signal.Signals) -> None:
     (tmp_path / "slow.toml").write_text(STUDY)
-    (tmp_path / "temporary").mkdir()
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent), "TMPDIR": str(tmp_path / "temporary")}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent), "TMPDIR": str(temporary)}
     command = [sys.executable, "-m", "slamduel.bench.cli", "ablate", "slow.toml", "--out", "out"]
     runner = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
     while held(tmp_path / "out") < 1 and runner.poll() is None:
@@ -39,5 +47,5 @@ def test_it_tells_how_to_go_on_and_is_gone(tmp_path: Path, how: signal.Signals) 
     while any(Path(f"/proc/{pid}").exists() for pid in children):
         assert time.monotonic() < end, "a process was left"
         time.sleep(0.05)
-    assert not list((tmp_path / "temporary").glob("slamduel-*"))
+    assert not list(temporary.glob("slamduel-*"))
     assert not (tmp_path / "out" / ".lock").exists()
