@@ -78,7 +78,7 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
         except KeyError:
             known = [*backends.BUILTIN, *backends.plugins()]
             hint = "A backend of your own is named my_package.my_module:build."
-            raise InputError(f"{asker}: there is no backend {name!r}; {_nearest(name, known)} {hint}") from None
+            raise InputError(f"{asker}: there is no backend {name!r}; {nearest(name, known)} {hint}") from None
         except backends.Missing as error:
             found.append(BackendVariant(name, NoOptions(), None, str(error)))
             continue
@@ -98,7 +98,7 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
         except KeyError:
             hint = "A log's folder, a graph's file or a recording is named by its path."
             raise InputError(
-                f"{asker}: there is no dataset {name!r}; {_nearest(name, datasets.BUILTIN)} {hint}"
+                f"{asker}: there is no dataset {name!r}; {nearest(name, datasets.BUILTIN)} {hint}"
             ) from None
         found.append(DatasetVariant(name, read_options(source.options, given, f"dataset {name}"), source))
     return _without_repeats(found, asker)
@@ -131,7 +131,7 @@ def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any
     values: dict[str, Any] = {}
     for name, text in given:
         if name not in known:
-            has = _nearest(name, known) if known else "it has none."
+            has = nearest(name, known)
             raise InputError(f"{where}: there is no option {name!r}; {has}")
         if name in values:
             raise InputError(f"{where}: option {name} is given twice, expected once.")
@@ -238,9 +238,13 @@ def _pieces(text: str, flag: str) -> list[str]:
     return [piece.strip() for piece in pieces]
 
 
-def _nearest(name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(sorted(known))}."
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that was meant, or all of them."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"expected one of {', '.join(names)}." if names else "it has none."
 
 
 def _without_repeats(found: list[V], flag: str) -> list[V]:

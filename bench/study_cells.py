@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from ..frontend.errors import InputError
 from .plan import Cell
-from .spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_options
+from .spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, nearest, read_options
 from .study import StudyCell
-from .study_entries import Entries, nearest, shown
+from .study_entries import Entries, shown
 from .toml_lines import Place
 
 KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")

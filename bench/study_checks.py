@@ -6,9 +6,10 @@ from typing import Any
 from ..frontend.errors import InputError
 from .claim import Claim
 from .record import COLUMNS, MORE, WORDS
+from .spec import nearest
 from .study import Figure
 from .study_cells import Combination
-from .study_entries import Entries, is_number, nearest, shown
+from .study_entries import Entries, is_number, shown
 
 MEASURES = tuple(name for name in (*COLUMNS, *MORE) if name not in WORDS)
 """The columns that are numbers."""

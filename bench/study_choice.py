@@ -5,8 +5,8 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
 from ..frontend.errors import InputError
+from .spec import nearest
 from .study import Study, StudyCell
-from .study_entries import nearest
 
 MOST = 12
 """Values that a sentence names."""

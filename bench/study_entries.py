@@ -1,13 +1,13 @@
 """The words of a study file, read table by table, so that a refusal names the file, the line and the key."""
 
-import difflib
 import math
 import tomllib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..frontend.errors import InputError
+from .spec import nearest
 from .toml_lines import Place, lines
 
 Size = Literal["quick", "full"]
@@ -206,15 +206,6 @@ def _with_line(said: str) -> str:
         return f": not valid TOML: {said}"
     line, _, column = where.partition(", column ")
     return f", line {line}: not valid TOML at column {column}: {what}"
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that was meant, or all of them."""
-    names = [str(one) for one in known]
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    return (
-        f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(names)}." if names else "it has none."
-    )
 
 
 def is_number(value: Any) -> bool:

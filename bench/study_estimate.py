@@ -2,21 +2,17 @@
 
 import contextlib
 import random
-import sqlite3
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from .batch import Batch
-from .cell import Job
 from .endings import FAILED
 from .executors import Executor
 from .numerals import counted, lasting
 from .study import Study, StudyCell
 from .study_key import log_key, log_seed, result_key
-from .study_runner import Wanted
-from .study_schema import FILE
+from .study_runner import Wanted, batch_of
 from .study_store import Known, StudyStore
 
 BUDGET_S = 20.0
@@ -100,7 +96,7 @@ def estimate(
     todo = [cell for cell, is_done in zip(study.cells, done, strict=True) if not is_done and wanted.chosen(cell)]
     random.Random(0).shuffle(todo)
     todo = todo[: wanted.limit]
-    seconds = {} if store is None else _seconds(store)
+    seconds = {} if store is None else store.seconds()
     names = {_names(pair) for pair in seconds}
     now = _timed_now(study, [cell for cell in todo if _names(_pair(cell)) not in names], executor, budget_s)
     took = _Averages(seconds | now)
@@ -152,15 +148,6 @@ def _done(study: Study, store: StudyStore | None, wanted: Wanted) -> list[bool]:
     return done
 
 
-def _seconds(store: StudyStore) -> dict[Pair, tuple[float, int]]:
-    """What the store's cells took on average, and how many they were."""
-    path = f"{(store.folder / FILE).absolute().as_uri()}?mode=ro"
-    names = "dataset, dataset_options, backend, options"
-    query = f"SELECT {names}, avg(seconds), count(*) FROM results WHERE seconds IS NOT NULL GROUP BY {names}"
-    with contextlib.closing(sqlite3.connect(path, uri=True)) as db:
-        return {(d, d_options, b, options): (mean, n) for d, d_options, b, options, mean, n in db.execute(query)}
-
-
 def _timed_now(
     study: Study, cells: Sequence[StudyCell], executor: Executor, budget_s: float
 ) -> dict[Pair, tuple[float, int]]:
@@ -196,10 +183,8 @@ def _first_of_each(cells: Iterable[StudyCell]) -> list[StudyCell]:
 
 def _took(study: Study, cell: StudyCell, executor: Executor, timeout_s: float) -> tuple[float, bool]:
     """Seconds that the cell takes, and whether it came to an end of its own."""
-    backend, dataset = cell.cell.backend, cell.cell.dataset
-    job = Job(backend.label, backend.name, backend.options, cell.cell.seed, study.memory_mb, study.oracle)
-    batch = Batch(dataset.name, dataset.options, log_seed(cell.cell), ((0, job),), timeout_s, False)
-    with contextlib.closing(executor.run([batch], alone=True)) as ended:
+    mine = replace(batch_of(study, cell, [study.cells.index(cell)]), timeout_s=timeout_s, keep=False)
+    with contextlib.closing(executor.run([mine], alone=True)) as ended:
         finished = next(iter(ended))
     return finished.seconds, finished.result.status != "timeout"
 

@@ -71,10 +71,11 @@ from typing import Any
 
 from ..frontend.errors import InputError
 from .claim import Claim
+from .spec import nearest
 from .study import Figure, Study
 from .study_cells import combinations
 from .study_checks import check_claim, check_figure
-from .study_entries import Entries, is_number, nearest, shown
+from .study_entries import Entries, is_number, shown
 
 FORMAT = (__doc__ or "").partition("\n\n")[2]
 """The format, for `bench ablate --help`."""

@@ -113,7 +113,7 @@ class _Run:
             dataset = cell.cell.dataset
             if from_files(cell.cell) or (key not in self.logs and _log_name(cell) in known):
                 unsure[dataset.name, dataset.options, log_seed(cell.cell)] = cell
-        batches = [self._batch(cell, []) for cell in unsure.values()]
+        batches = [batch_of(self.study, cell, []) for cell in unsure.values()]
         self.watcher.looking(len(batches))
         for finished in self._executed(batches, alone=False):
             if finished.log is not None:
@@ -152,20 +152,10 @@ class _Run:
         for place in places:
             by_log.setdefault(self.log_keys[place], []).append(place)
         return [
-            self._batch(self.study.cells[group[0]], group[first : first + most])
+            batch_of(self.study, self.study.cells[group[0]], group[first : first + most])
             for group in by_log.values()
             for first in range(0, len(group), most)
         ]
-
-    def _batch(self, cell: StudyCell, places: Sequence[int]) -> Batch:
-        dataset, study = cell.cell.dataset, self.study
-        jobs = tuple((place, self._job(study.cells[place])) for place in places)
-        return Batch(dataset.name, dataset.options, log_seed(cell.cell), jobs, study.timeout_s, study.keep)
-
-    def _job(self, cell: StudyCell) -> Job:
-        backend = cell.cell.backend
-        memory_mb, oracle = self.study.memory_mb, self.study.oracle
-        return Job(backend.label, backend.name, backend.options, cell.cell.seed, memory_mb, oracle)
 
     def _keep(self, finished: Finished) -> None:
         """Put a result into the store as soon as it is there."""
@@ -199,6 +189,18 @@ def refuse_another(store: StudyStore, study: Study) -> None:
     name = store.words().get("name", study.name)
     if name != study.name:
         raise InputError(f"--out {store.folder}: holds the study {name}, expected {study.name} or another folder.")
+
+
+def batch_of(study: Study, cell: StudyCell, places: Sequence[int]) -> Batch:
+    """The cells at these places of the study, all on the log of `cell`."""
+    dataset = cell.cell.dataset
+    jobs = tuple((place, _job(study, study.cells[place])) for place in places)
+    return Batch(dataset.name, dataset.options, log_seed(cell.cell), jobs, study.timeout_s, study.keep)
+
+
+def _job(study: Study, cell: StudyCell) -> Job:
+    backend = cell.cell.backend
+    return Job(backend.label, backend.name, backend.options, cell.cell.seed, study.memory_mb, study.oracle)
 
 
 def _log_name(cell: StudyCell) -> tuple[str, str, int]:

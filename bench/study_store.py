@@ -112,6 +112,12 @@ class StudyStore:
         except Exception as error:  # a damaged archive may raise anything
             raise damaged(self.folder / FILE, f"the arrays of {key} cannot be read") from error
 
+    def seconds(self) -> dict[tuple[str, str, str, str], tuple[float, int]]:
+        """By dataset, its options, backend and its options: s of wall time that results took on average; how many."""
+        names = "dataset, dataset_options, backend, options"
+        query = f"SELECT {names}, avg(seconds), count(*) FROM results WHERE seconds IS NOT NULL GROUP BY {names}"
+        return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
+
     def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
         """The study's cells from now on: (dataset, dataset_options, backend, options, seed, parameters, key) each.
 
