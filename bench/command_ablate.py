@@ -35,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "Without STUDY: the studies that come along. A study that was stopped goes on with the same command;\n"
         "what has a result is not run again as long as log, backend, options and code are the same.\n"
-        "Exit status 0: every claim holds; 1: not so, or cells failed.\n\n"
+        "Exit status 0: every claim holds, or nothing is claimed; 1: not so, or cells failed.\n\n"
         f"A study file:\n\n{study_file.FORMAT}"
     )
     parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of one that comes along")
@@ -78,7 +78,7 @@ def main(namespace: argparse.Namespace) -> int:
             tally = run(study, out, executor, wanted, again, screen)
     except KeyboardInterrupt:
         raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
-    return _conclude(console, study, out, tally)
+    return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
 
 
 def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], None]) -> Executor:
@@ -138,21 +138,24 @@ def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespa
             console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
-def _conclude(console: Console, study: Study, out: Path, tally: Tally) -> int:
+def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly: bool) -> int:
     """Print the answer and write the report."""
     from .study_evidence import evidence
     from .study_report import write
 
     found = evidence(out)
-    said: list[Any] = [study.question, found.conclusion.sentence, *(f"  {a.sentence}" for a in found.answers)]
-    said += _left(tally)
+    said: list[Any] = [study.question or study.title, found.conclusion.sentence]
+    said += [f"  {answer.sentence}" for answer in found.answers]
+    said += _left(tally, partly=partly)
     report = write(out)
     for sentence in [*said, f"report: {report}"]:
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
-    return int(found.conclusion.reproduced != "yes" or tally.failed > 0)
+    return int(any(answer.verdict != "holds" for answer in found.answers) or tally.failed > 0)
 
 
-def _left(tally: Tally) -> Sequence[str]:
+def _left(tally: Tally, *, partly: bool) -> Sequence[str]:
+    """What failed and what has not run; `partly`: some of it was not asked for."""
     said = [f"{counted(tally.failed, 'cell')} failed; --retry runs them again."] * bool(tally.failed)
     waiting = tally.cells - tally.done
-    return [*said, *[f"{counted(waiting, 'cell')} of {tally.cells} wait; the same command goes on."] * bool(waiting)]
+    goes_on = "without --only and --limit all of them are run" if partly else "the same command goes on"
+    return [*said, *[f"{counted(waiting, 'cell')} of {tally.cells} wait; {goes_on}."] * bool(waiting)]

@@ -68,7 +68,8 @@ class Estimate:
         if sum(share.unknown for share in unknown) < self.todo:
             known = f"by {counted(self.timed_now, 'cell')} timed now" if self.timed_now else "by cells done before"
             slots = f", {self.slots} at a time" if self.alone < self.todo else ""
-            said.append(f"About {lasting(self.wall_s)}{slots}, {known}; the making of logs comes on top.")
+            how_long = f"About {lasting(self.wall_s)}" if self.wall_s >= 1 else "Less than 1 s"
+            said.append(f"{how_long}{slots}, {known}; the making of logs comes on top.")
         return said + [
             f"Not known: how long {share.unknown:,} of {share.dataset} with {share.backend} will take."
             for share in unknown

@@ -117,7 +117,7 @@ def read(which: str, *, full: bool) -> Study:
     except (OSError, ValueError) as error:
         said = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
         hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
-        raise InputError(f"{which}: {said}; expected a study file, or one that comes along: {hint}") from None
+        raise InputError(f"{which}: {said}; expected a study file, or the name of a packaged one: {hint}") from None
     return made(str(path), text, full=full)
 
 

@@ -1,6 +1,7 @@
 """A study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
 
 import json
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -52,6 +53,10 @@ def filled(found: Evidence) -> dict[str, Any]:
     }
 
 
+SIZED = re.compile(r"\bfull\s*=")
+"""What the file of a study has that is larger at full size."""
+
+
 def again(found: Evidence) -> Mapping[str, str]:
     """What to type to run it again, by what it does."""
     command = [*found.words["command"]]
@@ -59,7 +64,7 @@ def again(found: Evidence) -> Mapping[str, str]:
     commands = {"Go on, or run what has changed": shlex.join(command)}
     if found.standing.failed:
         commands["Run again what failed"] = shlex.join([*command, "--retry"])
-    if found.study.size == "quick":
+    if found.study.size == "quick" and SIZED.search(found.study.text):
         commands["At full size"] = shlex.join([*plain, "--full"])
     return commands
 

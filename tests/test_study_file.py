@@ -554,7 +554,7 @@ def test_files_are_found_by_name_or_path_or_not_at_all(tmp_path: Path, monkeypat
     assert read("marked.toml", full=False).cells == read("mine.toml", full=False).cells
     Path("bad.toml").write_bytes(b"\xff")
     for which, sentence in {
-        "matlab-reprt": "matlab-reprt: No such file or directory; expected a study file, or one that comes along: did",
+        "matlab-reprt": "matlab-reprt: No such file or directory; expected a study file, or the name of a packaged one",
         "bad.toml": "bad.toml: it is no text in UTF-8; expected",
         ".": ".: Is a directory; expected",
     }.items():
