@@ -1,6 +1,7 @@
 """There is no SLURM here: what it would be given is looked at, and a stand-in for sbatch starts that."""
 
 import os
+import signal
 import subprocess
 import time
 from collections.abc import Generator
@@ -27,6 +28,16 @@ SCANCEL = """#!/bin/sh
 echo "$@" >> {folder}/cancelled
 kill -- "-$1"
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def defaults() -> None:
+    """Its defaults are in Dask's configuration before anything is set there, and Ctrl-C is as it was."""
+    before = signal.getsignal(signal.SIGINT)
+    import dask_jobqueue
+
+    assert dask_jobqueue.SLURMCluster
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture
