@@ -33,7 +33,7 @@ class Conclusion(NamedTuple):
 def conclude(answers: Sequence[Answer], finding: str) -> Conclusion:
     """What the answers come to; `finding` is what was published, "" for a question of one's own."""
     if not answers:
-        return Conclusion((), "open", "Nothing is claimed: the figures are the answer.")
+        return Conclusion((), "open", "Nothing is claimed: the numbers are the answer.")
     by: dict[Verdict, list[Answer]] = {"fails": [], "open": [], "holds": []}
     for found in answers:
         by[found.verdict].append(found)

@@ -184,7 +184,7 @@ def _first_of_each(cells: Iterable[StudyCell]) -> list[StudyCell]:
 
 def _took(study: Study, cell: StudyCell, executor: Executor, timeout_s: float) -> tuple[float, bool]:
     """Seconds that the cell takes, and whether it came to an end of its own."""
-    mine = replace(batch_of(study, cell, [study.cells.index(cell)]), timeout_s=timeout_s, keep=False)
+    mine = replace(batch_of(study, cell, {0: cell}), timeout_s=timeout_s, keep=False)
     with contextlib.closing(executor.run([mine], alone=True)) as ended:
         finished = next(iter(ended))
     return finished.seconds, finished.result.status != "timeout"

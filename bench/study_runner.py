@@ -54,9 +54,8 @@ class Tally(NamedTuple):
     """How far a study is."""
 
     cells: int
-    done: int  # with a result of any status
+    done: int  # that have ended, in whatever way
     failed: int  # those, and cells whose log could not be made
-    ran: int  # just now
 
 
 def run(
@@ -93,7 +92,7 @@ class _Run:
                 self._keep(finished)
         store.put_words({"finished": time.time()})
         failed = sum(self.statuses.get(key or "") in FAILED for key in self.keys) + self.without_log
-        return Tally(len(self.keys), self._ended(), failed, len(todo))
+        return Tally(len(self.keys), self._ended() + self.without_log, failed)
 
     def _ended(self) -> int:
         """How many cells have a result."""
@@ -113,7 +112,7 @@ class _Run:
             dataset = cell.cell.dataset
             if from_files(cell.cell) or (key not in self.logs and _log_name(cell) in known):
                 unsure[dataset.name, dataset.options, log_seed(cell.cell)] = cell
-        batches = [batch_of(self.study, cell, []) for cell in unsure.values()]
+        batches = [batch_of(self.study, cell, {}) for cell in unsure.values()]
         self.watcher.looking(len(batches))
         for finished in self._executed(batches, alone=False):
             if finished.log is not None:
@@ -148,11 +147,11 @@ class _Run:
     def _batches(self, places: Sequence[int]) -> list[Batch]:
         """Cells of the same log together, as far as there are batches enough for everybody."""
         most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
-        by_log: dict[str, list[int]] = {}
+        by_log: dict[str, list[tuple[int, StudyCell]]] = {}
         for place in places:
-            by_log.setdefault(self.log_keys[place], []).append(place)
+            by_log.setdefault(self.log_keys[place], []).append((place, self.study.cells[place]))
         return [
-            batch_of(self.study, self.study.cells[group[0]], group[first : first + most])
+            batch_of(self.study, group[0][1], dict(group[first : first + most]))
             for group in by_log.values()
             for first in range(0, len(group), most)
         ]
@@ -191,10 +190,10 @@ def refuse_another(store: StudyStore, study: Study) -> None:
         raise InputError(f"--out {store.folder}: holds the study {name}, expected {study.name} or another folder.")
 
 
-def batch_of(study: Study, cell: StudyCell, places: Sequence[int]) -> Batch:
-    """The cells at these places of the study, all on the log of `cell`."""
+def batch_of(study: Study, cell: StudyCell, cells: Mapping[int, StudyCell]) -> Batch:
+    """Cells of the study by their places, all on the log of `cell`; none to look at the log."""
     dataset = cell.cell.dataset
-    jobs = tuple((place, _job(study, study.cells[place])) for place in places)
+    jobs = tuple((place, _job(study, one)) for place, one in cells.items())
     return Batch(dataset.name, dataset.options, log_seed(cell.cell), jobs, study.timeout_s, study.keep)
 
 

@@ -76,7 +76,7 @@ def test_its_cells_run_and_have_what_it_measures(name: str, pool: Local, tmp_pat
     wanted = Wanted(lambda cell: (cell.cell.key, cell.cell.seed) in chosen, None, False)
     tally = run(study, tmp_path, pool, wanted, ["bench", "ablate", name], watched)
     assert not watched.amiss
-    assert tally.ran == tally.done == len(chosen)
+    assert tally.done == len(chosen)
     found = evidence(tmp_path)
     for name in {claim.measure for claim in study.claims} | {figure.y for figure in study.figures}:
         assert np.isfinite(found.table.columns[name].astype(float)).any(), name

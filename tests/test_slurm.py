@@ -34,9 +34,9 @@ kill -- "-$1"
 def defaults() -> None:
     """Its defaults are in Dask's configuration before anything is set there, and Ctrl-C is as it was."""
     before = signal.getsignal(signal.SIGINT)
-    import dask_jobqueue
+    from dask_jobqueue.slurm import SLURMCluster
 
-    assert dask_jobqueue.SLURMCluster
+    assert SLURMCluster
     signal.signal(signal.SIGINT, before)
 
 
