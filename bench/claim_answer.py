@@ -127,7 +127,8 @@ def _tested(claim: Claim, value: Any, table: StudyTable) -> Found:
     waiting = sum(side.waiting for side in sides)
     said = [f"{waiting:,} of {counted(sum(side.cells for side in sides), 'cell')} have not run"] * (waiting > 0)
     said += [f"{FEWEST} logs at least are needed"] * (not waiting and 0 < found.n < FEWEST)
-    said += [*found.remarks, *[f"{counted(found.lost, 'log')} left out for want of a value"] * (found.lost > 0)]
+    lacking = "one side has" if len(sides) > 1 else f"some {claim.along} has"
+    said += [*found.remarks, *[f"{counted(found.lost, 'log')} left out, where {lacking} no value"] * (found.lost > 0)]
     found = found._replace(waiting=waiting, remarks=(*said, *remarks(sides)))
     return found._replace(verdict="open") if waiting else found
 

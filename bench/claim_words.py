@@ -50,14 +50,14 @@ def tested(n: int, p: float | None) -> str:
 
 
 def ratio(low: float, high: float, *, fine: bool) -> str:
-    """How much less the first is where the second is `low` to `high` times as much; `fine`: in three digits."""
+    """How much less or more the first is where the second is `low` to `high` times it; `fine`: in three digits."""
     if low == high == 1:
         return "the same on every log"
     if low >= 1:
-        return _times(low, high, fine=fine)
+        return f"{_times(low, high, fine=fine)} less"
     more, most = (1 / end if end else inf for end in (high, low))
     if high <= 1:
-        return f"the other way round, {_times(more, most, fine=fine)}"
+        return f"{_times(more, most, fine=fine)} more"
     if fine:
         return f"{number(low)} to {number(high)} times"
     return f"between {larger(most)} more and {larger(high)} less"
@@ -65,7 +65,7 @@ def ratio(low: float, high: float, *, fine: bool) -> str:
 
 def _times(low: float, high: float, *, fine: bool) -> str:
     if isinf(low):
-        return "beyond measure"
+        return "infinitely many times"
     if not fine:
         return times(low, high)
     if isinf(high):

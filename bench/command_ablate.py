@@ -113,6 +113,12 @@ def _list(console: Console) -> None:
         study, full = (study_file.read(name, full=size) for size in (False, True))
         cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
         console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
+    for sentence in (
+        "",
+        "bench ablate NAME runs one in its quick size, in 3 minutes at most on two cores; --dry-run tells how long.",
+        f"Copy and change them: {study_file.PACKAGED}",
+    ):
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
 def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespace: argparse.Namespace) -> None:

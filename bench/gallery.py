@@ -19,6 +19,9 @@ from .study_schema import FILE
 
 FOLDER, PAGE = Path("results/gallery"), "index.html"
 
+ORDER = ("no", "open", "yes")
+"""What was not reproduced is what a reader asks for first."""
+
 
 def gallery(folders: Iterable[Path], out: Path) -> Path:
     """Write a page of the studies in these folders to the file `out`, whole or not at all; returns `out`.
@@ -34,7 +37,10 @@ def gallery(folders: Iterable[Path], out: Path) -> Path:
             left_out.append(str(error))
     if not found:
         raise InputError(left_out[0] if left_out else f"{out.parent}: found no study; expected folders with {FILE}.")
+    found.sort(key=lambda one: ORDER.index(one.conclusion.reproduced))
+    answers = [answer.verdict for one in found for answer in one.answers]
     page = {
+        "claims": f"{answers.count('holds')} of {counted(len(answers), 'claim')} hold",
         "studies": [(one, _way(one.folder, out.parent), lasting(one.seconds)) for one in found],
         "headline": headline(found),
         "took": lasting(sum(one.seconds for one in found)),

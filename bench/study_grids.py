@@ -80,7 +80,9 @@ def _bound(claim: Claim) -> str:
 
 def interval(low: float, high: float) -> str:
     """Its two ends."""
-    return number(low) if low == high else f"{number(low)}\N{EN DASH}{number(high)}"
+    if low == high:
+        return number(low)
+    return f"{number(low)} to {number(high)}" if low < 0 else f"{number(low)}\N{EN DASH}{number(high)}"
 
 
 def _said(value: Any) -> str:

@@ -121,8 +121,9 @@ def draw_across(axes: Axes, found: Medians, drawn: Marks) -> None:
         axes.plot([first, last], [bound.value] * 2, **DASHED, transform=axes.get_yaxis_transform())
         height = _place(axes, bound.value, up=True)
         above = height < 0.94 if bound.below else height < 0.06  # where what is claimed is not, if there is room
-        at, side = (0.0, "left") if middle < 0.3 or bound.x is None else (last, "right")
-        _say(axes, bound.words, (at, bound.value), (2 if side == "left" else 0, 2.5 if above else -2.5),
+        at, side = (0.0, "left") if bound.x is None else (last, "left") if middle < 0.3 else (first, "right")
+        off = (2 if bound.x is None else 0, 2.5 if above else -2.5)  # of one x: beside its bars, over the lines alone
+        _say(axes, bound.words, (at, bound.value), off, zorder=0.9 if bound.x is None else 3.5,
              xycoords=axes.get_yaxis_transform(), ha=side, va="bottom" if above else "top")  # fmt: skip
     for crossing in drawn.crossings:
         _draw_crossing(axes, crossing)
@@ -164,6 +165,7 @@ def _place(axes: Axes, value: float, *, up: bool = False) -> float:
 
 
 def _say(axes: Axes, words: str, at: tuple[float, float], off: tuple[float, float], **how: Any) -> None:
-    """Words beside a point, off it by so many points, on a ground of paper; under what was measured."""
-    text: Annotation = axes.annotate(words, at, off, textcoords="offset points", fontsize=6.5, zorder=0.9, **how)
+    """Words beside a point, off it by so many points, on a ground of paper; under what was measured, if not told."""
+    how = {"zorder": 0.9, "textcoords": "offset points", "fontsize": 6.5, **how}
+    text: Annotation = axes.annotate(words, at, off, **how)
     text.set_bbox({"facecolor": rcParams["figure.facecolor"], "edgecolor": "none", "pad": 0.4})

@@ -59,14 +59,26 @@ SIZED = re.compile(r"\bfull\s*=")
 
 def again(found: Evidence) -> Mapping[str, str]:
     """What to type to run it again, by what it does."""
-    command = [*found.words["command"]]
-    plain = [word for word in command if word not in ("--full", "--retry")]
+    command = _whole(found.words["command"])
+    plain = [word for word in command if word != "--full"]
     commands = {"Go on, or run what has changed": shlex.join(command)}
     if found.standing.failed:
         commands["Run again what failed"] = shlex.join([*command, "--retry"])
     if found.study.size == "quick" and SIZED.search(found.study.text):
         commands["At full size"] = shlex.join([*plain, "--full"])
     return commands
+
+
+def _whole(command: Sequence[str]) -> list[str]:
+    """The command without what made it one of a part of the cells."""
+    words = iter(command)
+    kept: list[str] = []
+    for word in words:
+        if word in ("--only", "--limit"):
+            next(words, None)
+        elif word != "--retry" and not word.startswith(("--only=", "--limit=")):
+            kept.append(word)
+    return kept
 
 
 def _answers(found: Evidence) -> dict[str, Any]:

@@ -24,7 +24,8 @@ from slamduel.bench.study_evidence import evidence
 from slamduel.bench.study_figure import span
 from slamduel.bench.study_marks import Bound, Marks, marks
 from slamduel.bench.study_medians import MANY, medians, names
-from slamduel.bench.study_report import write
+from slamduel.bench.study_report import again, write
+from slamduel.bench.study_store import StudyStore
 from slamduel.bench.study_table import StudyTable
 from slamduel.bench.svg import PAPER
 from slamduel.frontend.errors import InputError
@@ -306,6 +307,9 @@ def test_the_gallery_counts_findings_and_leads_to_reports(page: Path, tmp_path: 
     index = root / "index.html"
     text = said(index)
     assert "1 of 2 published findings reproduced, 1 not" in text
+    claims = [answer.verdict for name in ("tags", "wrong") for answer in evidence(root / name).answers]
+    assert f"{claims.count('holds')} of {len(claims)} claims hold" in text
+    assert text.index("Not reproduced") < text.index("Reproduced")
     assert 'href="tags/report.html"' in index.read_text(encoding="utf-8")
     first = evidence(root / "tags").answers[0]
     assert parted(first.sentence, first.claim.says) in text
@@ -313,6 +317,16 @@ def test_the_gallery_counts_findings_and_leads_to_reports(page: Path, tmp_path: 
     (root / "broken" / "study.sqlite").write_text("no database")
     assert main([str(root)]) == 0
     assert "broken/study.sqlite" in said(index)
+
+
+def test_what_goes_on_is_the_whole_study(page: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(page.parent, tmp_path / "tags")
+    typed = "bench ablate tags.toml --only backend=ekf --out tags --limit=3 --retry --limit 4"
+    with StudyStore(folder, writing=True) as store:
+        store.put_words({"command": typed.split()})
+    lines = set(again(evidence(folder)).values())
+    assert lines <= {f"bench ablate tags.toml --out tags{more}" for more in ("", " --retry", " --full")}
+    assert "bench ablate tags.toml --out tags" in lines
 
 
 def test_a_gallery_of_nothing_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
