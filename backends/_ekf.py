@@ -7,9 +7,12 @@ far, and one pass over the triangle at the end of the frame subtracts W' W. This
 
 `transition` (3 + n, m) has the same done to it as the state has: motions and corrections multiply it from the left, a
 new landmark's rows are made from the pose's. The compressed filter needs it (see `_compressed`); else m is 0.
+
+The linear Kalman filter (see `kf`) is the same with everything linearised at dead reckoning's heading, which knows of
+no correction, and sightings taken as offsets along and across the line of sight, which are linear in the state.
 """
 
-from math import cos, sin, sqrt
+from math import cos, exp, sin, sqrt
 
 import numpy as np
 
@@ -22,8 +25,8 @@ from ._triangle import REAL, add_square_of, put, take
 OWED = 48
 """Rows that may be owed before they are folded in; a frame of more than 24 sightings takes several passes."""
 
-STANDARD, FIRST, IDEAL = 0, 1, 2
-"""Where the Jacobians are taken: at the mean, at first estimates, at the truth."""
+STANDARD, FIRST, IDEAL, ODOMETRY = 0, 1, 2, 3
+"""Where the Jacobians are taken: at the mean, at first estimates, at the truth, at dead reckoning."""
 
 ASTRAY = -1
 """In place of a count of agreements: the landmark is to be made anew."""
@@ -48,13 +51,22 @@ def predict(
     """Eqs (5)-(9) for the body-frame `motion`: rows of dx, dy, dtheta and of its covariance, (4, 3).
 
     The Jacobian of eq. (3) is [1, 0, -(y' - y); 0, 1, x' - x; 0, 0, 1] for a motion from (x, y) to (x', y'): those are
-    taken from `points`, where the pose was linearised last, to where it is now.
+    taken from `points`, where the pose was linearised last, to where it is now. At dead reckoning the mean's deviation
+    from it goes the same way, and no angle is wrapped.
     """
     x, y = points[0], points[1]
-    turned = points[2] if where == IDEAL else mean[2]
-    mean[0], mean[1], mean[2] = moved(mean[0], mean[1], mean[2], motion[0, 0], motion[0, 1], motion[0, 2])
-    for i in range(3):
-        points[i] = truth[i] if where == IDEAL else mean[i]
+    turned = points[2] if where in (IDEAL, ODOMETRY) else mean[2]
+    if where == ODOMETRY:
+        off = mean[2] - turned
+        points[0], points[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
+        points[2] += motion[0, 2]
+        mean[0] += points[0] - x - (points[1] - y) * off
+        mean[1] += points[1] - y + (points[0] - x) * off
+        mean[2] += motion[0, 2]
+    else:
+        mean[0], mean[1], mean[2] = moved(mean[0], mean[1], mean[2], motion[0, 0], motion[0, 1], motion[0, 2])
+        for i in range(3):
+            points[i] = truth[i] if where == IDEAL else mean[i]
     gx, gy = -(points[1] - y), points[0] - x
     for j in range(n):
         cross[0, j] += gx * cross[2, j]
@@ -156,6 +168,19 @@ def whiten(v: Array, n: int, l00: float, l10: float, l11: float, out: Array, q: 
 
 
 @compiled
+def offset(heading: float, z: Array, R: Array) -> tuple[float, float, float, float, float, float, float]:
+    """A sighting as an offset in the world, its direction, and its covariance along and across that: rr, rb, bb.
+
+    The middle of the arc on which the landmark may be, E exp(i b) = exp(-v / 2) of a bearing of variance v, lies nearer
+    than the arc, and the arc's points scatter inwards of it by (r v)^2 / 2.
+    """
+    r, v = z[0], R[1, 1]
+    ux, uy = cos(heading + z[1]), sin(heading + z[1])
+    middle = r * exp(-v / 2)
+    return middle * ux, middle * uy, ux, uy, R[0, 0] + (r * v) ** 2 / 2, r * R[1, 0], r * r * v
+
+
+@compiled
 def add(
     mean: Array,
     points: Array,
@@ -177,16 +202,24 @@ def add(
     """Eqs (17)-(20): the landmark at map entry `at` made from one sighting, with its covariance with all the rest.
 
     G_p is [1, 0, -dy; 0, 1, dx] for a landmark at (dx, dy) from the pose, and G_z the inverse of the sighting's
-    Jacobian by the landmark; both are taken where the pose and the landmark are linearised.
+    Jacobian by the landmark; both are taken where the pose and the landmark are linearised. G_z is [ux, ax; uy, ay].
     """
-    mean[3 + at], mean[4 + at] = placed(mean[0], mean[1], mean[2], z[0], z[1])
-    if where != IDEAL:
-        points[3 + at], points[4 + at] = mean[3 + at], mean[4 + at]
-    dx, dy = points[3 + at] - points[0], points[4 + at] - points[1]
-    r = sqrt(dx * dx + dy * dy)
-    ux, uy = cos(mean[2] + z[1]), sin(mean[2] + z[1])  # of a landmark at no distance
-    if r > 0.0:
-        ux, uy = dx / r, dy / r
+    rr, rb, bb = R[0, 0], R[1, 0], R[1, 1]
+    if where == ODOMETRY:
+        dx, dy, ux, uy, rr, rb, bb = offset(points[2], z, R)
+        off = mean[2] - points[2]
+        mean[3 + at], mean[4 + at] = mean[0] + dx - dy * off, mean[1] + dy + dx * off
+        ax, ay = -uy, ux
+    else:
+        mean[3 + at], mean[4 + at] = placed(mean[0], mean[1], mean[2], z[0], z[1])
+        if where != IDEAL:
+            points[3 + at], points[4 + at] = mean[3 + at], mean[4 + at]
+        dx, dy = points[3 + at] - points[0], points[4 + at] - points[1]
+        r = sqrt(dx * dx + dy * dy)
+        ux, uy = cos(mean[2] + z[1]), sin(mean[2] + z[1])  # of a landmark at no distance
+        if r > 0.0:
+            ux, uy = dx / r, dy / r
+        ax, ay = -dy, dx
     for j in range(n):
         rows[0, j] = cross[0, j] - dy * cross[2, j]
         rows[1, j] = cross[1, j] + dx * cross[2, j]
@@ -199,11 +232,9 @@ def add(
     for i in range(3):
         cross[i, at] = pose[0, i] - dy * pose[2, i]
         cross[i, at + 1] = pose[1, i] + dx * pose[2, i]
-    # G_z = [ux, -dy; uy, dx]
-    rr, rb, bb = R[0, 0], R[1, 0], R[1, 1]
-    rows[0, at] = cross[0, at] - dy * cross[2, at] + ux * ux * rr - 2 * ux * dy * rb + dy * dy * bb
-    rows[1, at] = cross[1, at] + dx * cross[2, at] + ux * uy * rr + (ux * dx - uy * dy) * rb - dx * dy * bb
-    rows[1, at + 1] = cross[1, at + 1] + dx * cross[2, at + 1] + uy * uy * rr + 2 * uy * dx * rb + dx * dx * bb
+    rows[0, at] = cross[0, at] - dy * cross[2, at] + ux * ux * rr + 2 * ux * ax * rb + ax * ax * bb
+    rows[1, at] = cross[1, at] + dx * cross[2, at] + ux * uy * rr + (ux * ay + uy * ax) * rb + ax * ay * bb
+    rows[1, at + 1] = cross[1, at + 1] + dx * cross[2, at + 1] + uy * uy * rr + 2 * uy * ay * rb + ay * ay * bb
     put(flat, at, max(n, at + 2), rows)
 
 
@@ -269,14 +300,21 @@ def frame(
             agreed[slots[i]] = 0
             n += 2
             continue
-        dx, dy = at_points[3 + at] - at_points[0], at_points[4 + at] - at_points[1]
-        q = dx * dx + dy * dy
-        if not q > 0.0:
-            return i, AT_ROBOT, nis, dof, refused
-        r = sqrt(q)
-        # eq. (13)
-        by_landmark[0, 0], by_landmark[0, 1] = dx / r, dy / r
-        by_landmark[1, 0], by_landmark[1, 1] = -dy / q, dx / q
+        rr, rb, bb = R[i, 0, 0], R[i, 1, 0], R[i, 1, 1]
+        if where == ODOMETRY:
+            dx, dy, ux, uy, rr, rb, bb = offset(points[2], z[i], R[i])
+            by_landmark[0, 0], by_landmark[0, 1] = ux, uy
+            by_landmark[1, 0], by_landmark[1, 1] = -uy, ux
+            by_pose[1, 2] = -(ux * dx + uy * dy)
+        else:
+            dx, dy = at_points[3 + at] - at_points[0], at_points[4 + at] - at_points[1]
+            q = dx * dx + dy * dy
+            if not q > 0.0:
+                return i, AT_ROBOT, nis, dof, refused
+            r = sqrt(q)
+            # eq. (13)
+            by_landmark[0, 0], by_landmark[0, 1] = dx / r, dy / r
+            by_landmark[1, 0], by_landmark[1, 1] = -dy / q, dx / q
         by_pose[:, :2] = -by_landmark
         # H P, eq. (15), as the covariance has it and then less what is owed
         take(flat, at, n, rows)
@@ -297,9 +335,9 @@ def frame(
             pay(u, Wp, p, a, b, c, d, 3)
             pay(v, Wm, p, a, b, c, d, n)
             pay(y, Y, p, a, b, c, d, m)
-        s00 = project(by_pose, by_landmark, u, v, at, 0, 0) + R[i, 0, 0]
-        s10 = project(by_pose, by_landmark, u, v, at, 0, 1) + R[i, 1, 0]
-        s11 = project(by_pose, by_landmark, u, v, at, 1, 1) + R[i, 1, 1]
+        s00 = project(by_pose, by_landmark, u, v, at, 0, 0) + rr
+        s10 = project(by_pose, by_landmark, u, v, at, 0, 1) + rb
+        s11 = project(by_pose, by_landmark, u, v, at, 1, 1) + bb
         if not s00 > 0.0:
             return i, INDEFINITE, nis, dof, refused
         l00 = sqrt(s00)
@@ -309,8 +347,13 @@ def frame(
             return i, INDEFINITE, nis, dof, refused
         l11 = sqrt(rest)
         # the innovation, eq. (16), whitened
-        er, eb = sighted(expecting[0], expecting[1], expecting[2], expecting[3 + at], expecting[4 + at])
-        dr, db = z[i, 0] - er, wrap(z[i, 1] - eb)
+        if where == ODOMETRY:
+            ex, ey = dx - (mean[3 + at] - mean[0]), dy - (mean[4 + at] - mean[1])
+            dr = by_landmark[0, 0] * ex + by_landmark[0, 1] * ey
+            db = by_landmark[1, 0] * ex + by_landmark[1, 1] * ey - by_pose[1, 2] * (mean[2] - points[2])
+        else:
+            er, eb = sighted(expecting[0], expecting[1], expecting[2], expecting[3 + at], expecting[4 + at])
+            dr, db = z[i, 0] - er, wrap(z[i, 1] - eb)
         if joint:  # less what the corrections since the prediction already explain of it
             turned = wrap(mean[2] - predicted[2])
             ex, ey = mean[0] - predicted[0], mean[1] - predicted[1]
@@ -337,7 +380,8 @@ def frame(
         whiten(y, m, l00, l10, l11, Y, rank)
         for j in range(3):
             mean[j] += Wp[rank, j] * f0 + Wp[rank + 1, j] * f1
-        mean[2] = wrap(mean[2])
+        if where != ODOMETRY:
+            mean[2] = wrap(mean[2])
         for j in range(n):
             mean[3 + j] += Wm[rank, j] * f0 + Wm[rank + 1, j] * f1
         for j in range(m):

@@ -21,12 +21,13 @@ from ..frontend.factors import Map, Prior, Step, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints
 from ._blas import routine
-from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, STANDARD, frame
+from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, STANDARD, frame
 from .api import Belief, Builder, Diverged, Pose, TruthWanted
 from .compressed import Active
 from .joint import Joint
 
-WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL}
+WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL, "odometry": ODOMETRY}
+"""The last is no choice of the EKF's: it makes it the linear filter of `kf`."""
 
 LARGEST = 5000
 """Landmarks up to which a map comes with its joint covariance, which takes 0.8 GB there."""
@@ -42,7 +43,7 @@ class Options:
     jacobians: str = option(
         "standard",
         "where Jacobians are taken: at the mean, at first estimates (Huang 2010), at the truth (needs --oracle)",
-        choices=tuple(WHERE),
+        choices=("standard", "first-estimates", "ideal"),
     )
     update: str = option(
         "sequential",

@@ -1,5 +1,7 @@
 """The linear Kalman filter against one with whole matrices, and against the EKF where the two must agree."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -77,9 +79,9 @@ def run(log: Log) -> tuple[Kf, list[float]]:
     return kf, nis
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_it_is_the_filter_with_whole_matrices(seed: int) -> None:
-    log = random_log(np.random.default_rng(seed), 60, 8).log
+@pytest.mark.parametrize(("seed", "landmarks"), [(0, 8), (1, 8), (2, 8), (3, 250)])  # of more than 100 in parts
+def test_it_is_the_filter_with_whole_matrices(seed: int, landmarks: int) -> None:
+    log = random_log(np.random.default_rng(seed), 60, landmarks).log
     kf, nis = run(log)
     expected, expected_nis = whole(log)
     belief, known = kf.belief(), kf.map()
@@ -139,6 +141,17 @@ def test_a_map_that_is_given_is_kept_to() -> None:
     for step in log:
         other.step(step)
     np.testing.assert_allclose(other.belief().pose, belief.pose, atol=1e-6)
+
+
+def test_a_landmark_at_the_robots_own_place_has_no_bearing_and_is_taken_all_the_same() -> None:
+    log = random_log(np.random.default_rng(5), 40, 8).log
+    z = log.z.copy()
+    z[::7, 0] = 0.0
+    at_robot = dataclasses.replace(log, z=z)
+    kf, nis = run(at_robot)
+    expected, expected_nis = whole(at_robot)
+    np.testing.assert_allclose(kf.belief().pose[:2], expected.mean[:2], atol=1e-7)
+    np.testing.assert_allclose(nis, expected_nis, rtol=1e-5, atol=1e-7)
 
 
 def test_what_is_no_covariance_is_said() -> None:
