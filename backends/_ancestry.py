@@ -41,7 +41,8 @@ def remember(hops: Hops, epoch: int, ancestors: Ints) -> None:
 def trace(hops: Hops, epoch: int, since: int, ancestor: Hops) -> None:
     """Write to `ancestor` (M,) which particle of epoch `since` each particle of `epoch` descends from."""
     ring = len(hops) // 2
-    ancestor[:] = np.arange(len(ancestor))
+    for m in range(len(ancestor)):
+        ancestor[m] = m
     while epoch > since:
         level, span = 0, 1
         while epoch % (2 * span) == 0 and epoch - 2 * span >= since:

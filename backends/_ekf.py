@@ -280,10 +280,11 @@ def frame(
     if moves:
         predict(mean, points, pose, cross, transition, n, m, motion, truth, where)
     elif where == IDEAL:
-        points[:3] = truth
+        points[0], points[1], points[2] = truth[0], truth[1], truth[2]
     expecting, at_points = mean, points
     if joint:
-        predicted[: 3 + n] = mean[: 3 + n]
+        for j in range(3 + n):
+            predicted[j] = mean[j]
         expecting = predicted
         if where == STANDARD:
             at_points = predicted
@@ -315,7 +316,8 @@ def frame(
             # eq. (13)
             by_landmark[0, 0], by_landmark[0, 1] = dx / r, dy / r
             by_landmark[1, 0], by_landmark[1, 1] = -dy / q, dx / q
-        by_pose[:, :2] = -by_landmark
+        for h in range(2):
+            by_pose[h, 0], by_pose[h, 1] = -by_landmark[h, 0], -by_landmark[h, 1]
         # H P, eq. (15), as the covariance has it and then less what is owed
         take(flat, at, n, rows)
         combine(by_pose, by_landmark, cross, rows, 0, n, v)

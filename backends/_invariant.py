@@ -197,7 +197,8 @@ def add(pose: Array, mean: Array, strip: Array, flat: Array, n: int, z: Array, R
     )
     rows = np.empty((2, n + 2))
     for i in range(2):
-        rows[i, :n] = strip[i, 3 : 3 + n]
+        for j in range(n):
+            rows[i, j] = strip[i, 3 + j]
         for j in range(i + 1):
             rows[i, n + j] = strip[i, j] + own[i + j]
     put(flat, n, n + 2, rows)

@@ -133,18 +133,19 @@ def _names(pair: Pair) -> tuple[str, str]:
 
 
 def _done(study: Study, store: StudyStore | None, wanted: Wanted) -> list[bool]:
-    """Whether each cell has a result that is not to be got again."""
+    """Whether each cell has ended, and is not to be run again."""
     if store is None:
         return [False] * len(study.cells)
-    logs, statuses = store.logs(), store.statuses()
-    known: dict[tuple[int, int], Known | None] = {}  # by dataset and seed: several cells share a log
+    logs, statuses = store.logs(), store.statuses() | dict.fromkeys(store.logs_unmade(), "error")
+    known: dict[tuple[int, int], str | Known] = {}  # by dataset and seed: several cells share a log
     done: list[bool] = []
     for cell in study.cells:
         place = id(cell.cell.dataset), log_seed(cell.cell)
         if place not in known:
-            known[place] = logs.get(log_key(cell.cell))
+            made_of = log_key(cell.cell)
+            known[place] = logs.get(made_of, made_of)
         log = known[place]
-        key = "" if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=study.oracle)
+        key = log if isinstance(log, str) else result_key(cell.cell, log, timed=cell.timed, oracle=study.oracle)
         done.append(key in statuses and not (wanted.retry and wanted.chosen(cell) and statuses[key] in FAILED))
     return done
 

@@ -55,7 +55,7 @@ class Tally(NamedTuple):
 
     cells: int
     done: int  # that have ended, in whatever way
-    failed: int  # those, and cells whose log could not be made
+    failed: int  # of those; with cells whose log could not be made
 
 
 def run(
@@ -78,8 +78,7 @@ class _Run:
         refuse_another(store, study)
         store.put_words(_words(study, command, self.executor))
         self.log_keys = [log_key(cell.cell) for cell in study.cells]
-        self.without_log = 0
-        self.logs = store.logs(arrays=study.keep)
+        self.logs, self.unmade = store.logs(arrays=study.keep), store.logs_unmade()
         self.statuses = store.statuses(arrays=study.keep)
         self._look()
         self.keys = [self._key(place) for place in range(len(study.cells))]
@@ -91,12 +90,19 @@ class _Run:
             for finished in self._executed(self._batches(places), alone=timed):
                 self._keep(finished)
         store.put_words({"finished": time.time()})
-        failed = sum(self.statuses.get(key or "") in FAILED for key in self.keys) + self.without_log
-        return Tally(len(self.keys), self._ended() + self.without_log, failed)
+        statuses = [self._status(place) for place in range(len(self.keys))]
+        failed = sum(status in FAILED for status in statuses)
+        return Tally(len(statuses), self._ended(), failed)
+
+    def _status(self, place: int) -> str | None:
+        """How the cell ended, in an error where its log could not be made; None where it has not."""
+        key = self.keys[place]
+        if key is None:
+            return "error" if self.log_keys[place] in self.unmade else None
+        return self.statuses.get(key)
 
     def _ended(self) -> int:
-        """How many cells have a result."""
-        return sum(key in self.statuses for key in self.keys)
+        return sum(self._status(place) is not None for place in range(len(self.keys)))
 
     def _executed(self, batches: Sequence[Batch], *, alone: bool) -> Iterator[Finished]:
         """Each job of the batches as it ends; whatever happens here ends those that are running."""
@@ -124,6 +130,7 @@ class _Run:
         if self.logs.get(key) != known:
             self.store.put_log(key, _log_name(cell), known, log.truth)
             self.logs[key] = known
+            self.unmade.discard(key)
 
     def _key(self, place: int) -> str | None:
         """That of the cell's result, where its log is known."""
@@ -137,7 +144,7 @@ class _Run:
         """
         places: dict[Any, int] = {}
         for place, (cell, key) in enumerate(zip(self.study.cells, self.keys, strict=True)):
-            status = None if key is None else self.statuses.get(key)
+            status = self._status(place)
             if wanted.chosen(cell) and (status is None or (wanted.retry and status in FAILED)):
                 places.setdefault(key or place, place)
         todo = list(places.values())
@@ -163,7 +170,8 @@ class _Run:
         with self.store.together():
             if finished.log is None:
                 self.store.settle(finished.index, None, result.reason)
-                self.without_log += 1
+                self.store.put_unmade(self.log_keys[finished.index], _log_name(cell))
+                self.unmade.add(self.log_keys[finished.index])
             else:
                 self._know(cell, finished.log)
                 key = self.keys[finished.index] = self._key(finished.index)

@@ -1,7 +1,7 @@
 """What the store of a study holds, an SQLite file in which every result is under the key of all that determines it.
 
 study    what the study is and where it ran, as JSON by name
-logs     a row a log: under the key of what it was made from, its digest
+logs     a row a log: under the key of what it was made from, its digest; none where it could not be made
 results  a row a result: the columns of cells.csv and metrics.csv, under its key; nothing is ever taken out
 arrays   under the key of a log or a result, its arrays as numpy's .npz, where they are kept
 plan     a row a cell of the study as it stands: its parameters, and the key of its result once that is known

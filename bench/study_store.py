@@ -69,13 +69,17 @@ class StudyStore:
 
     def logs(self, *, arrays: bool = False) -> dict[str, Known]:
         """What is known of logs, by their keys; with `arrays`, but for those whose truth's are not kept."""
-        kept = " WHERE truth_kind = '' OR key IN (SELECT key FROM arrays)" if arrays else ""
-        found = self._all(f"SELECT key, digest, truth_digest, truth_kind FROM logs{kept}")
+        kept = " AND (truth_kind = '' OR key IN (SELECT key FROM arrays))" if arrays else ""
+        found = self._all(f"SELECT key, digest, truth_digest, truth_kind FROM logs WHERE digest IS NOT NULL{kept}")
         return {key: Known(*rest) for key, *rest in found}
 
     def logs_made(self) -> set[tuple[str, str, int]]:
         """Dataset, options and seed of every log that was ever kept."""
-        return set(self._all("SELECT dataset, dataset_options, seed FROM logs"))
+        return set(self._all("SELECT dataset, dataset_options, seed FROM logs WHERE digest IS NOT NULL"))
+
+    def logs_unmade(self) -> set[str]:
+        """The keys of those that could not be made."""
+        return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
 
     def put_log(self, key: str, of: tuple[str, str, int], known: Known, arrays: Mapping[str, Any]) -> None:
         """Keep what is known of a log; `of` are dataset, options and seed, `arrays` those of its truth."""
@@ -84,6 +88,11 @@ class StudyStore:
             db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?)", (key, *of, *known))
             if arrays or not same:
                 _keep(db, key, arrays)
+
+    def put_unmade(self, key: str, of: tuple[str, str, int]) -> None:
+        """Keep that a log could not be made; `of` as above."""
+        with self._writing() as db:
+            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL)", (key, *of))
 
     def statuses(self, *, arrays: bool = False) -> dict[str, str]:
         """The status of every result, by its key; with `arrays`, without those that ought to have some and do not."""

@@ -81,8 +81,7 @@ def align(
         loss, chi, total = _accumulate(places[:count], pattern, m, homography, look, cut, free, normal, gradient)
         damping = 1e-4
         for _ in range(ROUNDS):
-            trial_normal[:] = normal
-            step[:] = gradient
+            _copy(normal, gradient, trial_normal, step)
             for k in range(PARAMETERS):
                 trial_normal[k, k] += damping * normal[k, k] + 1e-9
             if not _solve(trial_normal, step):
@@ -94,8 +93,7 @@ def align(
             if trial_loss < loss * (1.0 + 1e-9):
                 settled = largest * module < (0.003 if free else 0.05) or loss - trial_loss < 3e-4 * loss
                 homography, look, loss, chi, total = trial_homography, trial_look, trial_loss, trial_chi, trial_total
-                normal[:] = trial_normal
-                gradient[:] = step
+                _copy(trial_normal, step, normal, gradient)
                 damping = max(damping * 0.1, 1e-7)
             else:
                 damping *= 10.0
@@ -428,6 +426,15 @@ def _believe(look: Array, variance: float, free: bool, normal: Array, gradient: 
         believed = LOG_BLUR if k in (8, 10) else 0.0
         normal[k, k] += variance / (sd * sd)
         gradient[k] -= variance / (sd * sd) * (look[k - 8] - believed)
+
+
+@njit(cache=True)
+def _copy(normal: Array, gradient: Array, other_normal: Array, other_gradient: Array) -> None:
+    """Entry by entry: an assignment of whole arrays takes seconds to compile, for the errors that it might raise."""
+    for i in range(PARAMETERS):
+        other_gradient[i] = gradient[i]
+        for j in range(PARAMETERS):
+            other_normal[i, j] = normal[i, j]
 
 
 @njit(cache=True)

@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import create_autospec
 
+from slamduel.bench.study_runner import Watcher
 from slamduel.bench.study_store import StudyStore
 
 ENVIRONMENT = {"processor": "abacus & sons", "memory_gb": None, "packages": {"slamduel": "0.1.0", "evo": None}}
@@ -15,6 +17,11 @@ class Outcome(NamedTuple):
     parameters: Mapping[str, Any]  # dataset, backend, seed and what is swept
     status: str  # "waiting" for one that has no result
     columns: Mapping[str, Any] = {}
+
+
+def silent() -> Watcher:
+    """One who watches a study, and says nothing."""
+    return create_autospec(Watcher, instance=True)
 
 
 def small_study(folder: Path, name: str, text: str, outcomes: Iterable[Outcome], size: str = "quick") -> Path:
