@@ -166,25 +166,24 @@ class _Run:
     def _keep(self, finished: Finished) -> None:
         """Put a result into the store as soon as it is there."""
         assert finished.index is not None
-        cell, result = self.study.cells[finished.index], finished.result
+        cell, result, of_log = self.study.cells[finished.index], finished.result, self.log_keys[finished.index]
         with self.store.together():
-            if finished.log is None:
-                self.store.settle(finished.index, None, result.reason)
-                self.store.put_unmade(self.log_keys[finished.index], _log_name(cell))
-                self.unmade.add(self.log_keys[finished.index])
-            else:
+            if finished.log is not None:
                 self._know(cell, finished.log)
-                key = self.keys[finished.index] = self._key(finished.index)
-                assert key is not None
-                if self.store.put_result(key, self._row(cell, finished), result.arrays):
+            key = self.keys[finished.index] = self._key(finished.index)
+            if key is None:
+                self.store.settle(finished.index, None, result.reason)
+                self.store.put_unmade(of_log, _log_name(cell))
+                self.unmade.add(of_log)
+            else:
+                if self.store.put_result(key, self._row(cell, finished, self.logs[of_log]), result.arrays):
                     self.statuses[key] = result.status
                 self.store.settle(finished.index, key, None)
         self.watcher.finished(cell, result.status, result.reason, finished.seconds)
 
-    def _row(self, cell: StudyCell, finished: Finished) -> dict[str, Any]:
-        assert finished.log is not None
+    def _row(self, cell: StudyCell, finished: Finished, log: Known) -> dict[str, Any]:
         names = ("dataset", "dataset_options", "backend", "options", "seed")
-        result, log = finished.result, finished.log
+        result = finished.result
         row = dict(zip(names, cell.cell.key, strict=True)) | {"status": result.status, "reason": result.reason}
         row |= {"digest": log.digest, "truth_kind": log.truth_kind, "timing_alone": int(finished.alone)}
         row |= {"seconds": finished.seconds, "host": finished.host, "executor": self.executor.name}

@@ -90,9 +90,9 @@ class StudyStore:
                 _keep(db, key, arrays)
 
     def put_unmade(self, key: str, of: tuple[str, str, int]) -> None:
-        """Keep that a log could not be made; `of` as above."""
+        """Keep that a log could not be made, unless it once could; `of` as above."""
         with self._writing() as db:
-            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL)", (key, *of))
+            db.execute("INSERT OR IGNORE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL)", (key, *of))
 
     def statuses(self, *, arrays: bool = False) -> dict[str, str]:
         """The status of every result, by its key; with `arrays`, without those that ought to have some and do not."""

@@ -124,6 +124,16 @@ def test_so_is_what_had_no_log(tmp_path: Path) -> None:
     assert statuses(tmp_path) == ["done"] * 6
 
 
+def test_results_stay_when_their_log_cannot_be_made_once_more(tmp_path: Path) -> None:
+    less = STUDY.replace('"fastslam", ', "")
+    assert go(tmp_path, less)[1] == Tally(4, 4, 0)
+    ran, tally = go(tmp_path, executor=Counting(lost=[1]))
+    assert (ran, tally) == ({("fastslam", 0), ("fastslam", 1)}, Tally(6, 6, 1))
+    assert go(tmp_path) == (set(), Tally(6, 6, 1))
+    assert statuses(tmp_path).count("done") == 5
+    assert go(tmp_path, retry=True) == ({("fastslam", 1)}, Tally(6, 6, 0))
+
+
 def test_a_log_whose_files_have_come_is_there_without_being_asked_for(tmp_path: Path) -> None:
     motions, seen = tmp_path / "odometry.csv", tmp_path / "detections.csv"
     seen.write_text("t,id,range,bearing\n1,5,2.0,0.1\n")
