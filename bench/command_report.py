@@ -8,8 +8,6 @@ from pathlib import Path
 from rich.console import Console
 
 from ..frontend.errors import InputError
-from .export import export
-from .report import write_report
 from .run_files import CELLS
 from .store import Store
 from .study_schema import FILE as STUDY
@@ -52,6 +50,9 @@ def main(namespace: argparse.Namespace) -> int:
         if not namespace.quiet:
             Console(highlight=False, markup=False, soft_wrap=True).print(f"report: {page}")
         return 0
+    from .export import export
+    from .report import write_report
+
     with Store(folder) as store:
         _check_writable(folder)
         before = {name: (folder / name).read_bytes() for name in WRITTEN if (folder / name).is_file()}

@@ -291,7 +291,7 @@ def test_brackets_in_a_place_are_no_markup(
         assert f"report: {out}/report.html" in capsys.readouterr().out
     for out in ("m[/x]", "c[x]"):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("slamduel.bench.command_report.write_report", lambda store, figures: None)
+            patch.setattr("slamduel.bench.report.write_report", lambda store, figures: None)
             assert main(["report", out]) == 0
         assert capsys.readouterr().out == f"report: {out}/report.html\n"
         assert main(["export", str(log_folder), "--as", "log", "--out", f"{out}-log"]) == 0
