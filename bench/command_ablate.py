@@ -115,7 +115,7 @@ def _list(console: Console) -> None:
         console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
     for sentence in (
         "",
-        "bench ablate NAME runs one in its quick size, in 3 minutes at most on two cores; --dry-run tells how long.",
+        "bench ablate NAME runs one in its quick size, in one to three minutes on two cores or so; --dry-run tells.",
         f"Copy and change them: {study_file.PACKAGED}",
     ):
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)

@@ -70,10 +70,12 @@ class Estimate:
             slots = f", {self.slots} at a time" if self.alone < self.todo else ""
             how_long = f"About {lasting(self.wall_s)}" if self.wall_s >= 1 else "Less than 1 s"
             said.append(f"{how_long}{slots}, {known}; the making of logs comes on top.")
-        return said + [
+        said += [
             f"Not known: how long {share.unknown:,} of {share.dataset} with {share.backend} will take."
             for share in unknown
         ]
+        again = "There was no time to try more; asked again it knows more, since code compiled meanwhile is kept."
+        return said + [again] * bool(unknown)
 
     def table(self) -> list[tuple[str, ...]]:
         """A head and a row a share: dataset, backend, cells, done, to do, and how long these take one after another."""
