@@ -1,5 +1,6 @@
 # make demo                 a first run on data that comes along, and its report
 # make test                 lint, types and tests
+# make test-older           the tests as two older machines would run them
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
@@ -14,7 +15,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test lint types unit clean gallery study-city study-statistics study-kills
+.PHONY: demo test test-older lint types unit clean gallery study-city study-statistics study-kills
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -35,6 +36,12 @@ types: $(VENV)/.installed-dev
 # One thread each: two workers with two BLAS threads each wait for one another more than they work.
 unit: $(VENV)/.installed-dev
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
+
+# As on two older machines: libraries and kernels leave aside what those processors lacked.
+test-older: $(VENV)/.installed-dev
+	for kind in haswell nehalem; do \
+		OMP_NUM_THREADS=1 $(BIN)/python tests/older_machine.py $$kind $(BIN)/pytest -n auto --dist worksteal || exit 1; \
+	done
 
 # A finding that is not reproduced is an answer, too.
 gallery: $(VENV)/.installed

@@ -18,6 +18,13 @@ ROUNDING = 1e-14
 """Where a covariance's variances along its axes differ by more than this, the smallest cannot be told from zero."""
 
 
+STRAIGHT = 1e-12
+"""Share of a path's extent that it may extend to the side and still be straight."""
+
+ULPS = 16
+"""By which a coordinate less the mean of its column may be off: its own rounding, and that of a sum of any order."""
+
+
 class Alignment(NamedTuple):
     """The rigid motion of the plane that is put on an estimate before it is compared with the truth."""
 
@@ -30,19 +37,27 @@ def align(estimate: Array, truth: Array) -> Alignment:
 
     With the centred positions e and t, the rotation is atan2(sum e x t, sum e . t): Umeyama's solution (PAMI 13(4),
     1991) in two dimensions, in which the best proper rotation has this closed form even where a reflection would fit
-    better. A path whose points lie on one line, or on one point, is only shifted.
+    better. A path whose points lie on one line, or on one point, but for the rounding of its coordinates, is only
+    shifted.
     """
     e, t = estimate[:, :2], truth[:, :2]
     mean_e, mean_t = e.mean(axis=0), t.mean(axis=0)
     together = (e - mean_e).T @ (t - mean_t)
     spread = np.linalg.svd(together, compute_uv=False)
-    flat = bool(spread[1] <= 1e-12 * spread[0] or spread[0] == 0)
+    # |(e + de)' (t + dt) - e' t| <= |de| |t| + |e| |dt|, to first order, in Frobenius norms.
+    by_rounding = _rounding(e) * np.linalg.norm(t - mean_t) + _rounding(t) * np.linalg.norm(e - mean_e)
+    flat = bool(spread[1] <= STRAIGHT * spread[0] + by_rounding)
     heading = 0.0
     if not flat:
         heading = float(np.arctan2(together[0, 1] - together[1, 0], together[0, 0] + together[1, 1]))
     motion = np.array((0.0, 0.0, heading))
     motion[:2] = mean_t - act(motion, mean_e)
     return Alignment(motion, flat)
+
+
+def _rounding(positions: Array) -> float:
+    """The Frobenius norm, at most, of what rounding does to the centred `positions` (m, 2)."""
+    return float(ULPS * np.finfo(np.float64).eps * np.abs(positions).max(initial=0.0) * np.sqrt(positions.size))
 
 
 def aligned(alignment: Alignment, estimate: Array) -> Array:

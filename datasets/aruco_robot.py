@@ -11,12 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..frontend.camera import Camera
+from ..frontend.elementary import cos, hypot, sincos
 from ..frontend.encoder import Encoder
 from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.mounting import from_matrix
 from ..frontend.noise import ProportionalNoise
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints, wrap
+from ..frontend.small_matrices import product
 from ..frontend.truth_errors import sighted_from
 from .drawn import counted, in_reach, polar, prior
 from .mishaps import Mishaps, befallen
@@ -43,7 +45,7 @@ CAMERA = Camera(
 SIDE, FARTHEST = 0.14, 3.0
 """m, of a marker, and from the camera to the farthest that is used."""
 
-FLATTEST = np.cos(np.deg2rad(70.0))
+FLATTEST = cos(np.deg2rad(70.0))
 """A marker seen at a sharper angle than this is not read."""
 
 ROOM = Room(length=6.0, width=5.0, height=2.5, side=SIDE, markers=())
@@ -108,7 +110,7 @@ def in_view(poses: Array, places: Array, normals: Array) -> tuple[Ints, Ints]:
 
     The steps and the markers: those with all four corners in the image, not too far, and not at too sharp an angle.
     """
-    step, marker = in_reach(poses, places[:, :2], 0.0, FARTHEST + float(np.hypot(*CAMERA.mounting[:2, 3])))
+    step, marker = in_reach(poses, places[:, :2], 0.0, FARTHEST + float(hypot(*CAMERA.mounting[:2, 3])))
     place, normal = places[marker], normals[marker]
     along = np.column_stack((-normal[:, 1], normal[:, 0], np.zeros(len(step))))
     up = np.array([0.0, 0.0, 1.0])
@@ -130,10 +132,10 @@ def in_view(poses: Array, places: Array, normals: Array) -> tuple[Ints, Ints]:
 
 def _seen_from(poses: Array, points: Array) -> Array:
     """The points (s, 3) of the world in the frame of the camera of a robot at `poses` (s, 3)."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    s, c = sincos(poses[:, 2])
     x, y = (points[:, :2] - poses[:, :2]).T
     on_robot = np.stack((c * x + s * y, -s * x + c * y, points[:, 2]), axis=-1)
-    return (on_robot - CAMERA.mounting[:3, 3]) @ CAMERA.mounting[:3, :3]
+    return product(on_robot - CAMERA.mounting[:3, 3], CAMERA.mounting[:3, :3])
 
 
 def _hang(count: int, rng: np.random.Generator) -> tuple[Array, Array]:

@@ -8,14 +8,16 @@ waypoints and landmarks are not printed there and are ours. Eight controls make 
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, radians, remainder, sin
+from math import pi, radians, remainder
 
 import numpy as np
 
+from ..frontend.elementary import arctan2, hypot, sincos
 from ..frontend.encoder import compose
 from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array
+from ..frontend.small_matrices import product
 from .drawn import FLOORS, in_reach, polar, prior
 from .mishaps import Mishaps, befallen
 from .registry import Source
@@ -69,15 +71,16 @@ def bailey(options: Options, rng: np.random.Generator) -> Dataset:
     measured = controls + sd * steering.standard_normal(controls.shape)
     moves, by_control = _moves(measured)
     by_noise = by_control * sd
-    cov = by_noise @ by_noise.swapaxes(1, 2)
+    cov = product(by_noise, by_noise.swapaxes(1, 2))
     delta, delta_cov = np.zeros((len(poses), 3)), np.zeros((len(poses), 3, 3))
     for k in range(1, len(poses)):
         between_sightings = slice(CONTROLS * (k - 1), CONTROLS * k)
         delta[k], delta_cov[k] = compose(moves[between_sightings], cov[between_sightings], FLOORS)
     xy = landmarks(options.landmarks)
     step, row = in_reach(poses, xy, 0.0, options.reach)
-    facing = np.stack((np.cos(poses[step, 2]), np.sin(poses[step, 2])), axis=-1)
-    ahead = np.einsum("si,si->s", xy[row] - poses[step, :2], facing) > 0
+    s, c = sincos(poses[step, 2])
+    x, y = (xy[row] - poses[step, :2]).T
+    ahead = x * c + y * s > 0
     step, row = step[ahead], row[ahead]
     sighting_sd = np.array([options.range_noise, np.deg2rad(options.bearing_noise)])
     z, z_cov = polar(poses[step], xy[row], sighting_sd, seeing)
@@ -107,7 +110,7 @@ def landmarks(count: int) -> Array:
     evenly however many there are.
     """
     corners = np.concatenate((WAYPOINTS[-1:], WAYPOINTS))
-    lengths = np.hypot(*np.diff(corners, axis=0).T)
+    lengths = hypot(*np.diff(corners, axis=0).T)
     n = np.arange(1, count + 1, dtype=np.float64)
     along, aside = np.mod(n / np.array([[1.324717957244746], [1.754877666246693]]), 1.0)  # of the plastic ratio
     ends = np.concatenate(([0.0], np.cumsum(lengths)))
@@ -127,11 +130,12 @@ def _drive(loops: int) -> tuple[Array, Array]:
     goal, way, rate = 0, SPEED * CONTROL, STEERING_RATE * CONTROL
     while goal < len(waypoints) or len(controls) % CONTROLS:
         east, north = waypoints[min(goal, len(waypoints) - 1)]
-        goal += hypot(east - x, north - y) < NEAR
-        wanted = remainder(atan2(north - y, east - x) - heading - steering, 2 * pi)
+        goal += bool(hypot(east - x, north - y) < NEAR)
+        wanted = remainder(float(arctan2(north - y, east - x)) - heading - steering, 2 * pi)
         steering = min(max(steering + min(max(wanted, -rate), rate), -MOST_STEERING), MOST_STEERING)
-        x, y = x + way * cos(heading + steering), y + way * sin(heading + steering)
-        heading = remainder(heading + way * sin(steering) / WHEEL_BASE, 2 * pi)
+        s, c = map(float, sincos(heading + steering))
+        x, y = x + way * c, y + way * s
+        heading = remainder(heading + way * float(sincos(steering).sin) / WHEEL_BASE, 2 * pi)
         poses.append((x, y, heading))
         controls.append((SPEED, steering))
     return np.array(poses), np.array(controls)
@@ -142,7 +146,7 @@ def _moves(controls: Array) -> tuple[Array, Array]:
 
     The car's pose is that of its front axle, which goes where the front wheels point.
     """
-    way, (c, s) = CONTROL * controls[:, 0], (np.cos(controls[:, 1]), np.sin(controls[:, 1]))
+    way, (s, c) = CONTROL * controls[:, 0], sincos(controls[:, 1])
     delta = np.stack((way * c, way * s, way * s / WHEEL_BASE), axis=-1)
     by_speed = CONTROL * np.stack((c, s, s / WHEEL_BASE), axis=-1)
     by_steering = np.stack((-way * s, way * c, way * c / WHEEL_BASE), axis=-1)

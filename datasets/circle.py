@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..frontend.elementary import sincos
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.options import option
@@ -79,7 +80,8 @@ def _round(options: Options) -> Array:
     """The true poses (steps, 3): counter-clockwise from the origin, at first along x."""
     radius = options.speed / options.turn_rate
     heading = PERIOD * options.turn_rate * np.arange(options.steps, dtype=np.float64)
-    xy = radius * np.stack((np.sin(heading), 1 - np.cos(heading)), axis=-1)
+    s, c = sincos(heading)
+    xy = radius * np.stack((s, 1 - c), axis=-1)
     return np.column_stack((xy, wrap(heading)))
 
 
@@ -93,7 +95,8 @@ def _landmarks(options: Options, rng: np.random.Generator) -> Array:
     off = rng.uniform(options.nearest, options.farthest, n)
     inside = (rng.uniform(size=n) < 0.5) & (off < radius)
     away = np.where(inside, radius - off, radius + off)
-    return np.stack((away * np.sin(angle), radius - away * np.cos(angle)), axis=-1)
+    s, c = sincos(angle)
+    return np.stack((away * s, radius - away * c), axis=-1)
 
 
 source = Source(circle, options=Options, seeded=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..frontend.elementary import arctan2, sin, sinc, sincos
 from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints, wrap
@@ -135,7 +136,7 @@ def _drive(crossings: Ints, way: Array) -> tuple[Array, Array]:
     A street and the quarter of a circle at its end take turns; where the robot drives straight on that quarter is a
     straight piece of its own.
     """
-    heading = np.arctan2(*np.diff(crossings, axis=0).T[::-1])
+    heading = arctan2(*np.diff(crossings, axis=0).T[::-1])
     turn = np.round(wrap(np.diff(heading)) / (np.pi / 2)) * np.pi / 2
     bends = len(turn)
     lengths, turns = np.empty(2 * bends), np.zeros(2 * bends)
@@ -146,10 +147,11 @@ def _drive(crossings: Ints, way: Array) -> tuple[Array, Array]:
     into = way - starts[piece]
     # A street's piece begins a bend after the last crossing, and the quarter after it a bend before the next.
     direction = np.repeat(heading[:-1], 2)
-    ahead = np.stack((np.cos(direction), np.sin(direction)), -1)
+    s, c = sincos(direction)
+    ahead = np.stack((c, s), -1)
     begin = BLOCK * np.repeat(crossings[:-2], 2, axis=0) + ahead * np.tile([BEND, BLOCK - BEND], bends)[:, None]
     angle = turns[piece] * into / lengths[piece]
-    arc = np.stack((into * np.sinc(angle / np.pi), into * np.sinc(angle / 2 / np.pi) * np.sin(angle / 2)), -1)
+    arc = np.stack((into * sinc(angle), into * sinc(angle / 2) * sin(angle / 2)), -1)
     facing = ahead[piece]
     xy = begin[piece] + facing * arc[:, :1] + np.stack((-facing[:, 1], facing[:, 0]), -1) * arc[:, 1:]
     total = direction[0] + np.concatenate(([0.0], np.cumsum(turns)))[piece] + angle

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from ..frontend.cells import shortened
+from ..frontend.elementary import hypot
 from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Dataset, Log, Prior
 from ..frontend.frames import as_range_bearing
@@ -140,7 +141,7 @@ def _sightings(circles: list[Row]) -> tuple[Array, Array, Array, int]:
     px, py, quality, xx, xy, yy = table.T
     for k in np.flatnonzero((quality < 0) | (quality > 1)):
         raise circles[k].fault(f"quality is {quality[k]!s}, expected 0 to 1")
-    for k in np.flatnonzero(np.hypot(px, py) < _NEAREST):
+    for k in np.flatnonzero(hypot(px, py) < _NEAREST):
         raise circles[k].fault(f"the circle is at {px[k]!s}, {py[k]!s}, expected it {_NEAREST} m away or more")
     cov, singular = definite(symmetric(np.stack((yy, xy, xx), axis=-1)), circles)
     return *as_range_bearing(np.stack((-py, -px), axis=-1), cov), quality, singular

@@ -4,10 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..frontend.elementary import hypot
 from ..frontend.encoder import Encoder, Floors, roll
 from ..frontend.factors import Prior
 from ..frontend.motion import Ticks, readings
 from ..frontend.se2 import Array, Ints, between, wrap
+from ..frontend.small_matrices import cholesky, product
 from ..frontend.truth_errors import sighted_from
 
 START_SD = 1e-3
@@ -33,8 +35,8 @@ def odometry(poses: Array, rolling: Array, sd: Array, rng: np.random.Generator) 
     """
     _, by_rolling = roll(rolling, "arc")
     by_noise = by_rolling * np.broadcast_to(sd, rolling.shape)[:, None, :]
-    cov = by_noise @ by_noise.swapaxes(1, 2) + FLOORS.cov
-    error = np.linalg.cholesky(cov) @ rng.standard_normal((len(rolling), 3, 1))
+    cov = product(by_noise, by_noise.swapaxes(1, 2)) + FLOORS.cov
+    error = product(cholesky(cov), rng.standard_normal((len(rolling), 3, 1)))
     delta = between(poses[:-1], poses[1:]) + error[..., 0]
     delta[:, 2] = wrap(delta[:, 2])
     return np.concatenate((np.zeros((1, 3)), delta)), np.concatenate((np.zeros((1, 3, 3)), cov))
@@ -63,7 +65,7 @@ def in_reach(poses: Array, xy: Array, nearest: float, farthest: float) -> tuple[
     found = KDTree(xy).query_ball_point(poses[:, :2], farthest, return_sorted=True)
     step = np.repeat(np.arange(len(poses)), [len(rows) for rows in found])
     row = np.concatenate([np.asarray(rows, np.int64) for rows in found])
-    far_enough = np.hypot(*(xy[row] - poses[step, :2]).T) >= nearest
+    far_enough = hypot(*(xy[row] - poses[step, :2]).T) >= nearest
     return step[far_enough], row[far_enough]
 
 
@@ -72,7 +74,7 @@ def sightings(poses: Array, xy: Array, sd: float, rng: np.random.Generator) -> t
 
     A landmark's place is off by `sd` m along the line of sight and across it: in bearing by sd / r.
     """
-    r = np.hypot(*(xy - poses[:, :2]).T)
+    r = hypot(*(xy - poses[:, :2]).T)
     return polar(poses, xy, np.stack((np.full_like(r, sd), sd / r), axis=-1), rng)
 
 

@@ -26,10 +26,12 @@ from typing import Any
 import numpy as np
 
 from ..frontend.cells import shortened
+from ..frontend.elementary import sincos
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints, wrap
+from ..frontend.small_matrices import propagated
 from ..frontend.table import LARGEST, read_spaced
 from .published import fetched
 from .registry import Source
@@ -86,7 +88,7 @@ def read(folder: Path, options: Options) -> Dataset:
     if options.motion == "course":
         cov = np.broadcast_to(np.diag(COURSE), (len(delta), 3, 3))
     else:
-        cov = by_turns @ turns_cov(turns, options) @ by_turns.swapaxes(1, 2)
+        cov = propagated(by_turns, turns_cov(turns, options))
     delta_cov, floored = definite((cov + cov.swapaxes(1, 2)) / 2, motions)
 
     ids, z, lifted = _sightings(sightings, step, options)
@@ -114,7 +116,7 @@ def relative(turns: Array) -> tuple[Array, Array]:
     dx = trans cos rot1, dy = trans sin rot1, dtheta = rot1 + rot2: in the body frame before the motion.
     """
     first, way, second = turns.T
-    c, s = np.cos(first), np.sin(first)
+    s, c = sincos(first)
     jacobian = np.zeros((len(turns), 3, 3))
     jacobian[:, 0, 0], jacobian[:, 0, 1] = -way * s, c
     jacobian[:, 1, 0], jacobian[:, 1, 1] = way * c, s

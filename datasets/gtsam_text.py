@@ -30,6 +30,7 @@ from ..frontend.factors import Dataset
 from ..frontend.frames import before_motion
 from ..frontend.options import option
 from ..frontend.se2 import Array
+from ..frontend.small_matrices import product
 from ..frontend.table import Table
 from ..frontend.triangles import symmetric
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped
@@ -155,7 +156,7 @@ def _covariance(table: Table, numbers: Array, kind: str) -> Array:
     if kind == "root":
         with np.errstate(all="ignore"):
             root = np.triu(matrices)
-            return inverted(table, root.swapaxes(1, 2) @ root)
+            return inverted(table, product(root.swapaxes(1, 2), root))
     return matrices
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..frontend.elementary import sincos
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, between, wrap
@@ -48,7 +49,8 @@ def linear(options: Options, rng: np.random.Generator) -> Dataset:
     world, moving, seeing = rng.spawn(3)
     n = options.steps
     angle = STRIDE / RADIUS * np.arange(n, dtype=np.float64)
-    poses = np.column_stack((RADIUS * np.cos(angle), RADIUS * np.sin(angle), np.zeros(n)))
+    s, c = sincos(angle)
+    poses = np.column_stack((RADIUS * c, RADIUS * s, np.zeros(n)))
     xy = _landmarks(options.landmarks, world)
     sd = np.array([options.sliding, options.sliding, options.turning])
     delta = np.zeros((n, 3))
@@ -78,7 +80,8 @@ def _landmarks(count: int, rng: np.random.Generator) -> Array:
     """(count, 2) m: anywhere within AROUND of the circle."""
     angle = rng.uniform(0, 2 * np.pi, count)
     away = RADIUS + rng.uniform(-AROUND, AROUND, count)
-    return np.stack((away * np.cos(angle), away * np.sin(angle)), axis=-1)
+    s, c = sincos(angle)
+    return np.stack((away * c, away * s), axis=-1)
 
 
 source = Source(linear, options=Options, seeded=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..frontend.elementary import cos, hypot, sin, sincos
 from ..frontend.encoder import Encoder
 from ..frontend.factors import Dataset, Log, Map, Truth
 from ..frontend.options import option
@@ -24,9 +25,7 @@ from .simulate import Loop, count, drive
 CENTRE, HALF, START = np.array([1.0, 1.4]), np.array([2.3, 1.75]), np.deg2rad(160.0)
 """The path's ellipse: its centre and half axes, m, and where on it the robot starts, counter-clockwise."""
 
-LOOP = Loop(
-    cos=HALF * np.array([[np.cos(START), np.sin(START)]]), sin=HALF * np.array([[-np.sin(START), np.cos(START)]])
-)
+LOOP = Loop(cos=HALF * np.array([[cos(START), sin(START)]]), sin=HALF * np.array([[-sin(START), cos(START)]]))
 """The path around its centre."""
 
 SPEED, PERIOD, STEPS = 0.3, 0.2, 280
@@ -95,9 +94,8 @@ def _seen(poses: Array) -> tuple[Ints, Ints]:
     """Which of the twelve tags are in the camera's view from each pose: the steps and the tags."""
     step, tag = in_reach(poses, TAGS, NEAREST, FARTHEST)
     x, y = (TAGS[tag] - poses[step, :2]).T
-    heading = poses[step, 2]
-    ahead = x * np.cos(heading) + y * np.sin(heading)
-    within = ahead > np.hypot(x, y) * np.cos(HALF_VIEW)
+    s, c = sincos(poses[step, 2])
+    within = x * c + y * s > hypot(x, y) * cos(HALF_VIEW)
     return step[within], tag[within]
 
 

@@ -12,12 +12,13 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frontend.elementary import hypot
 from ..frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ..frontend.options import option
 from ..frontend.se2 import Array, Ints, between, wrap
 from ..frontend.truth_errors import difference, rows_of, sighted_from
 from .outliers import swapped
-from .simulate import SLIP, SLIP_MOST, SLIP_TAIL
+from .simulate import SLIP_MOST, slip_lengths
 
 Bools = NDArray[np.bool_]
 Column = TypeVar("Column", Array, Ints)
@@ -123,10 +124,10 @@ def _slipped(log: Log, truth: Truth, rate: float, rng: np.random.Generator) -> t
     A wheel that spins or skids over some metres reads so much more or less than it rolled, and the robot that is
     TRACK wide seems to have gone half of that and to have turned. How many metres, `simulate.slipped` says.
     """
-    way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(truth.poses[:, :2], axis=0).T))))
+    way = np.concatenate(([0.0], np.cumsum(hypot(*np.diff(truth.poses[:, :2], axis=0).T))))
     slips = int(rng.poisson(rate * way[-1]))
     step = np.minimum(np.searchsorted(way, rng.uniform(0, way[-1], slips), "right"), len(log) - 1)
-    metres = np.minimum(SLIP * (1 + rng.pareto(SLIP_TAIL, slips)), SLIP_MOST) * rng.choice([-1.0, 1.0], slips)
+    metres = np.minimum(slip_lengths(rng, slips), SLIP_MOST) * rng.choice([-1.0, 1.0], slips)
     side = rng.choice([-1.0, 1.0], slips)
     delta = log.delta.copy()
     delta[:, 0] += np.bincount(step, metres / 2, len(log))

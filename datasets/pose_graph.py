@@ -16,11 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frontend import small_matrices
 from ..frontend.check import problems
+from ..frontend.elementary import hypot, sincos
 from ..frontend.errors import InputError
 from ..frontend.factors import Log, Map, Prior
 from ..frontend.frames import as_range_bearing
 from ..frontend.se2 import Array, Ints, inverse, wrap
+from ..frontend.small_matrices import propagated
 from ..frontend.table import Table
 
 START = 1e-9
@@ -145,7 +148,7 @@ def inverses(matrices: Array) -> tuple[Array, NDArray[np.bool_]]:
         even[~definite] = np.eye(matrices.shape[-1])
         definite &= np.linalg.eigvalsh(even)[:, 0] > _LEAST
         even[~definite] = np.eye(matrices.shape[-1])
-        found = np.linalg.inv(even) * outer
+        found = small_matrices.inverse(even) * outer
     return (found + found.swapaxes(1, 2)) / 2, definite
 
 
@@ -153,7 +156,7 @@ def points_seen(table: Table, cov: Array) -> tuple[Array, Array]:
     """Range and bearing (s, 2), and (s, 2, 2), of the points x, y of `table`, with `cov` (s, 2, 2), by first order."""
     xy = np.stack((table.column("x"), table.column("y")), axis=-1)
     with np.errstate(all="ignore"):  # what overflows is named, with its line, when the log is looked at
-        for row in np.flatnonzero(np.hypot(*xy.T) == 0):
+        for row in np.flatnonzero(hypot(*xy.T) == 0):
             raise table.fault(row, "x and y are both 0, expected a point away from the robot")
         return as_range_bearing(xy, cov)
 
@@ -228,10 +231,10 @@ def _inverse_covariance(delta: Array, cov: Array) -> Array:
 
     With delta' = inverse(delta), J = d delta' / d delta = [[-c, -s, y'], [s, -c, -x'], [0, 0, -1]].
     """
-    c, s, back = np.cos(delta[:, 2]), np.sin(delta[:, 2]), inverse(delta)
+    (s, c), back = sincos(delta[:, 2]), inverse(delta)
     J = np.zeros_like(cov)
     J[:, 0, 0] = J[:, 1, 1] = -c
     J[:, 0, 1], J[:, 1, 0] = -s, s
     J[:, 0, 2], J[:, 1, 2], J[:, 2, 2] = back[:, 1], -back[:, 0], -1.0
-    found = J @ cov @ J.swapaxes(1, 2)
+    found = propagated(J, cov)
     return (found + found.swapaxes(1, 2)) / 2

@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..frontend.elementary import arctan2, exp, sincos
 from ..frontend.encoder import Encoder
 from ..frontend.motion import Ticks
 from ..frontend.se2 import Array, wrap
+from ..frontend.small_matrices import product
 
 RISE = 1.0
 """s, the time constant in which the robot gets up to speed."""
@@ -29,8 +31,9 @@ class Loop(NamedTuple):
         """The points (n, 2) at the angles (n,), and d point / d angle, (n, 2)."""
         order = np.arange(1, len(self.cos) + 1)
         turned = np.multiply.outer(angle, order)
-        c, s = np.cos(turned), np.sin(turned)
-        return c @ self.cos + s @ self.sin, (-s * order) @ self.cos + (c * order) @ self.sin
+        s, c = sincos(turned)
+        points = product(c, self.cos) + product(s, self.sin)
+        return points, product(-s * order, self.cos) + product(c * order, self.sin)
 
 
 def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
@@ -39,12 +42,12 @@ def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
     The robot is at rest at angle 0 until t = 0, heads along the path, and settles at `speed` (m/s).
     """
     t = np.maximum(t, 0.0)
-    way = speed * (t - RISE * -np.expm1(-t / RISE))
+    way = speed * (t - RISE * (1 - exp(-t / RISE)))
     table = np.linspace(0.0, 2 * np.pi, 4097)
     pace = np.linalg.norm(loop.at(table)[1], axis=1)
     lengths = np.concatenate(([0.0], np.cumsum((pace[1:] + pace[:-1]) / 2) * (table[1] - table[0])))
     points, tangents = loop.at(np.interp(np.mod(way, lengths[-1]), lengths, table))
-    return np.column_stack((points, wrap(np.arctan2(tangents[:, 1], tangents[:, 0])))), way
+    return np.column_stack((points, wrap(arctan2(tangents[:, 1], tangents[:, 0])))), way
 
 
 def count(poses: Array, way: Array, t: Array, encoder: Encoder, rng: np.random.Generator, slip: float = 0.0) -> Ticks:
@@ -70,7 +73,7 @@ def slipped(read: Array, way: Array, t: Array, rate: float, rng: np.random.Gener
     read = read.copy()
     for place in rng.uniform(way[0], way[-1], rng.poisson(rate * (way[-1] - way[0]))):
         wheel, spins = rng.integers(2), rng.uniform() < 0.5
-        metres = min(SLIP * (1 + rng.pareto(SLIP_TAIL)), SLIP_MOST)
+        metres = min(float(slip_lengths(rng)), SLIP_MOST)
         axis, start, end = (way, place, place + metres)
         if spins:
             start = np.interp(place, way, t)
@@ -83,6 +86,11 @@ def slipped(read: Array, way: Array, t: Array, rate: float, rng: np.random.Gener
         else:
             read[intervals, wheel] *= 1 - inside / np.diff(axis[meanwhile])
     return read
+
+
+def slip_lengths(rng: np.random.Generator, slips: int | None = None) -> Array:
+    """(slips,) m, or one number, of SLIP times a Pareto variate with the exponent SLIP_TAIL, not cut off."""
+    return SLIP * exp(rng.standard_exponential(slips) / SLIP_TAIL)
 
 
 def wrapped(ticks: Ticks, bits: int) -> Ticks:

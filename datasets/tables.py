@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..frontend.dead_reckoning import summed
+from ..frontend.elementary import arctan2, hypot
 from ..frontend.encoder import Floors, roll
 from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
@@ -143,7 +144,7 @@ def _detections(path: Path, options: Options, start: float, end: float) -> Detec
         raise table.fault(row, f"id {ids[row]} is there twice at t {t[row]!s}, expected once")
     z = table.rows[:, 2:]
     if table.columns == POINTS:
-        z = np.stack((np.hypot(*z.T), np.arctan2(z[:, 1], z[:, 0])), axis=-1)
+        z = np.stack((hypot(*z.T), arctan2(z[:, 1], z[:, 0])), axis=-1)
     else:
         z = z * np.array([1.0, _radians(options)])
         for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):

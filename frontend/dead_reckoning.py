@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .elementary import sincos
 from .factors import Log
 from .se2 import Array, wrap
 
@@ -14,7 +15,7 @@ def dead_reckoned(log: Log) -> Array:
 def summed(start: Array, motions: Array) -> Array:
     """(n + 1, 3) the path from the pose `start` (3,) by the motions (n, 3), each in the body frame before it."""
     heading = start[2] + np.concatenate(([0.0], np.cumsum(motions[:, 2])))
-    c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
+    s, c = sincos(heading[:-1])
     dx, dy = motions[:, 0], motions[:, 1]
     moved = np.stack((c * dx - s * dy, s * dx + c * dy), axis=-1)
     xy = start[:2] + np.concatenate((np.zeros((1, 2)), np.cumsum(moved, axis=0)))

@@ -17,8 +17,10 @@ from typing import Literal
 
 import numpy as np
 
+from .elementary import sinc, sincos
 from .factors import Odometry
 from .se2 import Array, wrap
+from .small_matrices import product, propagated
 
 Curve = Literal["midpoint", "arc"]
 
@@ -73,9 +75,8 @@ class Encoder:
         """One factor from n readings in a row: count increments (n, 2), left and right, over `dt` (n,) seconds."""
         rolled = self.travel(counts)
         to_rolling = np.array([[0.5, 0.5], [-1 / self.base, 1 / self.base]])
-        delta, by_rolling = roll(rolled @ to_rolling.T, self.curve)
-        by_wheels = by_rolling @ to_rolling
-        cov = np.einsum("nij,nj,nkj->nik", by_wheels, self.variance(rolled, dt), by_wheels)
+        delta, by_rolling = roll(product(rolled, to_rolling.T), self.curve)
+        cov = _spread(product(by_rolling, to_rolling), self.variance(rolled, dt))
         return compose(delta, cov, self.floors)
 
 
@@ -96,7 +97,7 @@ class Velocities:
         """One factor from n velocities in a row: v (n,) m/s and omega (n,) rad/s, each held for `dt` (n,) seconds."""
         delta, by_rolling = roll(np.stack((v * dt, omega * dt), axis=-1), self.curve)
         variance = dt[:, None] * np.array([self.forward**2, self.turning**2])
-        cov = np.einsum("nij,nj,nkj->nik", by_rolling, variance, by_rolling)
+        cov = _spread(by_rolling, variance)
         return compose(delta, cov, self.floors)
 
 
@@ -106,7 +107,7 @@ def roll(rolling: Array, curve: Curve) -> tuple[Array, Array]:
     ArUco EKF SLAM, eqs (1) and (4) at heading zero; the turn is not wrapped.
     """
     s, half = rolling[:, 0], rolling[:, 1] / 2
-    c, sn = np.cos(half), np.sin(half)
+    sn, c = sincos(half)
     ratio, slope = (np.ones_like(half), np.zeros_like(half)) if curve == "midpoint" else _sinc(half)
     delta = np.stack((s * ratio * c, s * ratio * sn, rolling[:, 1]), axis=-1)
     jacobian = np.zeros((len(rolling), 3, 2))
@@ -125,7 +126,7 @@ def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
     by the heading it happened at, and its turn swings all of the way that was still to come.
     """
     heading = np.cumsum(delta[:, 2])
-    c, s = np.cos(heading - delta[:, 2]), np.sin(heading - delta[:, 2])
+    s, c = sincos(heading - delta[:, 2])
     x = np.cumsum(c * delta[:, 0] - s * delta[:, 1])
     y = np.cumsum(s * delta[:, 0] + c * delta[:, 1])
     to_end = np.zeros((len(delta), 3, 3))
@@ -135,13 +136,19 @@ def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
     to_end[:, 0, 2] = y - y[-1]
     to_end[:, 1, 2] = x[-1] - x
     to_end[:, 2, 2] = 1.0
-    total = np.einsum("nij,njk,nlk->il", to_end, cov, to_end) + floors.cov
+    total = propagated(to_end, cov).sum(axis=0) + floors.cov
     return Odometry(np.array([x[-1], y[-1], wrap(heading[-1])]), (total + total.T) / 2)
+
+
+def _spread(jacobian: Array, variance: Array) -> Array:
+    """J diag(variance) J', (n, 3, 3), of `jacobian` (n, 3, 2) and `variance` (n, 2)."""
+    return product(jacobian * variance[:, None, :], jacobian.swapaxes(1, 2))
 
 
 def _sinc(half: Array) -> tuple[Array, Array]:
     """sin(x) / x and its derivative; the series where the quotient would cancel, exact there to rounding."""
     small = np.abs(half) < 1e-2
     x = np.where(small, 1.0, half)
-    slope = np.where(small, half * (-1 / 3 + half**2 * (1 / 30 - half**2 / 840)), (np.cos(x) - np.sin(x) / x) / x)
-    return np.sinc(half / np.pi), slope
+    s, c = sincos(x)
+    slope = np.where(small, half * (-1 / 3 + half**2 * (1 / 30 - half**2 / 840)), (c - s / x) / x)
+    return sinc(half), slope

@@ -5,6 +5,7 @@ All of it is first order, and exact both ways: what is taken over and back again
 
 import numpy as np
 
+from .elementary import arctan2, hypot, sincos
 from .se2 import Array
 
 
@@ -14,12 +15,12 @@ def as_range_bearing(xy: Array, cov: Array) -> tuple[Array, Array]:
     C' = J C J' with J = [[x/r, y/r], [-y/r^2, x/r^2]].
     """
     x, y = xy.T
-    r = np.hypot(x, y)
+    r = hypot(x, y)
     xx, xy_, yy = cov[:, 0, 0], cov[:, 0, 1], cov[:, 1, 1]
     rr = (x * x * xx + 2 * x * y * xy_ + y * y * yy) / r**2
-    rb = (x * y * (yy - xx) + (x * x - y * y) * xy_) / r**3
-    bb = (y * y * xx - 2 * x * y * xy_ + x * x * yy) / r**4
-    return np.stack((r, np.arctan2(y, x)), axis=-1), np.stack((rr, rb, rb, bb), axis=-1).reshape(-1, 2, 2)
+    rb = (x * y * (yy - xx) + (x * x - y * y) * xy_) / (r * r * r)
+    bb = (y * y * xx - 2 * x * y * xy_ + x * x * yy) / (r * r) ** 2
+    return np.stack((r, arctan2(y, x)), axis=-1), np.stack((rr, rb, rb, bb), axis=-1).reshape(-1, 2, 2)
 
 
 def as_points(z: Array, cov: Array) -> tuple[Array, Array]:
@@ -28,7 +29,7 @@ def as_points(z: Array, cov: Array) -> tuple[Array, Array]:
     C' = J C J' with J = [[cos b, -r sin b], [sin b, r cos b]].
     """
     r, b = z.T
-    c, s = np.cos(b), np.sin(b)
+    s, c = sincos(b)
     rr, rb, bb = cov[:, 0, 0], r * cov[:, 0, 1], r * r * cov[:, 1, 1]
     xx = c * c * rr - 2 * c * s * rb + s * s * bb
     xy = c * s * (rr - bb) + (c * c - s * s) * rb
@@ -51,7 +52,7 @@ def after_motion(delta: Array, cov: Array) -> Array:
 
 def _turned(angle: Array, cov: Array) -> Array:
     """R C R' with R = diag(rotation by `angle` (m,), 1): symmetric to the last bit."""
-    c, s = np.cos(angle), np.sin(angle)
+    s, c = sincos(angle)
     xx, xy, xt = cov[:, 0, 0], cov[:, 0, 1], cov[:, 0, 2]
     yy, yt, tt = cov[:, 1, 1], cov[:, 1, 2], cov[:, 2, 2]
     rows = (

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from .counters import MAX_SPEED, check_counts
+from .elementary import hypot
 from .encoder import Encoder, Floors, compose
 from .errors import InputError
 from .factors import Odometry
@@ -82,7 +83,7 @@ class TrackNoise:
 
     def cov(self, delta: Array) -> Array:
         """(n, 3, 3) covariances of the motions `delta` (n, 3)."""
-        way, turn = np.hypot(delta[:, 0], delta[:, 1]), np.abs(delta[:, 2])
+        way, turn = hypot(delta[:, 0], delta[:, 1]), np.abs(delta[:, 2])
         heading = self.turning**2 * way + self.turning_by_turn**2 * turn
         return np.stack((self.forward**2 * way, np.zeros_like(way), heading), axis=-1)[:, :, None] * np.eye(3)
 
@@ -179,7 +180,7 @@ def _check_poses(t: Array, poses: Array, max_speed: float, source: str) -> None:
         raise InputError(f"{source}: in reading {row}, at {t[row]} s, {found}, expected a finite number.")
     if len(t) < 2:
         return
-    dt, way = np.diff(t), np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    dt, way = np.diff(t), hypot(*np.diff(poses[:, :2], axis=0).T)
     # The messages of a stream come in bursts: the time of a typical reading is given on top.
     for row in np.flatnonzero(way > max_speed * (dt + np.median(dt))):
         raise InputError(

@@ -8,6 +8,8 @@ covariance pushed through them stays one of (x, y, heading).
 import numpy as np
 from numpy.typing import NDArray
 
+from .elementary import sincos
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -21,7 +23,7 @@ def wrap(angle: Array) -> Array:
 
 def compose(a: Array, b: Array) -> Array:
     """The pose a + b of Smith, Self and Cheeseman: motion `b`, in the body frame of `a`, made from `a`. (..., 3)."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    s, c = sincos(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
     y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
     return np.stack((x, y, wrap(a[..., 2] + b[..., 2])), axis=-1)
@@ -29,7 +31,7 @@ def compose(a: Array, b: Array) -> Array:
 
 def compose_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
     """d compose(a, b) / d a and / d b, each (..., 3, 3)."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    s, c = sincos(a[..., 2])
     by_a = np.zeros((*c.shape, 3, 3))
     by_a[..., 0, 0] = by_a[..., 1, 1] = by_a[..., 2, 2] = 1.0
     by_a[..., 0, 2] = -s * b[..., 0] - c * b[..., 1]
@@ -44,7 +46,7 @@ def compose_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
 
 def inverse(a: Array) -> Array:
     """The motion that undoes `a`: compose(a, inverse(a)) is the identity. (..., 3)."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    s, c = sincos(a[..., 2])
     x = -c * a[..., 0] - s * a[..., 1]
     y = s * a[..., 0] - c * a[..., 1]
     return np.stack((x, y, wrap(-a[..., 2])), axis=-1)
@@ -52,14 +54,14 @@ def inverse(a: Array) -> Array:
 
 def between(a: Array, b: Array) -> Array:
     """The motion from `a` to `b` in the body frame of `a`: compose(a, between(a, b)) == b. (..., 3)."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    s, c = sincos(a[..., 2])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     return np.stack((c * dx + s * dy, -s * dx + c * dy, wrap(b[..., 2] - a[..., 2])), axis=-1)
 
 
 def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
     """d between(a, b) / d a and / d b, each (..., 3, 3)."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    s, c = sincos(a[..., 2])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     by_b = np.zeros((*c.shape, 3, 3))
     by_b[..., 0, 0] = by_b[..., 1, 1] = c
@@ -74,7 +76,7 @@ def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
 
 def act(pose: Array, xy: Array) -> Array:
     """The world position (..., 2), in m, of the point `xy` given in the body frame of `pose`."""
-    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    s, c = sincos(pose[..., 2])
     x = pose[..., 0] + c * xy[..., 0] - s * xy[..., 1]
     y = pose[..., 1] + s * xy[..., 0] + c * xy[..., 1]
     return np.stack((x, y), axis=-1)
@@ -91,7 +93,7 @@ def rotation(heading: float) -> Array:
 
     It takes a covariance of (dx, dy, dheading) from a body frame at `heading` to the world: R @ cov @ R.T.
     """
-    c, s = np.cos(heading), np.sin(heading)
+    s, c = sincos(heading)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 

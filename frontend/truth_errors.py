@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .elementary import arctan2, hypot
 from .factors import UNKNOWN, Log, Truth
 from .se2 import Array, Ints, between, wrap
 
@@ -36,7 +37,7 @@ def odometry_errors(log: Log, truth: Truth) -> Errors:
 def sighted_from(poses: Array, xy: Array) -> Array:
     """The true range (m) and bearing (rad, not wrapped) (s, 2) of the points `xy` (s, 2) from the poses (s, 3)."""
     x, y = (xy - poses[:, :2]).T
-    return np.stack((np.hypot(x, y), np.arctan2(y, x) - poses[:, 2]), axis=-1)
+    return np.stack((hypot(x, y), arctan2(y, x) - poses[:, 2]), axis=-1)
 
 
 def difference(found: Array, right: Array) -> Array:

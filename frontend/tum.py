@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .elementary import arctan2, sincos
 from .scan import Scan, strict
 from .se2 import Array
 from .table import scan_spaced
@@ -54,13 +55,14 @@ def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]
 def _heading(qz: Array, qw: Array) -> Array:
     """2 atan2(qz, qw) in (-pi, pi]; q and -q are the same turn."""
     qz, qw = np.where(qw < 0, -qz, qz), np.abs(qw)
-    heading = 2 * np.arctan2(qz, qw)
+    heading = 2 * arctan2(qz, qw)
     return np.where(heading == -np.pi, np.pi, heading)
 
 
 def _quaternion(heading: Array) -> tuple[Array, Array]:
     """(qz, qw) of headings in (-pi, pi], each moved by the few last-place units that bring its heading back exactly."""
-    qz, qw = np.sin(heading / 2), np.abs(np.cos(heading / 2))
+    qz, qw = sincos(heading / 2)
+    qw = np.abs(qw)
     sine, cosine = qz.copy(), qw.copy()
     nudges = sorted(itertools.product(range(-4, 5), repeat=2), key=lambda pair: abs(pair[0]) + abs(pair[1]))
     wrong = np.flatnonzero(_heading(qz, qw) != heading)

@@ -1,0 +1,49 @@
+"""Products, factors and inverses of batches of 2x2 and 3x3 matrices, with the same bits on every machine.
+
+BLAS and LAPACK choose code by the processor, and with it the order of sums. Here sums have the order of the textbook.
+"""
+
+import numpy as np
+
+from .se2 import Array
+
+
+def product(a: Array, b: Array) -> Array:
+    """a @ b of (..., i, j) and (..., j, k), either of which may lack the leading axes of the other."""
+    total = a[..., :, :1] * b[..., :1, :]
+    for j in range(1, a.shape[-1]):
+        total = total + a[..., :, j : j + 1] * b[..., j : j + 1, :]
+    return total
+
+
+def propagated(jacobian: Array, cov: Array) -> Array:
+    """J C J', (..., k, k), of `jacobian` (..., k, j) and `cov` (..., j, j)."""
+    return product(product(jacobian, cov), jacobian.swapaxes(-1, -2))
+
+
+def cholesky(cov: Array) -> Array:
+    """The lower triangular L (..., k, k) with L L' = `cov`, which is positive definite; NaN where it is not."""
+    lower = np.zeros_like(cov)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for j in range(cov.shape[-1]):
+            for i in range(j, cov.shape[-1]):
+                rest = cov[..., i, j]
+                for k in range(j):
+                    rest = rest - lower[..., i, k] * lower[..., j, k]
+                lower[..., i, j] = np.sqrt(rest) if i == j else rest / lower[..., j, j]
+    return lower
+
+
+def inverse(cov: Array) -> Array:
+    """The inverse of `cov` (..., k, k), which is positive definite, by its Cholesky factor; NaN where it is not."""
+    lower = cholesky(cov)
+    root = np.zeros_like(lower)  # of the inverse: L^-1
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for j in range(cov.shape[-1]):
+            root[..., j, j] = 1 / lower[..., j, j]
+            for i in range(j + 1, cov.shape[-1]):
+                total = lower[..., i, j] * root[..., j, j]
+                for k in range(j + 1, i):
+                    total = total + lower[..., i, k] * root[..., k, j]
+                root[..., i, j] = -total / lower[..., i, i]
+    return product(root.swapaxes(-1, -2), root)

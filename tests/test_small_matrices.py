@@ -1,0 +1,37 @@
+"""Small matrices: the products, factors and inverses that numpy's linear algebra gives, to rounding."""
+
+import numpy as np
+import pytest
+
+from slamduel.frontend.small_matrices import cholesky, inverse, product, propagated
+
+rng = np.random.default_rng(3)
+EPS = float(np.finfo(float).eps)
+
+
+@pytest.mark.parametrize(
+    "shapes", [((3, 3), (3, 3)), ((50, 3, 2), (50, 2, 3)), ((50, 2), (2, 4)), ((50, 3, 3), (3, 1))]
+)
+def test_a_product_is_that_of_matmul(shapes: tuple[tuple[int, ...], tuple[int, ...]]) -> None:
+    a, b = (rng.normal(size=shape) for shape in shapes)
+    assert (np.abs(product(a, b) - a @ b) <= 4 * EPS * (np.abs(a) @ np.abs(b))).all()
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_a_factor_and_an_inverse_are_those_of_lapack(k: int) -> None:
+    root = rng.normal(size=(200, k, k))
+    cov = root @ root.swapaxes(1, 2) + 0.1 * np.eye(k)
+    for found, right in ((cholesky(cov), np.linalg.cholesky(cov)), (inverse(cov), np.linalg.inv(cov))):
+        bound = 100 * EPS * np.linalg.cond(cov) * np.linalg.norm(right, axis=(1, 2))
+        assert (np.abs(found - right).max((1, 2)) <= bound).all()
+    assert (inverse(cov) == inverse(cov).swapaxes(1, 2)).all()
+    jacobian = rng.normal(size=(200, 2, k))
+    np.testing.assert_allclose(
+        propagated(jacobian, cov), jacobian @ cov @ jacobian.swapaxes(1, 2), rtol=1e-12, atol=1e-12
+    )
+
+
+def test_what_is_not_positive_definite_has_none() -> None:
+    cov = np.array([np.eye(2), [[1.0, 2.0], [2.0, 1.0]]])
+    for found in (cholesky(cov), inverse(cov)):
+        assert np.isfinite(found).all((1, 2)).tolist() == [True, False]
