@@ -19,9 +19,10 @@ from .statistics import FEWEST, LEVEL, Comparison, compare, holm
 from .summary import remarks
 
 REGRESSION, GAIN = "regression", "gain"
-NOTHING, FEW, SAME = "no difference shown", "too few logs to test", "the same to the last bit"
+NOTHING, FEW = "no difference shown", "too few logs to test"
+SAME, ROUNDED = "the same to the last bit", "the same to rounding"
 NEW, GONE = "new", "gone"
-VERDICTS = (REGRESSION, GAIN, FEW, NOTHING, SAME, NEW, GONE)
+VERDICTS = (REGRESSION, GAIN, FEW, NOTHING, ROUNDED, SAME, NEW, GONE)
 """From what matters most."""
 
 
@@ -81,15 +82,18 @@ class _Found(NamedTuple):
     new: Mapping[str, float]
     comparison: Comparison
     shown: tuple[float, float]
+    same: str  # SAME or ROUNDED where it is on every log, else ""
 
 
 def changes(found: Facing, least: float | None = None) -> list[Change]:
     """Everything that can be compared, the worst first; `least` is the share that counts, else each quantity's own."""
-    measured = [one for pair in found.pairs for quantity in QUANTITIES if (one := _found(pair, quantity, least))]
+    measured = [
+        one for pair in found.pairs for quantity in QUANTITIES if (one := _found(pair, quantity, least, found.rounding))
+    ]
     told = [change for pair in found.pairs for change in (*_endings(pair), *_lost(pair))]
     for kind in dict.fromkeys(one.quantity.kind for one in measured):
         of_kind = [one for one in measured if one.quantity.kind == kind]
-        tested = [one for one in of_kind if one.old != one.new and one.comparison.n >= FEWEST]
+        tested = [one for one in of_kind if not one.same and one.comparison.n >= FEWEST]
         adjusted = dict(zip(map(id, tested), holm([one.comparison.p for one in tested]).tolist(), strict=True))
         for one in of_kind:
             corrected = one.comparison._replace(adjusted=adjusted.get(id(one), math.nan))
@@ -99,7 +103,7 @@ def changes(found: Facing, least: float | None = None) -> list[Change]:
     return sorted(told, key=lambda change: VERDICTS.index(change.verdict))
 
 
-def _found(pair: Pair, quantity: Quantity, least: float | None) -> _Found | None:
+def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float) -> _Found | None:
     """The quantity's values in both runs; None where they have none in common."""
     if quantity.costs and not pair.timed:
         return None
@@ -123,7 +127,14 @@ def _found(pair: Pair, quantity: Quantity, least: float | None) -> _Found | None
     apart = {
         name: {log: max(value, least_error) for log, value in of.items()} for name, of in (("old", old), ("new", new))
     }
-    return _Found(pair, quantity, old, new, compare(apart)[0], shown)
+    return _Found(pair, quantity, old, new, compare(apart)[0], shown, _same(old, new, rounding))
+
+
+def _same(old: Mapping[str, float], new: Mapping[str, float], rounding: float) -> str:
+    """In which way the values by log are the same, `rounding` being the share by which they may differ; else ""."""
+    if old == new:
+        return SAME
+    return ROUNDED if all(math.isclose(old[log], new[log], rel_tol=rounding) for log in old) else ""
 
 
 def _value(row: Row, column: str) -> float | None:
@@ -151,8 +162,8 @@ def _beyond(one: _Found) -> bool:
 
 def _judged(one: _Found, tested: int) -> tuple[str, str]:
     c, count = one.comparison, f"less than the {100 * one.quantity.least:g} % that count"
-    if one.old == one.new:
-        return SAME, _logs(one)
+    if one.same:
+        return one.same, _logs(one)
     towards = (REGRESSION if c.ratio > 1 else GAIN) if _beyond(one) else NOTHING
     if c.n >= FEWEST and _least_p(c.n, tested) < LEVEL:
         if not c.holds:
@@ -222,7 +233,7 @@ def summary(told: Sequence[Change]) -> str:
 def rest(told: Sequence[Change]) -> str:
     """What became of all the others, in a sentence."""
     counts = {verdict: sum(change.verdict == verdict for change in told) for verdict in VERDICTS}
-    said = [f"{counts[verdict]} {verdict}" for verdict in (SAME, NOTHING, FEW) if counts[verdict]]
+    said = [f"{counts[verdict]} {verdict}" for verdict in (SAME, ROUNDED, NOTHING, FEW) if counts[verdict]]
     large = sum(change.verdict == FEW and change.beyond for change in told)
     if large:
         said[-1] += f", {large} of them changed by as much as counts"
@@ -231,7 +242,7 @@ def rest(told: Sequence[Change]) -> str:
 
 def by_how_much(change: Change) -> str:
     """The typical change with its interval: +12 % (+8 % to +15 %), or 2.30 times (2.10 to 2.60)."""
-    if change.verdict == SAME or math.isnan(change.ratio):
+    if change.verdict in (SAME, ROUNDED) or math.isnan(change.ratio):
         return ""
     said = _percent(change.ratio)
     if change.low > 0 and math.isfinite(change.high):

@@ -1,10 +1,12 @@
 """Two runs side by side: what both did, on which logs, and in what they differ."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..frontend.errors import InputError
+from ..frontend.sketch import ROUNDING, distance, from_words
 from .numerals import counted, listed
 from .record import Row
 from .store import Store
@@ -17,6 +19,10 @@ NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")
 MEMORY = 0.02
 """Share by which a machine's memory, as its kernel tells it, may differ."""
 
+BETWEEN_PROCESSORS = 1e-6
+"""Share by which a result may differ between processors and still be the same. Last bits differ by their instructions;
+the path of a stable filter by 1e-12 or so in the end, what an iteration stops at by more."""
+
 
 class Side(NamedTuple):
     """One of the two runs."""
@@ -28,7 +34,10 @@ class Side(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A backend on a dataset in both runs: its cells with the same seed and, unless told otherwise, the same log."""
+    """A backend on a dataset in both runs: its cells of the same seed and, unless told otherwise, the same log.
+
+    Logs that differ by rounding alone are the same.
+    """
 
     dataset: str
     backend: str
@@ -36,7 +45,7 @@ class Pair(NamedTuple):
     measured: Sequence[tuple[Row, Row]]  # those measured from the same truth
     timed: bool  # whether the times of both may be compared
     random: bool  # whether the backend draws random numbers, or may for all that is known
-    by_log: bool  # whether both had the same logs
+    by_log: bool  # whether both had the same logs, to the last bit
 
 
 class Facing(NamedTuple):
@@ -49,6 +58,7 @@ class Facing(NamedTuple):
     gone: Sequence[tuple[str, str]]
     differences: Sequence[tuple[str, str, str]]  # what, in the old run, in the new one
     notes: Sequence[str]  # sentences on what was left out, or is to be taken with care
+    rounding: float  # share by which results may differ and be the same; 0 between runs of one processor
 
 
 def side(folder: Path) -> Side:
@@ -65,8 +75,21 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
     if not common:
         raise InputError(f"{new.folder}: has no backend on any dataset in common with {old.folder}, expected one.")
     timed = any_machine or _timed(old, new, notes)
-    pairs = [_pair(old, new, key, timed, any_machine, any_log) for key in common]
     others, truths = _other_logs(old, new, common), _other_truths(old, new, common)
+    close = {log: apart for log in others if (apart := _apart(old, new, log)) <= ROUNDING}
+    others = [log for log in others if log not in close]
+    pairs = [_pair(old, new, key, timed, any_machine, any_log, close) for key in common]
+    rounding = BETWEEN_PROCESSORS if close or not _same_processor(old, new) else 0.0
+    if close:
+        notes.append(
+            f"{_listed(list(close))}: the same in both runs to rounding, and compared; all differences of a log's "
+            f"numbers together are at most {max(close.values()):.1g} of a standard deviation."
+        )
+    if rounding:
+        notes.append(
+            "The runs were made on different processors or logs, whose last bits differ: results within "
+            f"{rounding:g} of their size are the same to rounding."
+        )
     if others and any_log:
         notes.append(f"{_listed(others)}: not the same log in both runs, compared by seed as --any-log says.")
     elif others:
@@ -85,20 +108,30 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
         [key for key in old.lines if key not in new.lines],
         _differences(old.run, new.run),
         notes,
+        rounding,
     )
 
 
 def _timed(old: Side, new: Side, notes: list[str]) -> bool:
     """Whether both ran on the same machine; where not, a note says so."""
     machines = [{name: one.run["environment"].get(name) for name in MACHINE} for one in (old, new)]
-    if _same_machine(*machines):
+    if _same_machine(*machines) and _same_processor(old, new):
         return True
-    said = [f"{_text(m['processor'])}, {_text(m['cores'])} cores, {_text(m['memory_gb'])} GB" for m in machines]
+    said = [
+        f"{_text(m['processor'])}{_instructions(one)}, {_text(m['cores'])} cores, {_text(m['memory_gb'])} GB"
+        for one, m in zip((old, new), machines, strict=True)
+    ]
     notes.append(
         f"The runs were made on different machines ({said[0]}; {said[1]}), so times and memory are left out; "
         "--any-machine compares them all the same."
     )
     return False
+
+
+def _instructions(one: Side) -> str:
+    """In virtual machines many processors have one name."""
+    known = one.run["environment"].get("instructions")
+    return f" ({known})" if known else ""
 
 
 def _same_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
@@ -110,10 +143,33 @@ def _same_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
         return False
 
 
-def _pair(old: Side, new: Side, key: tuple[str, str], timed: bool, any_machine: bool, any_log: bool) -> Pair:
+def _same_processor(old: Side, new: Side) -> bool:
+    """Whether both ran on processors of one name and, where both runs tell, with the same instructions."""
+    here, there = old.run["environment"], new.run["environment"]
+    known = [name for name in ("processor", "instructions") if name in here and name in there]
+    return all(here[name] == there[name] for name in known)
+
+
+def _apart(old: Side, new: Side, log: str) -> float:
+    """How far apart the log is in the two runs, in standard deviations; infinite where that is not known."""
+    sketches = [from_words(one.run.get("sketches", {}).get(log)) for one in (old, new)]
+    here, there = sketches
+    return inf if here is None or there is None else distance(here, there)
+
+
+def _pair(
+    old: Side,
+    new: Side,
+    key: tuple[str, str],
+    timed: bool,
+    any_machine: bool,
+    any_log: bool,
+    close: Container[str],
+) -> Pair:
     before = {row.columns["seed"]: row for row in old.lines[key].rows}
     cells = [(before[row.columns["seed"]], row) for row in new.lines[key].rows if row.columns["seed"] in before]
-    alike = [(a, b) for a, b in cells if a.columns["digest"] == b.columns["digest"]]
+    equal = [(a, b) for a, b in cells if a.columns["digest"] == b.columns["digest"]]
+    alike = [(a, b) for a, b in cells if (a, b) in equal or _name(key, b) in close]
     chosen = cells if any_log else alike
     other = _other_truths(old, new, [key])
     alone = {(a.columns["timing_alone"], b.columns["timing_alone"]) for a, b in chosen}
@@ -122,11 +178,16 @@ def _pair(old: Side, new: Side, key: tuple[str, str], timed: bool, any_machine: 
         dataset=key[0],
         backend=key[1],
         cells=chosen,
-        measured=[(a, b) for a, b in chosen if f"{key[0]}, seed {b.columns['seed']}" not in other],
+        measured=[(a, b) for a, b in chosen if _name(key, b) not in other],
         timed=timed and (any_machine or all(a == b for a, b in alone)),
         random=random is None or key[1] in random,
-        by_log=len(chosen) == len(alike),
+        by_log=len(chosen) == len(equal),
     )
+
+
+def _name(key: tuple[str, str], row: Row) -> str:
+    """A run's name of the log of one of its cells."""
+    return f"{key[0]}, seed {row.columns['seed']}"
 
 
 def _other_logs(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list[str]:
@@ -135,9 +196,8 @@ def _other_logs(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list
     for key in common:
         before = {row.columns["seed"]: row.columns["digest"] for row in old.lines[key].rows}
         for row in new.lines[key].rows:
-            seed = row.columns["seed"]
-            if before.get(seed, row.columns["digest"]) != row.columns["digest"]:
-                found[f"{key[0]}, seed {seed}"] = None
+            if before.get(row.columns["seed"], row.columns["digest"]) != row.columns["digest"]:
+                found[_name(key, row)] = None
     return list(found)
 
 
@@ -149,9 +209,9 @@ def _other_truths(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> li
     for key in common:
         kinds = {row.columns["seed"]: row.columns["truth_kind"] for row in old.lines[key].rows}
         for row in new.lines[key].rows:
-            seed, kind = row.columns["seed"], row.columns["truth_kind"]
-            if kinds.get(seed, kind) != kind:
-                found[f"{key[0]}, seed {seed}"] = None
+            kind = row.columns["truth_kind"]
+            if kinds.get(row.columns["seed"], kind) != kind:
+                found[_name(key, row)] = None
     return list(found)
 
 

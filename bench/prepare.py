@@ -8,6 +8,7 @@ from ..datasets import archive, cache
 from ..datasets import registry as datasets
 from ..datasets.truth import digest
 from ..frontend.factors import Dataset, Map, Truth
+from ..frontend.sketch import Sketch, sketch
 from .given_map import localising
 from .reference import known
 
@@ -29,6 +30,7 @@ class Prepared(NamedTuple):
     digest: str
     truth: Truth | None  # the reference, where the dataset has none
     told: str | None  # the digest of the dataset's own truth
+    sketch: Sketch
 
 
 def run(task: Task) -> Prepared:
@@ -37,4 +39,4 @@ def run(task: Task) -> Prepared:
     log = dataset.log if task.map is None else localising(dataset.log, task.map, f"dataset {task.name}")
     truth = known(log, dataset.truth)
     archive.save(task.archive, Dataset(log, truth))
-    return Prepared(log.digest, truth, None if dataset.truth is None else digest(dataset.truth))
+    return Prepared(log.digest, truth, None if dataset.truth is None else digest(dataset.truth), sketch(log))

@@ -31,6 +31,7 @@ _KINDS: dict[str, Any] = {
     "cells": int,
     "random": list,
     "truths": dict,
+    "sketches": dict,
     "map": (str, type(None)),
 }
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 from ..frontend.errors import InputError
 from ..frontend.factors import Truth
+from ..frontend.sketch import Sketch
 from . import cell as cells
 from . import prepare
 from .export import export
@@ -70,6 +71,8 @@ def run(plan: Plan, folder: Path, workers: int, command: list[str], watcher: Wat
             for c in plan.cells():
                 _record_log(store, c, logs[c.dataset.label, c.seed])
             _record_truths(store, logs)
+            sketches = {f"{name}, seed {seed}": log.sketch.words() for (name, seed), log in logs.items()}
+            store.put_run("sketches", store.run().get("sketches", {}) | sketches)
             _run_cells(store, plan, logs, workers, watcher)
             store.put_run("finished", time.time())
             export(store)
@@ -148,6 +151,7 @@ class _Ready(NamedTuple):
     digest: str
     truth: Truth | None
     told: str | None  # the digest of the dataset's own truth
+    sketch: Sketch
 
 
 _Logs = dict[tuple[str, int], _Ready]

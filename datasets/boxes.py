@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..frontend.elementary import hypot, sincos
 from ..frontend.errors import InputError
 from ..frontend.se2 import Array, act
 
@@ -40,7 +41,7 @@ class Box(NamedTuple):
     @property
     def radius(self) -> float:
         """m, of the circle around its footprint."""
-        return float(np.hypot(*self.size[:2]) / 2)
+        return float(hypot(*self.size[:2]) / 2)
 
     @property
     def footprint(self) -> Array:
@@ -55,10 +56,10 @@ class Box(NamedTuple):
         middle = np.array([*self.place[:2], height / 2])
         sides: list[Face] = []
         for turn, (out, width) in enumerate(((a / 2, b), (b / 2, a), (a / 2, b), (b / 2, a))):
-            angle = self.place[2] + turn * np.pi / 2
-            normal, across = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
+            s, c = sincos(self.place[2] + turn * np.pi / 2)
+            normal, across = np.array([c, s, 0]), np.array([-s, c, 0])
             sides.append(Face(_pose(across, np.array([0.0, 0, 1]), middle + out * normal), width, height))
-        c, s = np.cos(self.place[2]), np.sin(self.place[2])
+        s, c = sincos(self.place[2])
         top = _pose(np.array([c, s, 0]), np.array([-s, c, 0]), np.array([*self.place[:2], height]))
         return (*sides, Face(top, a, b))
 

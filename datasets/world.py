@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..frontend.elementary import sincos
 from ..frontend.factors import Map
 from ..frontend.se2 import Array
+from ..frontend.small_matrices import product
 from .boxes import Box, place_boxes
 
 
@@ -113,7 +115,7 @@ def _scatter(count: int, half_length: float, half_width: float, rng: np.random.G
 
 
 def _on_floor(place: Array, heading: float) -> Array:
-    c, s = np.cos(heading), np.sin(heading)
+    s, c = sincos(heading)
     return np.array([[c, -s, 0, place[0]], [s, c, 0, place[1]], [0, 0, 1, 0], [0, 0, 0, 1]], float)
 
 
@@ -141,4 +143,4 @@ def _on_box(boxes: Sequence[Box], turn: int, side: float, rng: np.random.Generat
     free = (np.array([face.width, face.height]) - SHEET * side) / 2
     shift = np.eye(4)
     shift[:2, 3] = 0.8 * free * rng.uniform(-1, 1, 2)
-    return face.pose @ shift
+    return product(face.pose, shift)

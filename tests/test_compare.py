@@ -17,6 +17,7 @@ from slamduel.bench.compare_changes import (
     NEW,
     NOTHING,
     REGRESSION,
+    ROUNDED,
     SAME,
     Change,
     by_how_much,
@@ -26,6 +27,7 @@ from slamduel.bench.compare_changes import (
 from slamduel.bench.compare_runs import facing, side
 from slamduel.bench.statistics import holm, signed_rank
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.sketch import SUMS, Sketch
 from small_record import RUN, Record
 
 LOGS = 8
@@ -207,6 +209,57 @@ def test_other_logs_are_left_out_unless_told_otherwise(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no cell ran on the same log"):
         facing(side(old), side(other))
     assert main(["compare", str(old), str(other)]) == 2
+
+
+def sketched(folder: Path, seeds: int, off: float, frame: str = "f") -> Path:
+    """With sketches of its logs, all `off` standard deviations from those of `off` = 0."""
+    from slamduel.bench.recorder import Recorder
+
+    words = {f"room, seed {seed}": Sketch(frame, np.full(SUMS, seed + off)).words() for seed in range(seeds)}
+    with Recorder(folder) as store:
+        store.put_run("sketches", words)
+    return folder
+
+
+def test_logs_that_are_the_same_to_rounding_are_compared_and_named(tmp_path: Path) -> None:
+    old = sketched(run(tmp_path / "old"), LOGS, 0.0)
+    new = sketched(run(tmp_path / "new", ate_m=1.3, nees=1 + 1e-9, digest=lambda seed: f"x{seed}"), LOGS, 0.01)
+    notes = facing(side(old), side(new)).notes
+    assert any("the same in both runs to rounding" in note and "0.01 of a standard" in note for note in notes)
+    assert any("within 1e-06 of their size" in note for note in notes)
+    changed = told(old, new)
+    assert (changed["ATE online, m"].verdict, changed["ATE online, m"].n) == (REGRESSION, LOGS)
+    assert changed["NEES"].verdict == ROUNDED
+    for off, frame in ((0.2, "f"), (0.0, "another")):
+        with pytest.raises(InputError, match="no cell ran on the same log"):
+            facing(side(old), side(sketched(new, LOGS, off, frame)))
+
+
+def test_on_few_logs_that_differ_by_rounding_nothing_is_called_a_change(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", 2), run(tmp_path / "new", 2, ate_m=1.3, digest=lambda seed: f"x{seed}")
+    assert told(sketched(old, 2, 0.0), sketched(new, 2, 0.01))["ATE online, m"].verdict == FEW
+
+
+def test_other_instructions_allow_for_rounding_and_one_processor_allows_for_none(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", nees=1 + 1e-9)
+    assert told(old, new)["NEES"].verdict == NOTHING
+    elsewhere(old, instructions="avx2")
+    elsewhere(new, instructions="avx2 avx512f")
+    found = facing(side(old), side(new))
+    assert any("within 1e-06 of their size" in note for note in found.notes)
+    assert any("(avx2)" in note and "(avx2 avx512f)" in note and "--any-machine" in note for note in found.notes)
+    assert told(old, new)["NEES"].verdict == ROUNDED
+
+
+def test_a_damaged_sketch_is_none(tmp_path: Path) -> None:
+    from slamduel.bench.recorder import Recorder
+
+    old = sketched(run(tmp_path / "old"), LOGS, 0.0)
+    new = run(tmp_path / "new", digest=lambda seed: f"{'x' if seed < 1 else 'd'}{seed}")
+    for words in ({}, {"room, seed 0": None}, {"room, seed 0": {"frame": "f", "sums": "none"}}):
+        with Recorder(new) as store:
+            store.put_run("sketches", words)
+        assert told(old, new)["ATE online, m"].n == LOGS - 1
 
 
 def test_a_record_without_newer_columns_is_compared(tmp_path: Path) -> None:
