@@ -20,10 +20,10 @@ from .claim_median import exponents, median
 from .claim_ratio import alike, less
 from .claim_side import Untestable, numbered, parameters, selected, side
 from .claim_words import remarks
+from .definitions import TIMES
 from .numerals import counted, listed
 from .statistics import FEWEST
 from .study_table import StudyTable
-from .tables import TIMES
 
 HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Cannot be told", "holds": "Holds"}
 """What an answer begins with; the worst first."""

@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 from math import inf, isinf, isnan
 
 from .claim_side import Side
-from .definitions import COLUMNS, MORE
+from .definitions import COLUMNS, MORE, TIMES
 from .medians import ERRORS
 from .numerals import chance, counted, larger, listed, number, plain, times
 from .statistics import FEWEST
-from .tables import TIMES
 
 
 def sized(value: float, measure: str) -> str:

@@ -16,6 +16,7 @@ from rich.table import Table
 from ..frontend.errors import InputError, Interrupted
 from . import study_file
 from .arguments import count
+from .console import plain, screen_console
 from .executors import Executor
 from .numerals import counted
 from .study import Study
@@ -24,7 +25,6 @@ from .study_progress import StudyScreen
 from .study_runner import Tally, Wanted, refuse_another, run
 from .study_schema import FILE
 from .study_store import StudyStore
-from .terminal import plain, screen_console
 
 EXECUTORS = ("local", "here", "dask", "slurm")
 

@@ -20,9 +20,9 @@ from ..frontend.calibration import write_camera_info, write_opencv
 from ..frontend.charuco import MODELS, Calibration, calibrate
 from ..frontend.errors import InputError
 from .calibration_picture import write_picture
+from .console import plain, screen_console
 from .numerals import counted, listed
 from .picture import KINDS
-from .terminal import plain, screen_console
 
 CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")
 """What a calibration file's name may end in."""

@@ -7,9 +7,9 @@ from rich.console import Console
 
 from ..frontend.errors import InputError
 from .conformance import Outcome, chosen
+from .console import plain
 from .guard import examined
 from .spec import BackendVariant, backend_variants
-from .terminal import plain
 
 STYLE = {"passed": "green", "gave up": "yellow", "failed": "bold red", "not applicable": "dim"}
 TIMEOUT_S = 120.0

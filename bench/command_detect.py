@@ -10,6 +10,7 @@ from rich.table import Table
 from ..datasets.recording import open_recording
 from ..datasets.robot import read_robot
 from .arguments import positive
+from .console import plain, screen_console
 from .detect import Wishes, detect
 from .detection_folder import check_place
 from .detection_progress import Progress
@@ -18,7 +19,6 @@ from .detection_summary import Findings, as_json, headline, left_out_words
 from .noise_calibration import toml
 from .numerals import number
 from .preview import Preview
-from .terminal import plain, screen_console
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

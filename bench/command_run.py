@@ -9,11 +9,12 @@ from pathlib import Path
 
 from .arguments import count, positive
 from .benchmark import DEFAULTS, benchmark
+from .console import screen_console
 from .run_document import SCHEMA, document
 from .run_progress import Screen
 from .store import Store
 from .summary import lines
-from .terminal import conclude, screen_console, status, verdicts
+from .terminal import conclude, status, verdicts
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from ..frontend.errors import InputError
 from .arguments import seed
+from .console import plain, screen_console
 from .load import made, one
 from .log_numbers import Numbers, numbers
 from .log_path import LARGEST, Shown, shown
@@ -18,7 +19,6 @@ from .log_returns import returns
 from .log_words import facts, headline, noted
 from .names import called
 from .spec import DatasetVariant
-from .terminal import plain, screen_console
 
 KINDS = (".png", ".svg", ".pdf", ".html")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..frontend.errors import InputError
 from . import speed_backends, speed_frontend, speed_pool
-from .terminal import screen_console
+from .console import screen_console
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -206,6 +206,13 @@ MORE: dict[str, Column] = {
 WORKED_OUT: dict[str, Column] = {"done": Column("done", "", "Cells that are done, of all."), **MORE}
 """Columns that are in the report's tables, beside those of cells.csv."""
 
+TIMES = frozenset(
+    name
+    for name in (*COLUMNS, *MORE)
+    if name.startswith(("step_us_", "belief_us_")) or name in ("setup_s", "finish_s", "cpu_s", "real_time")
+)
+"""Columns of times taken, which are marked * where other cells ran beside."""
+
 PAIRS: dict[str, Column] = {
     "second": Column("against", "", "The second backend of the pair."),
     "measure": Column("measure", "", "Whose errors are compared."),

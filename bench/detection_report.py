@@ -10,7 +10,7 @@ from .contact import Picture, encoded, sheet
 from .detection_summary import Findings, headline, left_out, marker_rows
 from .noise_calibration import HONEST, toml
 from .numerals import number
-from .report import rendered
+from .page import rendered
 
 PAGE, SHEET = "detection.html", "contact.png"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from ..frontend.files import write_whole
 from .log_figure import Subject, write_picture
 from .log_words import facts, headline, noted
-from .report import rendered
+from .page import rendered
 
 
 def write_page(path: Path, subject: Subject) -> None:

@@ -15,8 +15,8 @@ from ..frontend.files import write_whole
 from ..frontend.se2 import Array
 from .looks import BASELINE
 from .numerals import number
+from .page import rendered
 from .replay_view import Panel, View, ellipses, said, when
-from .report import rendered
 
 UNITS = 1000
 """Across a panel."""

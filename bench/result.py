@@ -17,13 +17,15 @@ from ..frontend.factors import Dataset, Log, Truth
 from ..frontend.se2 import Array
 from .arguments import as_whole
 from .benchmark import DEFAULTS, begun, benchmark, planned
-from .report import rendered, sections
+from .console import screen_console
+from .page import rendered
 from .run_progress import Screen
 from .runner import LOGS
+from .section import sections
 from .spec import backend_variants, dataset_at, dataset_variants
 from .store import Store
 from .summary import lines
-from .terminal import conclude, screen_console, verdicts
+from .terminal import conclude, verdicts
 from .verdict import Verdict
 
 ASKER = "slamduel.run"

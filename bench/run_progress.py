@@ -12,13 +12,14 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from .console import plain, watched
 from .names import called
 from .numerals import counted
 from .pace import Pace, words
 from .plan import Cell
 from .record import COLUMNS, MORE, Row
 from .summary import Line, lines, remarks
-from .terminal import NO_SIGHTING, STATUS_STYLE, plain, tables, unseen, watched
+from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
 
 AGAIN_S = 30.0
 """s between two lines that tell the time left."""

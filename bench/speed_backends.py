@@ -14,13 +14,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ..frontend.errors import InputError
 from ..frontend.files import write_whole
+from .console import plain
 from .processes import execute
 from .spec import BackendVariant, backend_variants
 from .speed_cell import Extent, Process, Subject, lost, measure
 from .speed_ratios import Ratio, ratios
 from .speed_tables import as_csv, backend_table, part_table, ratio_table, ratios_as_csv, reference_table
 from .speed_timing import Row
-from .terminal import plain
 
 BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam,fastslam[version=2],isam2,fixed-lag"
 """Those that have a cost each step; `graph` has one at the end alone."""

@@ -23,12 +23,12 @@ from ..frontend.errors import InputError
 from ..frontend.files import write_whole
 from .batch import Batch
 from .cell import Job, generator
+from .console import plain
 from .drive import WARM_UP, drive
 from .executor_local import Local
 from .memory import MEGABYTE
 from .processes import execute
 from .score import score
-from .terminal import plain
 
 OPTIONS = ("cells", "workers")
 """The study's own."""

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from rich import box
 from rich.table import Table
 
+from .console import plain
 from .numerals import listed, number
 from .speed_parts import PARTS
 from .speed_ratios import Ratio, growth, step_of_parts
 from .speed_timing import FIFTHS, Row
-from .terminal import plain
 
 COLUMNS = (
     *("kind", "name", "beside", "landmarks", "particles", "reason", "steps", "mean_us", "p50_us", "p95_us", "p99_us"),

@@ -6,10 +6,10 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from .console import plain, watched
 from .endings import FAILED
 from .numerals import counted
 from .study import StudyCell
-from .terminal import plain, watched
 
 AGAIN_S = 30.0
 """s between two lines where nobody watches."""

@@ -13,8 +13,8 @@ from .batch import Batch, Finished, LogFacts
 from .cell import Job
 from .endings import FAILED
 from .executors import Executor
+from .lock import claimed
 from .machine import environment
-from .runner import claimed
 from .study import Study, StudyCell
 from .study_key import from_files, log_key, log_seed, result_key
 from .study_store import Known, StudyStore

@@ -1,11 +1,10 @@
 """A table of the report: headings, a row a backend, what each entry says and what it is sorted by."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from .definitions import COLUMNS, WORKED_OUT, Column
+from .definitions import Column
 from .numerals import number
-from .summary import Line
 
 SECONDS = {"finish_s", "cpu_s", "setup_s"}
 COUNTS = {
@@ -48,29 +47,6 @@ class Table(NamedTuple):
     headings: Sequence[Column]
     rows: Sequence[TableRow]
     caption: str = ""  # what its numbers are; no full stop
-
-
-def laid(
-    lines: Sequence[Line],
-    names: Sequence[str],
-    entry: Callable[[Line, str], Entry],
-    caption: str,
-    headings: Mapping[str, str] | None = None,
-) -> Table:
-    """A row a line, a column a name in which any has an entry; `headings` replace those of the definitions."""
-    other = headings or {}
-    columns = [[entry(line, name) for line in lines] for name in names]
-    kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
-    about = COLUMNS | WORKED_OUT
-    top = [about[name]._replace(heading=other.get(name, about[name].heading)) for name, _ in kept]
-    return Table(
-        [WORKED_OUT["done"], *top], [_row(line, [c[k] for _, c in kept]) for k, line in enumerate(lines)], caption
-    )
-
-
-def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
-    done = Entry(f"{line.done}/{len(line.rows)}", "told the truth" if line.told else "", value=line.done)
-    return TableRow(line.backend, [done, *entries], "done" if line.done == len(line.rows) else "some failed")
 
 
 def shown(name: str, value: Any) -> str:

@@ -1,17 +1,17 @@
 """The report's tables: a small one that answers most questions, those of its details, and one of every cell."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from .beliefs import belief_word
 from .contest import contest, ordered, standing
-from .definitions import COLUMNS
+from .definitions import COLUMNS, TIMES, WORKED_OUT
 from .medians import Typical, typical
 from .names import called
 from .numerals import counted, number
 from .record import Row, label
 from .statistics import FEWEST
 from .summary import Line, logs, representative
-from .table import SECONDS, Entry, Table, TableRow, laid, shown
+from .table import Entry, Table, TableRow, shown
 
 MAIN = (
     "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
@@ -44,11 +44,6 @@ CELLS = (
 
 WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
 """Columns of the small table whose interval is beside the median."""
-
-TIMES = {
-    name for name in (*COST, *GROWTH) if name.startswith(("step_us", "belief_us")) or name in (*SECONDS, "real_time")
-}
-"""Columns that are marked * where other cells ran beside."""
 
 FROM_REFERENCE = {
     "ate_m": "online path from reference",
@@ -163,6 +158,29 @@ def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
         place = (folders[dataset], str(c["seed"]), folders[backend]) if c["status"] == "done" else ()
         found.append(TableRow(backend, entries, c["status"], place))
     return Table([COLUMNS[name] for name in ("dataset", "seed", "status", *names)], found, "Every cell by itself")
+
+
+def laid(
+    lines: Sequence[Line],
+    names: Sequence[str],
+    entry: Callable[[Line, str], Entry],
+    caption: str,
+    headings: Mapping[str, str] | None = None,
+) -> Table:
+    """A row a line, a column a name in which any has an entry; `headings` replace those of the definitions."""
+    other = headings or {}
+    columns = [[entry(line, name) for line in lines] for name in names]
+    kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
+    about = COLUMNS | WORKED_OUT
+    top = [about[name]._replace(heading=other.get(name, about[name].heading)) for name, _ in kept]
+    return Table(
+        [WORKED_OUT["done"], *top], [_row(line, [c[k] for _, c in kept]) for k, line in enumerate(lines)], caption
+    )
+
+
+def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
+    done = Entry(f"{line.done}/{len(line.rows)}", "told the truth" if line.told else "", value=line.done)
+    return TableRow(line.backend, [done, *entries], "done" if line.done == len(line.rows) else "some failed")
 
 
 def _best(lines: Sequence[Line], name: str) -> list[str]:

@@ -2,26 +2,22 @@
 
 import io
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from rich import box
-from rich.cells import cell_len
 from rich.console import Console
 from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
+from .console import plain, watched, wrapped
 from .medians import typical
 from .names import called
 from .numerals import counted
 from .statistics import FEWEST
 from .summary import Line, logs, remarks
 from .verdict import Verdict, verdict
-
-WIDE = 160
-"""Columns that are enough for everything: those of a file or pipe, which nobody sees the end of."""
 
 LOST = 1e6
 """m, or NEES, from which on a figure is shown by its order."""
@@ -41,20 +37,6 @@ PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}
 
 PURPOSE = 11
 """Columns of the longest, and of what mishaps are headed by."""
-
-
-def screen_console(*, quiet: bool, aside: bool = False) -> Console:
-    """The console to print on; where nobody watches, in a file or pipe, it is wide enough for everything.
-
-    `aside` is standard error: standard output then belongs to what a program reads.
-    """
-    console = Console(quiet=quiet, stderr=aside)
-    return console if watched(console) else Console(quiet=quiet, stderr=aside, width=max(console.width, WIDE))
-
-
-def watched(console: Console) -> bool:
-    """Whether it is a terminal that can be written over: no pipe whose colours are forced, and no dumb one."""
-    return console.is_terminal and console.file.isatty() and not console.is_dumb_terminal
 
 
 def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
@@ -231,16 +213,6 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
     return shown
 
 
-def wrapped(label: str, width: int) -> str:
-    """A label in lines of at most `width` columns, if it can be broken: after commas and brackets, never in a word."""
-    done: list[str] = [""]
-    for piece in re.findall(r"[^\[,/:]*[\[,/:]|[^\[,/:]+", label):
-        if done[-1] and cell_len(done[-1] + piece) > width:
-            done.append(" ")
-        done[-1] += piece
-    return "\n".join(done)
-
-
 def _whole(value: float) -> str:
     return "<1" if value < 0.5 else f"{value:.0f}"
 
@@ -254,8 +226,3 @@ def _metres(median: float, low: float, high: float) -> _Entry:
         return _Entry("<0.001")
     form = ".3f" if median < 10 else ".2f" if median < 100 else ".1f" if highest < LOST else ".1e"
     return _Entry(f"{median:{form}}", "" if math.isnan(low) else f" ({low:{form}}-{high:{form}})")
-
-
-def plain(text: str) -> str:
-    """Text whose brackets are no markup."""
-    return text.replace("[", "\\[")

@@ -11,10 +11,11 @@ import pytest
 
 from slamduel.backends import registry as backends
 from slamduel.bench.cli import COMMANDS
+from slamduel.bench.console import WIDE
 from slamduel.bench.record import COLUMNS, Row
 from slamduel.bench.spec import backend_variants, dataset_variants
 from slamduel.bench.summary import lines
-from slamduel.bench.terminal import WIDE, tables
+from slamduel.bench.terminal import tables
 from slamduel.datasets import logfile
 from slamduel.datasets import registry as datasets
 from textbook import random_log

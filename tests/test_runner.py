@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 
 from slamduel.bench.endings import SURVEYED
+from slamduel.bench.lock import claimed
 from slamduel.bench.plan import Cell, Plan
 from slamduel.bench.processes import execute
 from slamduel.bench.record import COLUMNS, Row
-from slamduel.bench.runner import claimed, recorded_plan, run
+from slamduel.bench.runner import recorded_plan, run
 from slamduel.bench.store import Store
 from slamduel.datasets import logfile
 from slamduel.frontend.errors import InputError

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from slamduel.bench.lock import claimed
 from slamduel.bench.record import FILE as RUN
-from slamduel.bench.runner import claimed
 from slamduel.bench.study_store import Known, StudyStore
 from slamduel.frontend.errors import InputError
 

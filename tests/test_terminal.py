@@ -16,6 +16,7 @@ import pytest
 from rich.console import Console
 
 from slamduel.bench.benchmark import DEFAULTS
+from slamduel.bench.console import screen_console, watched, wrapped
 from slamduel.bench.letters import PLAIN, plain_where_needed
 from slamduel.bench.names import called
 from slamduel.bench.pace import Pace, words
@@ -25,7 +26,7 @@ from slamduel.bench.run_document import document
 from slamduel.bench.run_progress import Screen
 from slamduel.bench.statistics import FEWEST
 from slamduel.bench.summary import Line, lines
-from slamduel.bench.terminal import conclude, screen_console, status, tables, verdicts, watched, wrapped
+from slamduel.bench.terminal import conclude, status, tables, verdicts
 
 LONG = "fastslam[particles=1000,version=2]"
 ESCAPE = "\x1b"
