@@ -8,6 +8,7 @@ from typing import Any
 
 from ..frontend.errors import InputError, Interrupted
 from .arguments import as_whole
+from .averages import MOST
 from .plan import Plan
 from .report import write_report
 from .runner import Watcher, recorded_plan, run
@@ -49,7 +50,10 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
     """The plan of the run in `out`, else what `given` and DEFAULTS say. InputError as for `benchmark`."""
     plan = recorded_plan(out)
     if plan is None:
-        return Plan.from_words(DEFAULTS | dict(given))
+        plan = Plan.from_words(DEFAULTS | dict(given))
+        if len(plan.backends) > 1 and plan.seeds > MOST and any(dataset.source.seeded for dataset in plan.datasets):
+            raise InputError(f"seeds: found {plan.seeds:,}, expected at most {MOST:,} to compare backends on.")
+        return plan
     _refuse_another(plan, given, out)
     return plan
 

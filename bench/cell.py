@@ -54,10 +54,10 @@ class Result:
     traceback: str = ""
 
 
-def generator(seed: int, backend: str, repeat: int = 0) -> np.random.Generator:
-    """A backend's own randomness: drawn from (seed, backend variant, repeat), the same in every process."""
+def generator(seed: int, backend: str) -> np.random.Generator:
+    """A backend's own randomness: drawn from (seed, backend variant), the same in every process."""
     word = int.from_bytes(hashlib.sha256(backend.encode()).digest()[:8], "big")
-    return np.random.default_rng(np.random.SeedSequence([seed, word, repeat]))
+    return np.random.default_rng(np.random.SeedSequence([seed, word, 0]))
 
 
 def run(task: Task) -> Result:

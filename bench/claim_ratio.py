@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..frontend.se2 import Array
+from .averages import MOST
 from .claim import Claim
 from .claim_found import Found, held, margin, nothing
 from .claim_median import cautious
-from .claim_side import Side, pairs
+from .claim_side import Side, Untestable, pairs
 from .claim_words import ratio, sized, tested
 from .numerals import factor, larger
 from .statistics import LEVEL, Shift, exponential, log_ratios, shift
@@ -88,9 +89,11 @@ class _Ratios(NamedTuple):
 
 
 def _paired(first: Side, second: Side) -> _Ratios | None:
-    """None without a log that both ran on."""
+    """None without a log that both ran on; Untestable with more than MOST."""
     both = pairs(first, second)
     if not both.first.size:
         return None
+    if len(both.first) > MOST:
+        raise Untestable(f"there are {len(both.first):,} logs of both sides, and at most {MOST:,} can be compared")
     a, b = both.first[:, 0], both.second[:, 0]
     return _Ratios((first.measure, second.measure), a, b, log_ratios(a, b), both.lost)

@@ -53,7 +53,6 @@ class Detection:
     rejected: Counter[str] = field(default_factory=Counter[str])
     size: tuple[int, int] = (0, 0)  # px, width and height of the frames
     _times: list[float] = field(default_factory=list[float])
-    _rejections: list[int] = field(default_factory=list[int])
     _rows: list[tuple[int, int, float, float, float, bool]] = field(
         default_factory=list[tuple[int, int, float, float, float, bool]]
     )
@@ -68,7 +67,6 @@ class Detection:
         self.size = (width, height)
         number = len(self._times)
         self._times.append(seen.frame.t)
-        self._rejections.append(seen.rejected.total())
         self.rejected.update(seen.rejected)
         self._rows += [
             (
@@ -100,11 +98,6 @@ class Detection:
     def t(self) -> Array:
         """(n,) s, when the frames were taken."""
         return np.array(self._times)
-
-    @property
-    def rejections(self) -> Ints:
-        """(n,) how many markers were turned down in each frame."""
-        return np.array(self._rejections, np.int64)
 
     def sightings(self) -> Sightings:
         """All sightings as columns."""

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 from typing import NamedTuple
 
 import cv2
@@ -126,7 +125,7 @@ class Study:
         wrong = dict.fromkeys(self.refinements, 0)
         for shot in placements(SMALL, distance, count, rng, streak=streak):
             for name, detector in self._detectors.items():
-                errors, strangers = _errors(detector, shot)
+                errors, strangers = errors_in(detector, shot)
                 found[name] += errors
                 wrong[name] += strangers
             progress()
@@ -171,13 +170,11 @@ def steps(extent: Extent) -> int:
     return 2 * (extent.timed + 1) + still_and_moving * extent.placements + extent.clutter + extent.crowded
 
 
-def errors_of(detector: Detector, shots: Iterable[Placement]) -> Array:
-    """(n, 3) for each marker found: errors of distance (m) and bearing (rad), and the normalised squared error."""
-    return np.array(list(chain.from_iterable(_errors(detector, shot)[0] for shot in shots))).reshape(-1, 3)
+def errors_in(detector: Detector, shot: Placement) -> tuple[list[tuple[float, float, float]], int]:
+    """Errors of distance (m) and bearing (rad) of the marker, if it was found, and the normalised squared error.
 
-
-def _errors(detector: Detector, shot: Placement) -> tuple[list[tuple[float, float, float]], int]:
-    """The errors for the marker, if it was found, and how many were found that are not there."""
+    Also how many markers were found that are not there.
+    """
     sightings, _ = detector.detect(shot.image)
     right = [sighting for sighting in sightings if sighting.id == shot.id]
     mounting = detector.camera.mounting

@@ -12,6 +12,15 @@ from ..frontend.camera import Camera
 from ..frontend.markers import find
 from .lens import Singles
 
+DICTIONARY = "4X4_50"
+"""The one whose markers are looked for."""
+
+BLUR = 0.6
+"""px, standard deviation."""
+
+GRAIN = 2.0
+"""Grey levels, standard deviation."""
+
 STRANGERS = ("6X6_250", "5X5_100", "7X7_100", "APRILTAG_16H5", "APRILTAG_36H11", "ARUCO_ORIGINAL")
 """Dictionaries whose markers hang about, but for those that the one looked for has as well."""
 
@@ -27,38 +36,31 @@ Bits = NDArray[np.bool_]
 """(n, n) cells, True is white."""
 
 
-def clutter(
-    camera: Camera,
-    count: int,
-    rng: np.random.Generator,
-    dictionary: str = "4X4_50",
-    blur: float = 0.6,
-    grain: float = 2.0,
-) -> Iterator[Image]:
+def clutter(camera: Camera, count: int, rng: np.random.Generator) -> Iterator[Image]:
     """`count` frames of random squares, checkerboards, rectangles, writing, noise and other dictionaries' markers.
 
-    All are at any size and angle. None is a marker of `dictionary`: what chance makes one is drawn again.
+    All are at any size and angle. None is a marker of DICTIONARY: what chance makes one is drawn again.
     """
     things = (_cells, _bordered, _bordered, _checkers, _stranger, _stranger, _writing, _rectangles, _speckles)
     for _ in range(count):
         image = _ground(camera, rng)
         for _ in range(rng.integers(*THINGS)):
-            thing: Callable[[np.random.Generator, str], Singles] = things[rng.integers(len(things))]
-            _stick(image, thing(rng, dictionary), rng)
-        seen = cv2.GaussianBlur(image, (0, 0), blur) if blur > 0 else image
-        yield np.clip(np.round(seen + grain * rng.standard_normal(seen.shape, np.float32)), 0, 255).astype(np.uint8)
+            thing: Callable[[np.random.Generator], Singles] = things[rng.integers(len(things))]
+            _stick(image, thing(rng), rng)
+        seen = cv2.GaussianBlur(image, (0, 0), BLUR)
+        yield np.clip(np.round(seen + GRAIN * rng.standard_normal(seen.shape, np.float32)), 0, 255).astype(np.uint8)
 
 
-def is_marker(bits: Bits, dictionary: str) -> bool:
-    """Whether these cells are a marker of the dictionary, its black border included, in any of four orientations."""
-    if len(bits) != find(dictionary).markerSize + 2 or bits[[0, -1]].any() or bits[:, [0, -1]].any():
+def is_marker(bits: Bits) -> bool:
+    """Whether these cells are a marker of DICTIONARY, its black border included, in any of four orientations."""
+    if len(bits) != find(DICTIONARY).markerSize + 2 or bits[[0, -1]].any() or bits[:, [0, -1]].any():
         return False
-    return any(np.rot90(bits, turns).tobytes() in _known(dictionary) for turns in range(4))
+    return any(np.rot90(bits, turns).tobytes() in _known() for turns in range(4))
 
 
 @cache
-def _known(dictionary: str) -> frozenset[bytes]:
-    return frozenset(drawn(dictionary, name).tobytes() for name in range(len(find(dictionary).bytesList)))
+def _known() -> frozenset[bytes]:
+    return frozenset(drawn(DICTIONARY, name).tobytes() for name in range(len(find(DICTIONARY).bytesList)))
 
 
 def drawn(dictionary: str, name: int) -> Bits:
@@ -67,37 +69,36 @@ def drawn(dictionary: str, name: int) -> Bits:
     return np.asarray(words.generateImageMarker(name, words.markerSize + 2, borderBits=1)) > 0
 
 
-def _cells(rng: np.random.Generator, dictionary: str) -> Singles:
+def _cells(rng: np.random.Generator) -> Singles:
     """Random cells, their outermost ones too."""
-    while is_marker(bits := rng.random((rng.integers(4, 9),) * 2) < rng.uniform(0.2, 0.8), dictionary):
+    while is_marker(bits := rng.random((rng.integers(4, 9),) * 2) < rng.uniform(0.2, 0.8)):
         pass
     return _on_paper(bits, rng)
 
 
-def _bordered(rng: np.random.Generator, dictionary: str) -> Singles:
+def _bordered(rng: np.random.Generator) -> Singles:
     """Random cells in a black border, most of them as many as the markers have: what chance may take for one."""
-    inner = find(dictionary).markerSize if rng.random() < 0.7 else int(rng.integers(2, 8))
-    while is_marker(bits := np.pad(rng.random((inner, inner)) < rng.uniform(0.2, 0.8), 1), dictionary):
+    inner = find(DICTIONARY).markerSize if rng.random() < 0.7 else int(rng.integers(2, 8))
+    while is_marker(bits := np.pad(rng.random((inner, inner)) < rng.uniform(0.2, 0.8), 1)):
         pass
     return _on_paper(bits, rng)
 
 
-def _checkers(rng: np.random.Generator, dictionary: str) -> Singles:
+def _checkers(rng: np.random.Generator) -> Singles:
     rows, columns = rng.integers(3, 10, 2)
     bits = np.indices((rows, columns)).sum(axis=0) % 2 == rng.integers(2)
-    return _on_paper(bits, rng) if not is_marker(bits, dictionary) else _checkers(rng, dictionary)
+    return _on_paper(bits, rng) if not is_marker(bits) else _checkers(rng)
 
 
-def _stranger(rng: np.random.Generator, dictionary: str) -> Singles:
+def _stranger(rng: np.random.Generator) -> Singles:
     """Another dictionary's marker."""
     other = STRANGERS[rng.integers(len(STRANGERS))]
-    while is_marker(bits := drawn(other, int(rng.integers(len(find(other).bytesList)))), dictionary):
+    while is_marker(bits := drawn(other, int(rng.integers(len(find(other).bytesList))))):
         pass
     return _on_paper(bits, rng)
 
 
-def _writing(rng: np.random.Generator, dictionary: str) -> Singles:
-    del dictionary
+def _writing(rng: np.random.Generator) -> Singles:
     text, scale = WORDS[rng.integers(len(WORDS))], rng.uniform(0.6, 3.0)
     thickness, face = int(rng.integers(1, 6)), int(rng.integers(0, 8))
     (width, height), below = cv2.getTextSize(text, face, scale, thickness)
@@ -106,9 +107,8 @@ def _writing(rng: np.random.Generator, dictionary: str) -> Singles:
     return paper.astype(np.float32)
 
 
-def _rectangles(rng: np.random.Generator, dictionary: str) -> Singles:
+def _rectangles(rng: np.random.Generator) -> Singles:
     """One in the other, as windows and frames are."""
-    del dictionary
     paper = np.full((96, 96), rng.uniform(150, 230), np.float32)
     edges = np.sort(rng.integers(4, 48, rng.integers(1, 5)))
     for k, edge in enumerate(edges):
@@ -116,9 +116,8 @@ def _rectangles(rng: np.random.Generator, dictionary: str) -> Singles:
     return paper
 
 
-def _speckles(rng: np.random.Generator, dictionary: str) -> Singles:
+def _speckles(rng: np.random.Generator) -> Singles:
     """Smoothed noise, cut into black and white."""
-    del dictionary
     noise = cv2.GaussianBlur(rng.standard_normal((96, 96), np.float32), (0, 0), rng.uniform(1, 12))
     return np.where(noise > np.median(noise), np.float32(215), np.float32(35))
 

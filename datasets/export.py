@@ -33,27 +33,8 @@ FORMATS = {
 }
 """What a drive can be written as."""
 
-CODECS = {"ffv1": "video", "mp4v": "mp4"}
-
 _Add = Callable[[float, Image], None]
 """Writes the next frame, taken at a time (s)."""
-
-
-def write_frames(folder: Path, recording: Recording, truth: Truth | None) -> None:
-    """Write `folder` with frames/*.png, frames.csv and the motion's readings; else as `write`."""
-    write({folder: "frames"}, recording, truth)
-
-
-def write_video(folder: Path, recording: Recording, truth: Truth | None, codec: str = "ffv1") -> None:
-    """Write `folder` with drive.mkv ("ffv1") or drive.mp4 ("mp4v"), frames.csv and readings; else as `write`."""
-    if codec not in CODECS:
-        raise InputError(f"codec: found {codec!r}, expected one of {', '.join(CODECS)}.")
-    write({folder: CODECS[codec]}, recording, truth)
-
-
-def write_bag(folder: Path, recording: Recording, truth: Truth | None, kind: Kind) -> None:
-    """Write `folder` with a bag of that kind; else as `write`."""
-    write({folder: kind}, recording, truth)
 
 
 def write(

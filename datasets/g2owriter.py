@@ -24,12 +24,12 @@ MOST_ID = 2**31 - 1
 """The largest id of a vertex: g2o's is an int."""
 
 
-def write_g2o(path: Path, log: Log, poses: Array | None = None, for_gtsam: bool = False) -> int:
+def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
     """Write `log` to the file `path`, complete or not at all; how many sightings of unknown landmarks were left out.
 
-    An optimiser is to start from `poses` (n, 3), by default the dead-reckoned ones, and from where a landmark's first
-    sighting has it from there. Landmarks keep their ids, and poses are numbered from 0, or from above the landmarks
-    where that would clash. InputError for ids that g2o cannot read, and for a given map that is not held fixed.
+    An optimiser is to start from the dead-reckoned poses, and from where a landmark's first sighting has it from there.
+    Landmarks keep their ids, and poses are numbered from 0, or from above the landmarks where that would clash.
+    InputError for ids that g2o cannot read, and for a given map that is not held fixed.
 
     gtsam.readG2o passes over EDGE_SE2_XY, EDGE_PRIOR_SE2 and FIX in silence. A file `for_gtsam` has sightings as BR
     rows, which it reads, and no prior; InputError for a log that has a map given, or range and bearing correlated.
@@ -40,7 +40,7 @@ def write_g2o(path: Path, log: Log, poses: Array | None = None, for_gtsam: bool 
         raise InputError(f"{path}: log {log.name} has a map with covariance, which a g2o file has no row for.")
     if for_gtsam:
         _check_for_gtsam(path, log)
-    poses = dead_reckoned(log) if poses is None else poses
+    poses = dead_reckoned(log)
     left_out, log = int((log.ids == UNKNOWN).sum()), log.identified()
     landmarks, xy = _places(log, poses)
     first = 0 if not len(landmarks) or landmarks.min() >= len(log) else int(landmarks.max()) + 1

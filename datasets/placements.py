@@ -17,11 +17,15 @@ from ..frontend.camera import Camera
 from ..frontend.errors import InputError
 from ..frontend.markers import find
 from ..frontend.se2 import Array
+from .clutter import BLUR, DICTIONARY, GRAIN
 from .render import Renderer
 from .surfaces import Surfaces, paint
 from .world import Marker, Room
 
-HALL = Room(14.0, 5.0, 2.5, 0.16, ())
+SIDE = 0.16
+"""m, of a marker."""
+
+HALL = Room(14.0, 5.0, 2.5, SIDE, ())
 """Where the markers hang."""
 
 EYE = np.array([[0.0, 0.0, 1.0, -6.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.8], [0.0, 0.0, 0.0, 1.0]])
@@ -60,10 +64,6 @@ class Studio:
     """A camera in the hall, and the markers that are hung before it."""
 
     camera: Camera
-    side: float = 0.16  # m
-    dictionary: str = "4X4_50"
-    blur: float = 0.6  # px
-    grain: float = 2.0  # grey levels
     samples: int = 8
     tilt: float = np.pi / 4  # rad, the most between a marker's normal and the line of sight
 
@@ -74,8 +74,8 @@ class Studio:
         direction as likely. InputError where no sheet is found to fit into the frame.
         """
         size = np.array([self.camera.width, self.camera.height])
-        modules = find(self.dictionary).markerSize + 2
-        outline = square(self.side * (modules + 2) / modules)
+        modules = find(DICTIONARY).markerSize + 2
+        outline = square(SIDE * (modules + 2) / modules)
         for _ in range(TRIES):
             ray = np.append(self.camera.undistort(rng.uniform(0, size - 1)[None])[0], 1.0)
             toward, lean, roll = rng.uniform(-np.pi, np.pi), np.arccos(rng.uniform(np.cos(self.tilt), 1)), rng.uniform()
@@ -113,7 +113,7 @@ class Studio:
         That is the mean of its corners' streaks. The middle of the motion is the identity.
         """
         turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
-        corners = square(self.side) @ pose[:3, :3].T + pose[:3, 3]
+        corners = square(SIDE) @ pose[:3, :3].T + pose[:3, 3]
         little = 1e-4
         ends = [self.camera.project((corners - by * shift) @ _turn(by * turn)) for by in (-little, little)]
         amount = streak / (np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little))
@@ -125,17 +125,17 @@ class Studio:
 
     def any_id(self, rng: np.random.Generator, count: int = 1) -> tuple[int, ...]:
         """So many different ids of the dictionary."""
-        return tuple(int(name) for name in rng.choice(len(find(self.dictionary).bytesList), count, replace=False))
+        return tuple(int(name) for name in rng.choice(len(find(DICTIONARY).bytesList), count, replace=False))
 
     @cached_property
     def _empty(self) -> Renderer:
         return Renderer(
-            replace(HALL, side=self.side),
+            HALL,
             self.camera,
-            self.dictionary,
+            DICTIONARY,
             _walls(),
-            blur=self.blur,
-            grain=self.grain,
+            blur=BLUR,
+            grain=GRAIN,
             samples=self.samples,
         )
 
@@ -145,11 +145,6 @@ def placements(
     distance: float,
     count: int,
     rng: np.random.Generator,
-    tilt: float = np.pi / 4,
-    side: float = 0.16,
-    dictionary: str = "4X4_50",
-    blur: float = 0.6,
-    grain: float = 2.0,
     samples: int = 8,
     streak: float = 0.0,
 ) -> Iterator[Placement]:
@@ -157,7 +152,7 @@ def placements(
 
     With a `streak` the camera moves during the exposure, and draws the marker out to between 0 and that many px.
     """
-    studio = Studio(camera, side, dictionary, blur, grain, samples, tilt)
+    studio = Studio(camera, samples=samples)
     for _ in range(count):
         pose, _ = studio.hang(distance, rng)
         (name,) = studio.any_id(rng)

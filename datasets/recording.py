@@ -10,7 +10,7 @@ With frames and videos go ticks.csv (t,left,right) or odometry.csv (t,x,y,headin
 landmarks.csv, where they are known. `camera:0` is the first camera of this machine.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Truth
 from ..frontend.motion import Motion, Ticks, Track, Wheels
 from ..frontend.options import option
-from ..frontend.pipeline import Frame, Recording, Seen, build_log
+from ..frontend.pipeline import Frame, Recording, build_log
 from .kinds import is_live, read_streams
 from .readings import ODOMETRY, TICKS
 from .registry import Source
@@ -61,9 +61,9 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
 source = Source(make, Options)
 
 
-def build(opened: Opened, observe: Callable[[Seen], None] | None = None) -> Dataset:
-    """The recording's log, and its truth at the log's times; `observe` and InputError as in `build_log`."""
-    log = build_log(opened.recording, observe)
+def build(opened: Opened) -> Dataset:
+    """The recording's log, and its truth at the log's times; InputError as in `build_log`."""
+    log = build_log(opened.recording)
     return Dataset(log, None if opened.truth is None else sample(opened.truth, log.t))
 
 

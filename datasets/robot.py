@@ -40,6 +40,7 @@ from .rosbag import Topics
 from .settings import Settings
 
 ROBOT = "robot.toml"
+CALIBRATION = "calibration.yaml"
 """What the file is called beside a recording."""
 
 START_SD = 1e-3
@@ -118,7 +119,7 @@ def read_robot(path: Path) -> Robot:
     )
 
 
-def write_robot(path: Path, robot: Robot, calibration: str = "calibration.yaml") -> None:
+def write_robot(path: Path, robot: Robot) -> None:
     """Write `robot` to `path`, and beside it its camera, where it has one, and a marker dictionary that is a file.
 
     What is written reads back the same. InputError where it cannot be written.
@@ -132,7 +133,7 @@ def write_robot(path: Path, robot: Robot, calibration: str = "calibration.yaml")
     words: dict[str, Any] = {
         "name": robot.name,
         "camera": {
-            "calibration": None if robot.camera is None else calibration,
+            "calibration": None if robot.camera is None else CALIBRATION,
             "mounting": {"matrix": robot.mounting.tolist()},
             "time_offset": robot.time_offset,
             "exposure": robot.exposure,
@@ -153,7 +154,7 @@ def write_robot(path: Path, robot: Robot, calibration: str = "calibration.yaml")
     }
     try:
         if robot.camera is not None:
-            write_opencv(path.with_name(calibration), robot.camera)
+            write_opencv(path.with_name(CALIBRATION), robot.camera)
         if dictionary.is_file() and not path.with_name(dictionary.name).exists():
             shutil.copyfile(dictionary, path.with_name(dictionary.name))
         write_whole(path, tomli_w.dumps(_without_none(words)))

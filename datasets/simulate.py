@@ -91,8 +91,3 @@ def slipped(read: Array, way: Array, t: Array, rate: float, rng: np.random.Gener
 def slip_lengths(rng: np.random.Generator, slips: int | None = None) -> Array:
     """(slips,) m, or one number, of SLIP times a Pareto variate with the exponent SLIP_TAIL, not cut off."""
     return SLIP * exp(rng.standard_exponential(slips) / SLIP_TAIL)
-
-
-def wrapped(ticks: Ticks, bits: int) -> Ticks:
-    """The readings as unsigned counters of so many bits give them."""
-    return Ticks(ticks.t, np.mod(ticks.counts, 2.0**bits))

@@ -111,7 +111,7 @@ def write_opencv(path: Path, camera: Camera) -> None:
     write_whole(path, storage.releaseAndGetString())
 
 
-def write_camera_info(path: Path, camera: Camera, name: str = "camera") -> None:
+def write_camera_info(path: Path, camera: Camera) -> None:
     """The YAML file that ROS's camera_info_manager loads.
 
     ROS's plumb_bob has five coefficients: fewer are filled up with zeros. Twelve and fourteen are written under
@@ -125,7 +125,7 @@ def write_camera_info(path: Path, camera: Camera, name: str = "camera") -> None:
     lines = [
         f"image_width: {camera.width}",
         f"image_height: {camera.height}",
-        f"camera_name: {json.dumps(name)}",
+        'camera_name: "camera"',
         *_matrix("camera_matrix", 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
         f"distortion_model: {model}",
         *_matrix("distortion_coefficients", 1, lens),

@@ -1,4 +1,4 @@
-"""Wheel encoders and commanded velocities -> Odometry.
+"""Wheel encoders as odometry.
 
 A robot that rolls s metres while it turns by a (rad) moves, in its body frame before the motion, by
 
@@ -76,28 +76,8 @@ class Encoder:
         rolled = self.travel(counts)
         to_rolling = np.array([[0.5, 0.5], [-1 / self.base, 1 / self.base]])
         delta, by_rolling = roll(product(rolled, to_rolling.T), self.curve)
-        cov = _spread(product(by_rolling, to_rolling), self.variance(rolled, dt))
-        return compose(delta, cov, self.floors)
-
-
-@dataclass(frozen=True)
-class Velocities:
-    """Commanded or measured velocities (v, omega) and how far they are trusted.
-
-    The noise is white: over dt seconds the distance has variance forward^2 dt and the turn turning^2 dt, so a factor's
-    covariance does not depend on how often the velocities are read.
-    """
-
-    forward: float  # m per root second
-    turning: float  # rad per root second
-    curve: Curve = "arc"
-    floors: Floors = Floors()
-
-    def odometry(self, v: Array, omega: Array, dt: Array) -> Odometry:
-        """One factor from n velocities in a row: v (n,) m/s and omega (n,) rad/s, each held for `dt` (n,) seconds."""
-        delta, by_rolling = roll(np.stack((v * dt, omega * dt), axis=-1), self.curve)
-        variance = dt[:, None] * np.array([self.forward**2, self.turning**2])
-        cov = _spread(by_rolling, variance)
+        by_wheels = product(by_rolling, to_rolling)
+        cov = product(by_wheels * self.variance(rolled, dt)[:, None, :], by_wheels.swapaxes(1, 2))
         return compose(delta, cov, self.floors)
 
 
@@ -122,8 +102,8 @@ def roll(rolling: Array, curve: Curve) -> tuple[Array, Array]:
 def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
     """n >= 1 motions in a row, (n, 3) with covariances (n, 3, 3), as one factor; the floors are added once.
 
-    It is what folding `se2.chain` over them gives. Here each motion's error goes to the end in one piece: it is turned
-    by the heading it happened at, and its turn swings all of the way that was still to come.
+    It is what putting them together one by one gives, to first order. Here each motion's error goes to the end in one
+    piece: it is turned by the heading it happened at, and its turn swings all of the way that was still to come.
     """
     heading = np.cumsum(delta[:, 2])
     s, c = sincos(heading - delta[:, 2])
@@ -138,11 +118,6 @@ def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
     to_end[:, 2, 2] = 1.0
     total = propagated(to_end, cov).sum(axis=0) + floors.cov
     return Odometry(np.array([x[-1], y[-1], wrap(heading[-1])]), (total + total.T) / 2)
-
-
-def _spread(jacobian: Array, variance: Array) -> Array:
-    """J diag(variance) J', (n, 3, 3), of `jacobian` (n, 3, 2) and `variance` (n, 2)."""
-    return product(jacobian * variance[:, None, :], jacobian.swapaxes(1, 2))
 
 
 def _sinc(half: Array) -> tuple[Array, Array]:

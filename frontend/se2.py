@@ -59,21 +59,6 @@ def between(a: Array, b: Array) -> Array:
     return np.stack((c * dx + s * dy, -s * dx + c * dy, wrap(b[..., 2] - a[..., 2])), axis=-1)
 
 
-def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
-    """d between(a, b) / d a and / d b, each (..., 3, 3)."""
-    s, c = sincos(a[..., 2])
-    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    by_b = np.zeros((*c.shape, 3, 3))
-    by_b[..., 0, 0] = by_b[..., 1, 1] = c
-    by_b[..., 0, 1] = s
-    by_b[..., 1, 0] = -s
-    by_b[..., 2, 2] = 1.0
-    by_a = -by_b
-    by_a[..., 0, 2] = -s * dx + c * dy
-    by_a[..., 1, 2] = -c * dx - s * dy
-    return by_a, by_b
-
-
 def act(pose: Array, xy: Array) -> Array:
     """The world position (..., 2), in m, of the point `xy` given in the body frame of `pose`."""
     s, c = sincos(pose[..., 2])
@@ -95,12 +80,3 @@ def rotation(heading: float) -> Array:
     """
     s, c = sincos(heading)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def chain(delta: Array, cov: Array, after: Array, after_cov: Array) -> tuple[Array, Array]:
-    """Two motions in a row as one: (3,) in the body frame before the first, and its 3x3 covariance, to first order.
-
-    The errors of the two are taken as independent: C = Ja C1 Ja' + Jb C2 Jb'.
-    """
-    by_first, by_second = compose_jacobians(delta, after)
-    return compose(delta, after), by_first @ cov @ by_first.T + by_second @ after_cov @ by_second.T

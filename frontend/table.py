@@ -95,19 +95,21 @@ class Table(NamedTuple):
         return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
 
-def read_csv(path: Path, columns: Sequence[str], optional: Sequence[str] = (), blank_after: int | None = None) -> Table:
-    """The table in `path`, whose first line names `columns`, and then all of `optional` or none.
+def read_csv(path: Path, columns: Sequence[str]) -> Table:
+    """The table in `path`, whose first line names `columns`.
 
-    With `blank_after`, the first row fills that many cells and leaves the others blank, which reads as NaN.
     InputError names the file, the line and the column of what cannot be read; NaN and infinity can.
     """
-    return strict(scan_csv(path, columns, optional, blank_after))
+    return strict(scan_csv(path, columns))
 
 
 def scan_csv(
     path: Path, columns: Sequence[str], optional: Sequence[str] = (), blank_after: int | None = None
 ) -> Scan[Table]:
     """The table of `read_csv`, in which a row with a cell that cannot be read is broken, and all NaN.
+
+    The header may go on with `optional`, all of them or none. With `blank_after`, the first row fills that many cells
+    and leaves the others blank, which reads as NaN.
 
     InputError for a file that is not there, is no text or has another header.
     """

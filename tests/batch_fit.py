@@ -6,8 +6,9 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from motions import between_jacobians
 from slamduel.frontend.factors import Log
-from slamduel.frontend.se2 import Array, Ints, act, between, between_jacobians, wrap
+from slamduel.frontend.se2 import Array, Ints, act, between, wrap
 
 
 class Fit(NamedTuple):

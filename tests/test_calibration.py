@@ -43,7 +43,7 @@ def test_opencvs_form_comes_back(tmp_path: Path, camera: Camera, name: str) -> N
 
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
 def test_camera_info_comes_back(tmp_path: Path, camera: Camera) -> None:
-    write_camera_info(tmp_path / "info.yaml", camera, "head camera")
+    write_camera_info(tmp_path / "info.yaml", camera)
     assert same(read(tmp_path / "info.yaml", MOUNTING), camera)
     assert "e-" not in (tmp_path / "info.yaml").read_text().replace(".0e-", "").replace(
         "5e-10", ""

@@ -23,7 +23,7 @@ from slamduel.bench.preview import Preview
 from slamduel.bench.true_sightings import true_errors
 from slamduel.datasets import logfile
 from slamduel.datasets.aruco_room import Options, record
-from slamduel.datasets.export import write_frames
+from slamduel.datasets.export import write
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Truth
 from slamduel.frontend.markers import Markers
@@ -303,7 +303,7 @@ def test_the_command_says_what_it_found(
 @pytest.mark.usefixtures("no_figures")
 def test_a_recording_folder_needs_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "drive"
-    write_frames(folder, *record(Options(seconds=1.0), np.random.default_rng(1)))
+    write({folder: "frames"}, *record(Options(seconds=1.0), np.random.default_rng(1)))
     assert command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log")) == 0
     made = logfile.read(tmp_path / "log")
     expected = build_log(record(Options(seconds=1.0), np.random.default_rng(1))[0])

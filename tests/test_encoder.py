@@ -1,4 +1,4 @@
-"""Wheel readings and velocities as odometry factors, against the documents' equations and numerical derivatives."""
+"""Wheel readings as odometry factors, against the documents' equations and numerical derivatives."""
 
 from collections.abc import Callable
 from functools import reduce
@@ -6,8 +6,9 @@ from functools import reduce
 import numpy as np
 import pytest
 
+from motions import chain
 from slamduel.frontend import encoder, se2
-from slamduel.frontend.encoder import Curve, Encoder, Floors, Velocities
+from slamduel.frontend.encoder import Curve, Encoder, Floors
 from slamduel.frontend.factors import Odometry
 from slamduel.frontend.se2 import Array
 
@@ -107,26 +108,13 @@ def test_composed_covariance_is_first_order_in_every_reading(curve: Curve) -> No
     np.testing.assert_allclose(found.cov, expected, rtol=1e-7, atol=1e-13)
 
 
-def test_composed_velocity_covariance_is_first_order_in_every_reading() -> None:
-    rng = np.random.default_rng(2)
-    v, omega, dt = rng.normal(0.3, 0.2, 5), rng.normal(0, 1, 5), rng.uniform(0.05, 0.2, 5)
-    omega[2] = 0.0
-    model = Velocities(forward=0.05, turning=0.1, floors=NO_FLOORS)
-    jacobian = numerical(lambda u: model.odometry(u[:5], u[5:], dt).delta, np.concatenate((v, omega)))
-    # A distance of variance f^2 dt is a speed of variance f^2 / dt.
-    variance = np.concatenate((0.05**2 / dt, 0.1**2 / dt))
-    np.testing.assert_allclose(
-        model.odometry(v, omega, dt).cov, jacobian @ np.diag(variance) @ jacobian.T, rtol=1e-7, atol=1e-13
-    )
-
-
 def test_composing_is_chaining_with_the_floors_added_once() -> None:
     base, counts, dt = wheels(3, 40)
     floors = Floors(0.01, 0.02)
     wheel = Encoder(base.left, base.right, base.base, base.k, base.noise, floors=floors)
     bare = Encoder(base.left, base.right, base.base, base.k, base.noise, floors=NO_FLOORS)
     single = [bare.odometry(counts[i : i + 1], dt[i : i + 1]) for i in range(40)]
-    folded = reduce(lambda a, b: Odometry(*se2.chain(*a, *b)), single)
+    folded = reduce(lambda a, b: Odometry(*chain(*a, *b)), single)
     found = wheel.odometry(counts, dt)
     np.testing.assert_allclose(found.delta, folded.delta, atol=1e-13)
     np.testing.assert_allclose(found.cov, folded.cov + np.diag([1e-4, 1e-4, 4e-4]), rtol=1e-12)
@@ -138,8 +126,6 @@ def test_at_rest_only_the_floors_are_left(readings: int) -> None:
     rest = wheel.odometry(np.zeros((readings, 2)), np.full(readings, 0.1))
     assert (rest.delta == 0).all()
     np.testing.assert_array_equal(rest.cov, wheel.floors.cov)
-    still = Velocities(0.0, 0.0).odometry(np.zeros(readings), np.zeros(readings), np.full(readings, 0.1))
-    np.testing.assert_array_equal(still.cov, Floors().cov)
 
 
 @pytest.mark.parametrize("noise", ["proportional", "distance"])
@@ -180,17 +166,7 @@ def test_a_stated_interval_is_equation_1_at_that_interval() -> None:
     assert heading_sd(stated, 10) == pytest.approx(heading_sd(Encoder(1.0, 1.0, 0.7, 0.01, floors=NO_FLOORS), 10))
 
 
-def test_velocity_noise_composes() -> None:
-    model = Velocities(forward=0.05, turning=0.1, floors=NO_FLOORS)
-    once = model.odometry(np.array([0.4]), np.array([0.0]), np.array([1.0]))
-    often = model.odometry(np.full(50, 0.4), np.zeros(50), np.full(50, 0.02))
-    np.testing.assert_allclose(often.delta, once.delta, atol=1e-14)
-    assert once.cov[0, 0] == pytest.approx(0.05**2)
-    assert once.cov[2, 2] == pytest.approx(0.1**2)
-    assert often.cov[0, 0] == pytest.approx(0.05**2)
-    assert often.cov[2, 2] == pytest.approx(0.1**2)
-
-
 def test_the_heading_of_a_factor_is_wrapped() -> None:
-    turning = Velocities(0.1, 0.1).odometry(np.zeros(4), np.ones(4), np.ones(4))
+    wheel = Encoder(left=1.0, right=1.0, base=1.0, k=0.1)
+    turning = wheel.odometry(np.tile([-0.5, 0.5], (4, 1)), np.ones(4))
     assert turning.delta[2] == pytest.approx(4 - 2 * np.pi)

@@ -14,7 +14,7 @@ from slamduel.datasets import bag, rosbag
 from slamduel.datasets.aruco_room import Options, record
 from slamduel.datasets.bagwriter import Kind
 from slamduel.datasets.cache import generator
-from slamduel.datasets.export import FORMATS, write, write_bag, write_frames, write_video
+from slamduel.datasets.export import FORMATS, write
 from slamduel.datasets.recording import build, open_recording
 from slamduel.datasets.robot import read_robot
 from slamduel.datasets.rosbag import Topics
@@ -188,7 +188,7 @@ def test_what_is_there_stays(drive: tuple[Recording, Truth], tmp_path: Path) -> 
     assert [one.name for one in tmp_path.rglob("*")] == ["b", "mine"]
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match="file"):
-        write_frames(tmp_path / "file" / "in", *drive)
+        write({tmp_path / "file" / "in": "frames"}, *drive)
 
 
 @pytest.mark.parametrize("name", ["frames", "video", "mp4", "ros1"])
@@ -200,39 +200,35 @@ def test_frames_out_of_order_are_refused(name: str, drive: tuple[Recording, Trut
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("codec", ["ffv1", "mp4v"])
+@pytest.mark.parametrize("kind", ["video", "mp4"])
 @pytest.mark.parametrize("shape", [(480, 641), (481, 640)])
 def test_videos_of_odd_size_are_refused(
-    codec: str, shape: tuple[int, int], drive: tuple[Recording, Truth], tmp_path: Path
+    kind: str, shape: tuple[int, int], drive: tuple[Recording, Truth], tmp_path: Path
 ) -> None:
     odd = some(drive[0], [np.zeros(shape, np.uint8)] * 2)
     with pytest.raises(InputError, match=f"found frames of {shape[1]}x{shape[0]} pixels, expected even"):
-        write_video(tmp_path / "out", odd, None, codec)
+        write({tmp_path / "out": kind}, odd, None)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_times_before_1970_are_refused(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
     early = replace(drive[0], frames=[Frame(-1.0, np.zeros((480, 640), np.uint8))])
     with pytest.raises(InputError, match=r"found a time of -1\.0 s"):
-        write_bag(tmp_path / "out", early, None, "ros1")
+        write({tmp_path / "out": "ros1"}, early, None)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_named_writers(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+def test_the_truth_is_written_where_it_is_known(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
     recording = some(drive[0], [np.zeros((480, 640), np.uint8)] * 2)
-    write_frames(tmp_path / "frames", recording, drive[1])
-    write_video(tmp_path / "ffv1", recording, None)
-    write_video(tmp_path / "mp4v", recording, None, "mp4v")
-    write_bag(tmp_path / "bag", recording, None, "mcap")
+    write({tmp_path / "frames": "frames"}, recording, drive[1])
+    others = {"video": "drive.mkv", "mp4": "drive.mp4", "mcap": "drive.mcap"}
+    write({tmp_path / kind: kind for kind in others}, recording, None)
     files = {str(one.relative_to(tmp_path)) for one in tmp_path.glob("*/*")}
-    written = ("frames/frames", "frames/truth.tum", "ffv1/drive.mkv", "mp4v/drive.mp4", "bag/drive.mcap")
-    assert files >= set(written)
-    assert "ffv1/truth.tum" not in files
-    with pytest.raises(InputError, match="codec: found 'vp9', expected one of ffv1, mp4v"):
-        write_video(tmp_path / "new", recording, None, "vp9")
+    assert files >= {"frames/frames", "frames/truth.tum", *(f"{kind}/{file}" for kind, file in others.items())}
+    assert not any(f"{kind}/truth.tum" in files for kind in others)
     with pytest.raises(InputError, match="format: found 'gif', expected one of frames"):
         write({tmp_path / "new": "gif"}, recording, None)
-    assert tomllib.loads((tmp_path / "bag" / "robot.toml").read_text())["name"] == "aruco-room"
+    assert tomllib.loads((tmp_path / "mcap" / "robot.toml").read_text())["name"] == "aruco-room"
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
@@ -246,7 +242,7 @@ def test_bags_tell_of_any_camera(
     distortion = tuple(0.01 * (k + 1) for k in range(length))
     camera = replace(recording.detector.camera, model=model, distortion=distortion)
     detector = replace(recording.detector, camera=camera)
-    write_bag(tmp_path / "out", replace(recording, detector=detector), None, kind)
+    write({tmp_path / "out": kind}, replace(recording, detector=detector), None)
     path = next(one for one in (tmp_path / "out").iterdir() if one.name.startswith("drive"))
     found = rosbag.read(path, Topics()).camera
     assert found is not None

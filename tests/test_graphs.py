@@ -5,12 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from motions import chain
 from slamduel.backends import _gtsam, newcomers
 from slamduel.backends.api import Diverged
 from slamduel.backends.registry import find
 from slamduel.datasets import registry as datasets
 from slamduel.frontend.factors import Dataset, Log, Odometry, Prior, RangeBearing, RelativePoses, Step
-from slamduel.frontend.se2 import Array, between, chain, compose, rotation
+from slamduel.frontend.se2 import Array, between, compose, rotation
 from textbook import random_covariance, random_log
 
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))

@@ -6,11 +6,12 @@ import re
 import numpy as np
 import pytest
 
+from motions import chain
 from slamduel.frontend.counters import MAX_SPEED, check_counts, unwrap
 from slamduel.frontend.encoder import Encoder, Floors
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.motion import Drift, Motion, Ticks, Track, TrackNoise, Wheels
-from slamduel.frontend.se2 import Array, between, chain, compose
+from slamduel.frontend.se2 import Array, between, compose
 
 ENCODER = Encoder(1e-3, 1e-3, 0.3, 0.02, "distance", curve="arc")
 T: Array = np.arange(121.0) / 20

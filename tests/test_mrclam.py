@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from fuzzing import survivors
+from motions import chain
 from slamduel.datasets import logfile, mrclam
 from slamduel.datasets.mrclam import Options
 from slamduel.datasets.published import place
 from slamduel.frontend.check import problems
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log
-from slamduel.frontend.se2 import Array, chain, compose
+from slamduel.frontend.se2 import Array, compose
 
 ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
 

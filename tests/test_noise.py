@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.bench.frontend_study import errors_of
+from slamduel.bench.frontend_study import errors_in
 from slamduel.datasets.cameras import CAMERAS
 from slamduel.datasets.placements import placements
 from slamduel.frontend.aruco import Detector, Sighting, range_bearing, square
@@ -115,7 +115,8 @@ def errors(distance: float) -> Array:
     """(found, 3) errors of distance and bearing and the normalised squared error, of COUNT rendered markers."""
     camera = CAMERAS["pinhole"]
     shots = placements(camera, distance, COUNT, np.random.default_rng(round(10 * distance)), samples=6)
-    return errors_of(Detector(Markers("4X4_50", 0.16), camera), shots)
+    detector = Detector(Markers("4X4_50", 0.16), camera)
+    return np.array([row for shot in shots for row in errors_in(detector, shot)[0]])
 
 
 @pytest.mark.parametrize("distance", DISTANCES)

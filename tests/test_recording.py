@@ -208,7 +208,7 @@ def test_a_video_is_not_turned(tmp_path: Path) -> None:
 def test_a_bag_that_tells_of_its_camera(tmp_path: Path, kind: export.Kind) -> None:
     source = frames_in(tmp_path / "a")
     log = build(open_recording(source)).log
-    export.write_bag(tmp_path / "b", open_recording(source).recording, None, kind)
+    export.write({tmp_path / "b": kind}, open_recording(source).recording, None)
     for path in (tmp_path / "b" / "calibration.yaml", tmp_path / "b" / "robot.toml"):
         path.unlink()
     robot = read_robot(robot_in(tmp_path / "c", robot_with(camera=None)) / "robot.toml")

@@ -124,6 +124,10 @@ def test_another_truth_is_another_log(tmp_path: Path, world: Dataset) -> None:
         ({"seeds": 2.5}, r"seeds: found 2\.5, expected a whole number, at least 1"),
         ({"seeds": "3"}, "seeds: found '3'"),
         ({"seeds": True}, "seeds: found True"),
+        (
+            {"dataset": "circle", "backend": ["ekf", "isam2"], "seeds": 2001},
+            "seeds: found 2,001, expected at most 2,000 to compare backends on",
+        ),
         ({"oracle": "no"}, "oracle: found 'no', expected True or False"),
         ({"map": 5}, "map: found 5, expected a text"),
         ({"out": 5}, "out is 5, expected a text or a Path"),

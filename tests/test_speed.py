@@ -8,7 +8,7 @@ import pytest
 
 from slamduel.bench import speed_frontend
 from slamduel.bench.cli import main
-from slamduel.bench.frontend_study import Accuracy, Cost, Extent, Misreadings, Study, errors_of, steps
+from slamduel.bench.frontend_study import Accuracy, Cost, Extent, Misreadings, Study, errors_in, steps
 from slamduel.bench.frontend_tables import COLUMNS
 from slamduel.datasets.cameras import CAMERAS
 from slamduel.datasets.placements import Placement, placements
@@ -25,11 +25,11 @@ def test_errors_are_what_was_found_less_the_truth() -> None:
     detector = Detector(Markers("4X4_50", 0.16), CAMERA)
     farther = shot.pose.copy()
     farther[:3, 3] *= 1.51 / 1.5
-    ((error, _, nse),) = errors_of(detector, [shot])
-    ((less, _, worse),) = errors_of(detector, [shot._replace(pose=farther)])
+    ((error, _, nse),), _ = errors_in(detector, shot)
+    ((less, _, worse),), _ = errors_in(detector, shot._replace(pose=farther))
     assert error - less == pytest.approx(0.01)
     assert worse > nse + 100
-    assert len(errors_of(detector, [Placement((shot.id + 1) % 50, shot.pose, shot.image)])) == 0
+    assert errors_in(detector, Placement((shot.id + 1) % 50, shot.pose, shot.image)) == ([], 1)
 
 
 def test_a_distance_has_a_row_for_every_refinement() -> None:
