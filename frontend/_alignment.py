@@ -10,16 +10,14 @@ The parameters are, in this order:
 
 The last eleven are the `look`. p and q are the pattern's centred coordinates, u / m - 1/2 and v / m - 1/2, where u and
 v count its m modules from the first corner.
-
-It is one file because numba's cache of compiled code looks at the file that a function is in, and not at what it calls.
 """
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from .compiled import compiled
 from .se2 import Array
 
 PARAMETERS = 19
@@ -51,7 +49,7 @@ LOG_BLUR = math.log(0.65)
 _DENSITY = 1 / math.sqrt(2 * math.pi)
 
 
-@njit(cache=True)
+@compiled
 def align(
     image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], homography: Array, corners: Array
 ) -> tuple[Array, Array, float, Array]:
@@ -104,7 +102,7 @@ def align(
     return homography, normal, residual, look
 
 
-@njit(cache=True)
+@compiled
 def worst_module(
     image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], G: Array, look: Array, corners: Array
 ) -> float:
@@ -143,7 +141,7 @@ def worst_module(
     return worst
 
 
-@njit(cache=True)
+@compiled
 def _box(corners: Array, shape: tuple[int, int], reach: float) -> tuple[int, int, int, int]:
     """The rows and columns from .. to that the corners (4, 2) span, and `reach` px more."""
     height, width = shape
@@ -155,7 +153,7 @@ def _box(corners: Array, shape: tuple[int, int], reach: float) -> tuple[int, int
     )
 
 
-@njit(cache=True)
+@compiled
 def _extremes(image: NDArray[np.uint8], box: tuple[int, int, int, int]) -> tuple[float, float]:
     """The darkest and the brightest grey level in a box."""
     darkest, brightest = 255, 0
@@ -166,7 +164,7 @@ def _extremes(image: NDArray[np.uint8], box: tuple[int, int, int, int]) -> tuple
     return float(darkest), float(brightest)
 
 
-@njit(cache=True)
+@compiled
 def _gather(
     image: NDArray[np.uint8],
     rays: Array,
@@ -230,14 +228,14 @@ def _gather(
     return count
 
 
-@njit(cache=True)
+@compiled
 def _covariance(look: Array) -> tuple[float, float, float]:
     """xx, xy, yy of the blur, px^2."""
     a, c = math.exp(look[0]), math.exp(look[2])
     return a * a, look[1] * a, look[1] * look[1] + c * c
 
 
-@njit(cache=True)
+@compiled
 def _slopes(
     G: Array, u: float, v: float, w: float, rxx: float, ryx: float, rxy: float, ryy: float
 ) -> tuple[float, float, float, float]:
@@ -249,7 +247,7 @@ def _slopes(
     return a0 * rxx + a1 * ryx, a0 * rxy + a1 * ryy, b0 * rxx + b1 * ryx, b0 * rxy + b1 * ryy
 
 
-@njit(cache=True)
+@compiled
 def _weigh(u: float, sigma: float, kurtosis: float, weights: Array) -> int:
     """How much of each of four modules in a row a pixel at `u` sees, under a blur of `sigma` modules.
 
@@ -284,7 +282,7 @@ def _weigh(u: float, sigma: float, kurtosis: float, weights: Array) -> int:
     return edge - 2
 
 
-@njit(cache=True)
+@compiled
 def _accumulate(
     places: Array,
     pattern: NDArray[np.bool_],
@@ -410,7 +408,7 @@ def _accumulate(
     return loss, chi, total
 
 
-@njit(cache=True)
+@compiled
 def _believe(look: Array, variance: float, free: bool, normal: Array, gradient: Array) -> None:
     """Add what is believed of the blur, its kurtosis and the light where a tiny marker does not tell."""
     for k in range(8, PARAMETERS):
@@ -428,7 +426,7 @@ def _believe(look: Array, variance: float, free: bool, normal: Array, gradient: 
         gradient[k] -= variance / (sd * sd) * (look[k - 8] - believed)
 
 
-@njit(cache=True)
+@compiled
 def _copy(normal: Array, gradient: Array, other_normal: Array, other_gradient: Array) -> None:
     """Entry by entry: an assignment of whole arrays takes seconds to compile, for the errors that it might raise."""
     for i in range(PARAMETERS):
@@ -437,7 +435,7 @@ def _copy(normal: Array, gradient: Array, other_normal: Array, other_gradient: A
             other_normal[i, j] = normal[i, j]
 
 
-@njit(cache=True)
+@compiled
 def _moved(G: Array, look: Array, step: Array, m: int) -> tuple[Array, Array, float]:
     """The homography and the look after a step, and the step's largest change of the homography, modules.
 
@@ -458,7 +456,7 @@ def _moved(G: Array, look: Array, step: Array, m: int) -> tuple[Array, Array, fl
     return back @ (change @ (centred @ G)), moved, largest
 
 
-@njit(cache=True)
+@compiled
 def _solve(normal: Array, gradient: Array) -> bool:
     """By Cholesky, in place: `normal` becomes its factor, `gradient` the solution. False: not positive definite."""
     n = len(gradient)

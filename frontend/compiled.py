@@ -1,10 +1,12 @@
 """Inner loops as machine code: numba's, kept on disk between processes, and made anew when any of them changes.
 
 Numba keeps a function's code for as long as the file it stands in is unchanged, and does not look at the files of the
-functions that it calls: an edit to one of those would go unnoticed. Here what is kept is good for as long as no file
-with inner loops has changed. Those are the files of the package whose names begin with an underscore.
+functions that it calls: an edit to one of those would go unnoticed. Here what is kept is good for as long as neither
+that file has changed nor any other with inner loops that it imports. Those are the files of the package whose names
+begin with an underscore; they import what they call from one another, by relative imports.
 """
 
+import ast
 import hashlib
 from collections.abc import Callable
 from functools import cache
@@ -21,12 +23,13 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE (no exception), and nothing is reassociated: the bits of a result are those of the source, and
     the same whether the code was compiled now or before.
     """
-    if not Path(function.__code__.co_filename).name.startswith("_"):
-        raise ValueError(f"{function.__code__.co_filename}: a file with inner loops begins with an underscore")
+    file = Path(function.__code__.co_filename)
+    if not file.name.startswith("_"):
+        raise ValueError(f"{file}: a file with inner loops begins with an underscore")
     from numba import njit
 
     dispatcher: Any = njit(cache=True, error_model="numpy")(function)
-    dispatcher._cache._cache_file._source_stamp = stamp()
+    dispatcher._cache._cache_file._source_stamp = stamp(file)
     _dispatchers.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
 
@@ -46,9 +49,31 @@ def made() -> int:
 
 
 @cache
-def stamp() -> str:
-    """A digest of every file with inner loops in the package."""
+def stamp(file: Path) -> str:
+    """A digest of a file with inner loops and of all such files that it imports, directly or through others."""
     total = hashlib.sha256()
-    for file in sorted(Path(__file__).parents[1].glob("*/_*.py")):
-        total.update(file.name.encode() + file.read_bytes())
+    for one in sorted(closure(file)):
+        total.update(one.name.encode() + one.read_bytes())
     return total.hexdigest()
+
+
+def closure(file: Path) -> set[Path]:
+    """These files."""
+    found, waiting = set[Path](), [file]
+    while waiting:
+        one = waiting.pop()
+        if one not in found:
+            found.add(one)
+            waiting += _imported(one)
+    return found
+
+
+@cache
+def _imported(file: Path) -> list[Path]:
+    """The files with inner loops that a file imports, or imports something from; a loop itself can import nothing."""
+    found = list[Path]()
+    for node in ast.parse(file.read_bytes()).body:
+        if isinstance(node, ast.ImportFrom) and node.level:
+            place = file.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            found += [place.with_suffix(".py"), *(place / f"{alias.name}.py" for alias in node.names)]
+    return [one for one in found if one.name.startswith("_") and one.is_file()]

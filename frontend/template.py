@@ -10,10 +10,10 @@ the blur be a streak's or a pixel's. Rays as coordinates take the lens's distort
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ._alignment import RIM, align, worst_module
+from ._homography import corner_rays, homography
 from .se2 import Array
 
 LEAST_CONTRAST = 12.0
@@ -58,7 +58,7 @@ def fit(image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], start
     """
     modules = len(pattern) - 2 * RIM
     try:
-        guess = _homography(start, modules)
+        guess = homography(start, modules)
         found, normal, residual, look = align(image, rays, pattern, guess, corners)
         contrast = float(look[5] - look[4])
         if not (contrast > LEAST_CONTRAST and residual < NO_FIT * contrast):
@@ -70,7 +70,8 @@ def fit(image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], start
                 return None
             if worst_module(image, rays, pattern, found, look, corners) > CLEAN_MODULE:
                 return None
-        outline, cov = _corners(found, modules, NEIGHBOURS * residual**2 * np.linalg.inv(normal)[:8, :8].astype(float))
+        change_cov = NEIGHBOURS * residual**2 * np.linalg.inv(normal)[:8, :8].astype(float)
+        outline, cov = corner_rays(found, modules, change_cov)
     except np.linalg.LinAlgError:
         return None
     return Fit(outline, cov, float(residual), contrast, root @ root.T)
@@ -79,46 +80,6 @@ def fit(image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], start
 def pattern(bits: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The marker's inner `bits` (n, n), True is white, with its black border and RIM modules of paper."""
     return np.pad(np.pad(bits, 1, constant_values=False), RIM, constant_values=True)
-
-
-@njit(cache=True)
-def _homography(rays: Array, modules: int) -> Array:
-    """(3, 3) from rays (x, y, 1) to the pattern's (u, v, 1), in modules; LinAlgError: the corners are of no square."""
-    rows = np.zeros((8, 8))
-    places = np.zeros(8)
-    for k in range(4):
-        x, y = rays[k]
-        u, v = (modules if k in (1, 2) else 0.0), (modules if k > 1 else 0.0)
-        places[2 * k], places[2 * k + 1] = u, v
-        rows[2 * k, 0], rows[2 * k, 1], rows[2 * k, 2], rows[2 * k, 6], rows[2 * k, 7] = x, y, 1.0, -u * x, -u * y
-        rows[2 * k + 1, 3], rows[2 * k + 1, 4], rows[2 * k + 1, 5] = x, y, 1.0
-        rows[2 * k + 1, 6], rows[2 * k + 1, 7] = -v * x, -v * y
-    solution = np.linalg.solve(rows, places)
-    homography = np.append(solution, 1.0).reshape(3, 3)
-    # The sign for which the pattern is in front: positive where its corners are.
-    return homography if (rays @ solution[6:] + 1 > 0).all() else -homography
-
-
-@njit(cache=True)
-def _corners(homography: Array, modules: int, change_cov: Array) -> tuple[Array, Array]:
-    """The corners' rays (4, 2), and their covariance (8, 8), from that of the homography's change, (8, 8)."""
-    inverse = np.linalg.inv(homography)
-    by_change = np.zeros((8, 8))
-    rays = np.zeros((4, 2))
-    for k in range(4):
-        p, q = (0.5 if k in (1, 2) else -0.5), (0.5 if k > 1 else -0.5)
-        x, y, w = inverse @ np.array([modules * (p + 0.5), modules * (q + 0.5), 1.0])
-        rays[k, 0], rays[k, 1] = x / w, y / w
-        for row in range(2):
-            # What moves the pattern's coordinates by a change moves its corners the other way.
-            by_u = -(inverse[row, 0] - rays[k, row] * inverse[2, 0]) / w
-            by_v = -(inverse[row, 1] - rays[k, row] * inverse[2, 1]) / w
-            line = by_change[2 * k + row]
-            line[0], line[1], line[2] = by_u, by_u * p, by_u * q
-            line[3], line[4], line[5] = by_v, by_v * p, by_v * q
-            line[6] = (by_u * p + by_v * q) * p
-            line[7] = (by_u * p + by_v * q) * q
-    return rays, by_change @ change_cov @ by_change.T
 
 
 def _grain(image: NDArray[np.uint8]) -> float:

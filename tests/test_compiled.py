@@ -1,9 +1,11 @@
 """Compiled inner loops are made anew when a file that they call into has changed, and only then."""
 
+import importlib
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,31 +13,79 @@ import pytest
 import slamduel.frontend.compiled as module
 from slamduel.backends import _models
 
-OUTER = "from .compiled import compiled\nfrom ._inner import inner\n\n@compiled\ndef outer(x):\n    return inner(x)\n"
-INNER = "from .compiled import compiled\n\n@compiled\ndef inner(x):\n    return x + {}\n"
+ROOT = Path(module.__file__).parents[1]
+FILES = {
+    "floor/room/_outer.py": "from ..compiled import compiled\nfrom .._middle import middle\n",
+    "floor/_middle.py": "from .compiled import compiled\nfrom ..other import _inner\n\ninner = _inner.inner\n",
+    "other/_inner.py": "from ..floor.compiled import compiled\n",
+    "other/_apart.py": "from ..floor.compiled import compiled\n",
+}
+LOOPS = {
+    "floor/room/_outer.py": "def outer(x):\n    return middle(x)\n",
+    "floor/_middle.py": "def middle(x):\n    return inner(x)\n",
+    "other/_inner.py": "def inner(x):\n    return x + 1\n",
+    "other/_apart.py": "def apart(x):\n    return x + 1\n",
+}
 ASK = (
-    "from house.floor import compiled; from house.floor._outer import outer; y = outer(1.0); "
-    "print(y, sum(outer.stats.cache_hits.values()), compiled.made())"
+    "from house.floor import compiled; from house.floor.room._outer import outer; "
+    "from house.other._apart import apart; "
+    "print(outer(1.0), apart(1.0), *(sum(f.stats.cache_hits.values()) for f in (outer, apart)), compiled.made())"
 )
 
 
-def test_a_changed_callee_is_noticed_and_an_unchanged_one_is_not_compiled_again(tmp_path: Path) -> None:
-    floor = tmp_path / "house" / "floor"
-    floor.mkdir(parents=True)
-    (floor.parent / "__init__.py").touch()
-    (floor / "__init__.py").touch()
-    shutil.copy(module.__file__, floor / "compiled.py")
-    (floor / "_outer.py").write_text(OUTER)
+@pytest.fixture
+def house(tmp_path: Path) -> Path:
+    """A package with inner loops in three folders: `outer` calls `middle`, that calls `inner`, and `apart` none."""
+    house = tmp_path / "house"
+    for name, imports in FILES.items():
+        (house / name).parent.mkdir(parents=True, exist_ok=True)
+        (house / name).write_text(f"{imports}\n@compiled\n{LOOPS[name]}")
+    for folder in (house, house / "floor", house / "floor" / "room", house / "other"):
+        (folder / "__init__.py").touch()
+    shutil.copy(module.__file__, house / "floor" / "compiled.py")
+    return house
 
-    def answer(added: int) -> str:
-        (floor / "_inner.py").write_text(INNER.format(added))
-        return subprocess.run(
-            [sys.executable, "-c", ASK], cwd=tmp_path, check=True, capture_output=True, text=True
-        ).stdout
 
-    assert answer(1) == "2.0 0 2\n"
-    assert answer(1) == "2.0 1 0\n"
-    assert answer(2) == "3.0 0 2\n"
+def answer(house: Path) -> str:
+    """What `outer` and `apart` give, which of them were found on disk, and how many kernels were compiled."""
+    done = subprocess.run([sys.executable, "-c", ASK], cwd=house.parent, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def test_a_changed_callee_is_noticed_and_what_does_not_call_it_is_not_compiled_again(house: Path) -> None:
+    assert answer(house) == "2.0 2.0 0 0 4"
+    assert answer(house) == "2.0 2.0 1 1 0"
+    inner = house / "other" / "_inner.py"
+    inner.write_text(inner.read_text().replace("x + 1", "x + 2"))
+    assert answer(house) == "3.0 2.0 0 1 3"  # `inner`, `middle` and `outer`
+    apart = house / "other" / "_apart.py"
+    apart.write_text(apart.read_text().replace("x + 1", "x + 5"))
+    assert answer(house) == "3.0 6.0 1 0 1"
+
+
+@pytest.mark.parametrize("edited", FILES)
+def test_an_edit_changes_the_stamps_of_what_imports_the_file(house: Path, edited: str) -> None:
+    def stamps() -> list[str]:
+        module.stamp.cache_clear()
+        return [module.stamp(house / name) for name in FILES]
+
+    before = stamps()
+    (house / edited).write_text((house / edited).read_text() + "\n# edited\n")
+    callers = list(FILES)[: list(FILES).index(edited) + 1] if "_apart" not in edited else [edited]
+    assert [name for name, old, new in zip(FILES, before, stamps(), strict=True) if old != new] == callers
+
+
+def test_every_loop_that_a_loop_calls_counts_for_its_stamp() -> None:
+    """By what the names in a loop stand for, however these came into its file."""
+    files = [file for floor in ("frontend", "backends") for file in (ROOT / floor).rglob("_*.py")]
+    files = [file for file in files if "import compiled" in file.read_text()]
+    assert len(files) > 10
+    for file in files:
+        name = ".".join(["slamduel", *file.relative_to(ROOT).with_suffix("").parts])
+        known: dict[str, Any] = vars(importlib.import_module(name))
+        loops = {name: each.py_func.__code__ for name, each in known.items() if hasattr(each, "py_func")}
+        called = {Path(loops[name].co_filename) for loop in loops.values() for name in loop.co_names if name in loops}
+        assert called <= module.closure(file), name
 
 
 def test_what_is_called_for_the_first_time_is_counted() -> None:

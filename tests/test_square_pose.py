@@ -8,11 +8,13 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from slamduel.frontend._square_pose import (
+    _misses,  # pyright: ignore[reportPrivateUsage]
+    _rotation,  # pyright: ignore[reportPrivateUsage]
+)
 from slamduel.frontend.se2 import Array
 from slamduel.frontend.square_pose import (
     SquarePose,
-    _misses,  # pyright: ignore[reportPrivateUsage]
-    _rotation,  # pyright: ignore[reportPrivateUsage]
     square,
     square_poses,
 )
