@@ -1,21 +1,21 @@
-"""A prepared log in one .npz file: how a worker process is handed its factors, and what the cache keeps.
+"""A prepared log in one .npz file: how a worker is handed its factors, and what the cache and a study keep.
 
 The arrays come back bit for bit and read-only. The truth lies in members of its own, which `load_log` does not touch.
 Notes are stored as JSON: plain strings, numbers, lists and mappings.
 """
 
 import json
-import os
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import numpy as np
 
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
+from ..frontend.files import write_whole
 
 _LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes"))
 """The columns."""
@@ -27,6 +27,11 @@ T = TypeVar("T")
 
 def save(path: Path, dataset: Dataset) -> None:
     """Write `dataset` to `path`, all of it or nothing. OSError where the place cannot be written to."""
+    write_whole(path, packed(dataset))
+
+
+def packed(dataset: Dataset) -> bytes:
+    """The content of the file that `save` writes; the same for the same dataset."""
     log, truth = dataset
     members = {name: getattr(log, name) for name in _LOG}
     members |= {"prior.pose": log.prior.pose, "prior.cov": log.prior.cov} | _map_members("prior.map", log.prior.map)
@@ -37,20 +42,19 @@ def save(path: Path, dataset: Dataset) -> None:
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     members["words"] = np.frombuffer(json.dumps(words).encode(), np.uint8)
+    content = BytesIO()
+    np.savez(content, allow_pickle=False, **members)
+    return content.getvalue()
 
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            np.savez(file, allow_pickle=False, **members)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+
+def unpacked(content: bytes) -> Dataset:
+    """The log and truth that `packed` wrote, whole."""
+    return _taken(BytesIO(content), _both)
 
 
 def load(path: Path) -> Dataset:
     """The log and truth that `save` wrote; InputError where the file is missing or damaged."""
-    return _read(path, lambda members, words: Dataset(_log(members, words), _truth(members, words)))
+    return _read(path, _both)
 
 
 def load_log(path: Path) -> Log:
@@ -60,15 +64,24 @@ def load_log(path: Path) -> Log:
 
 def _read(path: Path, take: Callable[[Members, Words], T]) -> T:
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as members:
-            words = json.loads(members["words"].tobytes())
-            if set(members.files) != {*words["members"], "words"}:
-                raise ValueError("an optional member is lost")
-            return take(members, words)
+        with path.open("rb") as file:
+            return _taken(file, take)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; expected the archive of a prepared log.") from None
     except Exception as error:  # a damaged zip file raises nearly anything, from struct.error to NotImplementedError
         raise InputError(f"{path}: not the archive of a prepared log, or a damaged one ({error!r}).") from error
+
+
+def _taken(file: IO[bytes], take: Callable[[Members, Words], T]) -> T:
+    with np.load(file, allow_pickle=False) as members:
+        words = json.loads(members["words"].tobytes())
+        if set(members.files) != {*words["members"], "words"}:
+            raise ValueError("an optional member is lost")
+        return take(members, words)
+
+
+def _both(members: Members, words: Words) -> Dataset:
+    return Dataset(_log(members, words), _truth(members, words))
 
 
 def _log(members: Members, words: Words) -> Log:

@@ -136,4 +136,4 @@ def _noise(options: Options) -> Noise:
     return ProportionalNoise(options.k_range, options.k_bearing, options.floor_range, options.floor_bearing)
 
 
-source = Source(aruco_room, options=Options, seeded=True, costly=True)
+source = Source(aruco_room, options=Options, seeded=True, costly=True, portable=False)  # OpenCV's arithmetic

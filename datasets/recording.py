@@ -58,7 +58,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     return build(open_recording(Path(options.path), robot))
 
 
-source = Source(make, Options)
+source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 
 
 def build(opened: Opened) -> Dataset:

@@ -17,13 +17,15 @@ class Source:
 
     `make(options, rng)` returns the log and, where there is one, its truth; `options` is a frozen dataclass made with
     `option(...)` fields. `seeded`: it draws from `rng`, so there is another log a seed. `costly`: it takes long enough
-    to make that the result is kept in the user's cache.
+    to make that the result is kept in the user's cache. `portable`: its log is the same to the last bit on every
+    x86-64 machine.
     """
 
     make: Callable[[Any, np.random.Generator], Dataset]
     options: type = NoOptions
     seeded: bool = False
     costly: bool = False
+    portable: bool = True
 
     @property
     def summary(self) -> str:
