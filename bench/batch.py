@@ -4,12 +4,13 @@ import platform
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..datasets import cache
+from ..datasets import archive, cache
 from ..datasets import registry as datasets
 from ..datasets.truth import digest
-from ..frontend.errors import SlamduelError
+from ..frontend.errors import InputError, SlamduelError
 from ..frontend.factors import Dataset
 from . import cell
 from .cell import Job, Result
@@ -19,6 +20,14 @@ HOST = platform.node()
 
 LOGS_KEPT = 3
 """By a process: cells that share a log come one after another, or nearly so."""
+
+
+class KeptLog(NamedTuple):
+    """A log that was made before, with its truth or reference, and what is in the file."""
+
+    path: Path  # of an archive
+    digests: tuple[str, str]  # of the log and of its truth
+    content: bytes = b""  # of the file, on the way to a machine that may not have it
 
 
 @dataclass(frozen=True)
@@ -31,11 +40,13 @@ class Batch:
     jobs: tuple[tuple[int, Job], ...]
     timeout_s: float  # a job, or the making of the log
     keep: bool  # the arrays of the result and of the truth come back, too
+    kept: KeptLog | None = None  # the log is loaded instead of made
+    whole: bool = False  # the log itself comes back, too
 
     @property
-    def log(self) -> tuple[str, Any, int]:
-        """What its log is made of: batches that have this in common share it."""
-        return self.dataset, self.options, self.seed
+    def log(self) -> tuple[str, Any, int, tuple[str, str] | None]:
+        """What its log is made of, and its digests where it is kept: batches that have this in common share it."""
+        return self.dataset, self.options, self.seed, None if self.kept is None else self.kept.digests
 
 
 class LogFacts(NamedTuple):
@@ -45,6 +56,12 @@ class LogFacts(NamedTuple):
     truth_digest: str  # of what the cells are scored by; "" where there is none
     truth_kind: str
     truth: dict[str, Any]  # t, poses, ids, xy: where it is to be kept
+    archive: bytes = b""  # the log and its truth: where they are to come back whole
+
+    @property
+    def digests(self) -> tuple[str, str]:
+        """Of the log and of its truth."""
+        return self.digest, self.truth_digest
 
 
 class Finished(NamedTuple):
@@ -60,23 +77,22 @@ class Finished(NamedTuple):
 
 
 class Logs:
-    """The last few logs that a process has made: several batches on one need not make it again."""
+    """The last few logs that a process has made or loaded: several batches on one need not do it again."""
 
     def __init__(self) -> None:
         self._kept: dict[Any, tuple[Dataset, LogFacts]] = {}  # the one that was asked for last is last
 
     def forget_files(self) -> None:
-        """Keep no log that lies in files, which may have changed."""
-        for name in [name for name in self._kept if not datasets.find(name[0]).seeded]:
+        """Keep no log that was made from files, which may have changed."""
+        for name in [name for name in self._kept if name[3] is None and not datasets.find(name[0]).seeded]:
             del self._kept[name]
 
     def get(self, batch: Batch) -> tuple[Dataset, LogFacts]:
-        """The batch's log, and all that is known of it; SlamduelError where it cannot be made."""
+        """The batch's log, and all that is known of it; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
-            made = cache.prepared(batch.dataset, datasets.find(batch.dataset), batch.options, batch.seed)
-            dataset = Dataset(made.log, known(made.log, made.truth))
-            found = dataset, _facts(dataset)
+            dataset = _made(batch) if batch.kept is None else _loaded(batch.kept)
+            found = dataset, facts_of(dataset)
         self._kept[batch.log] = found
         while len(self._kept) > LOGS_KEPT:
             del self._kept[next(iter(self._kept))]
@@ -94,6 +110,8 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
         return
     if not batch.keep:
         facts = facts._replace(truth={})
+    if batch.whole:
+        facts = facts._replace(archive=archive.packed(dataset))
     made(facts)
     if not batch.jobs:
         yield Finished(batch, None, facts, Result("done", ""), time.perf_counter() - began, False, HOST)
@@ -111,7 +129,22 @@ def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
         yield Finished(batch, index, None, result, seconds, False, HOST)
 
 
-def _facts(dataset: Dataset) -> LogFacts:
+def _made(batch: Batch) -> Dataset:
+    made = cache.prepared(batch.dataset, datasets.find(batch.dataset), batch.options, batch.seed)
+    return Dataset(made.log, known(made.log, made.truth))
+
+
+def _loaded(kept: KeptLog) -> Dataset:
+    dataset = archive.load(kept.path)
+    found = facts_of(dataset).digests
+    if found != kept.digests:
+        log, expected = found[0][:12], kept.digests[0][:12]
+        raise InputError(f"{kept.path}: holds another log or truth: the log's digest is {log}, expected {expected}.")
+    return dataset
+
+
+def facts_of(dataset: Dataset) -> LogFacts:
+    """What the store keeps of a log with its truth or reference."""
     log, truth = dataset
     if truth is None:
         return LogFacts(log.digest, "", "", {})

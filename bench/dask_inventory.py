@@ -32,7 +32,8 @@ def inventory(batches: Iterable[Batch]) -> Inventory:
     for batch in batches:
         names |= {job.name for _, job in batch.jobs}
         sources.add(batch.dataset)
-        paths.add(str(getattr(batch.options, "path", None) or ""))
+        if batch.kept is None:  # else it is sent, and its files are not needed
+            paths.add(str(getattr(batch.options, "path", None) or ""))
     modules = {WORK} | {datasets.module(name) for name in sources}
     own = {name for name in names if name not in backends.BUILTIN}
     modules |= {backends.target(name).partition(":")[0] for name in names}

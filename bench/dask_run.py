@@ -43,7 +43,7 @@ class Run:
         self.cluster, self.crew, self.alone, self.patience_s, self.say = cluster, crew, alone, patience_s, say
         self.waiting = deque(Attempt(batch) for batch in batches)
         self.landed: SimpleQueue[tuple[Attempt, Any]] = SimpleQueue()
-        self.digests: dict[Any, str] = {}  # of logs, by what they are made of
+        self.digests: dict[Any, tuple[str, str]] = {}  # of logs and truths, by what they are made of
         self.looked = self.worked = time.monotonic()
         self.remarked = False
 
@@ -177,7 +177,7 @@ class Run:
         elif facts is None and self._is_made_elsewhere(attempt, hand, ended[0].result.reason):
             self.waiting.appendleft(attempt)
             return
-        elif facts is not None and self.digests.setdefault(attempt.batch.log, facts.digest) != facts.digest:
+        elif facts is not None and self.digests.setdefault(attempt.batch.log, facts.digests) != facts.digests:
             self._dismiss(hand, f"makes another log of {attempt.batch.dataset} than other workers do")
         else:
             for address, reason in attempt.unmade.items() if facts is not None else ():

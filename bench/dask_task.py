@@ -4,13 +4,19 @@ A task reaches a worker as bytes that do the work when they are unpickled: so ne
 worker has to import this package to pass them on, and a worker that does not have it says so as the task's error.
 """
 
+import contextlib
 import multiprocessing
 import pickle
+import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from ..frontend.errors import InputError
 from .batch import Batch, Finished
+from .dask_cluster import GO_ON
 from .dask_inventory import Inventory, differences
 from .executor_local import Local
 
@@ -31,15 +37,44 @@ class _Order:
 
 
 def order(batch: Batch, wanted: Inventory, *, alone: bool) -> bytes:
-    """The task: `pickle.loads` of it does the batch and returns an answer, pickled, too."""
+    """The task: `pickle.loads` of it does the batch and returns an answer, pickled, too.
+
+    A log that is kept goes with it, since the worker may not have the file. InputError where it cannot be read.
+    """
+    if batch.kept is not None:
+        batch = replace(batch, kept=batch.kept._replace(content=_read(batch.kept.path)))
     return pickle.dumps(_Order(carry_out, batch, wanted, alone))
 
 
 def carry_out(batch: Batch, wanted: Inventory, alone: bool) -> bytes:
-    """The pickled answer of this worker."""
-    lacks = differences(wanted)
-    answer: Answer = lacks or [finished._replace(alone=alone) for finished in _ended(batch, alone=alone)]
+    """The pickled answer of this worker.
+
+    What it takes stays the same from version to version, so that a worker of another one can say so.
+    """
+    answer: Answer = differences(wanted)
+    if not answer:
+        with _with_log_here(batch) as batch:
+            answer = [finished._replace(alone=alone) for finished in _ended(batch, alone=alone)]
     return pickle.dumps(answer)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; expected the study's copy of a log. {GO_ON}.") from None
+
+
+@contextlib.contextmanager
+def _with_log_here(batch: Batch) -> Generator[Batch]:
+    """The batch, with the log that came with it in a file of this machine."""
+    if batch.kept is None:
+        yield batch
+        return
+    with tempfile.NamedTemporaryFile(prefix="slamduel-", suffix=".npz") as here:
+        here.write(batch.kept.content)
+        here.flush()
+        yield replace(batch, kept=batch.kept._replace(path=Path(here.name), content=b""))
 
 
 def _ended(batch: Batch, *, alone: bool) -> Iterator[Finished]:

@@ -7,11 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from .batch import KeptLog
 from .endings import FAILED
 from .executors import Executor
 from .numerals import counted, lasting
 from .study import Study, StudyCell
-from .study_key import log_key, log_seed, result_key
+from .study_key import log_key, log_seed, made_once, result_key
+from .study_log_files import LogFiles
 from .study_runner import Wanted, batch_of
 from .study_store import Known, StudyStore
 
@@ -101,7 +103,8 @@ def estimate(
     todo = todo[: wanted.limit]
     seconds = {} if store is None else store.seconds()
     names = {_names(pair) for pair in seconds}
-    now = _timed_now(study, [cell for cell in todo if _names(_pair(cell)) not in names], executor, budget_s)
+    new = [cell for cell in todo if _names(_pair(cell)) not in names]
+    now = _timed_now(study, store, new, executor, budget_s)
     took = _Averages(seconds | now)
     each = [took.of(_pair(cell)) for cell in todo]
     side = [s or 0.0 for cell, s in zip(todo, each, strict=True) if not cell.timed]
@@ -153,7 +156,7 @@ def _done(study: Study, store: StudyStore | None, wanted: Wanted) -> list[bool]:
 
 
 def _timed_now(
-    study: Study, cells: Sequence[StudyCell], executor: Executor, budget_s: float
+    study: Study, store: StudyStore | None, cells: Sequence[StudyCell], executor: Executor, budget_s: float
 ) -> dict[Pair, tuple[float, int]]:
     """What one cell a pair takes, of as many pairs as there is time for.
 
@@ -162,11 +165,12 @@ def _timed_now(
     """
     end, found = time.monotonic() + budget_s, {}
     for cell in _first_of_each(cells):
+        kept = None if store is None else _kept(store, cell)
         left = end - time.monotonic()
         if left <= 0:
             break
         for _ in range(2):
-            took, ended = _took(study, cell, executor, min(left, study.timeout_s))
+            took, ended = _took(study, cell, kept, executor, min(left, study.timeout_s))
             if not ended and took < study.timeout_s:  # stopped for want of time: it takes longer, nobody knows how much
                 break
             found[_pair(cell)] = took, 1
@@ -185,9 +189,18 @@ def _first_of_each(cells: Iterable[StudyCell]) -> list[StudyCell]:
     return [cell for _, cell in sorted(ranked, key=lambda one: one[0])]
 
 
-def _took(study: Study, cell: StudyCell, executor: Executor, timeout_s: float) -> tuple[float, bool]:
+def _kept(store: StudyStore, cell: StudyCell) -> KeptLog | None:
+    """The cell's log, where the study has a copy of it."""
+    log = store.logs().get(log_key(cell.cell)) if made_once(cell.cell) else None
+    entry = log and LogFiles(store.folder).entry(cell.cell.dataset.name, log)
+    return entry if entry and entry.path.is_file() else None
+
+
+def _took(
+    study: Study, cell: StudyCell, kept: KeptLog | None, executor: Executor, timeout_s: float
+) -> tuple[float, bool]:
     """Seconds that the cell takes, and whether it came to an end of its own."""
-    mine = replace(batch_of(study, cell, {0: cell}), timeout_s=timeout_s, keep=False)
+    mine = replace(batch_of(study, cell, {0: cell}, kept), timeout_s=timeout_s, keep=False)
     with contextlib.closing(executor.run([mine], alone=True)) as ended:
         finished = next(iter(ended))
     return finished.seconds, finished.result.status != "timeout"

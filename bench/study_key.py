@@ -39,6 +39,14 @@ def from_files(cell: Cell) -> bool:
     return not cell.dataset.source.seeded or hasattr(cell.dataset.options, "path")
 
 
+def made_once(cell: Cell) -> bool:
+    """Whether another worker's log may be another one, of last bits or of files: all get the one that is kept.
+
+    A reference, which logs from files may need, is computed, and not the same to the last bit on every processor.
+    """
+    return from_files(cell) or not cell.dataset.source.portable
+
+
 def log_key(cell: Cell) -> str:
     """Of the cell's log."""
     return _digest(f"log {source_key(cell.dataset.name, cell.dataset.options)} {log_seed(cell)}")

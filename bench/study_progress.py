@@ -54,11 +54,16 @@ class StudyScreen:
     def looking(self, logs: int) -> None:
         """That many logs are looked at first."""
         if logs:
-            self._progress.update(self._task, description=f"looking at {counted(logs, 'log')}")
+            self._done, self._total = 0, logs
+            self._progress.reset(self._task, total=logs, description=f"looking at {counted(logs, 'log')}", failed="")
+
+    def looked(self) -> None:
+        """One has been."""
+        self._advance("log", "")
 
     def running(self, cells: int, done: int, slots: int) -> None:
         """So many cells are to be run."""
-        self._total = cells
+        self._done, self._total = 0, cells
         if done:
             self._console.print(f"{counted(done, 'cell')} have a result already, {cells} to be run", highlight=False)
         self._progress.reset(self._task, total=cells, description=f"running, {slots} at once", failed="")
@@ -66,14 +71,17 @@ class StudyScreen:
     def finished(self, cell: StudyCell, status: str, reason: str, seconds: float) -> None:
         """One has ended."""
         del seconds
-        self._done += 1
         if status in FAILED:
             self._say(cell, status, reason)
         failed = sum(self._failed.values())
-        self._progress.update(self._task, advance=1, failed=f"{failed} failed" if failed else "")
+        self._advance("cell", f"{failed} failed" if failed else "")
+
+    def _advance(self, what: str, failed: str) -> None:
+        self._done += 1
+        self._progress.update(self._task, advance=1, failed=failed)
         if self._progress.disable and time.monotonic() - self._told > AGAIN_S:
             self._told = time.monotonic()
-            self._console.print(f"{self._done} of {counted(self._total, 'cell')} done", highlight=False)
+            self._console.print(f"{self._done} of {counted(self._total, what)} done", highlight=False)
 
     def _say(self, cell: StudyCell, status: str, reason: str) -> None:
         kind = cell.cell.backend.label, status

@@ -3,20 +3,21 @@
 import contextlib
 import random
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from ..frontend.errors import InputError
-from .batch import Batch, Finished, LogFacts
+from .batch import Batch, Finished, KeptLog, unmade
 from .cell import Job
 from .endings import FAILED
 from .executors import Executor
 from .lock import claimed
 from .machine import environment
 from .study import Study, StudyCell
-from .study_key import from_files, log_key, log_seed, result_key
+from .study_key import log_key, log_seed, made_once, result_key
+from .study_logs import StudyLogs
 from .study_store import Known, StudyStore
 
 MOST_JOBS = 20
@@ -30,7 +31,15 @@ class Watcher(Protocol):
     """Whoever is told how a study goes along."""
 
     def looking(self, logs: int) -> None:
-        """That many logs are looked at first, to know which results are still theirs."""
+        """That many logs are looked at first: to know which results are still theirs, or to keep them."""
+        ...
+
+    def looked(self) -> None:
+        """One has been, or cannot be made."""
+        ...
+
+    def say(self, sentence: str) -> None:
+        """Something that a user should know."""
         ...
 
     def running(self, cells: int, done: int, slots: int) -> None:
@@ -78,15 +87,19 @@ class _Run:
         refuse_another(store, study)
         store.put_words(_words(study, command, self.executor))
         self.log_keys = [log_key(cell.cell) for cell in study.cells]
-        self.logs, self.unmade = store.logs(arrays=study.keep), store.logs_unmade()
+        self.logs = StudyLogs(store, arrays=study.keep)
         self.statuses = store.statuses(arrays=study.keep)
-        self._look()
-        self.keys = [self._key(place) for place in range(len(study.cells))]
-        store.put_plan([_plan_row(cell, key) for cell, key in zip(study.cells, self.keys, strict=True)])
+        self._look(cell for cell in study.cells if self.logs.is_doubtful(cell))
         todo = self._todo(wanted)
+        while absent := [study.cells[place] for place in todo if not self.logs.is_at_hand(study.cells[place])]:
+            self._look(absent)
+            todo = self._todo(wanted)  # where a log is another than it was, more is to be run
         self.watcher.running(len(todo), self._ended(), self.executor.slots)
+        for place in todo:
+            self._keep_unmade(place)
+        able = [place for place in todo if self.log_keys[place] not in self.logs.lost]
         for timed in (False, True):
-            places = [place for place in todo if study.cells[place].timed == timed]
+            places = [place for place in able if study.cells[place].timed == timed]
             for finished in self._executed(self._batches(places), alone=timed):
                 self._keep(finished)
         store.put_words({"finished": time.time()})
@@ -98,7 +111,7 @@ class _Run:
         """How the cell ended, in an error where its log could not be made; None where it has not."""
         key = self.keys[place]
         if key is None:
-            return "error" if self.log_keys[place] in self.unmade else None
+            return "error" if self.log_keys[place] in self.logs.unmade else None
         return self.statuses.get(key)
 
     def _ended(self) -> int:
@@ -110,31 +123,21 @@ class _Run:
             with contextlib.closing(self.executor.run(batches, alone=alone)) as ended:
                 yield from ended
 
-    def _look(self) -> None:
-        """Find the digests of logs that the store knows by other code, and of those that lie in files."""
-        known = self.store.logs_made()
-        unsure: dict[Any, StudyCell] = {}
-        for key, cell in zip(self.log_keys, self.study.cells, strict=True):
-            dataset = cell.cell.dataset
-            if from_files(cell.cell) or (key not in self.logs and _log_name(cell) in known):
-                unsure[dataset.name, dataset.options, log_seed(cell.cell)] = cell
-        batches = [batch_of(self.study, cell, {}) for cell in unsure.values()]
-        self.watcher.looking(len(batches))
-        for finished in self._executed(batches, alone=False):
-            if finished.log is not None:
-                batch = finished.batch
-                self._know(unsure[batch.dataset, batch.options, batch.seed], finished.log)
-
-    def _know(self, cell: StudyCell, log: LogFacts) -> None:
-        known, key = Known(*log[:3]), log_key(cell.cell)
-        if self.logs.get(key) != known:
-            self.store.put_log(key, _log_name(cell), known, log.truth)
-            self.logs[key] = known
-            self.unmade.discard(key)
+    def _look(self, cells: Iterable[StudyCell]) -> None:
+        """Have the logs of these cells made, each once, for their digests or to be kept; plan all cells by them."""
+        looks = ((batch_of(self.study, cell, {}, whole=made_once(cell.cell)), cell) for cell in cells)
+        looked_at = {batch.log: (batch, cell) for batch, cell in looks}
+        self.watcher.looking(len(looked_at))
+        for finished in self._executed([batch for batch, _ in looked_at.values()], alone=False):
+            if told := self.logs.looked(looked_at[finished.batch.log][1], finished):
+                self.watcher.say(told)
+            self.watcher.looked()
+        self.keys = [self._key(place) for place in range(len(self.study.cells))]
+        self.store.put_plan([_plan_row(cell, key) for cell, key in zip(self.study.cells, self.keys, strict=True)])
 
     def _key(self, place: int) -> str | None:
         """That of the cell's result, where its log is known."""
-        cell, log = self.study.cells[place], self.logs.get(self.log_keys[place])
+        cell, log = self.study.cells[place], self.logs.known.get(self.log_keys[place])
         return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.study.oracle)
 
     def _todo(self, wanted: Wanted) -> list[int]:
@@ -158,10 +161,17 @@ class _Run:
         for place in places:
             by_log.setdefault(self.log_keys[place], []).append((place, self.study.cells[place]))
         return [
-            batch_of(self.study, group[0][1], dict(group[first : first + most]))
-            for group in by_log.values()
+            batch_of(self.study, group[0][1], dict(group[first : first + most]), self.logs.kept.get(key))
+            for key, group in by_log.items()
             for first in range(0, len(group), most)
         ]
+
+    def _keep_unmade(self, place: int) -> None:
+        """What becomes of a cell whose log was looked at in vain, if it was."""
+        cell, looked = self.study.cells[place], self.logs.lost.get(self.log_keys[place])
+        if looked is not None:
+            for finished in unmade(batch_of(self.study, cell, {place: cell}), looked.result, looked.seconds):
+                self._keep(finished)
 
     def _keep(self, finished: Finished) -> None:
         """Put a result into the store as soon as it is there."""
@@ -169,14 +179,13 @@ class _Run:
         cell, result, of_log = self.study.cells[finished.index], finished.result, self.log_keys[finished.index]
         with self.store.together():
             if finished.log is not None:
-                self._know(cell, finished.log)
+                self.logs.know(cell, finished.log)
             key = self.keys[finished.index] = self._key(finished.index)
             if key is None:
                 self.store.settle(finished.index, None, result.reason)
-                self.store.put_unmade(of_log, _log_name(cell))
-                self.unmade.add(of_log)
+                self.logs.know_unmade(cell)
             else:
-                if self.store.put_result(key, self._row(cell, finished, self.logs[of_log]), result.arrays):
+                if self.store.put_result(key, self._row(cell, finished, self.logs.known[of_log]), result.arrays):
                     self.statuses[key] = result.status
                 self.store.settle(finished.index, key, None)
         self.watcher.finished(cell, result.status, result.reason, finished.seconds)
@@ -197,20 +206,23 @@ def refuse_another(store: StudyStore, study: Study) -> None:
         raise InputError(f"--out {store.folder}: holds the study {name}, expected {study.name} or another folder.")
 
 
-def batch_of(study: Study, cell: StudyCell, cells: Mapping[int, StudyCell]) -> Batch:
+def batch_of(
+    study: Study,
+    cell: StudyCell,
+    cells: Mapping[int, StudyCell],
+    kept: KeptLog | None = None,
+    *,
+    whole: bool = False,
+) -> Batch:
     """Cells of the study by their places, all on the log of `cell`; none to look at the log."""
     dataset = cell.cell.dataset
     jobs = tuple((place, _job(study, one)) for place, one in cells.items())
-    return Batch(dataset.name, dataset.options, log_seed(cell.cell), jobs, study.timeout_s, study.keep)
+    return Batch(dataset.name, dataset.options, log_seed(cell.cell), jobs, study.timeout_s, study.keep, kept, whole)
 
 
 def _job(study: Study, cell: StudyCell) -> Job:
     backend = cell.cell.backend
     return Job(backend.label, backend.name, backend.options, cell.cell.seed, study.memory_mb, study.oracle)
-
-
-def _log_name(cell: StudyCell) -> tuple[str, str, int]:
-    return cell.cell.dataset.name, cell.cell.dataset.given, log_seed(cell.cell)
 
 
 def _plan_row(cell: StudyCell, key: str | None) -> tuple[Any, ...]:

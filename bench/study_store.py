@@ -73,9 +73,13 @@ class StudyStore:
         found = self._all(f"SELECT key, digest, truth_digest, truth_kind FROM logs WHERE digest IS NOT NULL{kept}")
         return {key: Known(*rest) for key, *rest in found}
 
-    def logs_made(self) -> set[tuple[str, str, int]]:
-        """Dataset, options and seed of every log that was ever kept."""
-        return set(self._all("SELECT dataset, dataset_options, seed FROM logs WHERE digest IS NOT NULL"))
+    def logs_made(self) -> dict[tuple[str, str, int], list[Known]]:
+        """What is known of every log that was ever made, by any code, by its dataset, options and seed."""
+        made: dict[tuple[str, str, int], list[Known]] = {}
+        columns = "dataset, dataset_options, seed, digest, truth_digest, truth_kind"
+        for *of, digest, truth, kind in self._all(f"SELECT {columns} FROM logs WHERE digest IS NOT NULL"):
+            made.setdefault((of[0], of[1], of[2]), []).append(Known(digest, truth, kind))
+        return made
 
     def logs_unmade(self) -> set[str]:
         """The keys of those that could not be made."""

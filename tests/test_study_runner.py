@@ -139,7 +139,8 @@ def test_a_log_whose_files_have_come_is_there_without_being_asked_for(tmp_path: 
     seen.write_text("t,id,range,bearing\n1,5,2.0,0.1\n")
     text = f'[[cells]]\ndataset = "csv[odometry={motions},detections={seen}]"\nbackend = "ekf"\n'
     folder = tmp_path / "out"
-    assert go(folder, text) == ({("ekf", 0)}, Tally(1, 1, 1))
+    assert go(folder, text) == (set(), Tally(1, 1, 1))  # one look was enough to know
+    assert statuses(folder) == ["error"]
     assert go(folder, text) == (set(), Tally(1, 1, 1))
     motions.write_text("t,x,y,heading\n0,0,0,0\n1,0.1,0,0\n2,0.2,0,0\n")
     assert go(folder, text) == ({("ekf", 0)}, Tally(1, 1, 0))
