@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 WITHOUT = 'import sys; sys.modules["slamduel"] = None; '
@@ -34,11 +34,13 @@ class Processes:
         self.until(self.file.exists)
         self.address = str(json.loads(self.file.read_text())["address"])
 
-    def worker(self, *options: str, path: Path | None = None, before: str = "") -> subprocess.Popen[bytes]:
+    def worker(
+        self, *options: str, path: Path | None = None, before: str = "", environment: Mapping[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
         """Start one without a nanny; `path`: where it finds modules first, `before`: what it runs first."""
         local = str(self.folder / "local")
         wanted = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", local, *options)
-        return self._start(before, "dask_worker", self.address, *wanted, path=path)
+        return self._start(before, "dask_worker", self.address, *wanted, path=path, more=environment)
 
     def until(self, there: Callable[[], bool], seconds: float = 60) -> None:
         """Wait for something, with what the processes said where it does not come."""
@@ -56,8 +58,11 @@ class Processes:
         for process in self.running:
             process.wait()
 
-    def _start(self, before: str, name: str, *options: str, path: Path | None = None) -> subprocess.Popen[bytes]:
-        environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(path or Path(__file__).parent)}
+    def _start(
+        self, before: str, name: str, *options: str, path: Path | None = None, more: Mapping[str, str] | None = None
+    ) -> subprocess.Popen[bytes]:
+        modules = [str(path or Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(modules), **(more or {})}
         code = f"{before}from distributed.cli.{name} import main; main()"
         with (self.folder / f"{len(self.running)}-{name}.log").open("w") as log:
             command = [sys.executable, "-c", code, *options]

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("distributed", reason="Dask is not installed")
 
+import older_machine
 import slamduel
 from dask_processes import WITHOUT, Processes
 from slamduel.bench import dask_cluster, spec
@@ -18,7 +19,11 @@ from slamduel.bench.cell import Job
 from slamduel.bench.dask_cluster import Cluster
 from slamduel.bench.executor_dask import Dask
 from slamduel.bench.executor_here import Here
+from slamduel.bench.study_file import made
+from slamduel.bench.study_runner import Tally, Wanted, run
+from slamduel.datasets.gtsam_text import shipped
 from slamduel.frontend.errors import InputError
+from small_study import silent
 
 TIMED = re.compile(r".*(_us|_us_\w+|_s|_mb|_ns)|real_time|growth_\w+")
 """The columns and arrays that say how long something took, or how much memory."""
@@ -135,6 +140,49 @@ def test_workers_with_other_code_or_none_are_named_and_not_used(tmp_path: Path) 
         there.close()
     assert any("module slamduel.backends.ekf is not the same" in sentence for sentence in said), said
     assert any("cannot run slamduel: ModuleNotFoundError" in sentence for sentence in said), said
+
+
+MIXED = """
+[[cells]]
+dataset = [
+    "aruco-room[markers=8,seconds=2,frame_rate=2]", "linear[steps=40]", "circle[steps=40,landmarks=20]", "VICTORIA"
+]
+backend = ["dead-reckoning", "ekf", "ukf"]
+seeds = 2
+"""
+"""Rendered, simulated and read logs; of the last the truth is unknown."""
+
+
+def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None:
+    victoria = tmp_path / "victoria.txt"
+    victoria.write_text("\n".join(shipped("victoria_park.txt").read_text().splitlines()[:400]) + "\n")
+    study = made("study.toml", MIXED.replace("VICTORIA", f"gtsam[path={victoria},noise=cov]"), full=False)
+    there = Processes(tmp_path)
+    said, found = list[str](), list[Finished]()
+
+    class Listening(Dask):
+        def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
+            for finished in super().run(batches, alone=alone):
+                found.append(finished)
+                yield finished
+
+    dask = Listening(there.address, say=said.append)
+    try:
+        there.worker()
+        there.worker(environment=older_machine.environment("nehalem"))
+        there.until(lambda: dask.slots == 2)
+        wanted = Wanted(lambda _: True, None, False)
+        assert run(study, tmp_path / "out", dask, wanted, [], silent()) == Tally(21, 21, 0)
+    finally:
+        dask.close()
+        there.close()
+    assert not said
+    logs: dict[Any, set[tuple[str, str]]] = {}
+    for finished in found:
+        assert finished.log is not None
+        logs.setdefault(finished.batch.log[:3], set()).add(finished.log.digests)
+    assert len(logs) == 7
+    assert {len(digests) for digests in logs.values()} == {1}, logs
 
 
 def test_a_worker_is_no_scheduler(workers: list[Any], executor: tuple[Dask, list[str]]) -> None:
