@@ -31,6 +31,12 @@ class Watched:
     def looking(self, logs: int) -> None:
         """Nobody asks."""
 
+    def looked(self) -> None:
+        """Nobody asks."""
+
+    def say(self, sentence: str) -> None:
+        """Nobody asks."""
+
     def running(self, cells: int, done: int, slots: int) -> None:
         """Nobody asks."""
 
