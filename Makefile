@@ -40,25 +40,25 @@ unit: $(VENV)/.installed-dev
 # As on two older machines: libraries and kernels leave aside what those processors lacked.
 test-older: $(VENV)/.installed-dev
 	for kind in haswell nehalem; do \
-		OMP_NUM_THREADS=1 $(BIN)/python tests/older_machine.py $$kind $(BIN)/pytest -n auto --dist worksteal || exit 1; \
+		OMP_NUM_THREADS=1 $(BIN)/python tests/support/older_machine.py $$kind $(BIN)/pytest -n auto --dist worksteal || exit 1; \
 	done
 
 # A finding that is not reproduced is an answer, too.
 gallery: $(VENV)/.installed
-	for study in $(basename $(notdir $(wildcard bench/studies/*.toml))); do \
+	for study in $(basename $(notdir $(wildcard bench/study/studies/*.toml))); do \
 		$(BIN)/bench ablate $$study --out results/gallery/$$study; test $$? -le 1 || exit 1; \
 	done
-	$(BIN)/python -m slamduel.bench.gallery results/gallery
+	$(BIN)/python -m slamduel.bench.study_report.gallery results/gallery
 
 study-city: $(VENV)/.installed
 	rm -rf results/study-city
 	$(BIN)/bench run --out results/study-city --dataset 'city[landmarks=10000,steps=20000]' --backend ekf --seeds 1 --memory 5000
 
 study-statistics: $(VENV)/.installed
-	$(BIN)/python -m slamduel.bench.statistics_study
+	$(BIN)/python -m slamduel.bench.verdict.simulation
 
 study-kills: $(VENV)/.installed-dev
-	$(BIN)/python tests/kills.py 20
+	$(BIN)/python tests/support/kills.py 20
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(f"Python 3.11 or newer is needed, found {sys.version.split()[0]}; name one with PYTHON=python3.12" if sys.version_info < (3, 11) else 0)'

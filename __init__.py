@@ -8,10 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .bench.load import load as load
-    from .bench.portrait import show as show
-    from .bench.result import Result as Result
-    from .bench.result import run as run
+    from .bench.logs.show import show as show
+    from .bench.plan.load import load as load
+    from .bench.run.result import Result as Result
+    from .bench.run.result import run as run
     from .frontend.errors import SlamduelError as SlamduelError
     from .frontend.factors import UNKNOWN as UNKNOWN
     from .frontend.factors import Dataset as Dataset
@@ -43,10 +43,10 @@ __all__ = [
 ]
 
 _PLACES = {
-    "Result": ".bench.result",
-    "run": ".bench.result",
-    "show": ".bench.portrait",
-    "load": ".bench.load",
+    "Result": ".bench.run.result",
+    "run": ".bench.run.result",
+    "show": ".bench.logs.show",
+    "load": ".bench.plan.load",
     "SlamduelError": ".frontend.errors",
 }
 """Where what is not a part of the shared language is imported from, when it is first asked for."""

@@ -11,15 +11,15 @@ from ..frontend.errors import InputError
 from .api import Builder
 
 BUILTIN = {
-    "dead-reckoning": "slamduel.backends.dead_reckoning:build",
-    "ekf": "slamduel.backends.ekf:build",
-    "fastslam": "slamduel.backends.fastslam:build",
-    "fixed-lag": "slamduel.backends.fixed_lag:build",
-    "graph": "slamduel.backends.graph:build",
-    "invariant-ekf": "slamduel.backends.invariant_ekf:build",
-    "isam2": "slamduel.backends.isam2:build",
-    "kf": "slamduel.backends.kf:build",
-    "ukf": "slamduel.backends.ukf:build",
+    "dead-reckoning": "slamduel.backends.gaussian.dead_reckoning:build",
+    "ekf": "slamduel.backends.gaussian.ekf:build",
+    "fastslam": "slamduel.backends.particles.fastslam:build",
+    "fixed-lag": "slamduel.backends.graphs.fixed_lag:build",
+    "graph": "slamduel.backends.graphs.graph:build",
+    "invariant-ekf": "slamduel.backends.gaussian.invariant_ekf:build",
+    "isam2": "slamduel.backends.graphs.isam2:build",
+    "kf": "slamduel.backends.gaussian.kf:build",
+    "ukf": "slamduel.backends.gaussian.ukf:build",
 }
 GROUP = "slamduel.backends"
 

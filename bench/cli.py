@@ -10,25 +10,25 @@ from collections.abc import Callable, Generator, Sequence
 from importlib import import_module
 
 from ..frontend.errors import Interrupted, SlamduelError
-from .letters import plain_where_needed
+from .words.ascii import plain_where_needed
 
 COMMANDS = {
-    "run": ("run backends on datasets and write a report", ".command_run"),
-    "list": ("list backends and datasets with their options", ".command_list"),
-    "show": ("a picture of a log, and its numbers", ".command_show"),
-    "validate": ("everything that is wrong with a log, with file and row", ".command_validate"),
-    "fetch": ("download a published log from its publisher", ".command_fetch"),
-    "export": ("write a log, or the cells of a study or run, for other programs", ".command_export"),
-    "detect": ("the markers in a recording as a log, with a report of what was found", ".command_detect"),
-    "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".command_render"),
-    "markers": ("print markers, or a calibration board, at true size", ".command_markers"),
-    "calibrate": ("calibrate a camera from views of a ChArUco board", ".command_calibrate"),
-    "speed": ("time a step of every backend, or of the front end, against stated references", ".command_speed"),
-    "ablate": ("run a study to its answer, on this machine or a cluster", ".command_ablate"),
-    "check": ("hold a backend to the conformance suite", ".command_check"),
-    "report": ("write the report of a run's or a study's folder again", ".command_report"),
-    "compare": ("regressions and gains between two runs, for a pull request or CI", ".command_compare"),
-    "replay": ("a run step by step, backends side by side, as a page, a film or a recording", ".command_replay"),
+    "run": ("run backends on datasets and write a report", ".commands.run"),
+    "list": ("list backends and datasets with their options", ".commands.list"),
+    "show": ("a picture of a log, and its numbers", ".commands.show"),
+    "validate": ("everything that is wrong with a log, with file and row", ".commands.validate"),
+    "fetch": ("download a published log from its publisher", ".commands.fetch"),
+    "export": ("write a log, or the cells of a study or run, for other programs", ".commands.export"),
+    "detect": ("the markers in a recording as a log, with a report of what was found", ".commands.detect"),
+    "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".commands.render"),
+    "markers": ("print markers, or a calibration board, at true size", ".commands.markers"),
+    "calibrate": ("calibrate a camera from views of a ChArUco board", ".commands.calibrate"),
+    "speed": ("time a step of every backend, or of the front end, against stated references", ".commands.speed"),
+    "ablate": ("run a study to its answer, on this machine or a cluster", ".commands.ablate"),
+    "check": ("hold a backend to the conformance suite", ".commands.check"),
+    "report": ("write the report of a run's or a study's folder again", ".commands.report"),
+    "compare": ("regressions and gains between two runs, for a pull request or CI", ".commands.compare"),
+    "replay": ("a run step by step, backends side by side, as a page, a film or a recording", ".commands.replay"),
 }
 """Name -> help, and the module with `arguments(parser)` and `main(namespace)`; only the one asked for is imported."""
 

@@ -71,7 +71,7 @@ def _key(name: str, options: Any, seed: int) -> str:
     total = hashlib.sha256(repr((name, options, seed, platform.python_version())).encode())
     for part in _MADE_WITH:
         total.update(f"\n{part} {_version(part)}\n".encode())
-    for file in sorted([*package.glob("frontend/*.py"), *package.glob("datasets/*.py")]):
+    for file in sorted([*package.glob("frontend/**/*.py"), *package.glob("datasets/**/*.py")]):
         total.update(f"\n{file.relative_to(package).as_posix()}\n".encode())
         total.update(file.read_bytes())
     return total.hexdigest()

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
-from slamduel.bench.store import Store
-from slamduel.bench.summary import lines
-from slamduel.datasets.aruco_room import Options, record
-from slamduel.datasets.cache import generator
-from slamduel.frontend.se2 import Array
+from ..bench.record.reader import Store
+from ..bench.verdict.summary import lines
+from ..datasets.cache import generator
+from ..datasets.worlds.aruco_room import Options, record
+from ..frontend.se2 import Array
 
 SEED = 2
 FRAME = 30

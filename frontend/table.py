@@ -10,7 +10,7 @@ from typing import NamedTuple, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import header_names, no_number, number, other_count, other_header, shortened, shown
+from .csv_values import header_names, no_number, number, other_count, other_header, shortened, shown
 from .errors import InputError
 from .scan import Scan, strict
 from .se2 import Array, Ints

@@ -4,12 +4,13 @@ import fcntl
 import hashlib
 import os
 from collections.abc import Generator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-HERE = f"{Path(__file__).parents[1]}{os.sep}"
+from places import ROOT
+
+HERE = f"{ROOT}{os.sep}"
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -48,6 +49,6 @@ def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """`bench run` without its pages, whose pictures are nearly all that a small run costs."""
-    from slamduel.bench import benchmark
+    from slamduel.bench.run import benchmark
 
     monkeypatch.setattr(benchmark, "write_report", lambda store: None)

@@ -1,0 +1,1 @@
+"""Estimators whose belief is one Gaussian: dead reckoning, Kalman filters and their kernels."""

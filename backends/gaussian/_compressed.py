@@ -1,0 +1,123 @@
+"""Between the whole state and its active part: fetch a landmark, and give back what the part has become.
+
+The equations are in `compressed.py`; here P is the whole covariance as it was when the part was last given back, A the
+active part, in the order of `members`, of which `transition`, `information` and `pull` are Phi, Psi and theta.
+"""
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from ._triangle import put, row, take
+
+
+@compiled
+def entry(flat: Array, i: int, j: int) -> float:
+    """The entry (i, j) of a symmetric matrix."""
+    return flat[row(i) + j] if j <= i else flat[row(j) + i]
+
+
+@compiled
+def load(
+    mean: Array, cross: Array, flat: Array, members: Ints, a: int, part_mean: Array, part_cross: Array, part_flat: Array
+) -> None:
+    """Copy the landmarks `members[:a]` out of a whole that nothing is owed to."""
+    for i in range(2 * a):
+        at = 2 * members[i // 2] + i % 2
+        part_mean[3 + i] = mean[3 + at]
+        for j in range(3):
+            part_cross[j, i] = cross[j, at]
+        own = row(i)
+        for j in range(i + 1):
+            part_flat[own + j] = entry(flat, at, 2 * members[j // 2] + j % 2)
+
+
+@compiled
+def fetch(
+    mean: Array,
+    cross: Array,
+    flat: Array,
+    members: Ints,
+    a: int,
+    part_mean: Array,
+    part_cross: Array,
+    part_flat: Array,
+    transition: Array,
+    information: Array,
+    pull: Array,
+) -> None:
+    """Make `members[a]` the part's landmark a: its rows are P - P_mA Psi P_A, and P_mA Phi' with the part."""
+    m = 3 + 2 * a
+    d, e = np.empty((2, m)), np.zeros((2, m))
+    for h in range(2):
+        at = 2 * members[a] + h
+        for j in range(3):
+            d[h, j] = cross[j, at]
+        for j in range(2 * a):
+            d[h, 3 + j] = entry(flat, at, 2 * members[j // 2] + j % 2)
+        gained = 0.0
+        for j in range(m):
+            gained += d[h, j] * pull[j]
+        part_mean[3 + 2 * a + h] = mean[3 + at] + gained
+    for i in range(m):  # of Psi, the lower triangle
+        for h in range(2):
+            for j in range(i):
+                e[h, j] += d[h, i] * information[i, j]
+                e[h, i] += d[h, j] * information[i, j]
+            e[h, i] += d[h, i] * information[i, i]
+    for h in range(2):
+        at, i = 2 * members[a] + h, 2 * a + h
+        for j in range(m):
+            total = 0.0
+            for q in range(m):
+                total += transition[j, q] * d[h, q]
+            if j < 3:
+                part_cross[j, i] = total
+            else:
+                part_flat[row(i) + j - 3] = total
+        for g in range(h + 1):
+            own = entry(flat, at, 2 * members[a] + g)
+            for j in range(m):
+                own -= e[h, j] * d[g, j]
+            part_flat[row(i) + 2 * a + g] = own
+        for j in range(m):
+            transition[3 + i, j] = -e[h, j]
+        transition[3 + i, 3 + i] = 1.0
+
+
+@compiled
+def rows_of(cross: Array, flat: Array, members: Ints, a: int, n: int, out: Array) -> None:
+    """P_A, the rows of the pose and of the part's landmarks as the whole has them, into out (3 + 2a, n)."""
+    for j in range(n):
+        for i in range(3):
+            out[i, j] = cross[i, j]
+    for i in range(a):
+        take(flat, 2 * members[i], n, out[3 + 2 * i : 5 + 2 * i])
+
+
+@compiled
+def give_back(
+    mean: Array,
+    cross: Array,
+    flat: Array,
+    n: int,
+    members: Ints,
+    a: int,
+    part_mean: Array,
+    part_cross: Array,
+    part_flat: Array,
+    rows: Array,
+) -> None:
+    """Write the part into the whole: its own blocks, and `rows` (3 + 2a, n), Phi P_A, its covariance with the rest."""
+    for i in range(2 * a):
+        at = 2 * members[i // 2] + i % 2
+        mean[3 + at] = part_mean[3 + i]
+        for j in range(3):
+            rows[j, at] = part_cross[j, i]
+        for j in range(2 * a):
+            rows[3 + i, 2 * members[j // 2] + j % 2] = entry(part_flat, i, j)
+    for j in range(n):
+        for i in range(3):
+            cross[i, j] = rows[i, j]
+    for i in range(a):
+        put(flat, 2 * members[i], n, rows[3 + 2 * i : 5 + 2 * i])

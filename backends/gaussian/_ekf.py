@@ -1,0 +1,415 @@
+"""One frame of EKF-SLAM in one compiled call: ArUco EKF SLAM, eqs (5)-(20), on the part of the state it is handed.
+
+The covariance is in three pieces: the pose's (3, 3), the cross-covariance of the pose with the map (3, n), and the
+map's own, a triangle (see `_triangle`). A sighting corrects it by -w' w, w = L^-1 H P (2, n) with H P H' + R = L L'.
+These rows are owed: they are gathered in W, the next sighting forms its H P from the covariance and the rows owed so
+far, and one pass over the triangle at the end of the frame subtracts W' W. This is exact.
+
+`transition` (3 + n, m) has the same done to it as the state has: motions and corrections multiply it from the left, a
+new landmark's rows are made from the pose's. The compressed filter needs it (see `_compressed`); else m is 0.
+
+The linear Kalman filter (see `kf`) is the same with everything linearised at dead reckoning's heading, which knows of
+no correction, and sightings taken as offsets along and across the line of sight, which are linear in the state.
+"""
+
+from math import cos, exp, sin, sqrt
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._models import moved, placed, sighted, wrap
+from ._blas import add_product, add_square
+from ._triangle import REAL, add_square_of, put, take
+
+OWED = 48
+"""Rows that may be owed before they are folded in; a frame of more than 24 sightings takes several passes."""
+
+STANDARD, FIRST, IDEAL, ODOMETRY = 0, 1, 2, 3
+"""Where the Jacobians are taken: at the mean, at first estimates, at the truth, at dead reckoning."""
+
+ASTRAY = -1
+"""In place of a count of agreements: the landmark is to be made anew."""
+
+INDEFINITE, AT_ROBOT = 1, 2
+"""Why a frame could not be finished."""
+
+
+@compiled
+def predict(
+    mean: Array,
+    points: Array,
+    pose: Array,
+    cross: Array,
+    transition: Array,
+    n: int,
+    m: int,
+    motion: Array,
+    truth: Array,
+    where: int,
+) -> None:
+    """Eqs (5)-(9) for the body-frame `motion`: rows of dx, dy, dtheta and of its covariance, (4, 3).
+
+    The Jacobian of eq. (3) is [1, 0, -(y' - y); 0, 1, x' - x; 0, 0, 1] for a motion from (x, y) to (x', y'): those are
+    taken from `points`, where the pose was linearised last, to where it is now. At dead reckoning the mean's deviation
+    from it goes the same way, and no angle is wrapped.
+    """
+    x, y = points[0], points[1]
+    turned = points[2] if where in (IDEAL, ODOMETRY) else mean[2]
+    if where == ODOMETRY:
+        off = mean[2] - turned
+        points[0], points[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
+        points[2] += motion[0, 2]
+        mean[0] += points[0] - x - (points[1] - y) * off
+        mean[1] += points[1] - y + (points[0] - x) * off
+        mean[2] += motion[0, 2]
+    else:
+        mean[0], mean[1], mean[2] = moved(mean[0], mean[1], mean[2], motion[0, 0], motion[0, 1], motion[0, 2])
+        for i in range(3):
+            points[i] = truth[i] if where == IDEAL else mean[i]
+    gx, gy = -(points[1] - y), points[0] - x
+    for j in range(n):
+        cross[0, j] += gx * cross[2, j]
+        cross[1, j] += gy * cross[2, j]
+    for j in range(m):
+        transition[0, j] += gx * transition[2, j]
+        transition[1, j] += gy * transition[2, j]
+    for i in range(3):
+        pose[0, i] += gx * pose[2, i]
+        pose[1, i] += gy * pose[2, i]
+    for i in range(3):
+        pose[i, 0] += gx * pose[i, 2]
+        pose[i, 1] += gy * pose[i, 2]
+    c, s = cos(turned), sin(turned)
+    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
+    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
+    pose[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
+    pose[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
+    pose[2, 2] += qtt
+    pose[1, 0] += c * s * (qxx - qyy) + (c * c - s * s) * qxy
+    pose[2, 0] += c * qxt - s * qyt
+    pose[2, 1] += s * qxt + c * qyt
+    pose[0, 1], pose[0, 2], pose[1, 2] = pose[1, 0], pose[2, 0], pose[2, 1]
+
+
+@compiled
+def settle(
+    pose: Array,
+    cross: Array,
+    flat: Array,
+    transition: Array,
+    information: Array,
+    n: int,
+    m: int,
+    Wp: Array,
+    Wm: Array,
+    Y: Array,
+    rank: int,
+    dgemm: int,
+    dsyrk: int,
+) -> None:
+    """Fold in what is owed: the covariance less W' W, the transition less W' Y, the information plus Y' Y."""
+    for q in range(rank):
+        for i in range(3):
+            a = Wp[q, i]
+            for j in range(3):
+                pose[i, j] -= a * Wp[q, j]
+            for j in range(n):
+                cross[i, j] -= a * Wm[q, j]
+            for j in range(m):
+                transition[i, j] -= a * Y[q, j]
+    add_square_of(flat, n, -1.0, Wm, rank, dgemm, dsyrk)
+    if m > 0:
+        wide, out = Y.shape[1], transition.shape[1]
+        below = transition.ctypes.data + REAL * 3 * out
+        add_product(dgemm, m, n, rank, -1.0, Y.ctypes.data, wide, Wm.ctypes.data, Wm.shape[1], below, out)
+        add_square(dsyrk, m, rank, 1.0, Y.ctypes.data, wide, information.ctypes.data, information.shape[1])
+
+
+@compiled
+def combine(by_pose: Array, by_landmark: Array, of_pose: Array, of_landmark: Array, at: int, n: int, v: Array) -> None:
+    """v (2, n) = by_pose (2, 3) of_pose (3, n) + by_landmark (2, 2) of_landmark[at : at + 2] (2, n)."""
+    a, b, c, d, e = by_pose[0, 0], by_pose[0, 1], by_pose[0, 2], by_landmark[0, 0], by_landmark[0, 1]
+    for j in range(n):
+        v[0, j] = (
+            a * of_pose[0, j]
+            + b * of_pose[1, j]
+            + c * of_pose[2, j]
+            + d * of_landmark[at, j]
+            + e * of_landmark[at + 1, j]
+        )
+    a, b, c, d, e = by_pose[1, 0], by_pose[1, 1], by_pose[1, 2], by_landmark[1, 0], by_landmark[1, 1]
+    for j in range(n):
+        v[1, j] = (
+            a * of_pose[0, j]
+            + b * of_pose[1, j]
+            + c * of_pose[2, j]
+            + d * of_landmark[at, j]
+            + e * of_landmark[at + 1, j]
+        )
+
+
+@compiled
+def pay(v: Array, owed: Array, q: int, a: float, b: float, c: float, d: float, n: int) -> None:
+    """v (2, n) less [a b; c d] times the rows q and q + 1 that are owed."""
+    for j in range(n):
+        v[0, j] -= a * owed[q, j] + b * owed[q + 1, j]
+        v[1, j] -= c * owed[q, j] + d * owed[q + 1, j]
+
+
+@compiled
+def whiten(v: Array, n: int, l00: float, l10: float, l11: float, out: Array, q: int) -> None:
+    """L^-1 v into rows q and q + 1 of `out`."""
+    a, c = 1 / l00, 1 / l11
+    b = -l10 * a * c
+    for j in range(n):
+        out[q, j] = a * v[0, j]
+        out[q + 1, j] = b * v[0, j] + c * v[1, j]
+
+
+@compiled
+def offset(heading: float, z: Array, R: Array) -> tuple[float, float, float, float, float, float, float]:
+    """A sighting as an offset in the world, its direction, and its covariance along and across that: rr, rb, bb.
+
+    The middle of the arc on which the landmark may be, E exp(i b) = exp(-v / 2) of a bearing of variance v, lies nearer
+    than the arc, and the arc's points scatter inwards of it by (r v)^2 / 2.
+    """
+    r, v = z[0], R[1, 1]
+    ux, uy = cos(heading + z[1]), sin(heading + z[1])
+    middle = r * exp(-v / 2)
+    return middle * ux, middle * uy, ux, uy, R[0, 0] + (r * v) ** 2 / 2, r * R[1, 0], r * r * v
+
+
+@compiled
+def add(
+    mean: Array,
+    points: Array,
+    pose: Array,
+    cross: Array,
+    flat: Array,
+    transition: Array,
+    at: int,
+    n: int,
+    m: int,
+    Wp: Array,
+    Wm: Array,
+    rank: int,
+    z: Array,
+    R: Array,
+    where: int,
+    rows: Array,
+) -> None:
+    """Eqs (17)-(20): the landmark at map entry `at` made from one sighting, with its covariance with all the rest.
+
+    G_p is [1, 0, -dy; 0, 1, dx] for a landmark at (dx, dy) from the pose, and G_z the inverse of the sighting's
+    Jacobian by the landmark; both are taken where the pose and the landmark are linearised. G_z is [ux, ax; uy, ay].
+    """
+    rr, rb, bb = R[0, 0], R[1, 0], R[1, 1]
+    if where == ODOMETRY:
+        dx, dy, ux, uy, rr, rb, bb = offset(points[2], z, R)
+        off = mean[2] - points[2]
+        mean[3 + at], mean[4 + at] = mean[0] + dx - dy * off, mean[1] + dy + dx * off
+        ax, ay = -uy, ux
+    else:
+        mean[3 + at], mean[4 + at] = placed(mean[0], mean[1], mean[2], z[0], z[1])
+        if where != IDEAL:
+            points[3 + at], points[4 + at] = mean[3 + at], mean[4 + at]
+        dx, dy = points[3 + at] - points[0], points[4 + at] - points[1]
+        r = sqrt(dx * dx + dy * dy)
+        ux, uy = cos(mean[2] + z[1]), sin(mean[2] + z[1])  # of a landmark at no distance
+        if r > 0.0:
+            ux, uy = dx / r, dy / r
+        ax, ay = -dy, dx
+    for j in range(n):
+        rows[0, j] = cross[0, j] - dy * cross[2, j]
+        rows[1, j] = cross[1, j] + dx * cross[2, j]
+    for j in range(m):
+        transition[3 + at, j] = transition[0, j] - dy * transition[2, j]
+        transition[4 + at, j] = transition[1, j] + dx * transition[2, j]
+    for q in range(rank):
+        Wm[q, at] = Wp[q, 0] - dy * Wp[q, 2]
+        Wm[q, at + 1] = Wp[q, 1] + dx * Wp[q, 2]
+    for i in range(3):
+        cross[i, at] = pose[0, i] - dy * pose[2, i]
+        cross[i, at + 1] = pose[1, i] + dx * pose[2, i]
+    rows[0, at] = cross[0, at] - dy * cross[2, at] + ux * ux * rr + 2 * ux * ax * rb + ax * ax * bb
+    rows[1, at] = cross[1, at] + dx * cross[2, at] + ux * uy * rr + (ux * ay + uy * ax) * rb + ax * ay * bb
+    rows[1, at + 1] = cross[1, at + 1] + dx * cross[2, at + 1] + uy * uy * rr + 2 * uy * ay * rb + ay * ay * bb
+    put(flat, at, max(n, at + 2), rows)
+
+
+@compiled
+def frame(
+    mean: Array,
+    points: Array,
+    predicted: Array,
+    agreed: Ints,
+    pose: Array,
+    cross: Array,
+    flat: Array,
+    transition: Array,
+    information: Array,
+    pull: Array,
+    n: int,
+    m: int,
+    moves: bool,
+    motion: Array,
+    truth: Array,
+    k: int,
+    slots: Ints,
+    z: Array,
+    R: Array,
+    where: int,
+    joint: bool,
+    gate: float,
+    confirm: int,
+    Wp: Array,
+    Wm: Array,
+    Y: Array,
+    dgemm: int,
+    dsyrk: int,
+) -> tuple[int, int, float, int, int]:
+    """Predict, then take `k` sightings of the landmarks in `slots`, of which those from n / 2 on are new.
+
+    Jacobians are taken at `points`, which may be `mean` itself; `joint` evaluates every expected sighting at the
+    prediction, which `predicted` has room for. A sighting whose innovation is beyond `gate` is refused, or, where the
+    landmark has been agreed with by fewer than `confirm`, takes the place of all that the landmark was made from.
+    Returns the sighting at which it ended early and why (-1, 0: it did not), the NIS, its degrees of freedom and how
+    many sightings were refused.
+    """
+    if moves:
+        predict(mean, points, pose, cross, transition, n, m, motion, truth, where)
+    elif where == IDEAL:
+        points[0], points[1], points[2] = truth[0], truth[1], truth[2]
+    expecting, at_points = mean, points
+    if joint:
+        for j in range(3 + n):
+            predicted[j] = mean[j]
+        expecting = predicted
+        if where == STANDARD:
+            at_points = predicted
+    by_pose, by_landmark = np.zeros((2, 3)), np.empty((2, 2))
+    by_pose[1, 2] = -1.0
+    rows, v, y, u = np.empty((2, n + 2 * k)), np.empty((2, n + 2 * k)), np.empty((2, m)), np.empty((2, 3))
+    nis, dof, refused, rank = 0.0, 0, 0, 0
+    for i in range(k):
+        at = 2 * int(slots[i])
+        if at >= n:
+            if joint:
+                continue
+            add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
+            agreed[slots[i]] = 0
+            n += 2
+            continue
+        rr, rb, bb = R[i, 0, 0], R[i, 1, 0], R[i, 1, 1]
+        if where == ODOMETRY:
+            dx, dy, ux, uy, rr, rb, bb = offset(points[2], z[i], R[i])
+            by_landmark[0, 0], by_landmark[0, 1] = ux, uy
+            by_landmark[1, 0], by_landmark[1, 1] = -uy, ux
+            by_pose[1, 2] = -(ux * dx + uy * dy)
+        else:
+            dx, dy = at_points[3 + at] - at_points[0], at_points[4 + at] - at_points[1]
+            q = dx * dx + dy * dy
+            if not q > 0.0:
+                return i, AT_ROBOT, nis, dof, refused
+            r = sqrt(q)
+            # eq. (13)
+            by_landmark[0, 0], by_landmark[0, 1] = dx / r, dy / r
+            by_landmark[1, 0], by_landmark[1, 1] = -dy / q, dx / q
+        for h in range(2):
+            by_pose[h, 0], by_pose[h, 1] = -by_landmark[h, 0], -by_landmark[h, 1]
+        # H P, eq. (15), as the covariance has it and then less what is owed
+        take(flat, at, n, rows)
+        combine(by_pose, by_landmark, cross, rows, 0, n, v)
+        for j in range(3):
+            for h in range(2):
+                u[h, j] = (
+                    by_pose[h, 0] * pose[0, j]
+                    + by_pose[h, 1] * pose[1, j]
+                    + by_pose[h, 2] * pose[2, j]
+                    + by_landmark[h, 0] * cross[j, at]
+                    + by_landmark[h, 1] * cross[j, at + 1]
+                )
+        combine(by_pose, by_landmark, transition, transition, 3 + at, m, y)
+        for p in range(0, rank, 2):
+            a, b = project(by_pose, by_landmark, Wp, Wm, at, 0, p), project(by_pose, by_landmark, Wp, Wm, at, 0, p + 1)
+            c, d = project(by_pose, by_landmark, Wp, Wm, at, 1, p), project(by_pose, by_landmark, Wp, Wm, at, 1, p + 1)
+            pay(u, Wp, p, a, b, c, d, 3)
+            pay(v, Wm, p, a, b, c, d, n)
+            pay(y, Y, p, a, b, c, d, m)
+        s00 = project(by_pose, by_landmark, u, v, at, 0, 0) + rr
+        s10 = project(by_pose, by_landmark, u, v, at, 0, 1) + rb
+        s11 = project(by_pose, by_landmark, u, v, at, 1, 1) + bb
+        if not s00 > 0.0:
+            return i, INDEFINITE, nis, dof, refused
+        l00 = sqrt(s00)
+        l10 = s10 / l00
+        rest = s11 - l10 * l10
+        if not rest > 0.0:
+            return i, INDEFINITE, nis, dof, refused
+        l11 = sqrt(rest)
+        # the innovation, eq. (16), whitened
+        if where == ODOMETRY:
+            ex, ey = dx - (mean[3 + at] - mean[0]), dy - (mean[4 + at] - mean[1])
+            dr = by_landmark[0, 0] * ex + by_landmark[0, 1] * ey
+            db = by_landmark[1, 0] * ex + by_landmark[1, 1] * ey - by_pose[1, 2] * (mean[2] - points[2])
+        else:
+            er, eb = sighted(expecting[0], expecting[1], expecting[2], expecting[3 + at], expecting[4 + at])
+            dr, db = z[i, 0] - er, wrap(z[i, 1] - eb)
+        if joint:  # less what the corrections since the prediction already explain of it
+            turned = wrap(mean[2] - predicted[2])
+            ex, ey = mean[0] - predicted[0], mean[1] - predicted[1]
+            mx, my = mean[3 + at] - predicted[3 + at], mean[4 + at] - predicted[4 + at]
+            dr -= by_landmark[0, 0] * (mx - ex) + by_landmark[0, 1] * (my - ey)
+            db -= by_landmark[1, 0] * (mx - ex) + by_landmark[1, 1] * (my - ey) - turned
+        f0 = dr / l00
+        f1 = (db - l10 * f0) / l11
+        distance = f0 * f0 + f1 * f1
+        if gate > 0.0 and not distance <= gate:
+            if agreed[slots[i]] >= confirm:
+                refused += 1
+            elif joint:
+                agreed[slots[i]] = ASTRAY
+            else:
+                add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
+                agreed[slots[i]] = 0
+            continue
+        agreed[slots[i]] += 1
+        nis += distance
+        dof += 2
+        whiten(u, 3, l00, l10, l11, Wp, rank)
+        whiten(v, n, l00, l10, l11, Wm, rank)
+        whiten(y, m, l00, l10, l11, Y, rank)
+        for j in range(3):
+            mean[j] += Wp[rank, j] * f0 + Wp[rank + 1, j] * f1
+        if where != ODOMETRY:
+            mean[2] = wrap(mean[2])
+        for j in range(n):
+            mean[3 + j] += Wm[rank, j] * f0 + Wm[rank + 1, j] * f1
+        for j in range(m):
+            pull[j] += Y[rank, j] * f0 + Y[rank + 1, j] * f1
+        rank += 2
+        if rank == OWED:
+            settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
+            rank = 0
+    for i in range(k if joint else 0):  # what is new is added after a joint update
+        at = 2 * int(slots[i])
+        if at >= n or agreed[slots[i]] == ASTRAY:
+            add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
+            agreed[slots[i]] = 0
+            n = max(n, at + 2)
+    if rank:
+        settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
+    return -1, 0, nis, dof, refused
+
+
+@compiled
+def project(by_pose: Array, by_landmark: Array, of_pose: Array, of_map: Array, at: int, h: int, q: int) -> float:
+    """Row h of H times row q of a covariance's rows, split in those of the pose (_, 3) and those of the map (_, n)."""
+    return (
+        by_pose[h, 0] * of_pose[q, 0]
+        + by_pose[h, 1] * of_pose[q, 1]
+        + by_pose[h, 2] * of_pose[q, 2]
+        + by_landmark[h, 0] * of_map[q, at]
+        + by_landmark[h, 1] * of_map[q, at + 1]
+    )

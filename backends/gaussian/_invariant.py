@@ -1,0 +1,259 @@
+"""The inner loops of `invariant_ekf.py`.
+
+The belief, in the right-invariant error (x, y, heading, x and y of each landmark): pose (3,) and landmarks' mean (n,);
+the pose's three rows of the covariance in full, strip (3, 3 + n); and the landmarks' block, a triangle (see
+`_triangle`). What changes the whole of that block is low-rank: such corrections are rows w (n,) of `owed`, gathered
+until there are RANK of them and then folded in at one go. The first owing[0] rows are sightings', each -w' w, and the
+last owing[1] are turns', each w' w. No landmark that is new owes anything: from column n on, `owed` is zero.
+"""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._models import moved, placed, sighted, wrap
+from ._triangle import add_square_of, put, take
+
+RANK = 48
+"""Corrections that may be owed."""
+WRONG = (
+    "nothing",
+    "an innovation's covariance is not positive definite",
+    "a landmark's estimate lies at the robot's own position, where its bearing is undefined",
+)
+"""What went wrong, by the number that `observe` returns."""
+
+
+@compiled
+def fold(flat: Array, n: int, owed: Array, owing: Ints, dgemm: int, dsyrk: int) -> None:
+    """Add what is owed to the landmarks' block; nothing is owed afterwards."""
+    add_square_of(flat, n, -1.0, owed, owing[0], dgemm, dsyrk)
+    add_square_of(flat, n, 1.0, owed[RANK - owing[1] :], owing[1], dgemm, dsyrk)
+    owing[:] = 0
+
+
+@compiled
+def move(
+    pose: Array,
+    mean: Array,
+    strip: Array,
+    flat: Array,
+    n: int,
+    delta: Array,
+    cov: Array,
+    owed: Array,
+    owing: Ints,
+    dgemm: int,
+    dsyrk: int,
+) -> None:
+    """Predict with the body-frame motion `delta` (3,), noise `cov` (3, 3).
+
+    The error itself is carried over as it is, F = I. The noise of the turn is an error of everything about the origin,
+    a rank-1 correction of the whole; what is independent of it in the noise of the translation is the position's alone.
+    """
+    if owing[0] + owing[1] == RANK:
+        fold(flat, n, owed, owing, dgemm, dsyrk)
+    owing[1] += 1
+    c, s = cos(pose[2]), sin(pose[2])
+    pose[0], pose[1], pose[2] = moved(pose[0], pose[1], pose[2], delta[0], delta[1], delta[2])
+    turn = sqrt(cov[2, 2])
+    u, v = cov[0, 2] / turn, cov[1, 2] / turn
+    w = owed[RANK - owing[1]]
+    for j in range(0, n, 2):
+        w[j], w[j + 1] = turn * mean[j + 1], -turn * mean[j]
+    own = (c * u - s * v + turn * pose[1], s * u + c * v - turn * pose[0], turn)
+    for i in range(3):
+        for j in range(3):
+            strip[i, j] += own[i] * own[j]
+        for j in range(n):
+            strip[i, 3 + j] += own[i] * w[j]
+    uu, uv, vv = cov[0, 0] - u * u, cov[0, 1] - u * v, cov[1, 1] - v * v
+    across = c * s * (uu - vv) + (c * c - s * s) * uv
+    strip[0, 0] += c * c * uu - 2.0 * c * s * uv + s * s * vv
+    strip[0, 1] += across
+    strip[1, 0] += across
+    strip[1, 1] += s * s * uu + 2.0 * c * s * uv + c * c * vv
+
+
+@compiled
+def gather(flat: Array, n: int, at: int, owed: Array, owing: Ints, rows: Array) -> None:
+    """The block's rows of the landmark at `at`, as if nothing were owed, to rows (2, n)."""
+    take(flat, at, n, rows)
+    first, second = rows[0], rows[1]
+    for m in range(0, owing[0], 2):
+        a, b, w = owed[m, at], owed[m, at + 1], owed[m]
+        c, d, v = owed[m + 1, at], owed[m + 1, at + 1], owed[m + 1]
+        for j in range(n):
+            first[j] -= a * w[j] + c * v[j]
+            second[j] -= b * w[j] + d * v[j]
+    for m in range(RANK - owing[1], RANK):
+        a, b, w = owed[m, at], owed[m, at + 1], owed[m]
+        for j in range(n):
+            first[j] += a * w[j]
+            second[j] += b * w[j]
+
+
+@compiled
+def correct(
+    pose: Array,
+    mean: Array,
+    strip: Array,
+    n: int,
+    landmark: Array,
+    at: int,
+    z: Array,
+    R: Array,
+    own: Array,
+    rows: Array,
+) -> tuple[float, int]:
+    """Correct by a sighting z (2,), R (2, 2) of the landmark whose rows of the covariance are own (2, 3), rows (2, n).
+
+    The measurement depends on landmark less position alone: H has no heading column. `at` is the landmark's place in
+    the state, -1 for one held fixed, whose error is that of the heading about the origin. The mean and the strip are
+    corrected at once; the corrections of the rest take the place of `rows`. Returns the normalised innovation squared,
+    and what went wrong.
+    """
+    dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
+    q = dx * dx + dy * dy
+    if not q > 0.0:
+        return -1.0, 2
+    r, bearing = sighted(pose[0], pose[1], pose[2], landmark[0], landmark[1])
+    h00, h01, h10, h11 = dx / r, dy / r, -dy / q, dx / q
+    first, second = rows[0], rows[1]
+    for j in range(3):  # P H'
+        x, y = own[0, j] - strip[0, j], own[1, j] - strip[1, j]
+        own[0, j], own[1, j] = h00 * x + h01 * y, h10 * x + h11 * y
+    for j in range(n):
+        x, y = first[j] - strip[0, 3 + j], second[j] - strip[1, 3 + j]
+        first[j], second[j] = h00 * x + h01 * y, h10 * x + h11 * y
+    u, v = np.empty(2), np.empty(2)  # what H makes of it: landmark less position, first in the plane
+    for i in range(2):
+        if at >= 0:
+            u[i], v[i] = rows[i, at] - own[i, 0], rows[i, at + 1] - own[i, 1]
+        else:
+            u[i], v[i] = landmark[1] * own[i, 2] - own[i, 0], -landmark[0] * own[i, 2] - own[i, 1]
+    s00, s10 = h00 * u[0] + h01 * v[0] + R[0, 0], h10 * u[0] + h11 * v[0] + R[1, 0]
+    s11 = h10 * u[1] + h11 * v[1] + R[1, 1]
+    if not 0.0 < s00 < np.inf:
+        return -1.0, 1
+    l00 = sqrt(s00)
+    l10 = s10 / l00
+    rest = s11 - l10 * l10
+    if not 0.0 < rest < np.inf:
+        return -1.0, 1
+    l11 = sqrt(rest)
+    nu0 = (z[0] - r) / l00
+    nu1 = (wrap(z[1] - bearing) - l10 * nu0) / l11
+    for j in range(3):  # W = P H' L^-T, where S = L L'
+        own[0, j] /= l00
+        own[1, j] = (own[1, j] - l10 * own[0, j]) / l11
+    for j in range(n):
+        first[j] /= l00
+        second[j] = (second[j] - l10 * first[j]) / l11
+    for i in range(3):
+        by0, by1 = own[0, i], own[1, i]
+        for j in range(3):
+            strip[i, j] -= by0 * own[0, j] + by1 * own[1, j]
+        for j in range(n):
+            strip[i, 3 + j] -= by0 * first[j] + by1 * second[j]
+    retract(pose, mean, n, own, first, second, nu0, nu1)
+    return nu0 * nu0 + nu1 * nu1, 0
+
+
+@compiled
+def retract(pose: Array, mean: Array, n: int, own: Array, first: Array, second: Array, nu0: float, nu1: float) -> None:
+    """The group's exponential of xi = W' nu times the mean, W of the pose (2, 3): everything turns and shifts."""
+    angle = own[0, 2] * nu0 + own[1, 2] * nu1
+    c, s = cos(angle), sin(angle)
+    along, across = 1.0, 0.0  # the left Jacobian of SO(2): sin(a) / a and (1 - cos(a)) / a
+    if angle != 0.0:
+        along, across = s / angle, 2.0 * sin(angle / 2.0) * sin(angle / 2.0) / angle
+    x, y = own[0, 0] * nu0 + own[1, 0] * nu1, own[0, 1] * nu0 + own[1, 1] * nu1
+    pose[0], pose[1] = (
+        c * pose[0] - s * pose[1] + along * x - across * y,
+        s * pose[0] + c * pose[1] + across * x + along * y,
+    )
+    pose[2] = wrap(pose[2] + angle)
+    for j in range(0, n, 2):
+        x, y = first[j] * nu0 + second[j] * nu1, first[j + 1] * nu0 + second[j + 1] * nu1
+        mean[j], mean[j + 1] = (
+            c * mean[j] - s * mean[j + 1] + along * x - across * y,
+            s * mean[j] + c * mean[j + 1] + across * x + along * y,
+        )
+
+
+@compiled
+def add(pose: Array, mean: Array, strip: Array, flat: Array, n: int, z: Array, R: Array) -> None:
+    """Add a landmark seen at z (2,): in this error it is off as the position is, and by its own sighting's noise."""
+    r, c, s = z[0], cos(pose[2] + z[1]), sin(pose[2] + z[1])
+    mean[n], mean[n + 1] = placed(pose[0], pose[1], pose[2], z[0], z[1])
+    a, b, d = R[0, 0], r * R[1, 0], r * r * R[1, 1]
+    own = (
+        c * c * a - 2.0 * c * s * b + s * s * d,
+        c * s * (a - d) + (c * c - s * s) * b,
+        s * s * a + 2.0 * c * s * b + c * c * d,
+    )
+    rows = np.empty((2, n + 2))
+    for i in range(2):
+        for j in range(n):
+            rows[i, j] = strip[i, 3 + j]
+        for j in range(i + 1):
+            rows[i, n + j] = strip[i, j] + own[i + j]
+    put(flat, n, n + 2, rows)
+    for i in range(3):
+        strip[i, 3 + n], strip[i, 4 + n] = strip[i, 0], strip[i, 1]
+
+
+@compiled
+def observe(
+    pose: Array,
+    mean: Array,
+    strip: Array,
+    flat: Array,
+    n: int,
+    known: Array,
+    slots: Ints,
+    z: Array,
+    R: Array,
+    owed: Array,
+    owing: Ints,
+    nis: Array,
+    dgemm: int,
+    dsyrk: int,
+) -> tuple[int, int]:
+    """Take k sightings in their order: z (k, 2), R (k, 2, 2).
+
+    slots[i] is the landmark's number, -1 for a new one, -2 - j for number j of those in `known` (., 2), held fixed.
+    Their normalised innovations squared go to `nis` (k,), -1 for none. Returns n, and what went wrong.
+    """
+    wrong = 0
+    landmark, own = np.empty(2), np.empty((2, 3))
+    for i in range(len(slots)):
+        nis[i] = -1.0
+        if slots[i] == -1:
+            add(pose, mean, strip, flat, n, z[i], R[i])
+            n += 2
+            continue
+        if owing[0] + owing[1] + 2 > RANK:
+            fold(flat, n, owed, owing, dgemm, dsyrk)
+        rows = owed[owing[0] : owing[0] + 2]
+        at = -1
+        if slots[i] >= 0:
+            at = 2 * slots[i]
+            landmark[0], landmark[1] = mean[at], mean[at + 1]
+            gather(flat, n, at, owed, owing, rows)
+            for j in range(3):
+                own[0, j], own[1, j] = strip[j, 3 + at], strip[j, 4 + at]
+        else:
+            landmark[0], landmark[1] = known[-2 - slots[i], 0], known[-2 - slots[i], 1]
+            for j in range(3):
+                own[0, j], own[1, j] = landmark[1] * strip[2, j], -landmark[0] * strip[2, j]
+            for j in range(n):
+                rows[0, j], rows[1, j] = landmark[1] * strip[2, 3 + j], -landmark[0] * strip[2, 3 + j]
+        nis[i], wrong = correct(pose, mean, strip, n, landmark, at, z[i], R[i], own, rows)
+        if wrong:
+            break
+        owing[0] += 2
+    return n, wrong

@@ -1,0 +1,77 @@
+"""The joint belief over the pose and a map: a mean and one triangle of a covariance, in arrays that grow."""
+
+from copy import copy
+
+import numpy as np
+
+from ...frontend.factors import Map
+from ...frontend.se2 import Array
+from . import _triangle
+from ._ekf import OWED
+
+SPACE = 64
+"""Landmarks that the vectors have space for at first; doubled whenever it runs out. The matrix grows by panels."""
+
+
+class Joint:
+    """A Gaussian over (x, y, heading, m1x, m1y, m2x, ...), landmarks in the order in which they were first seen."""
+
+    def __init__(self, pose: Array, cov: Array, *, fixed_points: bool) -> None:
+        self.landmarks = 0
+        self.mean = np.zeros(3 + 2 * SPACE)
+        self.points = self.mean  # (3 + 2 SPACE,) where Jacobians are taken: at the mean itself, or fixed
+        self.agreed = np.zeros(SPACE, np.int64)  # sightings that have agreed with a landmark since it was made
+        self.pose = (cov + cov.T) / 2  # (3, 3), symmetric to the last bit
+        self.cross = np.zeros((3, 2 * SPACE))  # covariance of the pose with the map
+        self.flat = np.zeros(0)  # covariance of the map: see _triangle
+        self.predicted = np.zeros(3 + 2 * SPACE)  # scratch
+        self.owed_pose, self.owed_map = np.zeros((OWED, 3)), np.zeros((OWED, 2 * SPACE))  # scratch
+        self.columns = 0  # of the three that follow, which are for a part of a larger belief: see compressed.py
+        self.transition, self.information, self.pull = np.zeros((3, 0)), np.zeros((0, 0)), np.zeros(0)
+        self.owed_transition = np.zeros((OWED, 0))  # scratch
+        self.mean[:3] = pose
+        if fixed_points:
+            self.points = self.mean.copy()
+
+    def grow(self, landmarks: int) -> None:
+        """Have space for so many landmarks; the new ones' entries are zero."""
+        self.landmarks = landmarks
+        self.flat = _triangle.grown(self.flat, 2 * landmarks)
+        space = len(self.agreed)
+        if landmarks <= space:
+            return
+        more = max(2 * space, landmarks) - space
+        own_points = self.points is not self.mean
+        self.mean = np.pad(self.mean, (0, 2 * more))
+        self.points = np.pad(self.points, (0, 2 * more)) if own_points else self.mean
+        self.agreed = np.pad(self.agreed, (0, more))
+        self.cross = np.pad(self.cross, ((0, 0), (0, 2 * more)))
+        self.predicted = np.zeros(len(self.mean))
+        self.owed_map = np.zeros((OWED, 2 * len(self.agreed)))
+
+    def adopt(self, known: Map) -> None:
+        """Take over a map; one without covariance is held fixed: its block stays zero, and so does its gain."""
+        n = 2 * len(known.ids)
+        self.grow(len(known.ids))
+        self.mean[3 : 3 + n] = self.points[3 : 3 + n] = known.xy.ravel()
+        if known.cov is not None:
+            _triangle.store(self.flat, np.array(known.cov, np.float64))
+
+    def xy(self) -> Array:
+        """The landmarks' means (n, 2)."""
+        return self.mean[3 : 3 + 2 * self.landmarks].reshape(-1, 2).copy()
+
+    def cov(self) -> Array:
+        """The map's joint covariance (2n, 2n)."""
+        out = np.empty((2 * self.landmarks, 2 * self.landmarks))
+        _triangle.whole(self.flat, len(out), out)
+        return out
+
+    def copy(self) -> "Joint":
+        """One that shares nothing that is written to."""
+        other = copy(self)
+        other.mean, other.pose, other.cross, other.flat, other.agreed = (
+            array.copy() for array in (self.mean, self.pose, self.cross, self.flat, self.agreed)
+        )
+        other.points = other.mean if self.points is self.mean else self.points.copy()
+        return other

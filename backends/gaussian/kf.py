@@ -1,0 +1,45 @@
+"""The linear Kalman filter of the survey slides: SLAM linearised at the heading that odometry gives.
+
+The slides' algorithm Kalman_filter, lines 2-8: x_t = A x_{t-1} + B u_t + noise of covariance R, z_t = H x_t + noise of
+covariance Q, where A, B and H may change with time but must not depend on the state. The state is (x, y, heading,
+m1x, m1y, ...). What makes the models linear is that the heading is taken as given, as by a compass: h, the prior's and
+the turns that odometry reports, summed. It turns motions and sightings, and their covariances, into the world; a
+sighting (range, bearing) becomes an offset in metres there, the middle of the arc on which the landmark may be. With
+w = Rot(h) (dx, dy) for the motion, or for the sighted offset, and w' the same turned left by a right angle,
+
+    x, y   +=  w + w' (heading - h)          w  =  m - (x, y) - w' (heading - h)
+
+the terms with heading - h being what a heading a little off does, to first order. The extended Kalman filter differs in
+this alone, that it turns by its own estimate of the heading. Where dead reckoning knows the heading the two agree, and
+are the best there is; where it does not, the linear filter is linearised in the wrong place, and unaware of it.
+"""
+
+import numpy as np
+
+from ...frontend.factors import Prior, Step
+from .._models import wrap
+from ..api import Belief, Builder, NoOptions, Pose
+from .ekf import Ekf, Options
+
+
+class Kf(Ekf):
+    """The linear Kalman filter of the survey slides: it trusts dead reckoning with the heading, unlike the EKF."""
+
+    def __init__(self, prior: Prior, options: NoOptions, rng: np.random.Generator) -> None:
+        del options
+        super().__init__(prior, Options(jacobians="odometry"), rng)
+
+    def step(self, step: Step) -> Pose:
+        """As the EKF's; the state's heading is a number like others, and turned into an angle here alone."""
+        pose = super().step(step)
+        pose[2] = wrap(pose[2])
+        return pose
+
+    def belief(self) -> Belief:
+        """As the EKF's."""
+        belief = super().belief()
+        belief.pose[2] = wrap(belief.pose[2])
+        return belief
+
+
+build = Builder(Kf, linear=True)

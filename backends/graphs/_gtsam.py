@@ -1,0 +1,248 @@
+"""Our factors as GTSAM's: the order of a measurement, the frame of a covariance and the names of variables change here.
+
+GTSAM measures (bearing, range), and keeps pose covariances in the frame of the pose itself, where ours are in the world
+frame, or, for odometry, in the frame before the motion. Every rotation between the two is done in this file.
+"""
+
+import math
+from collections.abc import Iterable
+from functools import lru_cache, partial
+
+import gtsam
+import numpy as np
+
+from ...frontend.factors import Map, Odometry, Prior, Step
+from ...frontend.se2 import Array, Ints, rotation
+from ..models import place
+from .newcomers import Newcomers
+
+FIXED_SD = 1e-6
+"""m; how firmly a landmark that is given without covariance is held in place."""
+
+LOSSES = {
+    "huber": (gtsam.noiseModel.mEstimator.Huber, 1.345),
+    "cauchy": (gtsam.noiseModel.mEstimator.Cauchy, 2.3849),
+    "geman-mcclure": (gtsam.noiseModel.mEstimator.GemanMcClure, 3.7874),
+}
+"""Robust losses and the scale, in standard deviations, at which each is 95 % efficient on clean Gaussian errors."""
+
+FAILURES = (RuntimeError, ValueError, IndexError)
+"""What GTSAM's exceptions are in Python."""
+
+NEAREST = 1e-3
+"""m; a landmark is not started closer to the robot than this: at no distance at all its bearing has no derivative."""
+
+FIRST_POSE, FIRST_LANDMARK = gtsam.symbol("x", 0), gtsam.symbol("l", 0)
+"""Their keys; those of the others follow."""
+
+BYTES = 4 * np.dtype(np.float64).itemsize
+"""What the covariance of a sighting takes up."""
+
+
+class Keys:
+    """Variable names: x0, x1, ... for the poses, l0, l1, ... for landmarks in the order in which they were first seen.
+
+    An id may be any 64-bit number; GTSAM's symbols hold 56 bits. A landmark that was forgotten comes back as another.
+    """
+
+    def __init__(self) -> None:
+        self.landmarks: dict[int, int] = {}
+        self._named = 0
+
+    @staticmethod
+    def pose(step: int) -> int:
+        """The key of the pose at `step`."""
+        return FIRST_POSE + step
+
+    def landmark(self, landmark: int) -> int:
+        """The key of a landmark's position, made up where the id is new."""
+        key = self.landmarks.get(landmark)
+        if key is None:
+            key = self.landmarks[landmark] = FIRST_LANDMARK + self._named
+            self._named += 1
+        return key
+
+
+class Factors:
+    """A log's steps as GTSAM's factors, one after another, with first values of the variables that they bring in.
+
+    Sightings have the robust `loss`, with `loss_scale` in standard deviations, 0 being the loss's own of `LOSSES`.
+    Those of a new landmark are held back until they place it and, with a loss, two agree, unless `at_once`.
+    """
+
+    def __init__(self, prior: Prior, loss: str = "none", loss_scale: float = 0.0, at_once: bool = False) -> None:
+        self.keys = Keys()
+        self._prior = prior
+        self._noise = lru_cache(64)(partial(_sighting_noise, loss, loss_scale))
+        self._robust = loss != "none"
+        self._newcomers = None if at_once else Newcomers(two=self._robust)
+
+    def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """The belief at step 0, the given map included."""
+        graph, values, (pose, cov, known) = gtsam.NonlinearFactorGraph(), gtsam.Values(), self._prior
+        R = rotation(pose[2])
+        graph.add(gtsam.PriorFactorPose2(self.keys.pose(0), pose2(pose), noise(R.T @ cov @ R)))
+        values.insert(self.keys.pose(0), pose2(pose))
+        if known is not None:
+            _add_known_map(known, self.keys, graph, values)
+        return graph, values
+
+    def step(
+        self, k: int, step: Step, guess: gtsam.Pose2, since: int = 0
+    ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """The factors of step `k`, and first values of what they are the first to mention, seen from pose `guess`.
+
+        A landmark seen for the first time is put where ArUco EKF SLAM, eq. (17), has it. A sighting that was held back
+        is used if its step is not before `since`.
+        """
+        graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), self.keys.pose(k)
+        if step.odometry is not None:
+            values.insert(j=here, pose2=guess)  # by name: GTSAM would try four conversions before the right one
+            graph.add(motion_factor(self.keys.pose(k - 1), here, step.odometry))
+        if len(step.loops.to):
+            for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
+                graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov)))
+        if self._robust and self._newcomers is not None:
+            self._newcomers.move(step.odometry)
+        known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # from NumPy once a step: one by one it is slow
+        for i, (landmark, z) in enumerate(zip(step.sightings.ids.tolist(), step.sightings.z.tolist(), strict=True)):
+            cov = covs[BYTES * i : BYTES * (i + 1)]
+            to = known.get(landmark)
+            if to is None:
+                if self._newcomers is not None:
+                    held = self._newcomers.sighted(landmark, (k, step.sightings.z[i], step.sightings.cov[i]), since)
+                    if not held:
+                        continue
+                    for at, z_before, cov_before in held[:-1]:
+                        before = self.keys.pose(at), self.keys.landmark(landmark)
+                        graph.add(self._sighting(*before, z_before.tolist(), cov_before.tobytes()))
+                to = self.keys.landmark(landmark)
+                values.insert(to, _first_value(guess, step.sightings.z[i]))
+            graph.add(self._sighting(here, to, z, cov))
+        return graph, values
+
+    def forget(self, landmarks: Iterable[int]) -> None:
+        """These landmarks are out of the graph; sighted again they are new ones."""
+        for landmark in landmarks:
+            del self.keys.landmarks[landmark]
+
+    def with_newcomers(self, path: Array, landmarks: Map) -> Map:
+        """The map, and on it, without covariance, what is still held back: where its last sighting has it."""
+        alone = {} if self._newcomers is None else self._newcomers.alone()
+        more = {i: place(path[k], z)[0] for i, (k, z, _) in alone.items() if i not in landmarks.ids}
+        if not more:
+            return landmarks
+        return Map(np.array([*landmarks.ids, *more]), np.array([*landmarks.xy, *more.values()]), None)
+
+    def _sighting(self, pose: int, landmark: int, z: list[float], cov: bytes) -> gtsam.BearingRangeFactor2D:
+        distance, bearing = z
+        return gtsam.BearingRangeFactor2D(pose, landmark, gtsam.Rot2(bearing), distance, self._noise(cov))
+
+
+def pose2(pose: Array) -> gtsam.Pose2:
+    """(3,) as a Pose2."""
+    return gtsam.Pose2(*pose.tolist())
+
+
+def array(pose: gtsam.Pose2) -> Array:
+    """A Pose2 as (3,)."""
+    heading = pose.theta()
+    return np.array((pose.x(), pose.y(), heading if heading > -math.pi else math.pi))
+
+
+def noise(cov: Array) -> gtsam.noiseModel.Gaussian:
+    """A full covariance as a noise model."""
+    return gtsam.noiseModel.Gaussian.Covariance(cov)
+
+
+def to_world(pose: Array, cov: Array) -> Array:
+    """GTSAM's marginal covariance (3, 3) of a pose, which is in the pose's own frame, in the world frame."""
+    R = rotation(pose[2])
+    return R @ cov @ R.T
+
+
+def path_and_map(keys: Keys, steps: int, values: gtsam.Values) -> tuple[Array, Map]:
+    """The poses (steps, 3) and the landmarks, without covariance, in `values`."""
+    path = np.array([array(values.atPose2(keys.pose(k))) for k in range(steps)])
+    return path, Map(
+        ids(keys), np.array([values.atPoint2(key) for key in keys.landmarks.values()]).reshape(-1, 2), None
+    )
+
+
+def ids(keys: Keys) -> Ints:
+    """(n,) the ids of the landmarks in the graph."""
+    return np.fromiter(keys.landmarks, np.int64, len(keys.landmarks))
+
+
+def joint_covariance(keys: Keys, marginals: gtsam.Marginals | gtsam.ISAM2) -> Array:
+    """(2n, 2n) of all landmarks in the order of `keys`, which is GTSAM's too."""
+    if not keys.landmarks:
+        return np.zeros((0, 0))
+    return marginals.jointMarginalCovariance(list(keys.landmarks.values())).fullMatrix()
+
+
+def failure(error: Exception) -> str:
+    """GTSAM's words for a failure, on one line and without its page of advice."""
+    return "GTSAM: " + " ".join(str(error).split()).partition(" Thrown when")[0]
+
+
+def motion_factor(before: int, after: int, motion: Odometry) -> gtsam.BetweenFactorPose2:
+    """A motion between two poses; its covariance C turned from the frame before the motion into the one after it.
+
+    R(dtheta)' C R(dtheta), entry by entry: this is most of what Python does at a step.
+    """
+    dx, dy, dtheta = motion.delta.tolist()
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = motion.cov.tolist()
+    c, s = math.cos(dtheta), math.sin(dtheta)
+    twice, along, across = 2 * c * s * xy, c * xt + s * yt, c * yt - s * xt
+    mixed = c * s * (yy - xx) + (c * c - s * s) * xy
+    turned = ((c * c * xx + twice + s * s * yy, mixed, along), (mixed, s * s * xx - twice + c * c * yy, across))
+    return gtsam.BetweenFactorPose2(
+        before, after, gtsam.Pose2(dx, dy, dtheta), noise(np.array((*turned, (along, across, tt))))
+    )
+
+
+def _sighting_noise(loss: str, loss_scale: float, cov: bytes) -> gtsam.noiseModel.Base:
+    """The noise of a sighting with covariance `cov`, the bytes of (2, 2), in GTSAM's order and with its robust loss."""
+    swapped = noise(np.frombuffer(cov).reshape(2, 2)[::-1, ::-1])
+    if loss == "none":
+        return swapped
+    estimator, scale = LOSSES[loss]
+    return gtsam.noiseModel.Robust.Create(estimator(loss_scale or scale), swapped)
+
+
+def _first_value(pose: gtsam.Pose2, z: Array) -> Array:
+    """(2,) where a landmark sighted at `z` from `pose` stands."""
+    return place(array(pose), np.array((max(z[0], NEAREST), z[1])))[0]
+
+
+def _add_known_map(known: Map, keys: Keys, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+    """Put a given map into `graph` and `values`: one joint Gaussian, or each landmark held fixed where cov is None."""
+    for landmark, xy in zip(known.ids.tolist(), known.xy, strict=True):
+        values.insert(keys.landmark(landmark), xy)
+    if known.cov is None:
+        held = gtsam.noiseModel.Isotropic.Sigma(2, FIXED_SD)
+        for landmark, xy in zip(known.ids.tolist(), known.xy, strict=True):
+            graph.add(gtsam.PriorFactorPoint2(keys.landmark(landmark), xy, held))
+    else:
+        graph.add(_joint_prior([keys.landmark(i) for i in known.ids.tolist()], known.cov, values))
+
+
+def _joint_prior(keys: list[int], cov: Array, values: gtsam.Values) -> gtsam.LinearContainerFactor:
+    """The Gaussian with covariance `cov` (2n, 2n) around `values`, as one factor on all of `keys`.
+
+    Factors of any number of keys cannot be made from Python directly; a sum of pairwise quadratic ones can, and it is
+    the whole that is positive definite.
+    """
+    information = np.linalg.inv(cov)
+    block = [[information[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] for j in range(len(keys))] for i in range(len(keys))]
+    zero, none = np.zeros(2), np.zeros((2, 2))
+    pairs = gtsam.GaussianFactorGraph()
+    for i, key in enumerate(keys):
+        pairs.add(gtsam.HessianFactor(key, block[i][i], zero, 0.0))
+        for j in range(i + 1, len(keys)):
+            pairs.add(gtsam.HessianFactor(key, keys[j], none, block[i][j], zero, none, zero, 0.0))
+    here = gtsam.Values()
+    for key in keys:
+        here.insert(key, values.atPoint2(key))
+    return gtsam.LinearContainerFactor(gtsam.JacobianFactor(gtsam.HessianFactor(pairs)), here)

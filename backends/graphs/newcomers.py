@@ -1,0 +1,96 @@
+"""Landmarks that are not yet believed in.
+
+A landmark starts where its first sighting has it, and a linear solver takes the whole way from there in one step. Where
+that is further than the landmark is away it leads through the robot and out of all that the derivatives are good for,
+so sightings of a new landmark are held back until, together, they say where it is to less than its own distance. And
+where the first one is wrong a redescending loss takes all the right ones that follow for the wrong ones, so that with a
+loss two of them have to agree as well.
+"""
+
+from collections import deque
+
+import numpy as np
+
+from ...frontend.factors import Odometry
+from ...frontend.se2 import Array, between, compose, rotation
+from ..models import place
+
+AGREE = 13.82
+"""Squared Mahalanobis distance within which 999 of 1000 right pairs are: chi-square of 2 degrees of freedom."""
+
+Sighting = tuple[int, Array, Array]
+"""The step, the (range, bearing) (2,) and its covariance (2, 2)."""
+
+
+class Newcomers:
+    """Holds back the sightings of a new landmark until they place it and, where `two` must agree, two of them do.
+
+    The motion between two sightings is known by odometry.
+    """
+
+    def __init__(self, two: bool) -> None:
+        self._two = two
+        self._path: list[Array] = []  # dead reckoning from the first step
+        self._covs: list[Array] = []  # of the motion before each step, turned into the frame of the first
+        self._held: dict[int, deque[Sighting]] = {}
+        self._told: dict[int, Array] = {}  # (2,) 1/m^2, 1/rad^2; what those held tell of range and bearing
+
+    def move(self, odometry: Odometry | None) -> None:
+        """The next step, and the motion that led to it; to be told only where two must agree."""
+        if odometry is None:
+            self._path.append(np.zeros(3))
+            self._covs.append(np.zeros((3, 3)))
+        else:
+            R = rotation(self._path[-1][2])
+            self._covs.append(R @ odometry.cov @ R.T)
+            self._path.append(compose(self._path[-1], odometry.delta))
+
+    def sighted(self, landmark: int, now: Sighting, since: int = 0) -> list[Sighting]:
+        """Everything held of `landmark` once it is enough with the sighting `now`, that one last; else nothing.
+
+        What was sighted before step `since` is dropped.
+        """
+        before = self._held.setdefault(landmark, deque())
+        told = self._told.setdefault(landmark, np.zeros(2))
+        while before and before[0][0] < since:
+            told -= 1 / before.popleft()[2].diagonal()
+        told += 1 / now[2].diagonal()
+        enough = _placed(told, now[1][0]) and (not self._two or any(self._agree(other, now) for other in before))
+        before.append(now)
+        if not enough:
+            return []
+        del self._held[landmark], self._told[landmark]
+        return list(before)
+
+    def _agree(self, before: Sighting, now: Sighting) -> bool:
+        """Whether two sightings can be of one landmark: it is placed by both, seen from the pose of the first."""
+        motion, motion_cov = self.motion(before[0], now[0])
+        there, _, there_by_z = place(np.zeros(3), before[1])
+        here, by_motion, here_by_z = place(motion, now[1])
+        cov = there_by_z @ before[2] @ there_by_z.T + here_by_z @ now[2] @ here_by_z.T
+        cov += by_motion @ motion_cov @ by_motion.T
+        off = here - there
+        return bool(off @ np.linalg.solve(cov, off) < AGREE)
+
+    def alone(self) -> dict[int, Sighting]:
+        """The last sighting of every landmark that is still held back."""
+        return {landmark: held[-1] for landmark, held in self._held.items()}
+
+    def motion(self, i: int, j: int) -> tuple[Array, Array]:
+        """Step j seen from step i, (3,), and its covariance (3, 3) by odometry alone, to first order.
+
+        A motion's error shifts all that follows, and its turn swings it round the place where it ended.
+        """
+        path, covs = np.array(self._path[i : j + 1]), np.array(self._covs[i + 1 : j + 1]).reshape(-1, 3, 3)
+        swing = np.tile(np.eye(3), (j - i, 1, 1))
+        swing[:, 0, 2] = path[1:, 1] - path[-1, 1]
+        swing[:, 1, 2] = path[-1, 0] - path[1:, 0]
+        R = rotation(-path[0, 2])
+        cov = (swing @ covs @ swing.transpose(0, 2, 1)).sum(axis=0)
+        return between(path[0], path[-1]), R @ cov @ R.T
+
+
+def _placed(told: Array, distance: float) -> bool:
+    """Whether a landmark's place is told to one standard deviation of less than its distance, and than a radian."""
+    by_range, by_bearing = told
+    return not np.minimum(by_range * distance**2, by_bearing) <= 1  # what is not a number is GTSAM's to refuse

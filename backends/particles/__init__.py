@@ -1,0 +1,1 @@
+"""Estimators whose belief is a set of particles: FastSLAM and its kernels."""

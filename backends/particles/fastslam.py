@@ -1,0 +1,212 @@
+"""FastSLAM 1.0 and 2.0 (Montemerlo, Thrun, Koller, Wegbreit, AAAI 2002 and IJCAI 2003): Rao-Blackwellized particles.
+
+Each particle is one guess of the path and keeps a small EKF for every landmark: given the path the landmarks are
+independent, so M particles and N landmarks are M N filters of size two. Version 1.0 draws a particle's next pose from
+its odometry alone and leaves it to the weights to see how that fits the sightings; version 2.0 draws it from odometry
+and sightings together, so that fewer particles are wasted where sightings are sharper than odometry.
+"""
+
+from dataclasses import dataclass
+from math import atan2, isfinite, pi
+
+import numpy as np
+
+from ...frontend.factors import Map, Odometry, Prior, Step
+from ...frontend.options import option
+from ...frontend.se2 import Array, Ints, wrap
+from ..api import Belief, Builder, Diverged, Pose, Solution
+from ._particles import LOGGED, correct, move, place
+from ._proposal import propose
+from .particle_maps import ParticleMaps
+from .particle_paths import ParticlePaths
+from .resampling import SCHEMES
+
+RANK = 4
+"""Particles that a covariance of three coordinates takes."""
+EVEN = 1 - 1e-9
+"""Weights that are equal but for rounding are not resampled."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How many particles, where they are drawn, and when and how they are resampled."""
+
+    particles: int = option(100, "number of particles", minimum=1, maximum=10_000_000)
+    version: int = option(
+        1, "1: FastSLAM 1.0, poses drawn from odometry; 2: 2.0, from sightings too", minimum=1, maximum=2
+    )
+    resampling: str = option("systematic", "how ancestors are drawn", choices=tuple(SCHEMES))
+    resample_below: float = option(
+        0.5, "resample when the effective sample size is below this share of the particles", minimum=0, maximum=1
+    )
+
+
+class FastSlam:
+    """FastSLAM: particles over the path, a 2x2 EKF a landmark in each; 1.0, or 2.0 with version=2.
+
+    The online pose is the particles' weighted mean; the solution is the path of the heaviest particle and its
+    ancestors, with the map that this particle has. On a given map a particle cannot hold what landmarks' errors have in
+    common: of the map's covariance the 2x2 blocks on the diagonal are used, and a map without one is held fixed.
+
+    Random numbers, in this order: at every step, the resampling's own where there is one; then, where the pose has
+    something to be drawn from, `standard_normal((3, M))`, rows that multiply the columns of a Cholesky factor: at the
+    first step that of the prior's covariance, later, in version 1.0, of the odometry's covariance in the body frame, in
+    2.0 of the proposal's in the world frame.
+    """
+
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        M = options.particles
+        self._prior, self._options, self._rng = prior, options, rng
+        self._poses = np.empty(
+            (5, M)
+        )  # x, y, heading, and the cosine and sine that turn a motion into the world's axes
+        self._poses.T[:] = (*prior.pose, 1.0, 0.0)  # the prior's covariance, the first motion's, is the world's already
+        self._started = False
+        self._log_weights = np.zeros(M)  # the largest is zero
+        self._weights = np.full(M, 1 / M)
+        self._origins = np.arange(M)  # which particle of the start each descends from
+        self._maps = ParticleMaps(M)
+        self._paths = ParticlePaths(M)
+        if prior.map is not None:
+            self._adopt(prior.map)
+
+    def step(self, step: Step) -> Pose:
+        """Resample if the weights have become too uneven, sample the motion, weight and correct by the sightings.
+
+        Resampling at the start of a step, not at the end of the last, leaves the estimate to the weighted particles,
+        which say more than their resampled copies.
+        """
+        if self._n_eff() < self._options.resample_below * len(self._weights) * EVEN:
+            self._resample()
+        ids, z, cov = step.sightings
+        rows = np.array([self._maps.row.get(landmark, -1) for landmark in ids.tolist()], np.int64)
+        old, new = np.flatnonzero(rows >= 0), np.flatnonzero(rows < 0)
+        slots = self._maps.slots(rows[old])
+        self._fold(self._motion(step), slots, np.take(z, old, axis=0), np.take(cov, old, axis=0))
+        for landmark, at, spread in zip(
+            ids[new].tolist(), np.take(z, new, axis=0), np.take(cov, new, axis=0), strict=True
+        ):
+            slot = self._maps.add(landmark)
+            place(self._poses, self._maps.filters, slot, at, spread)
+        self._paths.add(self._poses)
+        pose = self._mean_pose()
+        if not isfinite(pose.sum()):
+            raise Diverged("the particles' poses are no longer finite numbers")
+        return pose
+
+    def belief(self) -> Belief:
+        """The particles' weighted mean and covariance, how many of them still count, and from how many they descend.
+
+        The covariance is None where fewer than RANK particles carry weight: there are none of full rank then.
+        """
+        pose = self._mean_pose()
+        error = self._poses[:3] - pose[:, None]
+        error[2] = wrap(error[2])
+        cov = (error * self._weights) @ error.T
+        n_eff = self._n_eff()
+        ancestors = len(np.unique(self._origins))
+        return Belief(pose, (cov + cov.T) / 2 if n_eff >= RANK else None, n_eff=n_eff, ancestors=ancestors)
+
+    def map(self) -> Map:
+        """The weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""
+        filters = self._maps.all()
+        n, w = len(filters), self._weights
+        xy = filters[:, :2] @ w
+        apart = (filters[:, :2] - xy[..., None]).reshape(2 * n, len(w))
+        cov = (apart * w) @ apart.T
+        return Map(self._ids(), xy, _with_blocks((cov + cov.T) / 2, filters[:, 2:] @ w))
+
+    def finish(self) -> Solution:
+        """The path of the heaviest particle and its ancestors, and its map, uncertain as it is given that path."""
+        best = int(np.argmax(self._weights))
+        filters = self._maps.all()[..., best]
+        within = _with_blocks(np.zeros((2 * len(filters), 2 * len(filters))), filters[:, 2:])
+        return Solution(self._paths.path(best), Map(self._ids(), filters[:, :2].copy(), within))
+
+    def _motion(self, step: Step) -> Odometry | None:
+        """What the step's poses are drawn from: at the first, the prior's covariance about its pose.
+
+        They are copies: a log's arrays are read-only, and kernels would be compiled once for each kind.
+        """
+        motion = None if step.odometry is None else Odometry(*(part.copy("C") for part in step.odometry))
+        if self._started:
+            return motion
+        self._started = True
+        start = Odometry(np.zeros(3), self._prior.cov.copy("C"))
+        if motion is None:
+            return start
+        move(self._poses, *start, self._normals())
+        return motion
+
+    def _fold(self, motion: Odometry | None, slots: Ints, z: Array, cov: Array) -> None:
+        """Draw the poses, weight them by the sightings (k,) of known landmarks, and correct these."""
+        M, k = len(self._weights), len(slots)
+        distance, volume = np.zeros(M), np.ones((-(-k // LOGGED), M))
+        seen = (self._maps.filters, slots, z, cov)
+        if motion is not None and self._options.version == 2:
+            propose(self._poses, *motion, self._normals(), *seen, distance, volume)
+            correct(self._poses, *seen, np.empty(M), np.empty_like(volume))  # weighted already, by the marginals
+        else:
+            if motion is not None:
+                move(self._poses, *motion, self._normals())
+            correct(self._poses, *seen, distance, volume)
+        if k > 0:
+            self._weigh(distance + (np.log(volume).sum(axis=0) if k > LOGGED else np.log(volume[0])))
+
+    def _weigh(self, surprise: Array) -> None:
+        """Multiply the weights by exp(-surprise / 2), (M,); what is common to all of them does not matter."""
+        self._log_weights -= 0.5 * surprise
+        most = self._log_weights.max()
+        if not isfinite(most):
+            raise Diverged("no particle has a finite likelihood left")
+        self._log_weights -= most
+        self._weights = np.exp(self._log_weights)
+        self._weights /= self._weights.sum()
+
+    def _resample(self) -> None:
+        """Draw as many equal particles from the weighted ones; their maps and paths follow when they are asked for."""
+        ancestors = SCHEMES[self._options.resampling](self._weights, self._rng)
+        self._poses = np.take(self._poses, ancestors, axis=1)  # plain indexing would leave its columns contiguous
+        self._origins = self._origins[ancestors]
+        self._maps.resampled(ancestors)
+        self._paths.resampled(ancestors)
+        self._log_weights = np.zeros(len(ancestors))
+        self._weights = np.full(len(ancestors), 1 / len(ancestors))
+
+    def _adopt(self, known: Map) -> None:
+        """Give every particle the same map: of its covariance the diagonal blocks; held fixed where it has none."""
+        for k, (landmark, xy) in enumerate(zip(known.ids.tolist(), known.xy, strict=True)):
+            slot = self._maps.add(landmark)
+            filters = self._maps.filters[slot]
+            filters[:2] = xy[:, None]
+            if known.cov is not None:
+                i, j = 2 * k, 2 * k + 1
+                filters[2:] = np.array((known.cov[i, i], known.cov[i, j], known.cov[j, j]))[:, None]
+
+    def _normals(self) -> Array:
+        """(3, M) standard normal random numbers."""
+        return self._rng.standard_normal((3, len(self._weights)))
+
+    def _mean_pose(self) -> Pose:
+        """The weighted mean pose; headings are averaged as directions."""
+        x, y, _, c, s = (self._poses @ self._weights).tolist()
+        heading = atan2(s, c)
+        return np.array((x, y, pi if heading == -pi else heading))
+
+    def _n_eff(self) -> float:
+        """Effective sample size, 1 / sum of squared weights: between 1 and M."""
+        return float(1 / (self._weights @ self._weights))
+
+    def _ids(self) -> Ints:
+        return np.fromiter(self._maps.row, np.int64, len(self._maps))
+
+
+def _with_blocks(cov: Array, blocks: Array) -> Array:
+    """`cov` (2n, 2n) with `blocks` (n, 3), xx, xy, yy of each landmark, added on its diagonal."""
+    i = 2 * np.arange(len(blocks))
+    for (a, b), block in zip(((0, 0), (0, 1), (1, 0), (1, 1)), blocks.T[[0, 1, 1, 2]], strict=True):
+        cov[i + a, i + b] += block
+    return cov
+
+
+build = Builder(FastSlam, options=Options, random=True)

@@ -1,0 +1,78 @@
+"""The maps of all particles: a small EKF a landmark and particle, handed down from ancestors only when looked at.
+
+Resampling makes a particle a copy of another, map and all. Copying M maps of N landmarks costs M N, whatever the robot
+sees; here a resampling only begins a new epoch, and every landmark remembers the epoch in which it was last written. It
+is copied, each particle's filter from that of its ancestor back then, when it is next in view: a step's cost does not
+depend on the landmarks that are not. (Montemerlo's trees of landmarks, log N a particle and landmark, serve the same
+end.) One more landmark, the next in turn, is brought up to date at every resampling. So none is ever more epochs behind
+than there are landmarks, no more maps of ancestors than that are kept, and they take a fifth of the filters' memory.
+"""
+
+import numpy as np
+
+from ...frontend.se2 import Array, Ints
+from ._ancestry import catch_up, remember, widen
+
+RESERVED = 8
+"""Landmarks that there is room for at first, a power of two; doubled when it runs out."""
+
+
+class ParticleMaps:
+    """N landmarks as each of M particles knows them; 40 bytes a particle and landmark, and 8 for their ancestors."""
+
+    def __init__(self, particles: int) -> None:
+        self.row: dict[int, int] = {}  # landmark id -> its row
+        self._filters = np.zeros((RESERVED + 1, 5, particles))  # a slot: mean x, y, covariance xx, xy, yy
+        self._slots = np.arange(RESERVED)  # (reserved,) the slot of each row; the one left over is spare
+        self._spare = RESERVED
+        self._written = np.zeros(RESERVED, np.int64)  # (reserved,) the epoch whose particles a row belongs to
+        self._hops = np.zeros((2 * RESERVED, particles), np.int32)
+        self._epoch = 0
+        self._turn = 0
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def filters(self) -> Array:
+        """(slots, 5, M) mean x, y (m) and covariance xx, xy, yy (m^2); for kernels, which write to it."""
+        return self._filters
+
+    def add(self, landmark: int) -> int:
+        """A slot for a new landmark, which is the caller's to fill."""
+        row = len(self.row)
+        if row == len(self._slots):
+            self._grow()
+        self.row[landmark] = row
+        self._written[row] = self._epoch
+        return int(self._slots[row])
+
+    def resampled(self, ancestors: Ints) -> None:
+        """Each particle m is from now on a copy of what particle ancestors[m] was."""
+        self._epoch += 1
+        remember(self._hops, self._epoch, ancestors)
+        if self.row:
+            self._turn = (self._turn + 1) % len(self.row)
+            self.slots(np.array([self._turn]))
+
+    def slots(self, rows: Ints) -> Ints:
+        """The slots (k,) of the landmarks in `rows` (k,), brought up to date."""
+        self._spare = catch_up(self._filters, self._slots, self._written, self._spare, rows, self._hops, self._epoch)
+        return self._slots[rows]
+
+    def all(self) -> Array:
+        """(N, 5, M) every landmark's filters, in the order of the rows: a copy."""
+        return self._filters[self.slots(np.arange(len(self.row)))]
+
+    def _grow(self) -> None:
+        """Room for twice as many landmarks, and the maps of twice as many epochs."""
+        before = len(self._slots)
+        particles = self._filters.shape[-1]
+        filters = np.zeros((2 * before + 1, 5, particles))
+        filters[: before + 1] = self._filters
+        self._filters = filters
+        self._slots = np.concatenate((self._slots, np.arange(before + 1, 2 * before + 1)))
+        self._written = np.concatenate((self._written, np.zeros(before, np.int64)))
+        hops = np.zeros((4 * before, particles), np.int32)
+        widen(self._hops, hops, self._epoch)
+        self._hops = hops

@@ -1,0 +1,60 @@
+"""The paths of all particles: a tree, since particles that descend from one share its past.
+
+Jacob, Murray and Rubenthaler, "Path storage in the particle filter" (Statistics and Computing, 2015): branches that die
+out are cut off at once, and what is left of n steps of M particles is about n + c M log M poses, against n M.
+"""
+
+import numpy as np
+
+from ...frontend.se2 import Array, Ints
+from ._ancestry import grow
+
+
+class ParticlePaths:
+    """Every particle's poses back to the start; 36 bytes a pose of a living branch, and room for twice as many.
+
+    No branch dies while particles are not resampled: then M poses are kept of every step.
+    """
+
+    def __init__(self, particles: int) -> None:
+        self._poses = np.zeros((0, 3))  # a node: a pose
+        self._parents = np.zeros(0, np.int32)  # the node of the step before, -1 at the start
+        self._children = np.zeros(0, np.int32)  # how many nodes have this one as their parent
+        self._unused = np.zeros(0, np.int32)  # a stack of nodes
+        self._left = 0  # its height
+        self._leaves = np.full(particles, -1, np.int32)  # the node of each particle's last pose
+        self._ancestors: Ints | None = None
+
+    def resampled(self, ancestors: Ints) -> None:
+        """Each particle m is from now on a copy of what particle ancestors[m] was."""
+        self._ancestors = ancestors
+
+    def add(self, poses: Array) -> None:
+        """The particles' poses (3 or more, M) at the next step: x, y, heading and what the caller has below them."""
+        if self._left < len(self._leaves):
+            self._reserve()
+        ancestors = np.arange(len(self._leaves)) if self._ancestors is None else self._ancestors
+        self._ancestors = None
+        self._left = grow(
+            self._poses, self._parents, self._children, self._unused, self._left, self._leaves, ancestors, poses
+        )
+
+    def path(self, particle: int) -> Array:
+        """(n, 3) the poses of that particle and its ancestors, from the start."""
+        nodes: list[int] = []
+        node = int(self._leaves[particle])
+        while node >= 0:
+            nodes.append(node)
+            node = int(self._parents[node])
+        return self._poses[nodes[::-1]]
+
+    def _reserve(self) -> None:
+        """Room for twice as many nodes."""
+        before = len(self._poses)
+        more = max(before, 2 * len(self._leaves))
+        self._poses = np.concatenate((self._poses, np.zeros((more, 3))))
+        self._parents = np.concatenate((self._parents, np.zeros(more, np.int32)))
+        self._children = np.concatenate((self._children, np.zeros(more, np.int32)))
+        unused = np.arange(before + more - 1, before - 1, -1, dtype=np.int32)
+        self._unused = np.concatenate((self._unused[: self._left], unused, np.zeros(before - self._left, np.int32)))
+        self._left += more

@@ -1,0 +1,59 @@
+"""Resampling: from weighted particles to as many equal ones, by four schemes.
+
+Each takes the weights (M,), which need not sum to 1, and returns the ancestors (M,), sorted: particle m is to become a
+copy of particle ancestors[m]. In all of them the expected number of copies of a particle is M times its share of the
+weight; they differ in how far the number strays from that. Douc, Cappé and Moulines, "Comparison of resampling schemes
+for particle filtering" (2005): residual and stratified resampling never vary more than multinomial; of the systematic
+scheme that cannot be proved, but it rarely does, and costs one random number.
+"""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...frontend.se2 import Array, Ints
+from ._ancestry import chosen
+
+Scheme = Callable[[Array, np.random.Generator], Ints]
+
+
+def systematic(weights: Array, rng: np.random.Generator) -> Ints:
+    """M points at equal distances, shifted together by one random number: Probabilistic Robotics, table 4.4.
+
+    A particle gets its expected number of copies, rounded down or up.
+    """
+    M = len(weights)
+    return chosen(weights, (rng.random() + np.arange(M)) / M)
+
+
+def stratified(weights: Array, rng: np.random.Generator) -> Ints:
+    """One random point in each M-th of the line: M random numbers."""
+    M = len(weights)
+    return chosen(weights, (rng.random(M) + np.arange(M)) / M)
+
+
+def residual(weights: Array, rng: np.random.Generator) -> Ints:
+    """The expected number of copies rounded down for certain, the rest drawn by what the rounding took off.
+
+    As many random numbers as there are copies left to be drawn.
+    """
+    M = len(weights)
+    expected = weights * (M / weights.sum())
+    copies = np.floor(expected).astype(np.int64)
+    left = M - int(copies.sum())
+    if left > 0:
+        copies += np.bincount(multinomial(expected - copies, rng, left), minlength=M)
+    return np.repeat(np.arange(M), copies)
+
+
+def multinomial(weights: Array, rng: np.random.Generator, draws: int | None = None) -> Ints:
+    """Every ancestor drawn independently of the others: `draws` random numbers, M where not given."""
+    return chosen(weights, np.sort(rng.random(len(weights) if draws is None else draws)))
+
+
+SCHEMES: Mapping[str, Scheme] = {
+    "systematic": systematic,
+    "stratified": stratified,
+    "residual": residual,
+    "multinomial": multinomial,
+}

@@ -1,0 +1,72 @@
+"""Camera frames with what was found drawn on them."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Seen
+from ...frontend.se2 import Array
+
+# BGR, of Okabe and Ito's colours: green for what is in the log, orange for what is too far away for it.
+KEPT, FAR = (115, 158, 0), (0, 94, 213)
+WHITE, BLACK = (255, 255, 255), (0, 0, 0)
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_SHIFT = 4  # bits of a pixel that OpenCV draws lines to
+
+
+def annotated(seen: Seen, width: int | None = None) -> Image:
+    """The frame in colour, `width` px wide (as it is where None): outlines, ids, ranges, and its time in a corner."""
+    image = seen.frame.image
+    assert image is not None
+    picture = np.array(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image)
+    scale = 1.0 if width is None else width / picture.shape[1]
+    if scale != 1.0:
+        how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+        height, across = (round(scale * size) for size in picture.shape[:2])
+        picture = cv2.resize(picture, (across, height), interpolation=how)
+    size = picture.shape[1] / 640 * (1.1 if width is None else 2.0)  # what is made small is looked at small
+    for sighting, z, kept in zip(seen.sightings, seen.z, seen.kept, strict=True):
+        colour = KEPT if kept else FAR
+        corners = (sighting.corners + 0.5) * scale - 0.5
+        _outline(picture, corners, colour, size)
+        _words(picture, f"{sighting.id}: {z[0]:.2f} m", corners, size)
+    said = f"{seen.frame.t:.2f} s"
+    if seen.rejected.total():
+        said += f"  {seen.rejected.total()} rejected"
+    _write(picture, said, (round(6 * size), picture.shape[0] - round(8 * size)), 0.5 * size)
+    return np.asarray(picture, np.uint8)
+
+
+def _outline(picture: Any, corners: Array, colour: tuple[int, int, int], size: float) -> None:
+    """The square, and a dot at the marker's own top left corner, which tells how it is turned."""
+    points = np.round(corners * (1 << _SHIFT)).astype(np.int32)
+    cv2.polylines(picture, [points], True, WHITE, max(1, round(2 * size)), cv2.LINE_AA, _SHIFT)
+    cv2.polylines(picture, [points], True, colour, max(1, round(1.2 * size)), cv2.LINE_AA, _SHIFT)
+    x, y = (int(value) for value in points[0])
+    cv2.circle(picture, (x, y), round(2.2 * size * (1 << _SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+
+def _words(picture: Any, text: str, corners: Array, size: float) -> None:
+    """Above the marker, or below one at the upper rim; never beyond the sides."""
+    scale = 0.45 * size
+    (width, height), _ = cv2.getTextSize(text, _FONT, scale, _weight(scale))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x = int(np.clip((low[0] + high[0] - width) / 2, 3, max(3, picture.shape[1] - width - 3)))
+    above = low[1] - 6 * size
+    y = above if above > height + 4 else min(high[1] + height + 8 * size, picture.shape[0] - 4)
+    _write(picture, text, (x, int(y)), scale)
+
+
+def _write(picture: Any, text: str, place: tuple[int, int], scale: float) -> None:
+    """White on black, so that it can be read on anything."""
+    (width, height), below = cv2.getTextSize(text, _FONT, scale, _weight(scale))
+    x, y = place
+    cv2.rectangle(picture, (x - 3, y - height - 2), (x + width + 2, y + below // 2), BLACK, cv2.FILLED)
+    cv2.putText(picture, text, place, _FONT, scale, WHITE, _weight(scale), cv2.LINE_AA)
+
+
+def _weight(scale: float) -> int:
+    return max(1, round(2.2 * scale))

@@ -1,0 +1,50 @@
+"""The folder a detection leaves: a log with its report, there whole or not at all."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from ...frontend.errors import InputError
+
+LOG = frozenset({"log.toml", "odometry.csv", "sightings.csv", "truth.tum", "landmarks.csv"})
+OURS = LOG | {"detection.html", "contact.png", "noise.toml"}
+"""What a detection writes; nothing else may be in a folder that is replaced."""
+
+
+def check_place(out: Path) -> None:
+    """InputError where `out` is neither new, nor empty, nor the folder of an earlier detection with nothing added."""
+    if out.is_symlink():
+        raise InputError(f"--out {out}: is a link, expected the folder itself, or a new place.")
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise InputError(f"--out {out}: is a file, expected a folder for the log.")
+    names = {path.name for path in out.iterdir()}
+    if names and not {"log.toml", "detection.html"} <= names:
+        raise InputError(f"--out {out}: is not empty and not of an earlier bench detect; expected a new place.")
+    strangers = sorted(names - OURS)
+    if strangers:
+        raise InputError(f"--out {out}: has {strangers[0]}, which bench detect did not write; expected a new place.")
+
+
+def write_folder(out: Path, write: Callable[[Path], None]) -> None:
+    """Have `write` make a folder beside `out` and put it in its place; InputError where that cannot be done.
+
+    What an earlier detection left there goes only once the new is whole.
+    """
+    check_place(out)
+    place = out.absolute()
+    beside, former = (place.with_name(f".{place.name}.{os.getpid()}.{word}") for word in ("new", "old"))
+    try:
+        write(beside)
+        if place.exists():
+            os.replace(place, former)
+        os.replace(beside, place)
+    except OSError as error:
+        if former.exists() and not place.exists():
+            os.replace(former, place)
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(former, ignore_errors=True)

@@ -1,0 +1,125 @@
+"""A contact sheet: a dozen annotated frames spread over a recording, chosen while it goes by, for their variety."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Seen
+from .annotate import annotated
+
+PICTURES = 12
+COLUMNS = 4
+WIDTH = 480
+"""px, of a picture."""
+
+STRETCHES = 8
+"""At most; when there are more, each two become one, so that the pictures in memory stay few however long it takes."""
+
+_GAP = 8  # px between pictures
+
+
+class Picture(NamedTuple):
+    """A frame that was chosen, and what is on it."""
+
+    number: int  # of the frame among those used
+    t: float  # s
+    kept: int  # markers in the log
+    far: int  # too far away for it
+    rejected: int
+    image: Image  # (h, w, 3) BGR
+
+
+@dataclass
+class Contact:
+    """Chooses as frames go by.
+
+    Of every stretch of the recording it keeps at most four: the frame with the most markers, that with the fewest,
+    that with the most rejections, and the first.
+    """
+
+    _stretches: list[list[Picture]] = field(default_factory=list[list[Picture]])
+    _frames: int = 0
+    _length: int = 1  # frames a stretch
+
+    def observe(self, seen: Seen) -> None:
+        """Look at a frame; it is drawn only where it is kept."""
+        if self._frames % self._length == 0:
+            if len(self._stretches) == STRETCHES:
+                pairs = zip(self._stretches[::2], self._stretches[1::2], strict=True)
+                self._stretches = [_best([*one, *other]) for one, other in pairs]
+                self._length *= 2
+            self._stretches.append([])
+        kept = int(seen.kept.sum())
+        new = Picture(self._frames, seen.frame.t, kept, len(seen.kept) - kept, seen.rejected.total(), _NOT_DRAWN)
+        best = _best([*self._stretches[-1], new])
+        self._stretches[-1] = [
+            one._replace(image=annotated(seen, WIDTH)) if one.image is _NOT_DRAWN else one for one in best
+        ]
+        self._frames += 1
+
+    def __len__(self) -> int:
+        return sum(map(len, self._stretches))
+
+    def pictures(self) -> list[Picture]:
+        """At most `PICTURES`, in order: the fullest of each stretch, some with rejections, some empty, others."""
+        fullest = [max(stretch, key=_fullness) for stretch in self._stretches]
+        taken = {one.number for one in fullest}
+        others = [one for stretch in self._stretches for one in stretch if one.number not in taken]
+        rejecting = [one for one in others if one.rejected]
+        empty = [one for one in others if not one.rejected and not one.kept]
+        rest = [one for one in others if not one.rejected and one.kept]
+        room = PICTURES - len(fullest)
+        extra = _spread(rejecting, (room + 1) // 2)
+        extra += _spread(empty, room - len(extra))
+        extra += _spread(rest, room - len(extra))
+        more = [one for one in rejecting if one.number not in {taken.number for taken in extra}]
+        extra += _spread(more, room - len(extra))
+        return sorted([*fullest, *extra])
+
+
+def sheet(pictures: list[Picture]) -> Image:
+    """All in one image, row by row, on black."""
+    height, width = (max(one.image.shape[axis] for one in pictures) for axis in (0, 1))
+    columns = min(COLUMNS, len(pictures))
+    rows = -(-len(pictures) // columns)
+    whole = np.zeros((rows * (height + _GAP) + _GAP, columns * (width + _GAP) + _GAP, 3), np.uint8)
+    for place, one in enumerate(pictures):
+        top, left = (k * (size + _GAP) + _GAP for k, size in zip(divmod(place, columns), (height, width), strict=True))
+        whole[top : top + one.image.shape[0], left : left + one.image.shape[1]] = one.image
+    return whole
+
+
+def encoded(image: Image, suffix: str) -> bytes:
+    """The image as the bytes of a .png or .jpg file."""
+    settings = [cv2.IMWRITE_JPEG_QUALITY, 82] if suffix == ".jpg" else []
+    _, content = cv2.imencode(suffix, image, settings)
+    return content.tobytes()
+
+
+def _best(candidates: list[Picture]) -> list[Picture]:
+    """The four that a stretch keeps, or fewer where one is several of them, in order."""
+    chosen = {one.number: one for one in (max(candidates, key=_fullness), min(candidates, key=_fullness))}
+    chosen |= {one.number: one for one in [max(candidates, key=_rejections)] if one.rejected}
+    chosen[candidates[0].number] = candidates[0]
+    return sorted(chosen.values())
+
+
+def _fullness(one: Picture) -> tuple[int, int]:
+    return one.kept, one.far
+
+
+def _rejections(one: Picture) -> int:
+    return one.rejected
+
+
+def _spread(candidates: list[Picture], count: int) -> list[Picture]:
+    """At most `count` of them, evenly."""
+    if len(candidates) <= count:
+        return candidates[: max(count, 0)]
+    return [candidates[k] for k in np.linspace(0, len(candidates) - 1, count).round().astype(int)] if count > 0 else []
+
+
+_NOT_DRAWN: Image = np.zeros((0, 0, 3), np.uint8)

@@ -1,0 +1,123 @@
+"""The noise models fitted to a recording whose truth is known, and how true the stated noise is, by range."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.markers.noise import PropagatedNoise, ProportionalNoise
+from ...frontend.markers.noise_fit import Propagated, Slope, fit_propagated, fit_slope, squares
+from ...frontend.se2 import Array
+from .sightings import Sightings, in_log
+from .true_sightings import TrueErrors
+
+CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
+"""What the corners alone make of a sighting's covariance, at the scale 1."""
+
+HONEST = (0.8, 1.2)
+"""NEES of (range, bearing), over its two degrees of freedom, that pass for 1, which is exact."""
+
+
+class RangeBin(NamedTuple):
+    """The errors of the sightings in the log from `low` to `high`, m."""
+
+    low: float
+    high: float
+    sightings: int
+    range_mean: float  # m
+    range_sd: float  # m, about the mean
+    bearing_mean: float  # rad
+    bearing_sd: float  # rad
+    nees: Sequence[float]  # over its two degrees of freedom, by each noise, as stated first
+
+
+class Calibration(NamedTuple):
+    """Both models, fitted."""
+
+    sightings: int
+    range: Slope
+    bearing: Slope
+    corners: Propagated
+    corner_sd: float  # px, of a corner, root mean square, as fitted
+    proportional: ProportionalNoise
+    propagated: PropagatedNoise
+    likelier: str  # the model under which these errors are the likelier
+    bins: list[RangeBin]  # of the sightings that neither fit set aside; nees: stated, proportional, propagated
+
+
+def known_in_log(sightings: Sightings, true: TrueErrors) -> tuple[Sightings, Array]:
+    """The m sightings in the log whose errors are known, and these, (m, 2)."""
+    both = sightings._replace(kept=sightings.kept & true.known)
+    return in_log(both), true.errors[sightings.kept[true.known]]
+
+
+def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibration:
+    """Fit both models to the sightings in the log; `edges` (k + 1,), m, are those of the range bins.
+
+    InputError where too few sightings have an error.
+    """
+    seen, errors = known_in_log(sightings, true)
+    by_range, by_bearing = (fit_slope(seen.z[:, axis], errors[:, axis]) for axis in (0, 1))
+    corners = fit_propagated(errors, seen.corner_noise)
+    proportional = ProportionalNoise(by_range.k, by_bearing.k, by_range.floor, by_bearing.floor)
+    propagated = PropagatedNoise(corners.scale, *(float(floor) for floor in corners.floors))
+    used = by_range.used & by_bearing.used & corners.used
+    fixed = np.diag([propagated.floor_range**2, propagated.floor_bearing**2])
+    covs = (seen.cov, proportional.cov(seen.z), propagated.scale**2 * seen.corner_noise + fixed)
+    costs = [(squares(errors, cov) + np.linalg.slogdet(cov)[1])[used].mean() for cov in covs[1:]]
+    return Calibration(
+        sightings=len(errors),
+        range=by_range,
+        bearing=by_bearing,
+        corners=corners,
+        corner_sd=corners.scale * float(np.sqrt(np.mean(seen.corner_sd**2))),
+        proportional=proportional,
+        propagated=propagated,
+        likelier="proportional" if costs[0] <= costs[1] else "propagated",
+        bins=range_table(seen.z[used], errors[used], [cov[used] for cov in covs], edges),
+    )
+
+
+def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) -> list[RangeBin]:
+    """The errors (n, 2) of the measurements z (n, 2) by range; `covs` are the noises to hold them against.
+
+    Bins without a sighting are left out; `edges` (k + 1,), m.
+    """
+    place = np.digitize(z[:, 0], edges) - 1
+    normalised = [squares(errors, cov) / 2 for cov in covs]
+    return [
+        RangeBin(
+            float(edges[k]),
+            float(edges[k + 1]),
+            int(mine.sum()),
+            *(float(value) for e in errors[mine].T for value in (e.mean(), e.std())),
+            nees=[float(one[mine].mean()) for one in normalised],
+        )
+        for k in range(len(edges) - 1)
+        if (mine := place == k).any()
+    ]
+
+
+def toml(calibration: Calibration) -> str:
+    """The [noise] of a robot.toml: the likelier model in force, the other commented out beside it."""
+    c = calibration
+    sections = {
+        "proportional": (
+            ("k_range", c.range.k, c.range.k_error, "of the range"),
+            ("k_bearing", c.bearing.k, c.bearing.k_error, "of the bearing"),
+            ("floor_range", c.range.floor, c.range.floor_error, "m"),
+            ("floor_bearing", c.bearing.floor, c.bearing.floor_error, "rad"),
+        ),
+        "propagated": (
+            ("scale", c.corners.scale, c.corners.scale_error, f"with it a corner has {c.corner_sd:.3f} px"),
+            ("floor_range", c.corners.floors[0], c.corners.floor_errors[0], "m"),
+            ("floor_bearing", c.corners.floors[1], c.corners.floor_errors[1], "rad"),
+        ),
+    }
+    lines = [f"# Fitted to {c.sightings} sightings with truth; the {c.likelier} model explains them better.", "[noise]"]
+    for model in sorted(sections, key=lambda name: name != c.likelier):
+        mark = "" if model == c.likelier else "# "
+        lines.append(f'{mark}model = "{model}"')
+        for name, value, error, unit in sections[model]:
+            lines.append(f"{mark}{name} = {value:.4g}  # {unit}, +- {error:.1g}")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,149 @@
+"""Pages of markers and calibration boards at their true size, as a PDF.
+
+Lengths are millimetres, from a page's lower left corner. Ink is filled outlines: modules that touch are one shape, so
+that no viewer shows a hairline between them.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path as File
+from typing import Any
+
+import cv2
+import numpy as np
+from matplotlib import style
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.transforms import Affine2D, Transform
+from numpy.typing import NDArray
+
+from ...frontend.se2 import Array
+from .sheets import EDGE, FOOT, PAGES, STRIP, Placed, check_fits
+
+BAR = 100.0
+"""The length of the scale bar, from end to end."""
+
+TICK = 3.0
+
+POINT = 25.4 / 72
+"""mm."""
+
+_STYLE: dict[str, Any] = {"pdf.fonttype": 42, "text.parse_math": False, "font.size": 6, "patch.linewidth": 0.25}
+
+Draw = Callable[[Figure, Transform], None]
+"""Draws on a page of which the second argument is the transform from millimetres."""
+
+
+def markers(placed: Sequence[Placed]) -> Draw:
+    """Markers, and at the corners of each sheet where to cut: a line all around would be one more square to find."""
+
+    def draw(figure: Figure, scale: Transform) -> None:
+        for sheet, x, y in placed:
+            top = y + sheet.height
+            figure.add_artist(
+                PathPatch(_ticks(x, y, sheet.width, sheet.height), transform=scale, fill=False, edgecolor="0.6")
+            )
+            corner = np.array([x + sheet.rim, top - sheet.rim])
+            _fill(figure, scale, [corner + loop * [sheet.rim, -sheet.rim] for loop in outlines(sheet.black)])
+            for line, (words, largest) in enumerate(zip(sheet.words, (7.0, 5.0), strict=True)):
+                size = min(largest, sheet.side / (0.6 * len(words)) / POINT)
+                up = y + STRIP * (0.7 - 0.45 * line)
+                figure.text(x + sheet.rim, up, words, transform=scale, fontsize=size, va="center")
+
+    return draw
+
+
+def board(charuco: cv2.aruco.CharucoBoard, words: str, page: str) -> Draw:
+    """A ChArUco board in the middle of a page, `words` at its foot. InputError where it is too large."""
+    columns, rows = charuco.getChessboardSize()
+    square, side = 1000 * charuco.getSquareLength(), 1000 * charuco.getMarkerLength()
+    width, height = columns * square, rows * square
+    check_fits("the board", width, height, EDGE, page)
+    dictionary = charuco.getDictionary()
+    modules = dictionary.markerSize + 2
+    black = np.ones((rows, columns), bool)
+    loops: list[Array] = []
+    for name, corners in zip(np.ravel(charuco.getIds()), charuco.getObjPoints(), strict=True):
+        corner = 1000 * np.asarray(corners, float)[:, :2].min(axis=0)  # x to the right, y down
+        column, row = ((corner + side / 2) // square).astype(int)
+        black[row, column] = False
+        drawn = np.asarray(dictionary.generateImageMarker(int(name), modules, borderBits=1))
+        loops += [corner + loop * side / modules for loop in outlines(drawn == 0)]
+    loops += [square * loop for loop in outlines(black)]
+    page_width, page_height = PAGES[page]
+    origin = np.array([(page_width - width) / 2, (page_height - EDGE + FOOT + height) / 2])
+
+    def draw(figure: Figure, scale: Transform) -> None:
+        _fill(figure, scale, [origin + loop * [1, -1] for loop in loops])
+        figure.text(page_width - 2 * EDGE, EDGE, words, transform=scale, ha="right")
+
+    return draw
+
+
+def write_pdf(path: File, page: str, drawings: Sequence[Draw], title: str) -> None:
+    """Put the pages in a file that is there whole or not at all."""
+    made = BytesIO()
+    about = {"Title": title, "Creator": "slamduel", "CreationDate": None}
+    with style.context(["default", _STYLE]), PdfPages(made, metadata=about) as pdf:
+        for draw in drawings:
+            pdf.savefig(drawn(page, draw))
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_bytes(made.getvalue())
+    os.replace(beside, path)
+
+
+def drawn(page: str, draw: Draw) -> Figure:
+    """A page with its scale bar and what `draw` draws."""
+    width, height = PAGES[page]
+    figure = Figure(figsize=(width / 25.4, height / 25.4))
+    scale = Affine2D().scale(1 / 25.4) + figure.dpi_scale_trans
+    left, low, thin = 2 * EDGE, EDGE + 4.0, 0.3
+    ticks = [(left, low - 1, thin, 2 + thin), (left + BAR - thin, low - 1, thin, 2 + thin)]
+    for x, y, w, h in [(left, low, BAR, thin), *ticks]:
+        _fill(figure, scale, [np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])])
+    figure.text(left + BAR / 2, EDGE, "print at 100 %, this bar is 100 mm", transform=scale, ha="center")
+    draw(figure, scale)
+    return figure
+
+
+def outlines(black: NDArray[np.bool_]) -> list[Array]:
+    """The closed outlines (n, 2) of the black cells, as (column, row) of the cells' corners.
+
+    Shapes are traced one way round and their holes the other: filled by the non-zero rule they are the cells.
+    """
+    edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for row, column in np.argwhere(black).tolist():
+        ring = [(column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1), (column, row)]
+        for start, end in pairwise(ring):
+            if start in edges.get(end, []):
+                edges[end].remove(start)  # between two black cells
+            else:
+                edges.setdefault(start, []).append(end)
+    loops: list[Array] = []
+    for start, ends in edges.items():
+        while ends:
+            loop = [start, ends.pop()]
+            while loop[-1] != start:
+                loop.append(edges[loop[-1]].pop())
+            corners = np.array(loop[:-1])
+            before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+            loops.append(corners[(before != after).any(axis=1)].astype(float))
+    return loops
+
+
+def _ticks(x: float, y: float, width: float, height: float) -> Path:
+    """Where the edges of a rectangle meet, the beginnings of both."""
+    lines: list[tuple[float, float]] = []
+    for corner_x, inwards in ((x, TICK), (x + width, -TICK)):
+        for corner_y, upwards in ((y, TICK), (y + height, -TICK)):
+            lines += [(corner_x + inwards, corner_y), (corner_x, corner_y), (corner_x, corner_y + upwards)]
+    return Path(lines, [Path.MOVETO, Path.LINETO, Path.LINETO] * 4)
+
+
+def _fill(figure: Figure, scale: Transform, loops: Sequence[Array]) -> None:
+    shape = Path.make_compound_path(*(Path([*loop, loop[0]], closed=True) for loop in loops))
+    figure.add_artist(PathPatch(shape, transform=scale, facecolor="black", edgecolor="none", linewidth=0))

@@ -1,0 +1,77 @@
+"""An annotated video of what was found, written frame by frame beside its place and moved there when it is whole."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Seen
+from .annotate import annotated
+
+CODECS = {".mp4": "mp4v", ".mkv": "mp4v", ".avi": "MJPG", ".webm": "VP80"}
+"""Suffix -> the codec that OpenCV's own writer has for it everywhere."""
+
+_TIMED = 8  # frames whose times settle the frame rate
+
+
+class Preview:
+    """A context manager; without an exception the video is there at the end, else nothing is."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._beside = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+        self._waiting: list[Image] = []
+        self._times: list[float] = []
+        self._writer: Any = None
+
+    def check(self) -> None:
+        """InputError for a suffix without a codec and for a folder that is not there."""
+        if self._path.suffix.lower() not in CODECS:
+            raise InputError(f"--preview {self._path}: expected a name that ends in {', '.join(CODECS)}")
+        if not self._path.absolute().parent.is_dir() or self._path.is_dir():
+            raise InputError(f"--preview {self._path}: expected a file in a folder that exists")
+
+    def observe(self, seen: Seen) -> None:
+        """Draw and write a frame. InputError where the video cannot be written."""
+        self._times.append(seen.frame.t)
+        self._waiting.append(annotated(seen))
+        if self._writer is not None or len(self._times) == _TIMED:
+            self._flush()
+
+    def __enter__(self) -> "Preview":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            if kind is None and self._waiting:
+                self._flush()
+            if self._writer is not None:
+                self._writer.release()
+                if kind is None:
+                    if not self._beside.is_file() or not self._beside.stat().st_size:
+                        raise self._refusal()
+                    os.replace(self._beside, self._path)
+        finally:
+            self._beside.unlink(missing_ok=True)
+
+    def _flush(self) -> None:
+        if self._writer is None:
+            height, width = self._waiting[0].shape[:2]
+            gap = float(np.median(np.diff(self._times))) if len(self._times) > 1 else 1.0
+            codec = cv2.VideoWriter.fourcc(*CODECS[self._path.suffix.lower()])
+            rate = float(np.clip(1 / gap, 1, 120))
+            self._writer = cv2.VideoWriter(str(self._beside), codec, rate, (width, height))
+            if not self._writer.isOpened():
+                raise self._refusal()
+        for image in self._waiting:
+            self._writer.write(image)
+        self._waiting.clear()
+        self._times = self._times[:_TIMED]
+
+    def _refusal(self) -> InputError:
+        codec = CODECS[self._path.suffix.lower()]
+        return InputError(f"--preview {self._path}: this OpenCV cannot write a video there with codec {codec}")

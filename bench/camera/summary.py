@@ -1,0 +1,126 @@
+"""What a detection comes to, in words and in numbers: for the terminal, the report and for other programs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.factors import Log, Truth
+from ..words.numerals import counted, listed, number
+from .noise_calibration import HONEST, Calibration, RangeBin
+from .sightings import Detection, Marker, Sightings, in_log, markers, per_frame
+from .true_sightings import TrueErrors
+
+NOISES = ("stated", "proportional", "propagated")
+"""In the order of a range bin's NEES; the last two only where they were fitted."""
+
+HARDLY = 0.05
+"""Share of frames with a marker, below which it is said why that may be."""
+
+
+class Findings(NamedTuple):
+    """All that is told of a recording once it has been gone through."""
+
+    log: Log
+    truth: Truth | None  # at the log's times
+    max_range: float  # m
+    size: tuple[int, int]  # px, width and height of a frame
+    t: np.ndarray[Any, np.dtype[np.float64]]  # (n,) s, of the frames used
+    sightings: Sightings
+    true: TrueErrors | None
+    bins: Sequence[RangeBin]  # of the sightings with known errors
+    advice: Sequence[str]  # why so little was found, and what else looks wrong
+    calibration: Calibration | None
+
+
+def hardly_any(detection: Detection) -> bool:
+    """Whether so few frames have a marker that something must be wrong."""
+    return int((per_frame(detection.sightings(), detection.frames) > 0).sum()) < HARDLY * detection.frames
+
+
+def headline(f: Findings) -> list[str]:
+    """The first sentence says what was found, the others how good it is."""
+    kept = in_log(f.sightings)
+    frames = len(f.t)
+    if not len(kept.ids):
+        return [f"No marker that can be used was found in {counted(frames, 'frame')}."]
+    found = counted(len(kept.ids), "sighting"), counted(len(np.unique(kept.ids)), "marker")
+    counts = per_frame(kept, frames)
+    none = int((counts == 0).sum())
+    mean = number(float(counts.mean()))
+    said = [f"{found[0]} of {found[1]} in {counted(frames, 'frame')}, {mean} a frame; {none:,} saw none."]
+    said.append(f"Corners fit to {number(float(np.sqrt((kept.error**2).mean())))} px.")
+    if f.bins:
+        said.append(_truthfulness(f.bins))
+    return said
+
+
+def _truthfulness(bins: Sequence[RangeBin]) -> str:
+    n = np.array([one.sightings for one in bins])
+    nees = float(n @ [one.nees[0] for one in bins] / n.sum())
+    bias = float(n @ [one.range_mean for one in bins] / n.sum())
+    word = "cautious" if nees < HONEST[0] else "honest" if nees <= HONEST[1] else "overconfident"
+    return (
+        f"Against the truth, ranges are {number(1e3 * abs(bias))} mm too {'long' if bias > 0 else 'short'} on average, "
+        f"and the stated noise is {word}: NEES {number(nees)}, where 1 is exact."
+    )
+
+
+def left_out(log: Log) -> list[tuple[str, int]]:
+    """What is in the recording and not in the log, and why: (reason, how many); frames first."""
+    counts: Mapping[str, int] = log.notes["counts"]
+    other = [(name, n) for name, n in counts.items() if n and name not in ("frames", "sightings")]
+    return sorted(other, key=lambda one: not one[0].startswith("frames "))
+
+
+def left_out_words(log: Log) -> str:
+    """In a line; "nothing" where there is nothing."""
+    return listed([f"{n:,} {_noun(name)}" for name, n in left_out(log)]) if left_out(log) else "nothing"
+
+
+def _noun(name: str) -> str:
+    """What a count is of: reasons that are no nouns are those of markers turned down."""
+    return name if name.startswith(("frames ", "sightings ")) else f"markers ({name})"
+
+
+def marker_rows(f: Findings) -> list[Marker]:
+    """The markers in the log."""
+    return list(markers(in_log(f.sightings), f.t))
+
+
+def as_json(f: Findings, out: str) -> dict[str, Any]:
+    """What a program reads."""
+    kept = in_log(f.sightings)
+    words: dict[str, Any] = {
+        "log": out,
+        "name": f.log.name,
+        "frames": len(f.t),
+        "seconds": float(f.t[-1] - f.t[0]),
+        "width": f.size[0],
+        "height": f.size[1],
+        "sightings": len(kept.ids),
+        "markers": [one._asdict() for one in marker_rows(f)],
+        "left_out": dict(left_out(f.log)),
+        "advice": list(f.advice),
+        "truth": None if f.truth is None else f.truth.kind,
+        "by_range": [
+            one._asdict() | {"nees": dict(zip(NOISES, one.nees, strict=False))}
+            for one in (f.calibration.bins if f.calibration else f.bins)
+        ],
+    }
+    if f.calibration is not None:
+        c = f.calibration
+        words["noise"] = {
+            "proportional": c.proportional.settings,
+            "propagated": c.propagated.settings,
+            "likelier": c.likelier,
+            "standard_errors": {
+                "k_range": c.range.k_error,
+                "k_bearing": c.bearing.k_error,
+                "floor_range": c.range.floor_error,
+                "floor_bearing": c.bearing.floor_error,
+                "scale": c.corners.scale_error,
+            },
+            "sightings": c.sightings,
+        }
+    return words

@@ -1,0 +1,148 @@
+"""A backend under examination: run over a log, and everything it answered kept."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...backends.api import Backend, Belief, Builder, Map, Pose, Solution
+from ...frontend import se2
+from ...frontend.factors import Log, Prior
+from ...frontend.se2 import Array
+from .small_logs import dead_reckoned
+
+SIGMAS = 6.0
+"""How many standard deviations an estimate may be off: one sound backend in a billion steps is further away."""
+ROUNDING = 1e-6
+"""What rounding and iterations stopped early may add up to in some tens of metres, in m and rad."""
+
+
+class Failed(Exception):
+    """A backend does not do what a check asks; the text says what was found and what was expected."""
+
+
+class NotApplicable(Exception):
+    """A check does not concern this backend; the text says why."""
+
+
+class GaveUp(Exception):
+    """A backend raised Diverged where it may; the text is the reason it gave."""
+
+
+class Trial(NamedTuple):
+    """All that a backend answered over one log of n steps."""
+
+    returned: list[Pose | None]  # what step returned, as it was returned
+    poses: list[Pose | None]  # the same, copied on the spot
+    beliefs: list[Belief | None]  # after every step where they were asked for, else empty
+    map: Map  # after the last step
+    solution: Solution | None
+
+    @property
+    def paths(self) -> dict[str, Array]:
+        """The paths (n, 3) it gave: online, final or both."""
+        paths: dict[str, Array] = {}
+        online = [pose for pose in self.poses if pose is not None]
+        if online:
+            if len(online) < len(self.poses):
+                raise Failed(f"step returned {len(online)} poses and None otherwise in {len(self.poses)} steps")
+            paths["online"] = np.array(online)
+        if self.solution is not None:
+            paths["final"] = self.solution.path
+        if not paths:
+            raise Failed("neither step nor finish returned a pose")
+        for which, path in paths.items():
+            if path.shape != (len(self.poses), 3):
+                raise Failed(f"the {which} path has shape {path.shape}, expected ({len(self.poses)}, 3)")
+            odd = np.any(~np.isfinite(path), axis=1)
+            if odd.any():
+                raise Failed(f"the {which} path is not finite from step {first(odd)} on")
+        return paths
+
+    @property
+    def final_map(self) -> Map:
+        """The map it ends with: the solution's where there is one."""
+        return self.map if self.solution is None else self.solution.map
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What is being examined: a builder and the options it is run with."""
+
+    builder: Builder
+    options: Any
+
+    def fresh(self, prior: Prior, seed: int = 0) -> Backend:
+        """A new backend with its own generator."""
+        return self.builder.make(prior, self.options, np.random.default_rng(seed))
+
+    def run(self, log: Log, *, seed: int = 0, asking: bool = False) -> Trial:
+        """All of `log` through a new backend; `asking` for its belief and map after every step."""
+        backend = self.fresh(log.prior, seed)
+        returned: list[Pose | None] = []
+        poses: list[Pose | None] = []
+        beliefs: list[Belief | None] = []
+        for step in log:
+            pose = backend.step(step)
+            returned.append(pose)
+            poses.append(None if pose is None else np.array(pose))
+            if asking:
+                beliefs.append(backend.belief())
+                backend.map()
+        landmarks = backend.map()
+        return Trial(returned, poses, beliefs, landmarks, backend.finish())
+
+    def with_landmarks(self, log: Log) -> Trial:
+        """`run`, for a check about landmarks: it does not concern a backend whose map stays empty."""
+        trial = self.run(log)
+        if len(trial.final_map.ids) == 0:
+            raise NotApplicable("it builds no map")
+        return trial
+
+    def slack(self, log: Log) -> tuple[Array, Array]:
+        """How far (n,) m and (n,) rad an estimate on an *exact* log may be off at each step.
+
+        Odometry's first-order spread bounds the errors of sampling, so a random backend is given SIGMAS of it. Any
+        backend is given the second order, path length times heading variance, in which sound filters differ.
+        """
+        _, cov = dead_reckoned(log)
+        length = np.concatenate(([1.0], 1.0 + np.cumsum(np.hypot(log.delta[1:, 0], log.delta[1:, 1]))))
+        second_order = ROUNDING + length * cov[:, 2, 2]
+        if not self.builder.random:
+            return second_order, second_order
+        position, heading = spread(cov)
+        return second_order + position, second_order + heading
+
+
+def spread(cov: Array) -> tuple[Array, Array]:
+    """SIGMAS standard deviations of pose covariances (n, 3, 3): of position in its worst direction, and of heading."""
+    worst = np.linalg.eigvalsh(cov[:, :2, :2])[:, -1]
+    return SIGMAS * np.sqrt(worst), SIGMAS * np.sqrt(cov[:, 2, 2])
+
+
+def first(wrong: NDArray[np.bool]) -> int:
+    """The first step at which `wrong` (n,) is true."""
+    return int(np.argmax(wrong))
+
+
+def stays_near(path: Array, expected: Array, allowed: tuple[Array, Array], what: str) -> float:
+    """The largest distance (m) of `path` (n, 3) from `expected`; Failed where over `allowed`, (n,) m and (n,) rad."""
+    distance = np.linalg.norm((path - expected)[:, :2], axis=1)
+    turn = np.abs(se2.wrap(path[:, 2] - expected[:, 2]))
+    for error, bound, unit in ((distance, allowed[0], "m"), (turn, allowed[1], "rad")):
+        if (error > bound).any():
+            k = first(error > bound)
+            raise Failed(f"{what} is {error[k]:.3g} {unit} off at step {k}, expected at most {bound[k]:.3g} {unit}")
+    return float(distance.max())
+
+
+def same(path: dict[str, Array], other: dict[str, Array], what: str) -> None:
+    """Failed unless two runs gave the same paths bit for bit; `what` says between which runs."""
+    if path.keys() != other.keys():
+        raise Failed(f"{what}: one gave {' and '.join(path)} poses, the other {' and '.join(other)}")
+    for which, poses in path.items():
+        differs = np.any(poses != other[which], axis=1)
+        if differs.any():
+            gap = np.abs(poses - other[which]).max()
+            raise Failed(f"{what}: the {which} paths differ from step {first(differs)} on, by up to {gap:.3g}")

@@ -1,0 +1,75 @@
+"""Checks in a process of their own, so that a backend that hangs, crashes or exits fails one check and no more.
+
+The process writes down what it starts on and what came of it. A watchdog in it, a thread below Python that compiled
+code cannot hold up, ends it when a check is overdue; then the rest goes on in a new one.
+"""
+
+import faulthandler
+import pickle
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...backends import registry as backends
+from ..workers.tasks import execute
+from .candidate import Candidate
+from .suite import Check, Outcome, chosen, examine
+
+
+@dataclass(frozen=True)
+class Task:
+    """What one process is to do."""
+
+    backend: str  # its name
+    options: Any
+    checks: tuple[str, ...]  # names
+    diary: Path  # where it writes, in turns, the time (s) at which it starts on a check, and its Outcome
+    limit_s: float
+
+
+def examined(backend: str, options: Any, checks: Sequence[Check], limit_s: float) -> Iterator[Outcome]:
+    """The outcomes of `checks` on the backend of that name, in order; no check has more than `limit_s`."""
+    left = list(checks)
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
+        while left:
+            diary = Path(folder) / str(len(left))
+            diary.touch()
+            names = tuple(check.name for check in left)
+            (ended,) = execute(run, [Task(backend, options, names, diary, limit_s)], workers=1)
+            outcomes, begun = _read(diary)
+            yield from outcomes
+            left = left[len(outcomes) :]
+            if left:
+                overdue = begun is not None and time.time() - begun >= limit_s
+                found = f"it did not come back within {limit_s:g} s" if overdue else ended.death
+                yield Outcome(left[0].name, left[0].title, "failed", found)
+                del left[0]
+
+
+def run(task: Task) -> None:
+    """What the process does."""
+    candidate = Candidate(backends.find(task.backend), task.options)
+    with task.diary.open("ab") as diary:
+        for check in chosen(task.checks):
+            pickle.dump(time.time(), diary)
+            diary.flush()
+            faulthandler.dump_traceback_later(task.limit_s, exit=True)
+            outcome = examine(check, candidate)
+            faulthandler.cancel_dump_traceback_later()
+            pickle.dump(outcome, diary)
+            diary.flush()
+
+
+def _read(diary: Path) -> tuple[list[Outcome], float | None]:
+    """The outcomes in a diary, and when the check was begun that has none, if there is one."""
+    entries: list[Any] = []
+    with diary.open("rb") as file:
+        while True:
+            try:
+                entries.append(pickle.load(file))
+            except EOFError:
+                break
+    return entries[1::2], entries[-1] if len(entries) % 2 else None

@@ -1,0 +1,98 @@
+"""The suite behind `bench check BACKEND`: the same checks on every backend, built in or brought along.
+
+A check returns a sentence on what it found, or raises Failed, GaveUp or NotApplicable with one; any other exception is
+the backend's, and fails that check alone. Checks come in three families: `contract` and `estimates`, each a function
+whose docstring is its title, and `adversarial`, one for each of the fifty logs.
+"""
+
+import traceback
+from collections.abc import Callable, Collection, Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from ...backends.api import Builder
+from ...frontend.errors import InputError
+from . import contract, estimates
+from .adversarial import ends_near_the_batch_answer
+from .adversarial_logs import ADVERSARIES
+from .candidate import Candidate, Failed, GaveUp, NotApplicable
+
+Family = Literal["contract", "estimates", "adversarial"]
+
+
+class Check(NamedTuple):
+    """One thing that is asked of a backend."""
+
+    family: Family
+    name: str
+    title: str  # what it asks for, or what is hard about its log
+    run: Callable[[Candidate], str]
+
+
+class Outcome(NamedTuple):
+    """What came of one check."""
+
+    name: str
+    title: str
+    status: Literal["passed", "gave up", "failed", "not applicable"]
+    found: str  # a sentence: what was found and, where it failed, what was expected
+
+
+def _of(family: Family, function: Callable[[Candidate], str]) -> Check:
+    title = " ".join((function.__doc__ or "").split())
+    return Check(family, function.__name__.replace("_", "-"), title, function)
+
+
+QUICK: tuple[Check, ...] = (
+    *(_of("contract", function) for function in contract.CHECKS),
+    *(_of("estimates", function) for function in estimates.CHECKS),
+)
+"""Those on small logs, about two seconds in all."""
+ADVERSARIAL: tuple[Check, ...] = tuple(
+    Check("adversarial", log.name, log.title, partial(ends_near_the_batch_answer, adversary=log)) for log in ADVERSARIES
+)
+CHECKS = QUICK + ADVERSARIAL
+
+
+def chosen(only: Collection[str]) -> tuple[Check, ...]:
+    """The checks of these names or families; all where none is named. InputError where there is no such thing."""
+    families = dict.fromkeys(check.family for check in CHECKS)
+    for word in only:
+        if word not in families and word not in {check.name for check in CHECKS}:
+            raise InputError(
+                f"--only: there is no check {word!r}; expected {', '.join(families)}, or names of checks as "
+                "`bench check` prints them."
+            )
+    return tuple(check for check in CHECKS if not only or check.family in only or check.name in only)
+
+
+def check_backend(builder: Builder, options: Any = None, checks: Iterable[Check] = QUICK) -> list[Outcome]:
+    """`checks` on the backend that `builder` makes with `options`, its defaults where None, in this very process.
+
+    `checks=CHECKS` has the adversarial logs, too: tens of seconds. Nothing here ends a backend that does not come back.
+    """
+    candidate = Candidate(builder, builder.options() if options is None else options)
+    return [examine(check, candidate) for check in checks]
+
+
+def examine(check: Check, candidate: Candidate) -> Outcome:
+    """The outcome of one check; whatever the backend raises is in it."""
+    name, title = check.name, check.title
+    try:
+        return Outcome(name, title, "passed", check.run(candidate))
+    except NotApplicable as reason:
+        return Outcome(name, title, "not applicable", str(reason))
+    except GaveUp as reason:
+        return Outcome(name, title, "gave up", str(reason))
+    except Failed as reason:
+        return Outcome(name, title, "failed", str(reason))
+    except (Exception, SystemExit) as error:
+        return Outcome(name, title, "failed", f"it raised {type(error).__name__}: {error} ({_where(error)})")
+
+
+def _where(error: BaseException) -> str:
+    """File and line of the innermost frame that is not numpy's own."""
+    frames = traceback.extract_tb(error.__traceback__)
+    frame = [f for f in frames if "numpy" not in Path(f.filename).parts][-1]
+    return f"{frame.filename}:{frame.lineno}"

@@ -1,0 +1,99 @@
+"""What a study comes to: whether it reproduces what was published, from the answers to its claims.
+
+A study reproduces its finding where all its claims hold. That is an intersection-union test once more (Berger,
+Technometrics 24(4), 1982): a finding that is false in some part is said to be reproduced no more often than that part's
+claim holds wrongly, so nothing is to be corrected for the number of claims. Each was stated before any cell ran, and
+its own sentence is about itself alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import isinf, isnan
+from typing import Any, Literal, NamedTuple
+
+from ..words.numerals import counted
+from .answer import Answer, Part
+from .found import FIGURES, Verdict
+
+SAYS = {
+    "yes": ("Reproduced", "The answer is yes"),
+    "no": ("Not reproduced", "The answer is no"),
+    "open": ("Cannot be told", "There is no answer"),
+}
+"""What a conclusion begins with: of a published finding, and of a question of one's own."""
+
+
+class Conclusion(NamedTuple):
+    """The answers of a study, and what they come to."""
+
+    answers: tuple[Answer, ...]
+    reproduced: Literal["yes", "no", "open"]
+    sentence: str
+
+
+def conclude(answers: Sequence[Answer], finding: str) -> Conclusion:
+    """What the answers come to; `finding` is what was published, "" for a question of one's own."""
+    if not answers:
+        return Conclusion((), "open", "Nothing is claimed: the numbers are the answer.")
+    by: dict[Verdict, list[Answer]] = {"fails": [], "open": [], "holds": []}
+    for found in answers:
+        by[found.verdict].append(found)
+    n, waiting = len(answers), sum(found.waiting for found in answers)
+    if by["fails"]:
+        reproduced, why = "no", _some(by["fails"], n, "fails", "fail")
+    elif by["open"]:
+        reproduced, why = "open", _some(by["open"], n, "is open", "are open")
+    else:
+        reproduced, why = "yes", "the claim holds" if n == 1 else f"all {n} claims hold"
+    yet = " yet" if reproduced == "open" and waiting else ""
+    return Conclusion(tuple(answers), reproduced, f"{SAYS[reproduced][not finding]}{yet}: {why}.")
+
+
+def _some(found: Sequence[Answer], n: int, one: str, several: str) -> str:
+    named = "; ".join(answer.claim.says.rstrip(".") for answer in found)
+    if n == 1:
+        return f"the claim {one}: {named}"
+    return f"{len(found)} of {counted(n, 'claim')} {one if len(found) == 1 else several}: {named}"
+
+
+def document(conclusion: Conclusion) -> dict[str, Any]:
+    """For JSON; what is infinite is the text Infinity or -Infinity, what there is not is null."""
+    return {
+        "reproduced": conclusion.reproduced,
+        "sentence": conclusion.sentence,
+        "claims": [_claim(answer) for answer in conclusion.answers],
+    }
+
+
+def _claim(answer: Answer) -> dict[str, Any]:
+    claim = answer.claim
+    return {
+        "says": claim.says,
+        "verdict": answer.verdict,
+        "sentence": answer.sentence,
+        "kind": claim.kind,
+        "measure": claim.measure,
+        "first": dict(claim.first),
+        "second": dict(claim.second),
+        "where": dict(claim.where),
+        "along": claim.along or None,
+        "each": claim.each or None,
+        "bounds": [_plain(claim.low), _plain(claim.high)],
+        "waiting": answer.waiting,
+        **_figures(answer.figures),
+        "parts": [_part(part) for part in answer.parts],
+    }
+
+
+def _part(part: Part) -> dict[str, Any]:
+    found = part.found._asdict()
+    return {"value": part.value, "verdict": part.found.verdict, **_figures({name: found[name] for name in FIGURES})}
+
+
+def _figures(figures: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: [_plain(v) for v in value] if name == "medians" else _plain(value) for name, value in figures.items()}
+
+
+def _plain(value: float | None) -> float | str | None:
+    if value is None or isnan(value):
+        return None
+    return ("-" * (value < 0) + "Infinity") if isinf(value) else value

@@ -1,0 +1,160 @@
+"""A study's figure as numbers: of every place on its x axis, for every value of `by`, the median and its interval."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array
+from ..measure.status import FAILED
+from ..record.study_table import StudyTable
+from ..study.study import Figure
+from ..verdict.medians import ERRORS
+from ..verdict.statistics import FEWEST, estimate
+from ..words.names import tags
+
+MANY = 400
+"""Values beyond which the exact ends of an interval are the normal ones, and take long to work out."""
+
+
+class Place(NamedTuple):
+    """The cells that one point of a figure stands for."""
+
+    x: Any
+    by: Any
+    value: float  # the median; NaN without any value, infinite where half of the cells have failed
+    low: float  # the ends of its 95 % interval, of the range below FEWEST values
+    high: float
+    values: Array  # (n,) sorted; a cell that failed is infinite, where the measure is an error
+    failed: int
+    waiting: int
+
+    @property
+    def n(self) -> int:
+        """How many cells the median is over."""
+        return len(self.values)
+
+    @property
+    def ended(self) -> int:
+        """How many cells have a value or have failed."""
+        return int(np.isfinite(self.values).sum()) + self.failed
+
+
+class Medians(NamedTuple):
+    """A figure's numbers, in the order in which it has them."""
+
+    figure: Figure
+    xs: Sequence[Any]  # rising where they are numbers, else as the study has them; None last
+    bys: Sequence[Any]
+    places: Mapping[tuple[Any, Any], Place]  # by (x, by); those that no cell belongs to are absent
+    called: Mapping[Any, str]  # of each of `bys`, its name
+    without: str  # the backends that have no value of x
+
+    @property
+    def numeric(self) -> bool:
+        """Whether x is a number, so that there are lines."""
+        return self.figure.x != self.figure.by and _numbers(self.xs)
+
+    @property
+    def ordered(self) -> bool:
+        """Whether `by` is a number."""
+        return _numbers(self.bys)
+
+    def line(self, by: Any) -> list[Place]:
+        """Those of one value of `by`, by x."""
+        return [self.places[x, by] for x in self.xs if (x, by) in self.places]
+
+
+def medians(figure: Figure, table: StudyTable) -> Medians:
+    """The figure's numbers."""
+    rows = table.rows(figure.where) if figure.where else slice(None)
+    xs, at = _coded(table.columns[figure.x][rows])
+    bys, line = _coded(table.columns[figure.by][rows])
+    status = table.columns["status"][rows]
+    values = table.columns[figure.y][rows].astype(float)
+    failed, waiting = np.logical_or.reduce([status == one for one in FAILED]), status == "waiting"
+    values[failed] = np.inf if figure.y in ERRORS else np.nan
+    group = at * len(bys) + line
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    places: dict[tuple[Any, Any], Place] = {}
+    for members in np.split(order, starts[1:]) if len(order) else ():
+        x, by = xs[at[members[0]]], bys[line[members[0]]]
+        having = values[members]
+        known = np.sort(having[~np.isnan(having)])
+        counts = int(failed[members].sum()), int(waiting[members].sum())
+        places[x, by] = Place(x, by, *_typical(known), known, *counts)
+    return Medians(
+        figure, _sorted(xs), _sorted(bys), places, _called(figure, table, bys), _lacking(figure.x, figure, table)
+    )
+
+
+def _typical(values: Array) -> tuple[float, float, float]:
+    if not len(values):
+        return np.nan, np.nan, np.nan
+    if len(values) > MANY:
+        return _of_many(values)
+    found = estimate(values.tolist())
+    if found.n >= FEWEST:
+        return found.value, found.low, found.high
+    return found.value, float(values[0]), float(values[-1])
+
+
+def _of_many(sorted_: Array) -> tuple[float, float, float]:
+    """The same, by the binomial's normal limit: the order statistics 1.96 sqrt(n) / 2 from the middle."""
+    n = len(sorted_)
+    off = 1.96 * np.sqrt(n) / 2
+    middle, low, high = (float(sorted_[round(place)]) for place in ((n - 1) / 2, n / 2 - off - 1, n / 2 + off))
+    return middle, low, high
+
+
+def _coded(values: Any) -> tuple[list[Any], Any]:
+    """Each value once, and (n,) which of them it is."""
+    found = values.tolist()
+    codes = {value: code for code, value in enumerate(dict.fromkeys(found))}
+    return list(codes), np.fromiter(map(codes.__getitem__, found), np.intp, len(found))
+
+
+def _numbers(values: Sequence[Any]) -> bool:
+    known = [value for value in values if value is not None]
+    return len(known) > 0 and all(isinstance(value, int | float) and not isinstance(value, bool) for value in known)
+
+
+def _sorted(values: list[Any]) -> list[Any]:
+    known = [value for value in values if value is not None]
+    return (sorted(known) if _numbers(known) else known) + [None] * (len(known) < len(values))
+
+
+def _called(figure: Figure, table: StudyTable, bys: Sequence[Any]) -> dict[Any, str]:
+    """Names; what has no value of the parameter is called by its backends."""
+    words = figure.by.rpartition(".")[2].replace("_", " ")
+    found: dict[Any, str] = {
+        value: worded(value) if isinstance(value, str) else f"{words} {worded(value)}" for value in bys
+    }
+    found |= names(figure.by, bys)
+    if None in found:
+        found[None] = _lacking(figure.by, figure, table)
+    return found
+
+
+def names(parameter: str, values: Iterable[Any]) -> dict[Any, str]:
+    """Of datasets and backends, as short as tells each from the others; none of the values of another parameter."""
+    if parameter not in ("dataset", "backend"):
+        return {}
+    return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
+
+
+def _lacking(parameter: str, figure: Figure, table: StudyTable) -> str:
+    """The backends that have no value of the parameter."""
+    rows = table.rows(figure.where)
+    backends = table.values("backend", rows[table.columns[parameter][rows] == None])  # noqa: E711 - of each element
+    return ", ".join(names("backend", backends).values())
+
+
+def worded(value: Any) -> str:
+    """A parameter's value as people write it."""
+    if value is None:
+        return "\N{EN DASH}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:,}" if isinstance(value, int) else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,99 @@
+"""Claims on the ratio of two sides, paired by log: that one is smaller, or that they are alike."""
+
+from math import log
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array
+from ..study.claim import Claim
+from ..verdict.statistics import LEVEL, Shift, exponential, log_ratios, shift
+from ..verdict.walsh import MOST
+from ..words.numerals import factor, larger
+from .found import Found, held, margin, nothing
+from .median import cautious
+from .side import Side, Untestable, pairs
+from .words import ratio, sized, tested
+
+
+def less(claim: Claim, first: Side, second: Side) -> Found:
+    """The second's measure is more than `claim.low` times the first's: by the interval of the ratio and by the test.
+
+    The interval is that of Hodges and Lehmann, the test Wilcoxon's of signed ranks, both two-sided at 5 %, so that at
+    the bound itself one claim in 40 holds wrongly. An error's failed cell is infinite, and as bad as another one. Of
+    what is no error, the ratio on a log with a failed cell might be any: it counts against whatever is to be said.
+    """
+    found = _paired(first, second)
+    if found is None:
+        return nothing("no log has both sides")
+    bound = log(claim.low)
+    cautious_one, bold_one = found.shifts(bound)
+    low, high = cautious_one.low, bold_one.high
+    verdict = held(low, high, bound, np.inf)
+    p = bold_one.p if verdict == "fails" else cautious_one.p
+    remarks: tuple[str, ...] = ()
+    if verdict != "open" and not (p < LEVEL and low != bound):
+        verdict, remarks = "open", ("the signed-rank test does not bear it out",)
+    wanted = f"at most {larger(1 / claim.low)} more" if claim.low < 1 else f"at least {factor(claim.low)} times"
+    if claim.low == 1:
+        wanted = "" if verdict == "holds" else "less"
+    return found.told(low, high, p, fine=claim.low != 1)._replace(
+        verdict=verdict, margin=margin(low, high, bound, np.inf), p=p, wanted=wanted, remarks=remarks
+    )
+
+
+def alike(claim: Claim, first: Side, second: Side) -> Found:
+    """The ratio's whole interval is within the bounds.
+
+    Those are two one-sided tests (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15(6), 1987), each at
+    2.5 %. A log on which both sides failed says nothing for it: its ratio might be any.
+    """
+    found = _paired(first, second)
+    if found is None:
+        return nothing("no log has both sides")
+    found.d[np.isinf(found.first) & np.isinf(found.second)] = np.nan
+    one, other = found.shifts(0.0)
+    ends = one.low, other.high, log(claim.low), log(claim.high)
+    wanted = "the same" if claim.low == claim.high else f"within {larger(claim.high)}"
+    return found.told(one.low, other.high, None, fine=False)._replace(
+        verdict=held(*ends), margin=margin(*ends), wanted=wanted
+    )
+
+
+class _Ratios(NamedTuple):
+    measures: tuple[str, str]
+    first: Array  # (n,)
+    second: Array
+    d: Array  # (n,) log of second / first; NaN where it is unknown
+    lost: int
+
+    def shifts(self, against: float) -> tuple[Shift, Shift]:
+        """With what is unknown at the low end, and at the high one."""
+        unknown = np.isnan(self.d)
+        if not unknown.any():
+            found = shift(self.d, against)
+            return found, found
+        low, high = (shift(np.where(unknown, end, self.d), against) for end in (-np.inf, np.inf))
+        return low, high
+
+    def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Found:
+        """The figures, from the interval of d; verdict and bounds are yet to come."""
+        medians = tuple(cautious(values).value for values in (self.first, self.second))
+        one, other = (sized(value, measure) for value, measure in zip(medians, self.measures, strict=True))
+        at, start, end = (exponential(value) for value in (shift(self.d[~np.isnan(self.d)]).value, low, high))
+        n = len(self.d)
+        said = f"{one} against {other}"
+        if not np.isnan(low):
+            said += f", {ratio(start, end, fine=fine)}"
+        return Found("open", at, start, end, n, 0.0, f"{said} ({tested(n, p)})", "", medians=medians, lost=self.lost)
+
+
+def _paired(first: Side, second: Side) -> _Ratios | None:
+    """None without a log that both ran on; Untestable with more than MOST."""
+    both = pairs(first, second)
+    if not both.first.size:
+        return None
+    if len(both.first) > MOST:
+        raise Untestable(f"there are {len(both.first):,} logs of both sides, and at most {MOST:,} can be compared")
+    a, b = both.first[:, 0], both.second[:, 0]
+    return _Ratios((first.measure, second.measure), a, b, log_ratios(a, b), both.lost)

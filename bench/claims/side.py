@@ -1,0 +1,215 @@
+"""One side of a claim: which cells it selects, and what they have of its measure on every log."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.se2 import Array, Ints
+from ..measure.status import FAILED
+from ..record.study_table import StudyTable
+from ..verdict.medians import ERRORS
+from ..verdict.ranking import ROUNDING
+from ..words.numerals import listed
+
+Rows = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+
+NO_PARAMETERS = frozenset(("status", "reason", "digest", "host", "executor"))
+"""Columns of words that a table may have beside those of its parameters."""
+
+SHOWN = 6
+"""Values that a sentence has room for."""
+
+
+class Untestable(Exception):
+    """A claim that no result could answer, or that these cannot; its text is the reason."""
+
+
+class Side(NamedTuple):
+    """What the cells of one side have on k logs, for m values of the parameter that a claim goes along, or for one."""
+
+    measure: str
+    along: list[Any]  # (m,) rising; [None] where a claim goes along nothing, or no cell has what it goes along
+    logs: Ints  # (k,) numbers, the same on both sides of a claim
+    values: Array  # (k, m) infinite where an error's cell failed, NaN where a cell failed of what is no error
+    present: Bools  # (k, m) where there is a value, or a cell has failed
+    cells: int
+    waiting: int
+    failed: int
+    skipped: int
+    undefined: int  # done, and without a value
+    beside: int  # with others running on their machine meanwhile
+
+    @property
+    def unknown(self) -> int:
+        """How many cells failed and might have had any value."""
+        return 0 if self.measure in ERRORS else self.failed
+
+    def complete(self) -> "Side":
+        """The logs that have all that any log has; without those values of `along` that no log has one for."""
+        some = self.present.any(axis=0)
+        whole = self.present[:, some].all(axis=1)
+        along = [self.along[place] for place in np.flatnonzero(some)]
+        kept = np.ix_(whole, some)
+        return self._replace(along=along, logs=self.logs[whole], values=self.values[kept], present=self.present[kept])
+
+
+class Pairs(NamedTuple):
+    """What two sides have on the logs that both ran on."""
+
+    along: list[Any]  # (m,)
+    first: Array  # (k, m)
+    second: Array
+    lost: int  # logs of either side that are none of them
+
+
+def pairs(first: Side, second: Side) -> Pairs:
+    """Of logs and values that both have; a side without the parameter that the claim goes along is the same all along.
+
+    Untestable where a value is negative: it has no ratio to another.
+    """
+    one, other = first.complete(), second.complete()
+    along = one.along if other.along == [None] else other.along
+    if None not in (*one.along, *other.along):
+        along = [x for x in one.along if x in other.along]
+    logs, rows, others = np.intersect1d(one.logs, other.logs, return_indices=True)
+    lost = len(np.union1d(first.logs, second.logs)) - len(logs)
+    a, b = (_columns(side, along)[place] for side, place in ((one, rows), (other, others)))
+    for side, values in ((one, a), (other, b)):
+        if (values < 0).any():
+            raise Untestable(
+                f"{side.measure} has negative values, such as {np.nanmin(values):.3g}, which have no ratio"
+            )
+    return Pairs(along, a, b, lost)
+
+
+def _columns(side: Side, along: list[Any]) -> Array:
+    if side.along == along:
+        return side.values
+    return side.values[:, [0] * len(along) if side.along == [None] else [side.along.index(x) for x in along]]
+
+
+def parameters(table: StudyTable) -> list[str]:
+    """The names of its cells' parameters."""
+    return [name for name, column in table.columns.items() if column.dtype == object and name not in NO_PARAMETERS]
+
+
+def selected(table: StudyTable, own: Mapping[str, Any], where: Mapping[str, Any]) -> Rows:
+    """The rows with a side's own values, and those of `where` that its cells know of.
+
+    Untestable without any.
+    """
+    names = parameters(table)
+    wanted = {name: value for name, value in own.items() if name != "measure"}
+    for name in (*wanted, *where):
+        if name not in names:
+            raise Untestable(f"the study has no parameter {name}, but {listed(names)}")
+    rows = table.rows(wanted)
+    for name, value in where.items():
+        column = table.columns[name][rows]
+        mine = column == value
+        if not mine.any() and all(other is None for other in column.tolist()):
+            continue
+        rows = rows[mine]
+    if not len(rows):
+        both = ", ".join(f"{name} = {value}" for name, value in (wanted | dict(where)).items())
+        raise Untestable(f"no cell of the study has {both}")
+    return rows
+
+
+def numbered(table: StudyTable, sides: Sequence[Rows], along: str) -> Ints:
+    """A number for the log of each of the table's rows, (n,); -1 for those of no side.
+
+    A log is told by its seed; of a dataset that draws nothing all seeds are one log, by its digest. Datasets may be
+    several where each is a single log, as shows when it has run, and are then told apart. Untestable where a side is
+    no one configuration.
+    """
+    rows = np.unique(np.concatenate(sides))
+    seeds = table.columns["seed"][rows].tolist()
+    digests: list[str | None] = [None] * len(rows)
+    if "digest" in table.columns:
+        digests = table.columns["digest"][rows].tolist()
+    first: dict[str | None, int] = {}  # the first seed of a log
+    for digest, seed in zip(digests, seeds, strict=True):
+        if digest is not None:
+            first[digest] = min(seed, first.get(digest, seed))
+    seeds = [first.get(digest, seed) for digest, seed in zip(digests, seeds, strict=True)]
+    keys: list[Hashable] = [*seeds]
+    if any(_several(table, side, along) for side in sides):
+        datasets = table.columns["dataset"][rows].tolist()
+        keys = list(zip(datasets, seeds, strict=True))
+        ran = {key for key, digest in zip(keys, digests, strict=True) if digest is not None}
+        if len(ran) > len(set(datasets)):
+            raise Untestable(_ambiguous("dataset", list(dict.fromkeys(datasets))))
+    known: dict[Hashable, int] = {}
+    numbers = np.full(len(table), -1)
+    numbers[rows] = [known.setdefault(key, len(known)) for key in keys]
+    return numbers
+
+
+def _several(table: StudyTable, rows: Rows, along: str) -> bool:
+    """Whether a side has several datasets; Untestable where it has several values of another parameter."""
+    several = False
+    for name in parameters(table):
+        if name in ("seed", along):
+            continue
+        values = table.values(name, rows)
+        if len(values) > 1 and name == "dataset":
+            several = True
+        elif len(values) > 1:
+            raise Untestable(_ambiguous(name, values))
+    return several
+
+
+def _ambiguous(name: str, values: Sequence[Any]) -> str:
+    shown = [str(value) for value in values[:SHOWN]] + ["others"] * (len(values) > SHOWN)
+    return f"a side has cells with {name} = {listed(shown)}; expected one value, by a side's own {name}, where or each"
+
+
+def side(table: StudyTable, measure: str, rows: Rows, logs: Ints, along: str) -> Side:
+    """What the rows have of the measure; `logs` (n,) as from `numbered`.
+
+    What several cells have on one log, of a backend that draws at random, is averaged. Untestable where `along` is not
+    a number above 0 in all of them, or in none.
+    """
+    status = table.columns["status"][rows]
+    value = table.columns[measure][rows].astype(float)
+    failed = np.zeros(len(rows), bool)
+    for name in FAILED:
+        failed |= status == name
+    if measure in ERRORS:
+        value = np.maximum(value, ROUNDING)
+        value[failed] = np.inf
+    else:
+        value[failed] = np.nan
+    done = status == "done"
+    present = failed | (done & ~np.isnan(value))
+    xs, column = _along(table.columns[along][rows].tolist(), along) if along else ([None], np.zeros(len(rows), int))
+    own, line = np.unique(logs[rows], return_inverse=True)
+    shape = len(own), len(xs)
+    place = np.ravel_multi_index((line, column), shape)[present]
+    count = np.bincount(place, minlength=len(own) * len(xs))
+    total = np.bincount(place, value[present], minlength=len(own) * len(xs))
+    with np.errstate(invalid="ignore"):
+        mean = total / count
+    beside = table.columns.get("timing_alone")
+    return Side(
+        measure, xs, own, mean.reshape(shape), (count > 0).reshape(shape), len(rows), int((status == "waiting").sum()),
+        int(failed.sum()), int((status == "skipped").sum()), int((done & ~present).sum()),
+        0 if beside is None else int((beside[rows] == 0).sum()),
+    )  # fmt: skip
+
+
+def _along(values: list[Any], name: str) -> tuple[list[Any], Rows]:
+    """The values of a parameter, rising, and which of them each row has; [None] where no row has the parameter."""
+    known = set(values)
+    if known == {None}:
+        return [None], np.zeros(len(values), int)
+    wrong = [x for x in known if isinstance(x, bool) or not isinstance(x, int | float) or x <= 0]
+    if wrong:
+        raise Untestable(f"{name} = {wrong[0]} among its cells; expected numbers above 0")
+    xs = sorted(known)
+    at = {x: k for k, x in enumerate(xs)}
+    return xs, np.array([at[x] for x in values])

@@ -1,0 +1,1 @@
+"""Flags, help and exit statuses: a module a command."""

@@ -1,0 +1,167 @@
+"""`bench ablate`: a study, from its question to its answer."""
+
+import argparse
+import contextlib
+import os
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from ...frontend.errors import InputError, Interrupted
+from ..plan.values import count
+from ..record.study_schema import FILE
+from ..record.study_store import StudyStore
+from ..study import file
+from ..study.only import choice
+from ..study.progress import StudyScreen
+from ..study.runner import Tally, Wanted, refuse_another, run
+from ..study.study import Study
+from ..words.console import plain, screen_console
+from ..words.numerals import counted
+from ..workers.executor import Executor
+
+EXECUTORS = ("local", "here", "dask", "slurm")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = (
+        "Without STUDY: the studies that come along. A study that was stopped goes on with the same command;\n"
+        "what has a result is not run again as long as log, backend, options and code are the same.\n"
+        "Exit status 0: every claim holds, or nothing is claimed; 1: not so, or cells failed.\n\n"
+        f"A study file:\n\n{file.FORMAT}"
+    )
+    parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of one that comes along")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where it goes (default results/NAME)")
+    parser.add_argument("--full", action="store_true", help="the study's full size instead of the quick one")
+    parser.add_argument("--dry-run", action="store_true", help="tell how many cells there are, and how long they take")
+    parser.add_argument(
+        "--only", action="append", default=[], metavar="NAME=VALUE", help="run the cells with that parameter alone"
+    )
+    parser.add_argument("--limit", type=count, metavar="N", help="run at most so many cells now")
+    parser.add_argument("--retry", action="store_true", help="run cells again that failed")
+    parser.add_argument(
+        "--executor",
+        choices=EXECUTORS,
+        default="local",
+        help="where cells run: processes of this machine (default), this very process, a Dask cluster, SLURM's jobs",
+    )
+    parser.add_argument(
+        "--jobs", type=count, metavar="N", help="local: processes (default one a core); slurm: jobs (default 4)"
+    )
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Run the study; 0 where every claim holds, 1 where one does not or cells failed."""
+    console = screen_console(quiet=namespace.quiet)
+    if namespace.study is None:
+        _list(console)
+        return 0
+    study = file.read(namespace.study, full=namespace.full)
+    out = namespace.out or Path("results") / study.name
+    wanted = Wanted(choice(study, namespace.only), namespace.limit, namespace.retry)
+    if namespace.dry_run:
+        _estimate(console, study, out, wanted, namespace)
+        return 0
+    again = [Path(sys.argv[0]).name, *sys.argv[1:]]
+    try:
+        with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
+            tally = run(study, out, executor, wanted, again, screen)
+    except KeyboardInterrupt:
+        raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
+    return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
+
+
+def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], None]) -> Executor:
+    """What runs the cells. InputError for options that do not go together."""
+    kind, address = namespace.executor, namespace.scheduler
+    if address is not None and kind != "dask":
+        raise InputError(f"--scheduler {address}: found --executor {kind} beside it, expected --executor dask.")
+    if namespace.jobs is not None and kind in ("here", "dask"):
+        raise InputError(f"--jobs {namespace.jobs}: found --executor {kind} beside it, expected local or slurm.")
+    if kind == "here":
+        from ..workers.here_executor import Here
+
+        return Here()
+    if kind == "local":
+        from ..workers.local_executor import Local
+
+        return Local(namespace.jobs or os.cpu_count() or 1)
+    if kind == "slurm":
+        from ..workers.slurm_executor import Slurm
+
+        return Slurm(namespace.jobs or 4, exclusive=any(cell.timed for cell in study.cells), say=say)
+    if address is None:
+        raise InputError("--executor dask: expected --scheduler ADDRESS beside it, tcp://host:port or a file.")
+    from ..workers.dask_executor import Dask
+
+    return Dask(address, say=say)
+
+
+def _list(console: Console) -> None:
+    """The studies that come along, with their questions."""
+    for name in file.packaged():
+        study, full = (file.read(name, full=size) for size in (False, True))
+        cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
+        console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
+    for sentence in (
+        "",
+        "bench ablate NAME runs one in its quick size, in one to three minutes on two cores or so; --dry-run tells.",
+        f"Copy and change them: {file.PACKAGED}",
+    ):
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
+def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespace: argparse.Namespace) -> None:
+    """Tell what there is to do, and do nothing of it."""
+    from ..study.estimate import estimate
+
+    with contextlib.ExitStack() as stack:
+        if out.exists() and not out.is_dir():
+            raise InputError(f"--out {out}: is no folder, expected one, or the name of a new one.")
+        store = stack.enter_context(StudyStore(out)) if (out / FILE).is_file() else None
+        if store is not None:
+            refuse_another(store, study)
+        executor = stack.enter_context(contextlib.closing(_executor(namespace, study, console.print)))
+        found = estimate(study, store, executor, wanted)
+        head, *rows = found.table()
+        table = Table(*head, box=box.SIMPLE_HEAD)
+        for column in table.columns[2:]:
+            column.justify = "right"
+        for row in rows:
+            table.add_row(*map(plain, row))
+        console.print(table)
+        for sentence in found.sentences():
+            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
+def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly: bool) -> int:
+    """Print the answer and write the report."""
+    from ..study_report.evidence import evidence
+    from ..study_report.report import write
+
+    found = evidence(out)
+    said: list[Any] = [study.question or study.title, found.conclusion.sentence]
+    said += [f"  {answer.sentence}" for answer in found.answers]
+    said += _left(tally, partly=partly)
+    report = write(out)
+    for sentence in [*said, f"report: {report}"]:
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    return int(any(answer.verdict != "holds" for answer in found.answers) or tally.failed > 0)
+
+
+def _left(tally: Tally, *, partly: bool) -> Sequence[str]:
+    """What failed and what has not run; `partly`: some of it was not asked for."""
+    said = [f"{counted(tally.failed, 'cell')} failed; --retry runs them again."] * bool(tally.failed)
+    waiting = tally.cells - tally.done
+    goes_on = "without --only and --limit all of them are run" if partly else "the same command goes on"
+    return [*said, *[f"{counted(waiting, 'cell')} of {tally.cells} wait; {goes_on}."] * bool(waiting)]

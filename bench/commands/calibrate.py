@@ -1,0 +1,206 @@
+"""`bench calibrate FRAMES --board charuco[...]`: a camera's calibration from views of a ChArUco board."""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterable
+from itertools import chain, islice
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.table import Table
+
+from ...datasets.recordings import frames_folder, video
+from ...frontend.camera.calibration import write_camera_info, write_opencv
+from ...frontend.errors import InputError
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.board import Board, View, find_corners, read_board
+from ...frontend.markers.charuco import MODELS, Calibration, calibrate
+from ..camera.calibration_picture import write_picture
+from ..drawing.picture import KINDS
+from ..words.console import plain, screen_console
+from ..words.numerals import counted, listed
+
+CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")
+"""What a calibration file's name may end in."""
+
+MOST_FRAMES = 60
+"""Frames taken from a video, evenly: more of them cost time and say little that is new."""
+
+STRIDE = 10
+"""Of a video that does not say how long it is, every so many-th frame."""
+
+NAMED = 3
+"""Images that are named where a reason is given for several."""
+
+
+class Source(NamedTuple):
+    """Where images come from; they are read as they are asked for."""
+
+    length: int
+    images: Iterable[tuple[str, Image | None]]  # with their names; None: cannot be read
+
+
+class Views(NamedTuple):
+    """What was found in the images."""
+
+    used: list[View]
+    left_out: dict[str, list[str]]  # reason -> images
+    size: tuple[int, int]  # px, width and height of all images
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.epilog = (
+        "Take 15 to 30 sharp pictures in which the board is large and tilted every way by 20 to 45 degrees, near all "
+        "edges of the image too. Measure the printed board's squares and markers: their sides are in m. Boards printed "
+        "with OpenCV before 4.6 with an even number of rows need legacy=true."
+    )
+    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES", help="images, folders of them, or a video")
+    parser.add_argument(
+        "--board",
+        required=True,
+        metavar="BOARD",
+        help="charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250], in squares and m",
+    )
+    parser.add_argument(
+        "--model",
+        choices=list(MODELS),
+        default="5",
+        help="the lens: that many coefficients, or fisheye (default 5; 8 for wide lenses)",
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("calibration.yaml"), metavar="FILE", help="default calibration.yaml"
+    )
+    parser.add_argument("--camera-info", type=Path, metavar="FILE", help="also write ROS's camera_info YAML")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="also draw coverage and errors (.png .svg .pdf)")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Calibrate; 0 where the calibration was written."""
+    board = read_board(namespace.board)
+    _check_place("--out", namespace.out, CALIBRATIONS)
+    _check_place("--camera-info", namespace.camera_info, (".yaml", ".yml"))
+    _check_place("--picture", namespace.picture, KINDS)
+    console = screen_console(quiet=namespace.quiet)
+    views = _views(namespace.frames, board, console)
+    reasons = _reasons(views.left_out)
+    try:
+        found = calibrate(views.used, views.size, namespace.model)
+    except InputError as error:
+        raise InputError(". ".join([str(error), *reasons])) from None
+    if namespace.picture is not None:
+        write_picture(namespace.picture, found)
+    if namespace.camera_info is not None:
+        write_camera_info(namespace.camera_info, found.camera)
+    write_opencv(namespace.out, found.camera)  # last, so that where it is new all the others are
+    _report(console, found, reasons)
+    for path in (namespace.out, namespace.camera_info, namespace.picture):
+        if path is not None:
+            console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _check_place(flag: str, path: Path | None, suffixes: tuple[str, ...]) -> None:
+    if path is None:
+        return
+    if path.suffix.lower() not in suffixes:
+        raise InputError(f"{flag} {path}: found a name that ends in {path.suffix!r}, expected {' '.join(suffixes)}")
+    if not path.parent.is_dir():
+        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected one that is there")
+
+
+def _views(places: list[Path], board: Board, console: Console) -> Views:
+    """The board in all images; InputError where they are of different sizes, or there is none that can be read."""
+    used: list[View] = []
+    left_out = defaultdict[str, list[str]](list)
+    first: tuple[str, tuple[int, int]] | None = None
+    sources = [_source(place) for place in places]
+    total = sum(source.length for source in sources)
+    columns = (TextColumn("looking for the board"), BarColumn(), MofNCompleteColumn())
+    hidden = console.quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        for name, image in progress.track(chain.from_iterable(source.images for source in sources), total=total):
+            if image is None:
+                left_out["cannot be read as an image"].append(name)
+                continue
+            height, width = image.shape[:2]
+            first = first or (name, (width, height))
+            if (width, height) != first[1]:
+                before = f"{first[0]}'s {first[1][0]}x{first[1][1]}"
+                raise InputError(f"{name}: found {width}x{height} pixels, expected {before}: one camera's images alike")
+            view = find_corners(board, name, image)
+            if isinstance(view, str):
+                left_out[view].append(name)
+            elif (twin := _twin(view, used)) is not None:
+                left_out[f"the same picture as {twin}"].append(name)
+            else:
+                used.append(view)
+    if first is None:
+        names = listed([name for names in left_out.values() for name in names][:NAMED])
+        raise InputError(f"{names}: cannot be read as an image, expected views of the board")
+    return Views(used, dict(left_out), first[1])
+
+
+def _source(place: Path) -> Source:
+    """The images at `place`; InputError where there is nothing, or nothing of the kind."""
+    if not place.exists():
+        raise InputError(f"{place}: is not there, expected an image, a folder of images or a video")
+    if place.is_dir():
+        paths = frames_folder.pictures(place)
+        if not paths:
+            raise InputError(f"{place}: has no images, expected views of the board")
+    elif place.suffix.lower() in frames_folder.PICTURES:
+        paths = [place]
+    else:
+        frames = video.read(place, place.parent, 1.0, 0.0)  # when they were taken does not matter
+        stride = STRIDE if frames.length is None else -(-frames.length // MOST_FRAMES)
+        numbered = islice(enumerate(frames), 0, None, stride)
+        images = ((f"{place.name} frame {number}", frame.image) for number, frame in numbered)
+        return Source(-(-(frames.length or 0) // stride), images)
+    return Source(len(paths), ((path.name, frames_folder.load(path)) for path in paths))
+
+
+def _twin(view: View, others: list[View]) -> str | None:
+    """The one of `others` that has the very same corners: a copy adds confidence and no knowledge."""
+    same = (o.name for o in others if np.array_equal(o.ids, view.ids) and np.array_equal(o.corners, view.corners))
+    return next(same, None)
+
+
+def _reasons(left_out: dict[str, list[str]]) -> list[str]:
+    """A phrase for each reason why images were left out."""
+    phrases: list[str] = []
+    for reason, names in left_out.items():
+        more = len(names) - NAMED
+        shown = listed([*names[:NAMED], f"{more} more"] if more > 0 else names)
+        phrases.append(f"Left out {shown}: {reason}")
+    return phrases
+
+
+def _report(console: Console, found: Calibration, reasons: list[str]) -> None:
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("view", overflow="fold")
+    for heading in ("corners", "error, px"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("")
+    for fit in found.fits:
+        remark = "[red]far from the others[/]" if fit.bad else ""
+        table.add_row(plain(fit.view.name), str(len(fit.view.ids)), f"{fit.error:.2f}", remark)
+    console.print(table)
+    (fx, fy), (cx, cy) = found.camera.focal, found.camera.centre
+    sx, sy, su, sv = found.sd[:4]
+    share, covered = 100 * max(sx / fx, sy / fy), 100 * found.coverage
+    lines = (
+        f"focal length {fx:.1f} ± {sx:.1f} px across, {fy:.1f} ± {sy:.1f} px down (standard deviation, {share:.2g} %)",
+        f"centre {cx:.1f} ± {su:.1f} px across, {cy:.1f} ± {sv:.1f} px down",
+        f"corners explained to {found.rms:.2f} px RMS in {counted(len(found.fits), 'view')}",
+        f"corners seen in {covered:.0f} % of the image, the board turned by up to {found.turn:.0f} degrees",
+    )
+    for line in (*lines, *reasons):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    for remark in found.remarks:
+        console.print(f"[yellow]but[/] {plain(remark)}", highlight=False, soft_wrap=True)

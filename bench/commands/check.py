@@ -1,0 +1,67 @@
+"""`bench check BACKEND`: the conformance suite on a backend, built in or brought along."""
+
+import argparse
+from itertools import groupby
+
+from rich.console import Console
+
+from ...frontend.errors import InputError
+from ..check.isolated import examined
+from ..check.suite import Outcome, chosen
+from ..plan.spec import BackendVariant, backend_variants
+from ..words.console import plain
+
+STYLE = {"passed": "green", "gave up": "yellow", "failed": "bold red", "not applicable": "dim"}
+TIMEOUT_S = 120.0
+"""Ten times what the slowest check takes of those that come along, and enough to compile a backend's inner loops."""
+
+LONGEST_S = 86_400
+"""s; a day for one check."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument("backend", help="names as in bench run --backend, options in brackets, separated by commas")
+    parser.add_argument(
+        "--only",
+        default="",
+        metavar="CHECKS",
+        help="contract, estimates, adversarial, or names of checks, separated by commas; default: all",
+    )
+    parser.add_argument(
+        "--timeout", type=float, default=TIMEOUT_S, metavar="S", help="seconds a check; default %(default)g"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print what failed, and nothing else")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Print every check's outcome; 1 where one failed."""
+    console = Console(highlight=False, soft_wrap=True)
+    checks = chosen([word.strip() for word in namespace.only.split(",") if word.strip()])
+    if not 0 < namespace.timeout <= LONGEST_S:
+        raise InputError(f"--timeout is {namespace.timeout:g}, expected more than 0 s and at most {LONGEST_S:,} s.")
+    failures = 0
+    for variant in backend_variants(namespace.backend, "bench check"):
+        if variant.builder is None:
+            raise InputError(variant.missing)
+        for family, group in groupby(checks, key=lambda check: check.family):
+            outcomes: list[Outcome] = []
+            for outcome in examined(variant.name, variant.options, list(group), namespace.timeout):
+                outcomes.append(outcome)
+                if outcome.status == "failed" or not namespace.quiet:
+                    style, status = STYLE[outcome.status], outcome.status
+                    console.print(f"[{style}]{status:14}[/] {outcome.name}: {plain(outcome.found)}")
+            failures += sum(outcome.status == "failed" for outcome in outcomes)
+            console.print(_summary(variant, family, outcomes))
+    return 1 if failures else 0
+
+
+def _summary(variant: BackendVariant, family: str, outcomes: list[Outcome]) -> str:
+    """A line: how many of a family's checks ended how."""
+    count = {status: sum(outcome.status == status for outcome in outcomes) for status in STYLE}
+    words = {"passed": "passed", "failed": "failed", "not applicable": "not applicable"}
+    if family == "adversarial":
+        words = {"passed": "done", "gave up": "with a named reason", "failed": "failed"}
+        family = "adversarial logs"
+    counts = ", ".join(f"{count[status]} {word}" for status, word in words.items())
+    return f"{plain(variant.label)}: {family}: {counts}"

@@ -1,0 +1,58 @@
+"""`bench compare OLD NEW`: regressions and gains between two runs, for people, pull requests and CI."""
+
+import argparse
+import json
+from pathlib import Path
+
+from rich.console import Console
+
+from ...frontend.files import write_whole
+from ..plan.values import positive
+from ..report.comparison import document, markdown, table
+from ..verdict.changes import changes, regressed, rest, summary
+from ..verdict.pairing import facing, side
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.epilog = "Exit status: 0 without a regression, 1 with one, 2 where the runs cannot be compared."
+    parser.add_argument("old", type=Path, metavar="OLD", help="the folder that an earlier bench run left")
+    parser.add_argument("new", type=Path, metavar="NEW", help="that of a later one")
+    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write it as Markdown, for a pull request")
+    parser.add_argument("--json", action="store_true", help="print it as JSON and nothing else")
+    parser.add_argument(
+        "--least",
+        type=positive,
+        metavar="PERCENT",
+        help="changes that are smaller do not count (default 5 for accuracy and consistency, 50 for CPU time and the "
+        "median step, 100 for the 99th percentile of a step, 10 for memory)",
+    )
+    parser.add_argument("--any-machine", action="store_true", help="compare times from different machines, too")
+    parser.add_argument("--any-log", action="store_true", help="compare by seed where the logs are not the same")
+    parser.add_argument("--quiet", action="store_true", help="print nothing; the exit status tells")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Compare; 1 where something has become worse, 0 where nothing has."""
+    found = facing(
+        side(namespace.old), side(namespace.new), any_machine=namespace.any_machine, any_log=namespace.any_log
+    )
+    least = None if namespace.least is None else namespace.least / 100
+    told = changes(found, least)
+    if namespace.out is not None:
+        namespace.out.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(namespace.out, markdown(found, told, least))
+    if namespace.json:
+        print(json.dumps(document(found, told, least), indent=2))
+    elif not namespace.quiet:
+        console = Console(highlight=False, markup=False)
+        grid = table(told)
+        if grid is not None:
+            console.print(grid)
+        for name, before, after in found.differences:
+            console.print(f"{name}: {before} before, {after} now", soft_wrap=True)
+        for note in found.notes:
+            console.print(note, soft_wrap=True)
+        console.print(rest(told), soft_wrap=True)
+        console.print(summary(told), style="bold red" if regressed(told) else "bold", soft_wrap=True)
+    return int(regressed(told))

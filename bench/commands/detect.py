@@ -1,0 +1,99 @@
+"""`bench detect RECORDING --out LOG`: the markers in a recording as a log, with a report of what was found."""
+
+import argparse
+import json
+import shlex
+from pathlib import Path
+
+from rich.table import Table
+
+from ...datasets.recordings.recording import open_recording
+from ...datasets.recordings.robot import read_robot
+from ..camera.detect import Wishes, detect
+from ..camera.folder import check_place
+from ..camera.noise_calibration import toml
+from ..camera.preview import Preview
+from ..camera.progress import Progress
+from ..camera.report import PAGE
+from ..camera.summary import Findings, as_json, headline, left_out_words
+from ..plan.values import positive
+from ..words.console import plain, screen_console
+from ..words.numerals import number
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.epilog = (
+        "A recording is a folder with robot.toml and frames, a video or a bag; a bare bag, video or folder of frames "
+        "needs --robot. camera:0 is a camera that is connected. LOG is what bench run --dataset LOG takes; a folder "
+        "that an earlier bench detect wrote is replaced, any other that is not empty is left alone."
+    )
+    parser.add_argument("recording", help="the recording's folder, video or bag, or camera:0")
+    parser.add_argument("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
+    parser.add_argument(
+        "--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording"
+    )
+    parser.add_argument(
+        "--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)"
+    )
+    parser.add_argument("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
+    parser.add_argument(
+        "--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth"
+    )
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON, and nothing else")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Detect; 0 where a log was written, be it one without a sighting."""
+    out: Path = namespace.out
+    check_place(out)
+    preview = None if namespace.preview is None else Preview(namespace.preview)
+    if preview is not None:
+        preview.check()
+    robot = None if namespace.robot is None else read_robot(namespace.robot)
+    opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
+    console = screen_console(quiet=namespace.quiet or namespace.json)
+    wishes = Wishes(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
+    with Progress(console, opened.length) as progress:
+        findings = detect(opened.recording, opened.truth, wishes, progress.advance)
+    if namespace.json:
+        print(json.dumps(as_json(findings, str(out)), indent=2))
+        return 0
+    for sentence in [*headline(findings), f"Left out: {left_out_words(findings.log)}.", *findings.advice]:
+        console.print(plain(sentence), highlight=False)
+    if findings.calibration is not None:
+        console.print(_noise_table(findings))
+        console.print(plain(toml(findings.calibration).rstrip()), highlight=False)
+    console.print(f"report: {plain(str(out / PAGE))}", highlight=False, soft_wrap=True)
+    if not findings.sightings.kept.any():
+        return 0  # there is nothing to race backends on
+    console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _noise_table(findings: Findings) -> Table:
+    """Errors and NEES by range, before and after."""
+    title = "Errors by range, and NEES, of which 1 is exact"
+    shown = Table(title=title, title_style="", title_justify="left", box=None, pad_edge=False)
+    headings = (
+        "range, m",
+        "sightings",
+        "range error, mm",
+        "bearing error, deg",
+        "NEES as stated",
+        "proportional",
+        "propagated",
+    )
+    for heading in headings:
+        shown.add_column(heading, justify="right")
+    assert findings.calibration is not None
+    for one in findings.calibration.bins:
+        shown.add_row(
+            f"{one.low:g}-{one.high:g}",
+            f"{one.sightings:,}",
+            f"{1e3 * one.range_mean:+.1f} ± {1e3 * one.range_sd:.1f}",
+            f"{57.29578 * one.bearing_mean:+.3f} ± {57.29578 * one.bearing_sd:.3f}",
+            *map(number, one.nees),
+        )
+    return shown

@@ -1,0 +1,163 @@
+"""`bench fetch NAME`: a published log from its publisher into the user's cache, checked; no name: what there is."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+from rich.table import Table
+
+from ...datasets.published import installed
+from ...datasets.published.catalogue import PUBLISHED, place
+from ...datasets.published.download import Watcher
+from ...datasets.published.fetch import Arrival, fetch, take
+from ...frontend.errors import InputError, Interrupted
+
+MEGA = 1e6
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Names, and where else to have them from."""
+    parser.add_argument("names", nargs="*", metavar="NAME", help="published logs; without any, they are listed")
+    parser.add_argument(
+        "--from", dest="source", type=Path, metavar="PATH", help="install an archive, folder or file got by hand"
+    )
+    parser.add_argument("--url", help="download from this address instead of the publisher's (http, https or ftp)")
+    parser.add_argument("--check", action="store_true", help="hash again what is here; without a name, all of it")
+    parser.add_argument(
+        "--again", action="store_true", help="even if it is here already; what is here stays until then"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Do what was asked for every name, whatever becomes of the others; 2 where one failed."""
+    console = Console(quiet=namespace.quiet, highlight=False, markup=False, soft_wrap=True)
+    _refuse(namespace)
+    names = list(dict.fromkeys(namespace.names))
+    if namespace.check:
+        return _check(names, console)
+    if not names:
+        console.print(_listed())
+        console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one that was got by hand.")
+        return 0
+    failed = False
+    with _Progress(quiet=namespace.quiet) as watcher:
+        for name in names:
+            try:
+                if namespace.source is not None:
+                    arrival = take(name, namespace.source, watcher)
+                else:
+                    arrival = fetch(name, watcher, url=namespace.url, again=namespace.again)
+            except InputError as error:
+                watcher.stop()
+                print(f"bench: {error}", file=sys.stderr)
+                failed = True
+            except KeyboardInterrupt:
+                raise Interrupted("what has arrived is kept, and the same command goes on with it") from None
+            else:
+                watcher.stop()
+                _told(name, arrival, console)
+    return 2 if failed else 0
+
+
+def _refuse(namespace: argparse.Namespace) -> None:
+    """InputError for names that nobody knows and options that do not go together."""
+    for name in namespace.names:
+        if name not in PUBLISHED:
+            raise InputError(f"bench fetch {name}: there is no such published log; there are {', '.join(PUBLISHED)}.")
+    given = [f"--{word}" for word, value in (("from", namespace.source), ("url", namespace.url)) if value is not None]
+    if given and len(set(namespace.names)) != 1:
+        raise InputError(f"{given[0]} is for one published log; found {len(set(namespace.names))} names.")
+    given += [f"--{word}" for word in ("check", "again") if getattr(namespace, word)]
+    if len(given) > 1 and given != ["--url", "--again"]:
+        raise InputError(f"{' and '.join(given)} do not go together.")
+
+
+def _told(name: str, arrival: Arrival | None, console: Console) -> None:
+    """What has come, and how sure it is that it is what was published."""
+    log = PUBLISHED[name]
+    console.print(f"{name}: {'here already' if arrival is None else 'fetched'}, {_megabytes(name)} in {place(name)}")
+    if arrival is None:
+        return
+    if all(log.files.values()):
+        console.print("  every file has the sha256 of the published one.")
+    else:
+        console.print(
+            f"  what the publisher's sha256 would be is not known here; found and recorded in {installed.SUMS}:"
+        )
+        for file, digest in arrival.files.items():
+            console.print(f"  {digest}  {file}")
+    if arrival.archive is not None and log.archive is not None:
+        same = "is the one" if arrival.archive == log.archive else f"is not the one ({log.archive})"
+        console.print(f"  the archive's sha256, {arrival.archive}, {same} that others report.")
+    console.print(f"  {log.citation}\n  licence: {log.licence}")
+
+
+def _check(names: list[str], console: Console) -> int:
+    """Hash again what is here of `names`, or everything; the exit status."""
+    if not names:
+        names = [name for name in PUBLISHED if place(name).exists()]
+        if not names:
+            console.print("no published log is here.")
+    status = 0
+    for name in names:
+        if not place(name).exists():
+            print(f"bench: {name} is not on this machine: bench fetch {name} gets it.", file=sys.stderr)
+            status = 2
+        elif found := installed.faults(name):
+            for fault in found:
+                print(f"bench: {fault}", file=sys.stderr)
+            print(f"bench: bench fetch {name} --again gets {name} anew.", file=sys.stderr)
+            status = 2
+        else:
+            known = "as published" if all(PUBLISHED[name].files.values()) else "as it first arrived"
+            console.print(f"{name}: {known}, {_megabytes(name)} in {place(name)}")
+    return status
+
+
+def _listed() -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for column in ("name", "here", "log"):
+        table.add_column(column, no_wrap=column != "log")
+    for name, log in PUBLISHED.items():
+        here = _megabytes(name) if installed.here(name) else "incomplete" if place(name).exists() else "-"
+        table.add_row(name, here, log.title)
+    return table
+
+
+def _megabytes(name: str) -> str:
+    return f"{installed.size(name) / MEGA:.1f} MB"
+
+
+class _Progress(Watcher):
+    """A bar on stderr while bytes arrive, where somebody watches; sentences for the patient."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._console = Console(stderr=True, quiet=quiet, highlight=False, markup=False, soft_wrap=True)
+        columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+        hidden = quiet or not self._console.is_terminal
+        self._bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
+        self._task = self._bars.add_task("", visible=False)
+
+    def __enter__(self) -> "_Progress":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Take the bar away."""
+        self._bars.stop()
+
+    def receiving(self, url: str, at: int, total: int | None) -> None:
+        self._bars.start()
+        file = url.rstrip("/").rpartition("/")[2][-40:]
+        self._bars.reset(self._task, description=file, completed=at, total=total, visible=True)
+
+    def received(self, at: int) -> None:
+        self._bars.update(self._task, completed=at)
+
+    def says(self, sentence: str) -> None:
+        self._console.print(sentence)

@@ -1,0 +1,108 @@
+"""`bench markers`: markers, or a board for calibration, to print at their true size."""
+
+import argparse
+import re
+from pathlib import Path
+
+from rich.console import Console
+
+from ...frontend.errors import InputError
+from ...frontend.markers.markers import Markers, write
+from ..camera.sheets import PAGES, lay_out, sheets
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add = parser.add_argument
+    add("--dictionary", default="4X4_50", help="OpenCV's name, custom[count=30,size=4,seed=0] or a file (4X4_50)")
+    add("--ids", default="0-11", help="such as 0-11,20 (0-11)")
+    add(
+        "--side",
+        action="append",
+        default=[],
+        metavar="[ID=]METRES",
+        help="of the black square; again as 7=0.2 for a marker of another size (0.15)",
+    )
+    add("--page", default="A4", choices=list(PAGES), help="(A4)")
+    add("--board", metavar="CHARUCO", help="a calibration board instead: charuco[columns=5,rows=7,square=0.04,...]")
+    add("--out", type=Path, default=Path("markers.pdf"), help="the PDF (markers.pdf)")
+    add("--write-dictionary", type=Path, metavar="FILE", help="also put the dictionary in a file that OpenCV reads")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Write the PDF; 0."""
+    for path in (namespace.out, namespace.write_dictionary):
+        if path is not None and not path.parent.is_dir():
+            raise InputError(f"{path}: there is no folder {path.parent}")
+    say = Console(highlight=False, markup=False, soft_wrap=True).print
+    if namespace.board:
+        _board(namespace)
+        say(f"{namespace.out}: {namespace.board} on {namespace.page}")
+    else:
+        markers = Markers(namespace.dictionary, *_sides(namespace.side))
+        names = _ids(namespace.ids, len(markers.opencv.bytesList) - 1)
+        markers.check("--side")
+        if strangers := set(markers.sides) - set(names):
+            raise InputError(f"--side {min(strangers)}=...: marker {min(strangers)} is not among --ids {namespace.ids}")
+        pages = _markers(namespace, markers, names)
+        count = f"{len(names)} marker{'s' if len(names) > 1 else ''} on {pages} page{'s' if pages > 1 else ''}"
+        say(f"{namespace.out}: {count} of {namespace.page}\n\n{_settings(markers)}")
+    return 0
+
+
+def _markers(namespace: argparse.Namespace, markers: Markers, names: list[int]) -> int:
+    """Write the sheets, and the dictionary where it is wanted; how many pages they are."""
+    from ..camera import paper
+
+    pages = lay_out(sheets(markers, names), namespace.page)
+    if namespace.write_dictionary is not None:
+        write(namespace.write_dictionary, markers.opencv)
+    paper.write_pdf(namespace.out, namespace.page, [paper.markers(placed) for placed in pages], markers.dictionary)
+    return len(pages)
+
+
+def _board(namespace: argparse.Namespace) -> None:
+    """Write the board."""
+    from ...frontend.markers.board import read_board
+    from ..camera import paper
+
+    board = read_board(namespace.board).opencv
+    paper.write_pdf(namespace.out, namespace.page, [paper.board(board, namespace.board, namespace.page)], "ChArUco")
+
+
+def _settings(markers: Markers) -> str:
+    """What goes in robot.toml for these markers."""
+    own = ", ".join(f"{name} = {side:g}" for name, side in markers.sides.items())
+    lines = ["for robot.toml:", "[markers]", f'dictionary = "{markers.dictionary}"', f"side = {markers.side:g}"]
+    return "\n".join([*lines, f"sides = {{{own}}}"] if own else lines)
+
+
+def _ids(text: str, last: int) -> list[int]:
+    """`0-3,7` as [0, 1, 2, 3, 7]; InputError for what is no such list or beyond `last`."""
+    found: set[int] = set()
+    for part in text.split(","):
+        ends = re.fullmatch(r"\s*([0-9]+)(?:\s*-\s*([0-9]+))?\s*", part)
+        low, high = (int(ends[1]), int(ends[2] or ends[1])) if ends else (1, 0)
+        if low > high:
+            raise InputError(f"--ids {text}: found {part.strip()!r}, expected ids such as 0-11,20")
+        if high > last:
+            raise InputError(f"--ids {text}: found {high}, expected ids of the dictionary, 0 to {last}")
+        found.update(range(low, high + 1))
+    return sorted(found)
+
+
+def _sides(given: list[str]) -> tuple[float, dict[int, float]]:
+    """The side of all markers and those of some, m; InputError for a text that is neither METRES nor ID=METRES."""
+    side, sides = 0.15, dict[int, float]()
+    for text in given:
+        name, equals, metres = text.rpartition("=")
+        try:
+            if equals:
+                sides[int(name)] = float(metres)
+            else:
+                side = float(metres)
+        except ValueError:
+            raise InputError(
+                f"--side {text}: expected metres, such as 0.16, or a marker's own, such as 7=0.2"
+            ) from None
+    return side, sides

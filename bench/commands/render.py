@@ -1,0 +1,72 @@
+"""`bench render DATASET --as FORMATS --out FOLDER`: a rendered drive as recordings, with the truth beside them."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from ...datasets.cache import generator
+from ...frontend.errors import InputError
+from ..plan.spec import DatasetVariant, dataset_variants
+
+RENDERED = "aruco-room"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.add_argument(
+        "dataset",
+        nargs="?",
+        default=RENDERED,
+        help="the drive, options in brackets as in bench run (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="which drive, as bench run numbers them (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--as", dest="formats", default="frames", metavar="FORMATS",
+        help="frames, video (lossless), mp4, ros1, ros2, mcap, separated by commas (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", type=Path, required=True, help="a new folder; of several formats, each gets its own inside"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress, and nothing printed")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Render the drive once and write it in every format; 0."""
+    variant = _variant(namespace.dataset)
+    if variant.options.outliers > 0:
+        raise InputError(f"bench render: found {variant.label}: frames are what they are, only a log has outliers.")
+    if namespace.seed < 0:
+        raise InputError(f"--seed {namespace.seed}: expected a whole number, at least 0.")
+
+    from ...datasets.recordings.write import FORMATS, write
+    from ...datasets.worlds.aruco_room import record
+
+    formats = [name.strip() for name in namespace.formats.split(",")]
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(f"--as: found {name!r}, expected one of {', '.join(FORMATS)}.")
+    if len(set(formats)) < len(formats):
+        raise InputError(f"--as {namespace.formats}: a format is named twice, expected once.")
+    out: Path = namespace.out
+    places = {out: formats[0]} if len(formats) == 1 else {out / name: name for name in formats}
+    console = Console(highlight=False, soft_wrap=True, quiet=namespace.quiet)
+    recording, truth = record(variant.options, generator(variant.name, namespace.seed))
+    hidden = not console.is_terminal
+    frames = track(recording.frames, "rendering", len(truth.t), console=console, transient=True, disable=hidden)
+    write(places, replace(recording, frames=frames), truth)
+    for folder, name in places.items():
+        console.print(f"{FORMATS[name]}: {folder}", markup=False)
+    return 0
+
+
+def _variant(text: str) -> DatasetVariant:
+    """The one dataset that `text` names, which has to be one of rendered frames."""
+    variants = dataset_variants(text, "bench render")
+    if len(variants) != 1 or variants[0].name != RENDERED:
+        raise InputError(f"bench render: found {text!r}, expected {RENDERED}, the dataset whose frames are rendered.")
+    return variants[0]

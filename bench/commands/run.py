@@ -1,0 +1,89 @@
+"""`bench run`: several backends on several logs, into a folder with a report."""
+
+import argparse
+import json
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+from ..plan.values import count, positive
+from ..record.reader import Store
+from ..run.benchmark import DEFAULTS, benchmark
+from ..run.document import SCHEMA, document
+from ..run.progress import Screen
+from ..run.terminal import conclude, status, verdicts
+from ..verdict.summary import lines
+from ..words.console import screen_console
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    about = (
+        "Options go in brackets: --backend 'ekf,fastslam[particles=1000]' --dataset 'aruco-room[markers=12]'. A "
+        "dataset may be the path of a log's folder, a backend may be my_package.my_module:build. With --out alone, a "
+        "run that was stopped goes on where it was. bench list tells all names and options."
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = f"{textwrap.fill(about, 79)}\n\nThe document that --json prints:\n{textwrap.indent(SCHEMA, '  ')}"
+    d = DEFAULTS
+    parser.add_argument(
+        "--backend", action="append", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})"
+    )
+    parser.add_argument(
+        "--dataset", action="append", metavar="NAMES", help=f"datasets, separated by commas (default {d['dataset']})"
+    )
+    parser.add_argument("--seeds", type=count, metavar="N", help=f"logs, or tries, of each (default {d['seeds']})")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
+    parser.add_argument(
+        "--jobs", type=count, default=1, metavar="N", help="cells at once; more than 1 marks all timings (default 1)"
+    )
+    parser.add_argument(
+        "--timeout", dest="timeout_s", type=positive, metavar="S", help=f"limit a cell (default {d['timeout_s']:g} s)"
+    )
+    parser.add_argument(
+        "--memory", dest="memory_mb", type=count, metavar="MB", help=f"limit a cell (default {d['memory_mb']} MB)"
+    )
+    parser.add_argument(
+        "--map",
+        metavar="RESULT",
+        help="localise on the map that an earlier run left: the folder of one of its cells, results/x/NAME/0/ekf, "
+        "or 'results/x/NAME/*/ekf' for a map a seed, or results/x where it has no other map; or a file with "
+        "id,x,y[,cxx,cxy,cyy]. The log's start must be known in the frame of the map; what it lacks is added as new",
+    )
+    parser.add_argument(
+        "--map-fixed", action="store_true", default=None, help="hold that map fixed, leaving its covariance aside"
+    )
+    parser.add_argument(
+        "--oracle",
+        action="store_true",
+        default=None,
+        help="tell the truth to backends that have a use for it, such as ekf[jacobians=ideal]; their rows are marked",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print the findings as a JSON document, and progress to standard error"
+    )
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors, and with --json the document")
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Run; 0 where something is done and every other cell is skipped, 1 where one failed or all were skipped."""
+    out = namespace.out or Path("results") / time.strftime("%Y%m%d-%H%M%S")
+    given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
+    given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}
+    console = screen_console(quiet=namespace.quiet, aside=namespace.json)
+    with Screen(console) as screen:
+        plan = benchmark(given, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
+    with Store(out) as store:
+        found = lines(store.cells())
+    ended, report = status(found), out / "report.html"
+    if namespace.json:
+        words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks())
+        print(json.dumps(words, indent=2, allow_nan=False))
+        return ended
+    if not namespace.quiet:
+        conclude(console, found)
+    if plan.remarks():
+        console.print(plan.remarks(), highlight=False, markup=False, soft_wrap=True)
+    console.print(f"report: {report}", highlight=False, markup=False, soft_wrap=True)
+    return ended

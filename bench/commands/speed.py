@@ -1,0 +1,64 @@
+"""`bench speed`: what a step of every backend costs as the map grows; with `--frontend`, what a marker's corners cost;
+with `--pool`, what the processes of a study add to its cells.
+
+Each study prints tables, and writes them as CSV with a picture where it is asked to.
+"""
+
+import argparse
+from pathlib import Path
+
+from ...frontend.errors import InputError
+from ..speed import backends, frontend, pool
+from ..words.console import screen_console
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add = parser.add_argument
+    add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
+    add("--pool", action="store_true", help="many small cells on a pool of processes, not the backends")
+    add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
+    add("--quick", action="store_true", help="a look: little of everything, for no figure that counts")
+    add("--csv", type=Path, metavar="FILE", help="also write the figures")
+    add("--out", type=Path, metavar="FOLDER", help="also write the figures and a picture of them there")
+    add("--quiet", action="store_true", help="print nothing but errors")
+    backends.arguments(parser.add_argument_group("backends"))
+    frontend.arguments(parser.add_argument_group("--frontend"))
+    pool.arguments(parser.add_argument_group("--pool"))
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Measure and print; 0, whatever was found."""
+    if namespace.frontend and namespace.pool:
+        raise InputError("--frontend --pool: expected one of them, they are studies of their own")
+    studies = {"frontend": frontend, "pool": pool, "": backends}
+    name = "frontend" if namespace.frontend else "pool" if namespace.pool else ""
+    chosen = studies.pop(name)
+    _check(namespace, tuple(option for other in studies.values() for option in other.OPTIONS))
+    console = screen_console(quiet=namespace.quiet)
+    for path in chosen.study(namespace, console):
+        console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
+    return 0
+
+
+def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
+    """InputError for an option of the study that was not asked for, and for what neither can work with."""
+    for name in foreign:
+        if getattr(namespace, name) not in (None, False):
+            asked = "without --frontend backends are timed"
+            asked = "--pool times the pool" if namespace.pool else asked
+            asked = "--frontend times the detector" if namespace.frontend else asked
+            raise InputError(f"--{name}: {asked}, which has no such option")
+    if namespace.seed < 0:
+        raise InputError(f"--seed {namespace.seed}: expected 0 or more")
+    if namespace.csv is not None and not namespace.csv.parent.is_dir():
+        raise InputError(
+            f"--csv {namespace.csv}: there is no folder {namespace.csv.parent}, expected one that is there"
+        )
+    if namespace.out is not None and namespace.out.exists() and not namespace.out.is_dir():
+        raise InputError(f"--out {namespace.out}: found a file, expected a folder or nothing")
+    if namespace.out is not None:  # before an hour's measurements, not after
+        try:
+            namespace.out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"--out {namespace.out}: {error.strerror}; expected a folder that can be made") from None

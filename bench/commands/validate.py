@@ -1,0 +1,91 @@
+"""`bench validate`: everything that is wrong with a log, and what is legal yet odd."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from ...datasets.formats import log_folder
+from ...frontend.errors import InputError
+from ...frontend.factors import UNKNOWN, Dataset
+from ...frontend.scan import Scan, attempted
+from ..logs.remarks import remarks
+from ..plan.load import made
+from ..plan.spec import DatasetVariant, dataset_variants
+from ..plan.values import seed
+
+SHOWN = 20
+"""Problems of a log that are printed."""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `bench validate`."""
+    parser.add_argument(
+        "log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it"
+    )
+    parser.add_argument("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
+    parser.add_argument("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
+    parser.epilog = (
+        "Of a log's folder every problem is found, of any other dataset the first. The exit status is 0 where there is "
+        "none, else 2; remarks are about what is legal yet odd, and do not count."
+    )
+
+
+def main(namespace: argparse.Namespace) -> int:
+    """Print the problems and remarks of every log; 2 if one has a problem."""
+    shown = float("inf") if namespace.all else SHOWN
+    return max(_found_and_validated(text, namespace.seed, shown) for text in namespace.log)
+
+
+def _found_and_validated(text: str, seed: int, shown: float) -> int:
+    """Print what there is to say of the logs that `text` names; the exit status."""
+    try:
+        variants = dataset_variants(text, "bench validate")
+    except InputError as error:
+        print(error)
+        return 2
+    return max(_validated(variant, seed, shown) for variant in variants)
+
+
+def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
+    """Print what there is to say of one log; its exit status."""
+    place = _place(variant)
+    scan, total = attempted(_scan(variant, seed)), 0
+    while True:
+        try:
+            problem = next(scan)
+        except StopIteration as end:
+            dataset = end.value
+            break
+        total += 1
+        if total <= shown:
+            print(problem)
+    if total or dataset is None:
+        hidden = f", of which the first {shown} are shown; --all shows them all" if total > shown else ""
+        print(f"{place}: {total} problem{'s' * (total > 1)}{hidden}.")
+        return 2
+    for remark in remarks(dataset):
+        print(f"remark: {place}: {remark}.")
+    print(f"{place}: good; {_counts(dataset)}.")
+    return 0
+
+
+def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:
+    """The dataset; every problem of a log's folder, the first of any other."""
+    if variant.name == "log" and variant.options.path is not None:
+        return (yield from log_folder.scan(Path(variant.options.path)))
+    return made(variant, seed)
+
+
+def _place(variant: DatasetVariant) -> str:
+    return str(getattr(variant.options, "path", None) or variant.label)
+
+
+def _counts(dataset: Dataset) -> str:
+    log, truth = dataset
+    landmarks = len(np.unique(log.ids[log.ids != UNKNOWN]))
+    known = "no truth"
+    if truth is not None:
+        places = "" if truth.map is None else f" and of {len(truth.map.ids)} landmarks"
+        known = f"{truth.kind} of {len(truth.t)} steps{places}"
+    return f"{len(log)} steps, {len(log.ids)} sightings of {landmarks} landmarks, {known}; digest {log.digest[:12]}"

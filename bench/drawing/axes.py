@@ -1,0 +1,95 @@
+"""What the figures share: stretches of a run, logarithmic axes in plain numbers, and a legend that covers nothing."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from ...frontend.se2 import Array
+from ..words.numerals import plain
+
+LONGEST = 34
+"""Characters of a label that a figure has room for."""
+
+
+def short(label: str, longest: int = LONGEST) -> str:
+    """The label, its middle left out where it is too long."""
+    return label if len(label) <= longest else f"{label[: longest - 13]}…{label[-12:]}"
+
+
+def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
+    """Means (count,) of `values` (n,) over `count` equal stretches of time, at their centres.
+
+    NaN where a stretch has no value, so that a line breaks there; of a short run the values as they are.
+    """
+    if len(t) <= count:
+        return t, values
+    edges = np.linspace(t[0], t[-1], count + 1)
+    place = np.clip(np.searchsorted(edges, t, "right") - 1, 0, count - 1)
+    known = np.isfinite(values)
+    number = np.bincount(place[known], minlength=count)
+    total = np.bincount(place[known], values[known], minlength=count)
+    means = np.full(count, np.nan)
+    np.divide(total, number, out=means, where=number > 0)
+    return (edges[:-1] + edges[1:]) / 2, means
+
+
+def logarithmic(axis: str, axes: Axes, low: float, high: float) -> None:
+    """Make "x" or "y" logarithmic over low to high and some room, marks in plain numbers; linear where it cannot be."""
+    if not (0 < low <= high < np.inf):
+        return
+    low, high = low / 1.3, high * 1.3
+    if high < 12 * low:  # room for at least a decade, or the marks say nothing
+        low, high = np.sqrt(low * high / 12), np.sqrt(low * high * 12)
+    if axis == "x":
+        axes.set_xscale("log")
+        axes.set_xlim(low, high)
+    else:
+        axes.set_yscale("log")
+        axes.set_ylim(low, high)
+    which = axes.xaxis if axis == "x" else axes.yaxis
+    decades = np.log10(high / low)
+    which.set_major_locator(
+        LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,), numticks=5 if axis == "x" else 9)
+    )
+    which.set_major_formatter(FuncFormatter(lambda value, _: plain(value)))
+    which.set_minor_locator(NullLocator())
+
+
+def fitted(axis: str, axes: Axes, values: Iterable[float]) -> None:
+    """Make it logarithmic over the positive ones of `values`; of a "y", over five decades at most.
+
+    Errors of nothing at all do not stretch the axis.
+    """
+    positive = [value for value in values if 0 < value < np.inf]
+    if positive:
+        high = max(positive)
+        low = min(positive) if axis == "x" else max(min(positive), 1e-5 * high)
+        logarithmic(axis, axes, low, high)
+
+
+def legend_columns(labels: Iterable[str], width: float) -> int:
+    """How many names fit beside each other in `width` points."""
+    return int(np.clip(width // (28 + 4.2 * max(len(short(label)) for label in labels)), 1, 4))
+
+
+def legend(figure: Figure, axes: Axes, columns: int) -> None:
+    """Names above the axes, each marked as what it names is."""
+    handles, labels = axes.get_legend_handles_labels()
+    names = [short(label) for label in labels]
+    tight: dict[str, Any] = {"borderpad": 0.1, "borderaxespad": 0, "columnspacing": 1.2, "handlelength": 2.2}
+    made = figure.legend(handles, names, loc="upper left", ncols=columns, **tight)
+    for handle, key, text in zip(handles, made.legend_handles, made.get_texts(), strict=True):
+        gid = _gid(handle)
+        if key is not None and gid is not None:
+            key.set_gid(gid)
+            text.set_gid(gid)
+
+
+def _gid(handle: Any) -> str | None:
+    """Of an artist, or of the first of those that a container or a tuple holds."""
+    return handle.get_gid() if isinstance(handle, Artist) else _gid(handle[0])

@@ -1,0 +1,1 @@
+"""What a log is, before anything runs on it: `bench show`, `validate` and `export`."""

@@ -1,0 +1,75 @@
+"""A log in the formats of other programs, all of them or none."""
+
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from ...datasets.formats import log_folder
+from ...datasets.formats.g2o_write import write_g2o
+from ...frontend.dead_reckoning import dead_reckoned
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset
+from ...frontend.files import beside
+from ...frontend.tum import write_tum
+
+
+def export_log(dataset: Dataset, formats: Sequence[str], out: Path) -> list[tuple[Path, str]]:
+    """Write them, each one of FORMATS, to the new folder `out`; the files with what is in them. InputError."""
+    part = beside(out)
+    try:
+        part.mkdir(parents=True)
+        said = [sentence for name in formats for sentence in FORMATS[name](part, dataset)]
+        os.replace(part, out)
+    except InputError as error:  # of a file that is gone by the time it is read
+        raise InputError(f"--out {str(error).replace(str(part), str(out))}") from None
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written ({error.strerror}).") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return [(out / file, what) for file, what in said]
+
+
+def formats_of(text: str) -> list[str]:
+    """Those named, separated by commas; InputError for one that is none, or named twice."""
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in FORMATS:
+            raise InputError(f"--as: found {name!r}, expected one of {', '.join(FORMATS)}.")
+    if len(set(names)) < len(names):
+        raise InputError(f"--as {text}: a format is named twice, expected once.")
+    return names
+
+
+def _graph(folder: Path, dataset: Dataset, file: str, for_gtsam: bool) -> list[tuple[str, str]]:
+    log = dataset.log
+    left_out = write_g2o(folder / file, log, for_gtsam=for_gtsam)
+    what = f"{len(log):,} poses, {len(log.loop_to):,} loop closures, {len(log.ids) - left_out:,} sightings"
+    if left_out:
+        what += f"; {left_out:,} of unknown landmarks are left out, g2o has no place for them"
+    return [(file, what)]
+
+
+def _tum(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
+    log, truth = dataset
+    write_tum(folder / "odometry.tum", log.t, dead_reckoned(log))
+    said = [("odometry.tum", f"{len(log):,} poses, by odometry alone")]
+    if truth is None or not len(truth.t):
+        return said
+    write_tum(folder / "truth.tum", truth.t, truth.poses)
+    return [*said, ("truth.tum", f"{len(truth.t):,} poses")]
+
+
+def _log(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
+    log_folder.write(folder / "log", *dataset)
+    return [("log", f"{len(dataset.log):,} steps, {len(dataset.log.ids):,} sightings")]
+
+
+FORMATS: dict[str, Callable[[Path, Dataset], list[tuple[str, str]]]] = {
+    "g2o": partial(_graph, file="log.g2o", for_gtsam=False),
+    "gtsam": partial(_graph, file="log-gtsam.g2o", for_gtsam=True),
+    "tum": _tum,
+    "log": _log,
+}
+"""What each writes to a folder, and the files with what is in them."""

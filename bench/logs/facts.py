@@ -1,0 +1,243 @@
+"""The numbers of a log in words: a few facts a line, for the terminal and for a page."""
+
+from collections.abc import Iterator, Mapping
+from math import degrees, tau
+from typing import Any
+
+from ..words.numerals import counted, listed, number, plain
+from .landmark_places import Astray
+from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
+from .stated_noise import Honesty, Measured
+
+TRUE_ENOUGH = (0.8, 1.25)
+"""Typical error over the stated one between which the noise counts as stated rightly."""
+
+OUTLIERS = 0.01
+"""Share of errors far out from which on they are called outliers: ten times what chance has."""
+
+ALL_ROUND = 5.0
+"""rad; a field of view that is wider has no sides."""
+
+NAMED = 12
+"""Ids that are named; of more, how many."""
+
+DEGREE = "\N{DEGREE SIGN}"
+
+
+def headline(found: Numbers) -> str:
+    """What the log is, in a sentence that fits over a picture."""
+    parts = [counted(found.way.steps, "step"), f"{number(found.way.odometry_m)} m"]
+    if found.times is not None:
+        parts.append(_duration(found.times.duration))
+    seen = counted(found.seen.sightings, "sighting")
+    if found.landmarks is not None:
+        seen += f" of {counted(found.landmarks.landmarks, 'landmark')}"
+    parts.append(seen)
+    if found.back.closures:
+        parts.append(counted(found.back.closures, "loop closure"))
+    return ", ".join([*parts, _comes_back(found.back.loops)])
+
+
+def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
+    """(heading, facts) a line; `path` says what the picture's path is."""
+    yield "way", _joined(_way(found))
+    yield "times", _joined(_times(found))
+    yield "sightings", _joined(_seen(found.seen))
+    if found.landmarks is not None:
+        yield "landmarks", _joined(_landmarks(found))
+    yield "returns", _joined(_back(found))
+    if found.sensor is not None:
+        yield "sensor", _joined(_sensor(found.sensor))
+    yield "stated noise", _joined(_noise(found.noise))
+    yield "known", _joined(_known(found, path))
+    known = found.known
+    if known.astray is not None:
+        yield "not in one place", _astray(known.astray)
+    if known.sightings is not None and known.measured is not None:
+        against = ["against each landmark's median place"] if known.medians else []
+        yield "sightings against truth", _joined([*against, *_honest(known.sightings), _measured(known.measured)])
+    if known.odometry is not None:
+        yield "odometry against truth", _joined(_honest(known.odometry))
+
+
+def _duration(seconds: float) -> str:
+    """A length of time: 12.3 s, 25.6 min or 3.2 h."""
+    if seconds < 600:
+        return f"{number(seconds)} s"
+    return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:,.1f} h"
+
+
+def noted(notes: Mapping[str, Any], *, settings: bool) -> list[tuple[str, str]]:
+    """What a log's notes say, in lines; without `settings` only words and the counts that are not 0."""
+    said: list[tuple[str, str]] = []
+    for name, value in notes.items():
+        parts: Any = value
+        if isinstance(value, dict):
+            if not settings:
+                parts = {key: part for key, part in parts.items() if type(part) is int and part}
+            parts = ", ".join(f"{key} {part}" for key, part in parts.items())
+        if settings or parts:
+            said.append((name.replace("_", " "), str(parts)))
+    return said
+
+
+def _way(found: Numbers) -> Iterator[str]:
+    w = found.way
+    yield counted(w.steps, "step")
+    yield f"{number(w.odometry_m)} m by odometry"
+    if w.known_m is not None:
+        yield f"{number(w.known_m)} m by {'truth' if found.known.kind == 'truth' else 'the batch optimum'}"
+    if w.speed is not None:
+        yield f"{number(w.speed)} m/s on average"
+    left = w.turned_left / tau
+    side = "left" if left >= 0 else "right"
+    yield f"turned {w.turned / tau:.1f} times round in all, {abs(left):.1f} more to the {side}"
+
+
+def _times(found: Numbers) -> Iterator[str]:
+    if found.times is None:
+        yield "none: t is the number of the step"
+        return
+    t = found.times
+    yield _duration(t.duration)
+    yield f"a step every {number(t.median)} s"
+    yield f"at most {number(t.longest)} s apart"
+    yield f"{counted(t.gaps, 'gap')} of more than 5 times the median" if t.gaps else "no gap"
+
+
+def _seen(seen: Seen) -> Iterator[str]:
+    if not seen.sightings:
+        yield "none"
+        return
+    yield f"{seen.sightings:,}"
+    middle = f"median {plain(seen.p50)}, 90 % from {plain(seen.p5)} to {plain(seen.p95)}, at most {seen.most:,}"
+    yield f"{number(seen.mean)} a step: {middle}"
+    if seen.steps_without:
+        length = f"{number(seen.longest_without_m)} m"
+        if seen.longest_without_s is not None:
+            length += f", {_duration(seen.longest_without_s)}"
+        yield f"{counted(seen.steps_without, 'step')} without, at most {seen.longest_without:,} in a row ({length})"
+    else:
+        yield "no step without"
+    yield f"{seen.unknown:,} of unknown landmarks" if seen.unknown else "all with an id"
+
+
+def _landmarks(found: Numbers) -> Iterator[str]:
+    marks = found.landmarks
+    assert marks is not None
+    yield f"{marks.landmarks:,}"
+    yield f"each sighted {marks.least:,} to {marks.most:,} times, median {plain(marks.median)}"
+    if marks.once:
+        yield f"{marks.once:,} seen once"
+
+
+def _back(found: Numbers) -> Iterator[str]:
+    back = found.back
+    yield _comes_back(back.loops)
+    if back.after_m is not None:
+        rule = f"after more than {number(back.after_m)} m of way without it"
+        back_to = f" to {counted(back.landmarks, 'landmark')}" if back.returns else ""
+        yield f"{counted(back.returns, 'return')}{back_to}, a sighting {rule}"
+    if back.closures:
+        yield counted(back.closures, "loop closure") + " between poses"
+    if back.loops:
+        yield f"largest loop {number(back.longest_m)} m, at most {counted(back.longest_steps, 'step')}"
+
+
+def _sensor(sensor: Sensor) -> Iterator[str]:
+    s = sensor
+    yield f"ranges {number(s.range_least)} to {number(s.range_most)} m, median {number(s.range_median)} m"
+    if s.view > ALL_ROUND:
+        yield "bearings all round"
+        return
+    ends = f"from {_degrees(s.view_right)} to {_degrees(s.view_left)}, left of ahead being positive"
+    yield f"99 % of bearings within {degrees(s.view):.0f}{DEGREE}, {ends}"
+
+
+def _comes_back(loops: int) -> str:
+    return (
+        ("never comes back", "comes back once", "comes back twice")[loops]
+        if loops < 3
+        else f"comes back {loops:,} times"
+    )
+
+
+def _noise(noise: Noise) -> Iterator[str]:
+    if noise.range is not None and noise.bearing is not None:
+        yield f"range {_sd(noise.range, 'm')}"
+        yield f"bearing {_sd(noise.bearing, DEGREE)}"
+    if noise.forward is None or noise.sideways is None or noise.turn is None:
+        yield "no odometry"
+        return
+    metres = f"{_sd(noise.forward, 'm')} along, {_sd(noise.sideways, 'm')} across"
+    yield f"a step's odometry {metres}, {_sd(noise.turn, DEGREE)}"
+    if noise.forward_1m is not None and noise.sideways_1m is not None and noise.turn_1m is not None:
+        metres = f"{number(noise.forward_1m)} m along, {number(noise.sideways_1m)} m across"
+        yield f"over 1 m of way {metres}, {number(degrees(noise.turn_1m))}{DEGREE}"
+
+
+def _sd(sd: Sd, unit: str) -> str:
+    scale, gap = (degrees(1), "") if unit == DEGREE else (1.0, " ")
+    text = f"{number(scale * sd.median)}{gap}{unit}"
+    return text if sd.constant else f"{text} ({number(scale * sd.p5)} to {number(scale * sd.p95)})"
+
+
+def _known(found: Numbers, path: str) -> Iterator[str]:
+    k = found.known
+    yield _coverage(k, found.way.steps)
+    yield f"{counted(k.landmarks, 'landmark')} with a known place" if k.landmarks else "no landmark's place"
+    if k.drift_m is not None:
+        share = "" if k.drift_share is None else f", {number(100 * k.drift_share)} % of the way"
+        yield f"dead reckoning ends {number(k.drift_m)} m from it{share}"
+    yield f"drawn: {path}"
+
+
+def _coverage(known: Known, steps: int) -> str:
+    if known.kind == "truth":
+        return "the true pose of " + ("every step" if known.steps == steps else f"{known.steps:,} steps of {steps:,}")
+    return "no true path"
+
+
+def _astray(astray: Astray) -> str:
+    names = [str(id_) for id_ in astray.ids[:NAMED]]
+    if len(astray.ids) > NAMED:
+        names.append(f"{len(astray.ids) - NAMED:,} more")
+    one = len(astray.ids) == 1
+    low, high = number(astray.spread_least), number(astray.spread_most)
+    about = f"{low} m" if low == high else f"{low} to {high} m"
+    named = f"id{'s' * (not one)} {listed(names)}"
+    return f"{named} ({counted(astray.sightings, 'sighting')}, {about} about): {'does it' if one else 'do they'} move?"
+
+
+def _honest(honest: Honesty) -> Iterator[str]:
+    low, high = TRUE_ENOUGH
+    times = f"{number(honest.scale)} times"
+    if low <= honest.scale <= high:
+        fit, but = f"typical error as stated ({times})", "but"
+    else:
+        small = honest.scale > high
+        fit = f"stated too {'small' if small else 'large'}: the typical error is {times} the stated one"
+        but = "and" if small else "but"
+    far = f"{number(100 * honest.far)} %"
+    if honest.far > OUTLIERS:
+        yield f"{fit}, {but} {far} are far out, where chance has 0.1 %"
+    else:
+        yield fit
+        yield f"{far} far out, where chance has 0.1 %"
+    yield f"NEES {number(honest.nees)}, where 1 is exact"
+    yield f"{honest.checked:,} checked"
+
+
+def _measured(measured: Measured) -> str:
+    """With what a reader's options of these names would be set to."""
+    metres, radians = measured
+    words = f"range {number(metres)} m, bearing {number(degrees(radians))}{DEGREE}"
+    return f"measured: {words} (range_sd={metres:.3g}, bearing_sd={radians:.3g})"
+
+
+def _joined(parts: Iterator[str] | list[str]) -> str:
+    return " \N{MIDDLE DOT} ".join(parts)
+
+
+def _degrees(angle: float) -> str:
+    return f"{degrees(angle):+.0f}{DEGREE}"

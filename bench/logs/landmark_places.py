@@ -1,0 +1,86 @@
+"""Where a log's landmarks are by its own sightings, from a path that is known; and which ids are not in one place."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.factors import UNKNOWN, Log, Map, Truth
+from ...frontend.se2 import Array, Ints, act
+
+LEAST = 8
+"""Sightings of an id from which on their median is a place to judge by."""
+
+WIDE = 8.0
+"""Of the typical id's spread, from which on an id is not in one place."""
+
+BEYOND = 3.0
+"""Of the standard deviation that the noise states: a spread within it is no wonder, however small the others' are."""
+
+
+class Places(NamedTuple):
+    """Every id's place by its own sightings from the path, ids in order."""
+
+    ids: Ints  # (l,)
+    xy: Array  # (l, 2) m, median
+    spread: Array  # (l,) m, the median distance of its sightings from there
+    sightings: Ints  # (l,) how many, from a known pose
+    astray: NDArray[np.bool_]  # (l,) not in one place
+
+
+class Astray(NamedTuple):
+    """The ids that are not in one place."""
+
+    ids: tuple[int, ...]
+    sightings: int
+    spread_least: float  # m
+    spread_most: float
+
+
+def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
+    """The places by the sightings from `poses` (m, 3), of which step k is row `pose_at[k]`, or none for -1.
+
+    No id is astray where the path is not `known`: what is then spread out may be the path.
+    """
+    row = np.flatnonzero((log.ids != UNKNOWN) & (pose_at[log.sighting_step] >= 0))
+    ids, landmark = np.unique(log.ids[row], return_inverse=True)
+    points = sighted(poses[pose_at[log.sighting_step[row]]], log.z[row])
+    count = np.bincount(landmark, minlength=len(ids))
+    xy = np.column_stack([_medians(landmark, count, points[:, i]) for i in (0, 1)])
+    spread = _medians(landmark, count, np.hypot(*(points - xy[landmark]).T))
+    sd = np.sqrt(log.z_cov[row, 0, 0] + log.z[row, 0] ** 2 * log.z_cov[row, 1, 1])
+    judged = (count >= LEAST) & known
+    typical = float(np.median(spread[judged])) if judged.any() else 0.0
+    astray = judged & (spread > np.maximum(WIDE * typical, BEYOND * _medians(landmark, count, sd)))
+    return Places(ids, xy, spread, count, astray)
+
+
+def strays(places: Places | None) -> Astray | None:
+    """None where every id is in one place, for all that is known."""
+    if places is None or not places.astray.any():
+        return None
+    spread = places.spread[places.astray]
+    ids = tuple(places.ids[places.astray].tolist())
+    return Astray(ids, int(places.sightings[places.astray].sum()), float(spread.min()), float(spread.max()))
+
+
+def judge(truth: Truth | None, places: Places | None) -> Truth | None:
+    """What a log's noise is judged by: truth alone; landmarks of which it has no place are at their medians."""
+    if truth is None or truth.kind != "truth":
+        return None
+    if places is None:
+        return truth
+    sure = (places.sightings >= LEAST) & ~places.astray
+    return truth._replace(map=Map(places.ids[sure], places.xy[sure], None), assigned=None)
+
+
+def sighted(poses: Array, z: Array) -> Array:
+    """Where (s, 2) in the world the sightings `z` (s, 2) made from `poses` (s, 3) are."""
+    return act(poses, z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1]))))
+
+
+def _medians(landmark: Ints, count: Ints, values: Array) -> Array:
+    """(l,) of each landmark's `values`; landmark k has `count[k]` of them, at least one."""
+    ordered = values[np.lexsort((values, landmark))]
+    first = np.cumsum(count) - count
+    return (ordered[first + (count - 1) // 2] + ordered[first + count // 2]) / 2

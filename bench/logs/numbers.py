@@ -1,0 +1,278 @@
+"""A log in numbers: its way, times, sightings, landmarks, returns, sensor and stated noise; quick at 10^6 steps.
+
+Lengths are in m, angles in rad, times in s. What a log does not have is None.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.factors import UNKNOWN, Dataset, Log
+from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import odometry_errors, sighting_errors
+from ..measure.times import numbered
+from .landmark_places import Astray, judge, strays
+from .revisits import Returns, loops, way
+from .shown_path import Shown
+from .stated_noise import Honesty, Measured, honesty, measured
+
+GAP = 5.0
+"""Median times from step to step that make a gap."""
+
+SIGHT = 0.99
+"""Share of the bearings that the field of view holds."""
+
+ROUND = 1e-6
+"""Relative; standard deviations that differ by less are one."""
+
+
+class Way(NamedTuple):
+    """How the robot drove."""
+
+    steps: int
+    odometry_m: float
+    known_m: float | None  # along the true path, else along the batch optimum
+    speed: float | None  # m/s, by odometry
+    turned: float  # rad, every turn counted
+    turned_left: float  # rad, left minus right
+
+
+class Times(NamedTuple):
+    """When its steps are; of a log whose steps are timed and not merely numbered."""
+
+    duration: float
+    median: float  # from step to step
+    longest: float
+    gaps: int  # longer than GAP medians
+
+
+class Seen(NamedTuple):
+    """How many sightings there are."""
+
+    sightings: int
+    unknown: int  # without the id of a landmark
+    mean: float  # a step
+    p5: float
+    p50: float
+    p95: float
+    most: int
+    steps_without: int
+    longest_without: int  # steps in a row
+    longest_without_m: float
+    longest_without_s: float | None
+
+
+class Landmarks(NamedTuple):
+    """How often each landmark is sighted."""
+
+    landmarks: int
+    least: int
+    median: float
+    most: int
+    once: int  # landmarks sighted a single time
+
+
+class Back(NamedTuple):
+    """How the log comes back to where it was."""
+
+    loops: int  # times
+    after_m: float | None  # way without a landmark that makes its next sighting a return
+    returns: int  # sightings
+    landmarks: int  # that are returned to
+    longest_m: float  # way of the longest absence: the size of the largest loop
+    longest_steps: int
+    closures: int  # relative poses
+
+
+class Sensor(NamedTuple):
+    """Where landmarks are sighted."""
+
+    range_least: float
+    range_median: float
+    range_most: float
+    view: float  # rad, the smallest angle that holds SIGHT of the bearings
+    view_right: float  # rad, its ends; from left to right it goes counter-clockwise
+    view_left: float
+
+
+class Sd(NamedTuple):
+    """A stated standard deviation over the measurements."""
+
+    p5: float
+    median: float
+    p95: float
+    constant: bool
+
+
+class Noise(NamedTuple):
+    """The noise that the log states."""
+
+    range: Sd | None
+    bearing: Sd | None
+    forward: Sd | None  # of a step's motion
+    sideways: Sd | None
+    turn: Sd | None
+    forward_1m: float | None  # of a metre of way: the root of all variance over all way
+    sideways_1m: float | None
+    turn_1m: float | None
+
+
+class Known(NamedTuple):
+    """What is known beside the factors, and how the log holds up against it."""
+
+    kind: str  # truth, reference or "" where no path is known
+    steps: int  # with a known pose
+    landmarks: int  # with a known place
+    sightings: Honesty | None  # with truth alone, as the next
+    odometry: Honesty | None
+    measured: Measured | None  # the sightings' noise
+    medians: bool  # whether both are against landmarks' median places, as their true ones are not known
+    astray: Astray | None  # by a known path, where the landmarks' places are not
+    drift_m: float | None  # of dead reckoning at the end of the known path
+    drift_share: float | None  # of that path's length
+
+
+class Numbers(NamedTuple):
+    """All of them."""
+
+    way: Way
+    times: Times | None
+    seen: Seen
+    landmarks: Landmarks | None
+    back: Back
+    sensor: Sensor | None
+    noise: Noise
+    known: Known
+
+
+def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
+    """The numbers of a log; `drawn` is its path, `found` its returns."""
+    log = dataset.log
+    return Numbers(
+        _way(log, drawn),
+        times(log),
+        _seen(log),
+        _landmarks(found),
+        _back(log, found),
+        _sensor(log.z) if len(log.z) else None,
+        _noise(log),
+        _known(dataset, drawn),
+    )
+
+
+def times(log: Log) -> Times | None:
+    """None for a log of one step, and for one that numbers its steps."""
+    if len(log) < 2 or numbered(log.t):
+        return None
+    apart = np.diff(log.t)
+    median = float(np.median(apart))
+    return Times(float(log.t[-1] - log.t[0]), median, float(apart.max()), int((apart > GAP * median).sum()))
+
+
+def empty_runs(log: Log) -> Ints:
+    """(m, 2) the first and last step of every run of steps without a sighting."""
+    empty = np.concatenate(([False], np.diff(log.sighting_first) == 0, [False]))
+    change = np.flatnonzero(np.diff(empty))
+    return np.column_stack((change[::2], change[1::2] - 1))
+
+
+def _way(log: Log, drawn: Shown) -> Way:
+    length = float(way(log)[-1])
+    timed = times(log)
+    turns = log.delta[1:, 2]
+    known = None if drawn.poses is drawn.reckoned else _length(drawn.poses)
+    speed = None if timed is None else length / timed.duration
+    return Way(len(log), length, known, speed, float(np.abs(turns).sum()), float(turns.sum()))
+
+
+def _length(poses: Array) -> float:
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
+
+
+def _seen(log: Log) -> Seen:
+    count = np.diff(log.sighting_first)
+    p5, p50, p95 = np.percentile(count, (5, 50, 95))
+    runs, gone = empty_runs(log), way(log)
+    before, after = np.maximum(runs[:, 0] - 1, 0), np.minimum(runs[:, 1] + 1, len(log) - 1)
+    longest = int((runs[:, 1] - runs[:, 0] + 1).max(initial=0))
+    longest_m = float((gone[after] - gone[before]).max(initial=0))
+    longest_s = None if times(log) is None else float((log.t[after] - log.t[before]).max(initial=0))
+    unknown = int((log.ids == UNKNOWN).sum())
+    spread = (float(count.mean()), float(p5), float(p50), float(p95), int(count.max()))
+    return Seen(len(log.ids), unknown, *spread, int((count == 0).sum()), longest, longest_m, longest_s)
+
+
+def _landmarks(found: Returns) -> Landmarks | None:
+    if not len(found.row):
+        return None
+    count = np.bincount(found.rank)
+    spread = (int(count.min()), float(np.median(count)), int(count.max()))
+    return Landmarks(len(count), *spread, int((count == 1).sum()))
+
+
+def _back(log: Log, found: Returns) -> Back:
+    gone = way(log)
+    now = np.concatenate((found.step[found.returns], log.loop_step))
+    then = np.concatenate((found.before[found.returns], log.loop_to))
+    return Back(
+        loops(log, found),
+        found.after if len(found.row) else None,
+        int(found.returns.sum()),
+        len(np.unique(found.rank[found.returns])),
+        float((gone[now] - gone[then]).max(initial=0)),
+        int((now - then).max(initial=0)),
+        len(log.loop_to),
+    )
+
+
+def _sensor(z: Array) -> Sensor:
+    """The field of view is the shortest arc that holds SIGHT of the bearings, found by sliding along them in order."""
+    bearings = np.sort(z[:, 1])
+    inside = int(np.ceil(SIGHT * len(bearings)))
+    on = np.concatenate((bearings, bearings + 2 * np.pi))
+    arcs = on[inside - 1 : inside - 1 + len(bearings)] - bearings
+    first = int(np.argmin(arcs))
+    left = float(on[first + inside - 1])
+    ranges = (float(z[:, 0].min()), float(np.median(z[:, 0])), float(z[:, 0].max()))
+    return Sensor(*ranges, float(arcs[first]), float(bearings[first]), left - 2 * np.pi * (left > np.pi))
+
+
+def _noise(log: Log) -> Noise:
+    variance = np.einsum("kii->ki", log.delta_cov[1:])
+    length = float(way(log)[-1])
+    metre = np.sqrt(variance.sum(axis=0) / length).tolist() if length > 0 else (None, None, None)
+    range_sd, bearing_sd = (_sd(log.z_cov[:, i, i]) for i in range(2))
+    forward, sideways, turn = (_sd(variance[:, i]) for i in range(3))
+    return Noise(range_sd, bearing_sd, forward, sideways, turn, *metre)
+
+
+def _sd(variance: Array) -> Sd | None:
+    if not len(variance):
+        return None
+    low, p5, median, p95, high = np.sqrt(np.percentile(variance, (0, 5, 50, 95, 100))).tolist()
+    return Sd(p5, median, p95, high - low <= ROUND * high)
+
+
+def _known(dataset: Dataset, drawn: Shown) -> Known:
+    log, truth = dataset
+    right = judge(truth, drawn.places)
+    at_sightings = None if right is None else sighting_errors(log, right)
+    at_odometry = None if right is None else odometry_errors(log, right)
+    path = truth if truth is not None and len(truth.t) else drawn.solved
+    off = share = None
+    if path is not None:
+        off = float(np.hypot(*(drawn.reckoned[drawn.step[-1]] - drawn.poses[-1])[:2]))
+        length = _length(drawn.poses)
+        share = off / length if length > 0 else None
+    return Known(
+        "" if path is None else path.kind,
+        0 if path is None else len(path.t),
+        0 if truth is None or truth.map is None else len(truth.map.ids),
+        None if at_sightings is None else honesty(at_sightings, log.z_cov[at_sightings.row]),
+        None if at_odometry is None else honesty(at_odometry, log.delta_cov[at_odometry.row]),
+        None if at_sightings is None else measured(at_sightings),
+        at_sightings is not None and len(at_sightings.row) > 0 and drawn.places is not None,
+        strays(drawn.places),
+        off,
+        share,
+    )

@@ -1,0 +1,204 @@
+"""The panels beside a log's map: along its time, and of its sensor."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.ticker import MaxNLocator
+
+from ...frontend.factors import Log, Truth
+from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import sighting_errors
+from ..drawing.axes import stretches
+from ..words.numerals import TIMES, number
+from ..words.styles import COLOURS
+from .numbers import empty_runs, times
+from .revisits import Returns
+from .stated_noise import typical
+
+INK = "#222222"
+FIRST, AGAIN, SOFT, EMPTY = COLOURS[0], COLOURS[1], COLOURS[4], "#f3d9cc"
+
+STRETCHES = 300
+"""Of the log's time, in a curve."""
+
+COLUMNS, ROWS = 420, 150
+"""Cells of the picture of returns: each is coloured where any sighting falls into it, however many there are."""
+
+LONG = 0.004
+"""Share of the log from which on a stretch without sightings is shaded."""
+
+MOST_DOTS = 4_000
+
+BINS = 12
+"""Of ranges, with equally many sightings each."""
+
+LEAST_BIN = 8
+"""Sightings; a bin with fewer shows no error."""
+
+
+def seen(axes: Axes, log: Log) -> None:
+    """Sightings a step along the log, stretches without one shaded."""
+    t = _time(log)
+    count = np.diff(log.sighting_first).astype(float)
+    middle, mean = stretches(t, count, STRETCHES)
+    runs = empty_runs(log)
+    half = np.concatenate((np.diff(t) / 2, np.zeros(1)))
+    before = np.concatenate((np.zeros(1), np.diff(t) / 2))
+    shaded = 0
+    for first, last in runs:
+        start, end = float(t[first] - before[first]), float(t[last] + half[last])
+        if end - start >= LONG * max(t[-1], 1e-9) and shaded < STRETCHES:
+            axes.axvspan(start, end, color=EMPTY, linewidth=0, zorder=0)
+            shaded += 1
+    averaged = len(t) > STRETCHES
+    axes.fill_between(middle, 0, mean, color=FIRST, alpha=0.35, linewidth=0, step=None if averaged else "mid")
+    axes.plot(middle, mean, color=FIRST, linewidth=0.9, drawstyle="default" if averaged else "steps-mid")
+    _along(axes, log)
+    axes.set_ylim(0, max(1.0, 1.08 * float(np.nanmax(mean))))
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=not 0 < float(np.nanmax(mean)) < 2))
+    shade = "; shaded: nothing seen" if shaded else ""
+    axes.set_title(f"Sightings a step{', mean' if averaged else ''}{shade}")
+
+
+def returns(axes: Axes, log: Log, found: Returns) -> None:
+    """Which landmark was seen when; of a log with loop closures alone, which earlier step was seen from which."""
+    t = _time(log)
+    if len(found.row):
+        _raster(axes, t, found)
+    elif len(log.loop_to):
+        axes.plot(t[log.loop_step], t[log.loop_to], ".", color=AGAIN, markersize=3, markeredgewidth=0)
+        axes.plot([t[0], t[-1]], [t[0], t[-1]], color=INK, linewidth=0.6)
+        axes.set_ylim(t[0], max(t[-1], 1e-9))
+        axes.set_ylabel("earlier step seen" if times(log) is None else "time of the step seen, s")
+        axes.set_title("Loop closures; far below the line: a large loop")
+    else:
+        axes.set_yticks([])
+        _nothing(axes, "no landmark is sighted: it cannot come back")
+        axes.set_title("When each landmark was seen")
+    _along(axes, log)
+
+
+def sensor(axes: Axes, z: Array) -> None:
+    """Where landmarks are seen from the robot, ahead being up."""
+    axes.set_title("Where it sees, ahead is up")
+    if not len(z):
+        _nothing(axes, "no sighting")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return
+    some = np.unique(np.linspace(0, len(z) - 1, min(len(z), MOST_DOTS)).astype(np.int64))
+    ahead, left = z[some, 0] * np.cos(z[some, 1]), z[some, 0] * np.sin(z[some, 1])
+    dots = float(np.clip(120 / np.sqrt(len(some)), 1.8, 6))
+    axes.plot(-left, ahead, ".", color=FIRST, markersize=dots, alpha=0.45, markeredgewidth=0, rasterized=True)
+    axes.plot(0, 0, "^", color=INK, markersize=8)
+    far = float(np.percentile(z[:, 0], 99.5))
+    inside = z[some, 0] <= far
+    low = min(0.0, float(ahead[inside].min())) - 0.08 * far
+    wide = 1.08 * max(float(np.abs(left[inside]).max()), 0.4 * far)
+    axes.set_xlim(-wide, wide)
+    axes.set_ylim(low, 1.05 * max(float(ahead[inside].max()), 0.2 * far))
+    axes.set_aspect("equal")
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    axes.set_xlabel("left and right, m")
+    axes.set_ylabel("ahead, m")
+
+
+def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
+    """The stated noise of sightings over range, both parts in metres; with a truth their errors too.
+
+    `medians`: the truth has each landmark at the median of its sightings.
+    """
+    axes.set_title("Its noise, as stated")
+    if not len(log.z):
+        _nothing(axes, "no sighting")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        return
+    bins = int(np.clip(len(log.z) // LEAST_BIN, 1, BINS))
+    edges = np.unique(np.quantile(log.z[:, 0], np.linspace(0, 1, bins + 1)))
+    place = np.clip(np.searchsorted(edges, log.z[:, 0], "right") - 1, 0, max(len(edges) - 2, 0))
+    filled = np.unique(place)
+    middle = np.array([np.median(log.z[place == k, 0]) for k in filled])
+    wrong = _errors(log, truth)
+    sd = np.sqrt(np.einsum("kii->ki", log.z_cov))
+    stated = np.column_stack((sd[:, 0], log.z[:, 0] * sd[:, 1]))
+    highest = 0.0
+    parts = ((0, FIRST, "-", "in range"), (1, COLOURS[2], (0, (2, 2)), f"across: range {TIMES} bearing"))
+    for column, colour, dash, name in parts:
+        line = np.array([np.median(stated[place == k, column]) for k in filled])
+        marker, width = ("" if len(filled) > 1 else "s"), 2.4 if column == 0 else 1.5
+        axes.plot(middle, line, color=colour, linestyle=dash, linewidth=width, marker=marker, label=name)
+        highest = max(highest, float(line.max()))
+        if wrong is None:
+            continue
+        row, errors = wrong
+        actual = np.array([_actual(errors[place[row] == k, column]) for k in filled])
+        axes.plot(middle, actual, "o", markeredgecolor=colour, markerfacecolor="none", markersize=5)
+        highest = max(highest, float(np.nanmax(actual, initial=0.0)))
+    if wrong is not None:
+        against = "actual, from median places" if medians else "actual, against truth"
+        axes.plot([], [], "o", markeredgecolor=INK, markerfacecolor="none", markersize=5, label=against)
+        axes.set_title("Its noise, stated and actual")
+    axes.set_xlim(0, 1.05 * float(edges[-1]))
+    axes.set_ylim(0, 1.45 * highest)
+    axes.set_xlabel("range, m")
+    axes.set_ylabel("standard deviation, m")
+    axes.legend(loc="upper left", handlelength=1.4, borderpad=0.1, labelspacing=0.25)
+
+
+def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
+    """The sightings with a known error, and these errors (m, 2) in m: in range, and across."""
+    if truth is None:
+        return None
+    found = sighting_errors(log, truth)
+    if len(found.row) < LEAST_BIN:
+        return None
+    return found.row, np.column_stack((found.values[:, 0], log.z[found.row, 0] * found.values[:, 1]))
+
+
+def _actual(errors: Array) -> float:
+    return typical(errors) if len(errors) >= LEAST_BIN else np.nan
+
+
+def _raster(axes: Axes, t: Array, found: Returns) -> None:
+    landmarks = int(found.rank.max()) + 1
+    columns, rows = min(COLUMNS, len(t)), min(ROWS, landmarks)
+    length = max(float(t[-1]), 1e-9)
+    column = np.minimum((t[found.step] / length * columns).astype(np.int64), columns - 1)
+    row = found.rank * rows // landmarks
+    cells = np.full((rows, columns), np.nan)
+    back = found.visit > 0
+    cells[row[back], column[back]] = 1.0
+    cells[row[~back], column[~back]] = 0.0  # last: in a large log a cell holds both, and first visits are the few
+    axes.imshow(
+        np.ma.masked_invalid(cells),
+        cmap=ListedColormap([FIRST, AGAIN]),
+        vmin=0,
+        vmax=1,
+        aspect="auto",
+        origin="lower",
+        extent=(0, length, 0.5, landmarks + 0.5),
+        interpolation="none",
+        zorder=2,
+    )
+    axes.set_ylabel("landmark, by first sighting")
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
+    came = f"orange: again after {number(found.after)} m without it" if back.any() else "none is come back to"
+    axes.set_title(f"When each landmark was seen; {came}")
+
+
+def _along(axes: Axes, log: Log) -> None:
+    t = _time(log)
+    axes.set_xlim(0, max(float(t[-1]), 1e-9))
+    axes.set_xlabel("step" if times(log) is None else "time, s")
+
+
+def _time(log: Log) -> Array:
+    """Since the first step."""
+    return log.t - log.t[0]
+
+
+def _nothing(axes: Axes, words: str) -> None:
+    axes.text(0.5, 0.5, words, transform=axes.transAxes, ha="center", va="center", color="#777777")
+    axes.grid(visible=False)

@@ -1,0 +1,60 @@
+"""A log's picture and numbers for Python and for a notebook, where it shows itself: what `bench show` shows."""
+
+import tempfile
+from pathlib import Path
+
+from ...frontend.check import check, check_truth
+from ...frontend.factors import Dataset, Log
+from ..plan.load import load
+from .facts import facts, headline
+from .numbers import Numbers, numbers
+from .picture import Subject, write_picture
+from .revisits import returns
+from .shown_path import shown
+
+
+class Portrait:
+    """The picture of a log; `numbers` has what is in it, in m, rad and s."""
+
+    def __init__(self, subject: Subject) -> None:
+        self._subject = subject
+
+    @property
+    def numbers(self) -> Numbers:
+        """What `bench show --json` prints."""
+        return self._subject.numbers
+
+    def save(self, path: Path | str) -> None:
+        """Write the picture to a .png, .svg or .pdf file, whole or not at all."""
+        write_picture(Path(path), self._subject)
+
+    def __repr__(self) -> str:
+        found = list(facts(self.numbers, self._subject.shown.words))
+        widest = max(len(heading) for heading, _ in found)
+        lines = [f"{heading:<{widest}}  {text}" for heading, text in found]
+        return "\n".join([f"{self._subject.label}: {headline(self.numbers)}", *lines])
+
+    def _repr_png_(self) -> bytes:
+        with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
+            path = Path(folder) / "log.png"
+            self.save(path)
+            return path.read_bytes()
+
+
+def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | None = None) -> Portrait:
+    """The picture of a log: one that Python holds, a name with its options, or a path.
+
+    Without a true path it is drawn along the batch optimum if the log is not too large for that, or with `solve`.
+    SlamduelError, with a sentence, for what cannot be used.
+    """
+    if isinstance(dataset, str | Path):
+        label, dataset = Path(dataset).stem if isinstance(dataset, Path) else dataset, load(dataset, seed)
+    elif isinstance(dataset, Dataset):
+        label = dataset.log.name
+    else:
+        label, dataset = dataset.name, Dataset(dataset, None)
+    check(dataset.log, label)
+    if dataset.truth is not None:
+        check_truth(dataset.log, dataset.truth, label)
+    drawn, back = shown(dataset, solve), returns(dataset.log)
+    return Portrait(Subject(label, dataset, drawn, back, numbers(dataset, drawn, back)))

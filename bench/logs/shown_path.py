@@ -1,0 +1,97 @@
+"""The path and the landmarks that a picture of a log shows: true where they are known, else the best there is."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...backends.api import Solution
+from ...frontend.dead_reckoning import dead_reckoned
+from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
+from ...frontend.se2 import Array, Ints, between, compose
+from ..plan.reference import outliers, reference
+from .landmark_places import Places, placed
+
+LARGEST = 40_000
+"""Steps and sightings up to which the batch optimum is found without being asked for: about half a minute."""
+
+MISFITS = 0.05
+"""Share of sightings that do not fit the batch optimum from which on the log is to be looked at."""
+
+
+class Shown(NamedTuple):
+    """What is drawn."""
+
+    words: str  # what the path is
+    step: Ints  # (m,) the steps whose pose is known, in order
+    poses: Array  # (m, 3)
+    reckoned: Array  # (n, 3) dead reckoning from the first of these poses
+    xy: Array  # (l, 2) landmarks, without those that are not in one place
+    mark: str  # what such a landmark's place is
+    places: Places | None  # by the sightings from this path, where no true ones are known
+    solved: Truth | None  # the batch optimum, where the path is one
+
+    def pose_at(self, steps: int) -> Ints:
+        """(steps,) the row of each step in `poses`, -1 where its pose is not known."""
+        return _rows(self.step, steps)
+
+
+def shown(dataset: Dataset, solve: bool | None) -> Shown:
+    """The true path, else the batch optimum, else dead reckoning.
+
+    `solve`: find the optimum where there is no truth; None: where the log is small enough for it.
+    """
+    log, truth = dataset
+    if truth is None or not len(truth.t):
+        truth, words = _solved(log, solve)
+    else:
+        words = "truth" if truth.kind == "truth" else "the batch optimum"
+    reckoned = dead_reckoned(log)
+    if truth is None:
+        step, poses = np.arange(len(log)), reckoned
+    else:
+        step, poses = np.searchsorted(log.t, truth.t), truth.poses
+        reckoned = from_pose(reckoned, int(step[0]), poses[0])
+    solved = truth if truth is not None and truth.kind == "reference" else None
+    solved = truth if truth is not None and truth.kind == "reference" else None
+    given = None if truth is None else truth.map
+    if given is not None and _surveyed(dataset.truth):
+        return Shown(words, step, poses, reckoned, given.xy, "landmark", None, solved)
+    places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
+    if given is None:
+        xy, mark = places.xy[~places.astray], "landmark, median of its sightings"
+    else:
+        xy, mark = given.xy[~np.isin(given.ids, places.ids[places.astray])], "landmark"
+    return Shown(words, step, poses, reckoned, xy, mark, places, solved)
+
+
+def from_pose(path: Array, k: int, pose: Array) -> Array:
+    """The path (n, 3) moved as a whole so that its step `k` is at `pose` (3,)."""
+    n = len(path)
+    return compose(np.broadcast_to(pose, (n, 3)), between(np.broadcast_to(path[k], (n, 3)), path))
+
+
+def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
+    if not len(log.loop_to) and not (log.ids != UNKNOWN).any():
+        return None, "dead reckoning, which nothing in the log corrects"
+    size = len(log) + len(log.ids)
+    if solve is False or (solve is None and size > LARGEST):
+        return None, "dead reckoning" + ("; --solve finds the batch optimum" if solve is None else "")
+    truth = reference(log)
+    if truth is None:
+        return None, "dead reckoning; no batch optimum was found"
+    if not truth.words or truth.map is None:
+        return truth, truth.words or "the batch optimum, as truth is not known"
+    odd = outliers(log, Solution(truth.poses, truth.map))
+    look = odd.found > MISFITS * odd.of
+    return truth, truth.words + ": sign of bearings, unit, clock, or landmarks that move?" * look
+
+
+def _surveyed(truth: Truth | None) -> bool:
+    """Whether the landmarks' true places are known."""
+    return truth is not None and truth.map is not None and truth.places == "truth"
+
+
+def _rows(step: Ints, steps: int) -> Ints:
+    rows = np.full(steps, -1)
+    rows[step] = np.arange(len(step))
+    return rows

@@ -1,0 +1,179 @@
+"""How a step's cost grows: the exponent b of cost = a + s x^b, against the number of the step or the size of the map.
+
+Steps are put into bins whose edges grow in proportion, and each bin is represented by its means: a mean counts rare and
+expensive steps, as of iSAM2 when it relinearises or of an EKF that folds owed updates in, for what they are, time. A
+median would not see them. A fit weighs each bin by how well its mean is known, given the scatter of its steps, and
+holds back those that stand out even so, as by Huber (Robust Estimation of a Location Parameter, Annals of Mathematical
+Statistics 35(1), 1964): a disturbance of the machine is in few bins.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.factors import UNKNOWN, Log
+from ...frontend.se2 import Array, Ints
+
+BINS = 24
+"""At most; their edges are in geometric progression."""
+
+LEAST_STEPS = 10
+"""Of a bin: one with fewer is joined with the next."""
+
+LEAST_BINS = 6
+"""Fewer bins do not justify a fit of three numbers."""
+
+LEAST_SPAN = 4.0
+"""The last bin's x over the first one's: over less, an exponent is not told from an offset."""
+
+MOST_ERROR = 0.25
+"""A standard error beyond which an exponent says nothing: it is left out."""
+
+CONSTANT = 4.5
+"""The F ratio, near the 95 % point for 1 and about 15 degrees of freedom, from which on a constant part is believed."""
+
+NO_GROWTH = 0.15
+"""An exponent below which a cost hardly grows: ten times the steps make it 1.4 times as much."""
+
+FLOOR = 0.02
+"""The standard deviation of a bin's mean, relative, however many steps it has: no cost is a power to the last digit."""
+
+EXPONENTS = np.linspace(-2.0, 5.0, 701)
+"""Those that are tried."""
+
+ROUNDS = 4
+"""Times that the weights are worked out anew; residuals are relative to what the round before expected."""
+
+HUBER = 1.345
+"""Standard deviations beyond which a bin's weight falls."""
+
+
+class Growth(NamedTuple):
+    """An exponent with its standard error."""
+
+    exponent: float
+    error: float
+
+
+class _Fit(NamedTuple):
+    exponent: float
+    error: float
+    mean: Array  # (m,) the cost that it expects of each bin
+    squares: float  # sum of the squared relative residuals, each over its variance
+    residuals: Array  # (m,)
+
+
+def mapped(log: Log) -> Ints:
+    """How many landmarks are known after every step (n,): those sighted so far by id, and those of a given map."""
+    first = np.zeros(len(log), np.int64)
+    given = np.zeros(0, np.int64) if log.prior.map is None else log.prior.map.ids
+    ids, row = np.unique(log.ids, return_index=True)
+    new = ~np.isin(ids, given) & (ids != UNKNOWN)
+    np.add.at(first, log.sighting_step[row[new]], 1)
+    return len(given) + np.cumsum(first)
+
+
+def growth(x: Ints, cost: Ints) -> Growth | None:
+    """The exponent with which the mean of `cost` (n,) grows with `x` (n,), and its standard error.
+
+    A constant part a is fitted where that is significantly better than none. The standard error is the half-width of
+    the exponents whose fit is worse by no more than one residual variance. None where x covers too little, or where the
+    error would be above MOST_ERROR.
+    """
+    at, mean, variance = binned(x, cost)
+    if len(at) < LEAST_BINS or at[-1] < LEAST_SPAN * at[0] or (mean <= 0).any():
+        return None
+    sampled = 1 / (FLOOR**2 + variance)
+    power = (at / at[-1]) ** EXPONENTS[:, None]  # (e, m)
+    found = _fit(power, mean, mean, sampled)
+    for _ in range(ROUNDS):
+        off = np.abs(found.residuals) * np.sqrt(sampled)
+        scale = max(1.4826 * float(np.median(off)), 1.0)
+        weights = sampled * np.minimum(1.0, HUBER * scale / np.maximum(off, HUBER))
+        found = _fit(power, mean, found.mean, weights)
+    return Growth(found.exponent, found.error) if found.error <= MOST_ERROR else None
+
+
+def binned(x: Ints, cost: Array | Ints) -> tuple[Array, Array, Array]:
+    """The mean x and the mean cost of each bin, by x, and the relative variance of that mean cost.
+
+    The variance of a step, relative to its bin's mean, is taken to be the same in all: a bin of a few steps would not
+    know its own. Where x is 0 there is nothing to be a power of.
+    """
+    order = np.argsort(x, kind="stable")
+    order = order[x[order] > 0]
+    if not len(order):
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    sizes, costs = x[order].astype(float), cost[order].astype(float)
+    edges = np.searchsorted(sizes, np.geomspace(sizes[0], sizes[-1], BINS + 1)[1:-1], side="right")
+    starts = [0]
+    for edge in edges.tolist():
+        if edge - starts[-1] >= LEAST_STEPS and len(sizes) - edge >= LEAST_STEPS:
+            starts.append(edge)
+    counts = np.diff([*starts, len(sizes)])
+    mean = np.add.reduceat(costs, starts) / counts
+    relative = costs / np.repeat(np.maximum(mean, 1e-300), counts) - 1
+    return np.add.reduceat(sizes, starts) / counts, mean, float((relative**2).mean()) / counts
+
+
+def _fit(power: Array, y: Array, unit: Array, weights: Array) -> _Fit:
+    """With a constant part where the F ratio says so, otherwise without; the error is what it were with one.
+
+    So an exponent that might be another with a constant part is not said to be well known. Where there is no growth
+    to speak of nothing is to be told apart from a constant.
+    """
+    sums = _sums(power, y, unit, weights)
+    plain, full = (_profile(sums, constant=constant) for constant in (False, True))
+    if (plain.squares - full.squares) * (len(y) - 3) > CONSTANT * full.squares:
+        return full
+    if abs(plain.exponent) < max(2 * plain.error, NO_GROWTH):
+        return plain
+    return plain._replace(error=float(np.hypot(full.error, full.exponent - plain.exponent)))
+
+
+class _Sums(NamedTuple):
+    """What a fit of y by a + s power, each residual in units of `unit`, is made of."""
+
+    unit: Array  # (m,)
+    weights: Array  # (m,)
+    u: Array  # (m,) a residual is a u + s v - z
+    v: Array  # (e, m) for each of the exponents
+    z: Array  # (m,)
+    uu: float
+    uv: Array  # (e,)
+    vv: Array
+    uz: float
+    vz: Array
+
+
+def _sums(power: Array, y: Array, unit: Array, w: Array) -> _Sums:
+    u, v, z = 1 / unit, power / unit, y / unit
+    uu, uv, vv = (w * u * u).sum(), (w * u * v).sum(axis=1), (w * v * v).sum(axis=1)
+    return _Sums(unit, w, u, v, z, uu, uv, vv, (w * u * z).sum(), (w * v * z).sum(axis=1))
+
+
+def _profile(sums: _Sums, *, constant: bool) -> _Fit:
+    """The best exponent, with the best of the other numbers for each: least squares of the residuals.
+
+    Neither the constant part nor the growing one is negative.
+    """
+    unit, w, u, v, z, uu, uv, vv, uz, vz = sums
+    a, s = np.zeros(len(EXPONENTS)), vz / vv
+    if constant:
+        determinant = uu * vv - uv**2
+        proper = determinant > 1e-9 * uu * vv  # an exponent of 0 is a constant itself
+        divisor = np.where(proper, determinant, 1.0)
+        both_a, both_s = (uz * vv - vz * uv) / divisor, (vz * uu - uz * uv) / divisor
+        inside = proper & (both_a > 0) & (both_s > 0)
+        a, s = np.where(inside, both_a, a), np.where(inside, both_s, s)
+    fitted = a[:, None] * u + s[:, None] * v
+    residuals = fitted - z
+    squares = (w * residuals**2).sum(axis=1)
+    best = int(squares.argmin())
+    variance = max(squares[best] / (len(z) - 2 - constant), 1.0)  # 1: what the steps' own scatter makes
+    near = EXPONENTS[squares <= squares[best] + variance]
+    step = EXPONENTS[1] - EXPONENTS[0]
+    error = max((near[-1] - near[0]) / 2, step / 2)
+    at_the_end = near[0] == EXPONENTS[0] or near[-1] == EXPONENTS[-1]
+    error = float("inf") if at_the_end else float(error)
+    return _Fit(float(EXPONENTS[best]), error, fitted[best] * unit, squares[best], residuals[best])

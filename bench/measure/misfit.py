@@ -1,0 +1,86 @@
+"""J_GraphSLAM of the survey: how badly a path and a map fit a log's factors.
+
+    J = |x0 - prior|^2 + sum |x_t - g(u_t, x_t-1)|^2 + sum |z - h(m, x_t)|^2
+
+each term a squared Mahalanobis distance in the factor's own covariance. The batch optimum has the least J there is.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...backends.models import innovation, sight
+from ...frontend.factors import UNKNOWN, Log, Map
+from ...frontend.se2 import Array, between
+from ...frontend.truth_errors import difference, rows_of
+
+
+class Cost(NamedTuple):
+    """J by its terms."""
+
+    prior: float
+    odometry: float
+    sightings: float
+    loops: float
+
+    @property
+    def total(self) -> float:
+        """J."""
+        return sum(self)
+
+
+TERMS = Cost._fields
+"""The names of the terms."""
+
+
+def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
+    """J of `path` (n, 3) and `landmarks` on `log`; None where the map lacks a landmark that was sighted or given.
+
+    A given map with covariance is a part of the prior.
+    """
+    given = log.prior.map
+    if given is not None and not np.isin(given.ids, landmarks.ids).all():
+        return None
+    sighted = misfits(log, path, landmarks)
+    if sighted is None:
+        return None
+    step = log.loop_step
+    return Cost(
+        prior=_prior(log, path, landmarks),
+        odometry=_squared(difference(between(path[:-1], path[1:]), log.delta[1:]), log.delta_cov[1:]),
+        sightings=float(sighted.sum()),
+        loops=_squared(difference(between(path[log.loop_to], path[step]), log.loop_delta), log.loop_cov),
+    )
+
+
+def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
+    """The squared Mahalanobis distance (s,) of each of the log's sightings with an id; None where one is not mapped."""
+    seen = log.ids != UNKNOWN
+    row = rows_of(landmarks.ids, log.ids[seen])
+    if (row < 0).any():
+        return None
+    z = log.z[seen]
+    expected = sight(path[log.sighting_step[seen]], landmarks.xy[row])[0] if len(z) else z
+    return _each_squared(innovation(z.copy(), expected), log.z_cov[seen])
+
+
+def _prior(log: Log, path: Array, landmarks: Map) -> float:
+    known = log.prior.map
+    off = _squared(difference(path[:1], log.prior.pose[None]), log.prior.cov[None])
+    if known is None or known.cov is None:
+        return off
+    row = {landmark: k for k, landmark in enumerate(landmarks.ids.tolist())}
+    xy = landmarks.xy[[row[landmark] for landmark in known.ids.tolist()]]
+    return off + _squared((xy - known.xy).reshape(1, -1), known.cov[None])
+
+
+def _squared(error: Array, cov: Array) -> float:
+    """Sum of e' C^-1 e over rows."""
+    return float(_each_squared(error, cov).sum())
+
+
+def _each_squared(error: Array, cov: Array) -> Array:
+    """(n,) e' C^-1 e of every row."""
+    if not len(error):
+        return np.zeros(0)
+    return np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])

@@ -1,0 +1,70 @@
+"""Relative pose error: how far off the motions along a path are, each over a stretch of a given length or duration.
+
+Sturm et al., A Benchmark for the Evaluation of RGB-D SLAM Systems (IROS 2012), eqs (1)-(3); which poses make a pair is
+evo's business, the errors of all pairs are worked out at once here. No alignment changes them. A pair begins where the
+one before it ended.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array, Ints, between, wrap
+
+TOLERANCE = 0.1
+"""Share of a duration by which the time between two poses may differ from it."""
+
+
+class RelativeError(NamedTuple):
+    """Root mean squares over the pairs."""
+
+    translation: float  # m
+    rotation: float  # rad
+
+
+def pairs_by_path(poses: Array, distance: float) -> Ints:
+    """The pairs (p, 2) of poses that have `distance` (m) of path between them, or as little more as there is.
+
+    By evo, as `evo_rpe --delta DISTANCE --delta_unit m --pairs_from_reference` has them, where `poses` (m, 3) are the
+    known ones. A rest that is too short is left out.
+    """
+    from evo.core.filters import filter_pairs_by_path
+
+    if not len(poses):
+        return np.zeros((0, 2), np.int64)
+    placed = np.zeros((len(poses), 4, 4))
+    placed[:, :2, 3] = poses[:, :2]  # of each, evo looks at the place alone
+    return np.array(filter_pairs_by_path(list(placed), distance), np.int64).reshape(-1, 2)
+
+
+def pairs_by_time(t: Array, duration: float) -> Ints:
+    """The pairs (p, 2) of poses that are `duration` (s) apart, within TOLERANCE of it.
+
+    evo has no such pairs. From the first pose on, the pose at the time that is nearest to `duration` later ends a pair,
+    and begins the next. Where that is off by more than the tolerance, as over a gap, the pair is left out.
+    """
+    if len(t) < 2:
+        return np.zeros((0, 2), np.int64)
+    later = np.minimum(np.searchsorted(t, t + duration), len(t) - 1)
+    nearer = (t + duration) - t[later - 1] <= t[later] - (t + duration)
+    following = np.maximum(later - nearer, np.arange(len(t)) + 1).tolist()
+    ends = [0]
+    while following[ends[-1]] < len(t):
+        ends.append(following[ends[-1]])
+    pairs = np.stack((ends[:-1], ends[1:]), axis=1)
+    apart = t[pairs[:, 1]] - t[pairs[:, 0]]
+    return pairs[np.abs(apart - duration) <= TOLERANCE * duration]
+
+
+def relative_error(estimate: Array, truth: Array, pairs: Ints) -> RelativeError | None:
+    """The error of the motions between the poses (m, 3) of each of the pairs (p, 2); None without any.
+
+    With the true motion Q and the estimated one P, it is Q^-1 P: its translation's length, and its rotation's angle.
+    """
+    if not len(pairs):
+        return None
+    first, second = pairs.T
+    found, right = between(estimate[first], estimate[second]), between(truth[first], truth[second])
+    off = found - right
+    squares = (off[:, :2] ** 2).sum(axis=1)
+    return RelativeError(float(np.sqrt(squares.mean())), float(np.sqrt((wrap(off[:, 2]) ** 2).mean())))

@@ -1,0 +1,178 @@
+"""What a cell is judged to be: its outcome held against the truth, its fit to the factors, and its costs."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...backends.api import Diverged
+from ...frontend.factors import UNKNOWN, Log, Map, Truth
+from ...frontend.se2 import Array, Ints
+from ...frontend.triangles import upper
+from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretches
+from .cpu_time import step_cost
+from .drive import Outcome
+from .growth import mapped
+from .metrics import covariances, nees
+from .misfit import Cost, cost
+from .status import REFERENCE, SURVEYED
+from .times import length
+
+FEW = 0.9
+"""Truth at a smaller share of the steps than this is remarked on."""
+
+JOINT_MOST = 1_000
+"""Landmarks up to which a map's joint covariance is kept: 16 MB then, as float64; 0.4 MB for 150 of them."""
+
+TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
+
+
+class Score(NamedTuple):
+    """A row's values by column name, arrays by name, and a remark for the row's reason ("" for none)."""
+
+    row: dict[str, Any]
+    arrays: dict[str, Array | Ints]
+    remark: str
+
+
+def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
+    """Judge an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
+    row: dict[str, Any] = {}
+    arrays = _kept(log, outcome)
+    remarks = _remarks(log, truth)
+    ends = _ends(outcome)
+    if truth is not None and truth.map is not None:
+        for prefix, end in ends.items():
+            row |= _prefixed(prefix, map_accuracy(log, truth, truth.map, end.map))
+    if truth is not None and len(truth.t):
+        at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
+        over = stretches(truth, timed=length(log.t) is not None)
+        for prefix, end in ends.items():
+            if end.path is None:
+                continue
+            found = path_accuracy(truth, end.path[at], end.map, over)
+            row |= _prefixed(prefix, found.row)
+            arrays |= {"at": at, f"{prefix}aligned": found.path, f"{prefix}alignment": found.alignment.motion}
+            if truth.kind == "truth" and end.cov is not None:
+                values = nees(end.path[at], end.cov[at], truth.poses)
+                arrays[f"{prefix}nees"] = values
+                row |= _prefixed(prefix, consistency_columns("nees", values, 3))
+            remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
+    dof = int(outcome.nis_dof.sum())
+    if dof:
+        row["nis"] = float(np.nansum(outcome.nis)) / dof
+    fit = _fit(log, outcome)
+    if fit is not None:
+        row |= _fit_columns(fit, "j_online" if outcome.solution is None else "j_final")
+        arrays["cost_terms"] = np.array(fit)
+    row["landmarks"] = len((outcome.solution or outcome).map.ids)
+    return Score(row | _inner(log, outcome) | step_cost(log, outcome), arrays, "; ".join(remarks))
+
+
+class _End(NamedTuple):
+    """What there is to judge: online, or final."""
+
+    path: Array | None  # (n, 3)
+    cov: Array | None  # (n, 3, 3)
+    map: Map
+
+
+def _ends(outcome: Outcome) -> dict[str, _End]:
+    """By what the names of its columns begin with."""
+    solution = outcome.solution
+    ends = {} if solution is None else {"final_": _End(solution.path, solution.cov, solution.map)}
+    if solution is None or outcome.online is not None:  # a batch method has nothing online
+        ends[""] = _End(outcome.online, outcome.cov, outcome.map)
+    return ends
+
+
+def _prefixed(prefix: str, row: dict[str, Any]) -> dict[str, Any]:
+    return {prefix + name: value for name, value in row.items()}
+
+
+def _remarks(log: Log, truth: Truth | None) -> list[str]:
+    """What a reader of the row must know of the log."""
+    said: list[str] = []
+    given = log.prior.map
+    if given is not None and not np.isin(given.ids, log.ids).any():
+        said.append(f"none of the {len(given.ids)} landmarks of the given map is sighted")
+    unknown = int((log.ids == UNKNOWN).sum())
+    if unknown:
+        said.append(f"{unknown} of {len(log.ids)} sightings have no id")
+    if truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth":
+        said.append(SURVEYED)
+    if truth is not None and truth.words:
+        said.append(REFERENCE + truth.words)
+    if truth is not None and len(truth.t) < FEW * len(log):
+        said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
+    return said
+
+
+def _fit_columns(fit: Cost, total: str) -> dict[str, Any]:
+    """J by its terms, and their sum by that name; no term of loops where none is closed."""
+    terms = {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
+    return {"cost_j": fit.total, total: fit.total} | terms
+
+
+def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
+    """What goes on inside an estimator that tells: the fewest effective particles, the ancestors left, refusals."""
+    row: dict[str, Any] = {}
+    effective, ancestors = (values[np.isfinite(values)] for values in (outcome.n_eff, outcome.ancestors))
+    if len(effective):
+        row["n_eff_least"] = float(effective.min())
+    if len(ancestors):
+        row["ancestors_left"] = float(ancestors[-1])
+    refused = int(outcome.refused.sum())
+    if refused:
+        row["refused_share"] = refused / len(log.ids)
+    return row
+
+
+def _fit(log: Log, outcome: Outcome) -> Cost | None:
+    """J of the final, else the online, path and map; None where it is not defined."""
+    path, landmarks = outcome.online, outcome.map
+    if outcome.solution is not None:
+        path, landmarks = outcome.solution.path, outcome.solution.map
+    try:
+        return None if path is None else cost(log, path, landmarks)
+    except Diverged:  # a landmark at a robot's very place has no bearing
+        return None
+
+
+def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
+    """The arrays that a record keeps.
+
+    Of each map's covariance the blocks (n, 2, 2) on its diagonal; of the final map's, or the online one's where that of
+    the final is not known, the upper triangle of the whole as well, row by row: what another run can start from.
+    """
+    arrays: dict[str, Array | Ints] = {
+        "t": log.t,
+        "cov": outcome.cov,
+        "nis": outcome.nis,
+        "nis_dof": outcome.nis_dof,
+        "n_eff": outcome.n_eff,
+        "ancestors": outcome.ancestors,
+        "refused": outcome.refused,
+        "step_ns": outcome.step_ns,
+        "mapped": mapped(log),
+        "wall_ns": outcome.wall_ns,
+        "belief_ns": outcome.belief_ns,
+        "other_ns": np.array((outcome.map_ns, outcome.setup_ns, outcome.finish_ns, outcome.clock_ns)),
+    }
+    if outcome.online is not None:
+        arrays["online"] = outcome.online
+    if outcome.solution is not None:
+        arrays["final"] = outcome.solution.path
+        arrays |= _map_arrays("final_map", outcome.solution.map)
+    arrays |= _map_arrays("map", outcome.map)
+    maps = {"map": outcome.map} if outcome.solution is None else {"final_map": outcome.solution.map, "map": outcome.map}
+    known = [(prefix, landmarks.cov) for prefix, landmarks in maps.items() if landmarks.cov is not None]
+    if known and len(known[0][1]) <= 2 * JOINT_MOST:
+        arrays[f"{known[0][0]}_joint"] = upper(known[0][1][None])[:, 0]
+    return arrays
+
+
+def _map_arrays(prefix: str, landmarks: Map) -> dict[str, Array | Ints]:
+    arrays: dict[str, Array | Ints] = {f"{prefix}_ids": landmarks.ids, f"{prefix}_xy": landmarks.xy}
+    if landmarks.cov is not None:
+        arrays[f"{prefix}_cov"] = covariances(landmarks.cov)
+    return arrays

@@ -1,0 +1,206 @@
+"""Map, then localise: the map that one run left, or a file of landmarks, as the prior of every log of another run.
+
+A record keeps the joint covariance of the maps it holds, so localisation starts from all that the mapping run knew.
+A map.csv has the covariance of each landmark alone, and landmarks.csv none: a map without is held fixed.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...datasets import registry as datasets
+from ...frontend.errors import InputError
+from ...frontend.factors import Log, Map
+from ...frontend.se2 import Array
+from ..record.reader import Store
+from ..record.schema import FILE, Row, label
+from ..words.numerals import counted
+from .landmark_file import block_diagonal, read_landmarks
+from .spec import DatasetVariant
+
+NAMED = 6
+"""Cells that are named where one has to be chosen."""
+
+ARRAYS = tuple(f"{which}_{part}" for which in ("final_map", "map") for part in ("ids", "xy", "cov", "joint"))
+"""What a record has of a cell's maps."""
+
+JOINT, BLOCKS, FIXED = "with its joint covariance", "with the covariance of each landmark alone", "held fixed"
+
+
+@dataclass(frozen=True)
+class GivenMap:
+    """The map, or a map a seed, that every log of a run starts from."""
+
+    source: str  # as it was named
+    fixed: bool  # whatever is known of its covariance is left aside
+    maps: Mapping[int, Map]  # by the seed of the log that it was made of
+    kinds: frozenset[str]  # what is known of their covariances
+    world: str  # the dataset it was made of, where that makes another world a seed; else ""
+    made_of: str = ""  # that dataset with its options, "" for a file
+
+    def seeds(self, dataset: DatasetVariant, wanted: Iterable[int]) -> list[int]:
+        """Those of `wanted` whose log is of a world that was mapped. InputError where there is none."""
+        if not self._by_seed(dataset):
+            if len(self.maps) > 1:
+                raise InputError(
+                    f"--map {self.source}: holds a map for each of {len(self.maps)} seeds of {self.world}, expected "
+                    f"the folder of one cell for {dataset.label}, which has no such seeds."
+                )
+            return list(wanted)
+        found = [seed for seed in wanted if seed in self.maps]
+        if not found:
+            raise InputError(
+                f"--map {self.source}: is of {self.world}, seed {min(self.maps)}, whose world no other seed has; "
+                f"expected --seeds {min(self.maps) + 1} or more."
+            )
+        return found
+
+    def of(self, dataset: DatasetVariant, seed: int) -> Map:
+        """The map for a log."""
+        return self.maps[seed] if self._by_seed(dataset) else next(iter(self.maps.values()))
+
+    @property
+    def digest(self) -> str:
+        """sha256, in hexadecimal, of all its numbers."""
+        total = hashlib.sha256()
+        for seed, known in sorted(self.maps.items()):
+            total.update(f"{seed} {len(known.ids)} {known.cov is not None}\n".encode())
+            for column in known if known.cov is not None else known[:2]:
+                total.update(np.ascontiguousarray(column).tobytes())
+        return total.hexdigest()
+
+    def words(self) -> str:
+        """What it is, for a reader of the report."""
+        sizes = sorted({len(known.ids) for known in self.maps.values()})
+        many = f"{sizes[0]} to {sizes[-1]} landmarks" if len(sizes) > 1 else counted(sizes[0], "landmark")
+        return f"{many} from {self.source}, {' or '.join(sorted(self.kinds))}"
+
+    def _by_seed(self, dataset: DatasetVariant) -> bool:
+        return bool(self.world) and dataset.name == self.world
+
+
+def read(source: str, *, fixed: bool) -> GivenMap:
+    """The map in `source`: the folder of a run or of one of its cells, all seeds as *, or a CSV file of landmarks.
+
+    InputError names the file, and the row, of what cannot be used, or the cells that there are to choose from.
+    """
+    path = Path(source)
+    if path.is_file():
+        known = read_landmarks(path)
+        return _given(source, fixed, {0: _Known(known, FIXED if known.cov is None else BLOCKS)}, "", "")
+    for folder in (path, *path.resolve().parents[:3]):
+        if (folder / FILE).is_file():
+            return _from_record(source, fixed, folder, path)
+    expected = "expected the folder of a run, or of one of its cells, or a file with the columns id,x,y"
+    raise InputError(f"--map {source}: there is no {'map here' if path.exists() else 'such place'}; {expected}.")
+
+
+def localising(log: Log, known: Map, where: str) -> Log:
+    """`log` with the map in its prior. InputError where it has one already."""
+    if log.prior.map is not None:
+        raise InputError(f"--map: {where} has a map of its own in its prior, expected a log without.")
+    return replace(log, prior=log.prior._replace(map=known))
+
+
+class _Known(NamedTuple):
+    map: Map
+    kind: str
+
+
+def _given(source: str, fixed: bool, found: Mapping[int, _Known], world: str, made_of: str) -> GivenMap:
+    if fixed:
+        found = {seed: _Known(known.map._replace(cov=None), FIXED) for seed, known in found.items()}
+    maps = {seed: _checked(known.map, source) for seed, known in found.items()}
+    return GivenMap(source, fixed, maps, frozenset(known.kind for known in found.values()), world, made_of)
+
+
+def _checked(known: Map, source: str) -> Map:
+    """`known` with read-only arrays; InputError where its covariance cannot be started from."""
+    if known.cov is not None:
+        try:
+            np.linalg.cholesky(known.cov)
+        except np.linalg.LinAlgError:
+            raise InputError(
+                f"--map {source}: its covariance is not positive definite, expected one that is; --map-fixed does "
+                "without."
+            ) from None
+    for column in known:
+        if column is not None:
+            column.flags.writeable = False
+    return known
+
+
+def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap:
+    """The maps of one backend on one dataset, of all seeds that `path` covers where each has a world of its own."""
+    found: dict[Path, Row] = {}
+    with Store(folder) as store:
+        slugs: dict[str, str] = store.run()["folders"]
+        for row in store.cells():
+            place = _place(row, slugs)
+            if _covers(path, folder / place) and row.columns["status"] == "done" and row.columns["landmarks"]:
+                found[place] = row
+        if not found:
+            raise InputError(f"--map {source}: no cell here has a map, expected one that is done and has landmarks.")
+        first = next(iter(found.values())).columns
+        world = first["dataset"] if _seeded(first["dataset"]) else ""
+        if len(found) > 1 and (not world or len({row.key[:4] for row in found.values()}) > 1):
+            named = [str(folder / place) for place in found]
+            more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
+            raise InputError(
+                f"--map {source}: holds {len(named)} maps, expected one of: {', '.join(named[:NAMED])}{more}."
+            )
+        maps = {row.columns["seed"]: _from_arrays(_sound(store, row, source)) for row in found.values()}
+    return _given(source, fixed, maps, world, label(first["dataset"], first["dataset_options"]))
+
+
+def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
+    """The arrays of a cell's map; InputError where they cannot be read."""
+    arrays = store.arrays(row, ARRAYS)
+    if not any(name in arrays for name in ("map_ids", "final_map_ids")):
+        raise InputError(f"--map {source}: {' '.join(store.left_out)} Expected a cell whose map can be read.")
+    return arrays
+
+
+def _place(row: Row, slugs: Mapping[str, str]) -> Path:
+    """The cell's folder in that of its run."""
+    c = row.columns
+    dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
+    return Path(slugs[dataset], str(c["seed"]), slugs[backend])
+
+
+def _covers(path: Path, place: Path) -> bool:
+    """Whether `place` is `path` or in it; a part of `path` may be *, for any seed."""
+    parts, wanted = place.resolve().parts, path.resolve().parts
+    return len(wanted) <= len(parts) and all(w in (part, "*") for w, part in zip(wanted, parts, strict=False))
+
+
+def _seeded(dataset: str) -> bool:
+    """Whether the dataset makes another world a seed."""
+    try:
+        return datasets.find(dataset).seeded
+    except KeyError:
+        return False
+
+
+def _from_arrays(arrays: Mapping[str, Any]) -> _Known:
+    """The map of a cell: the one whose covariance is known best, the final one where both are alike."""
+    prefixes = [prefix for prefix in ("final_map", "map") if f"{prefix}_ids" in arrays]
+    for kind, ending in ((JOINT, "joint"), (BLOCKS, "cov")):
+        for prefix in prefixes:
+            if f"{prefix}_{ending}" in arrays:
+                stored = arrays[f"{prefix}_{ending}"]
+                cov = _mirrored(stored) if kind == JOINT else block_diagonal(stored)
+                return _Known(Map(arrays[f"{prefix}_ids"], arrays[f"{prefix}_xy"], cov), kind)
+    return _Known(Map(arrays[f"{prefixes[0]}_ids"], arrays[f"{prefixes[0]}_xy"], None), FIXED)
+
+
+def _mirrored(triangle: Array) -> Array:
+    """The symmetric matrix (m, m) with the upper triangle (m (m + 1) / 2,), row by row."""
+    m = (int(np.sqrt(8 * len(triangle) + 1)) - 1) // 2
+    whole = np.zeros((m, m))
+    whole[np.triu_indices(m)] = triangle
+    return np.triu(whole, 1).T + whole

@@ -1,0 +1,33 @@
+"""A dataset by its name, for Python: the log, and the truth where there is one."""
+
+from pathlib import Path
+
+from ...datasets.cache import prepared
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset
+from .spec import DatasetVariant, dataset_at, dataset_variants
+from .values import as_text, as_whole
+
+
+def load(name: str | Path, seed: int = 0) -> Dataset:
+    """What `bench run --dataset NAME` runs on: a name with its options in brackets, or a path. InputError as there.
+
+    A `Path` is one even where a dataset has the same name.
+    """
+    seed = as_whole("slamduel.load: seed", seed, 0)
+    if isinstance(name, Path):
+        return made(dataset_at(name, "slamduel.load"), seed)
+    return made(one(as_text("slamduel.load: name", name), "slamduel.load"), seed)
+
+
+def one(text: str, caller: str) -> DatasetVariant:
+    """The dataset that `text` names; InputError, in the name of the `caller`, where there are several."""
+    variants = dataset_variants(text, caller)
+    if len(variants) != 1:
+        raise InputError(f"{caller}: found {len(variants)} datasets, expected one.")
+    return variants[0]
+
+
+def made(variant: DatasetVariant, seed: int) -> Dataset:
+    """The dataset for `seed`; InputError where it cannot be made."""
+    return prepared(variant.name, variant.source, variant.options, seed)

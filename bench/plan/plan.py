@@ -1,0 +1,127 @@
+"""What a run consists of: dataset variants x backend variants x seeds, as cells."""
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...frontend.errors import InputError
+from . import given_map
+from .given_map import GivenMap
+from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
+from .values import as_positive, as_switch, as_text, as_whole
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One backend on one log."""
+
+    dataset: DatasetVariant
+    backend: BackendVariant
+    seed: int
+
+    @property
+    def key(self) -> tuple[str, str, str, str, int]:
+        """As in the record."""
+        return self.dataset.name, self.dataset.given, self.backend.name, self.backend.given, self.seed
+
+    def __str__(self) -> str:
+        return f"{self.dataset.label} · {self.backend.label} · seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A run as it was asked for."""
+
+    backends: tuple[BackendVariant, ...]
+    datasets: tuple[DatasetVariant, ...]
+    seeds: int
+    timeout_s: float
+    memory_mb: int
+    map: GivenMap | None = None  # what every log's prior gets: the task is localisation then
+    oracle: bool = False  # backends that want to know are told the truth
+
+    def cells(self) -> list[Cell]:
+        """All cells, in an order that is shuffled but always the same.
+
+        Where neither the log nor the backend draws random numbers every seed would give the same cell: it is run once.
+        """
+        cells = [
+            Cell(dataset, backend, seed)
+            for dataset in self.datasets
+            for backend in self.backends
+            for seed in self._seeds(dataset, backend)
+        ]
+        random.Random(0).shuffle(cells)
+        return cells
+
+    def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
+        wanted = range(self.seeds if dataset.source.seeded or _random(backend) else 1)
+        return wanted if self.map is None else self.map.seeds(dataset, wanted)
+
+    def remarks(self) -> str:
+        """What a given map leaves out or may not fit, in sentences: seeds whose world nobody mapped, other places."""
+        if self.map is None:
+            return ""
+        sentences: list[str] = []
+        for dataset in self.datasets:
+            made_of = self.map.made_of
+            if made_of == dataset.label:
+                sentences.append(f"{dataset.label}: the map was made of this very log, whose sightings count twice.")
+            elif made_of:
+                sentences.append(f"{dataset.label}: the map is of {made_of}, and no help but in the same place.")
+            run = self.map.seeds(dataset, range(self.seeds))
+            if dataset.source.seeded and len(run) < self.seeds:
+                seeds = ", ".join(str(seed) for seed in run)
+                sentences.append(
+                    f"{dataset.label}: run for seed {seeds} of {self.seeds} alone, whose world the map is of."
+                )
+        return " ".join(sentences)
+
+    def words(self) -> dict[str, Any]:
+        """The plan in the words of the command line, from which `from_words` makes it again."""
+        return {
+            "backend": ",".join(variant.label for variant in self.backends),
+            "dataset": ",".join(variant.label for variant in self.datasets),
+            "seeds": self.seeds,
+            "timeout_s": self.timeout_s,
+            "memory_mb": self.memory_mb,
+            "map": None if self.map is None else self.map.source,
+            "map_fixed": self.map is not None and self.map.fixed,
+            "map_digest": None if self.map is None else self.map.digest,
+            "oracle": self.oracle,
+        }
+
+    @classmethod
+    def from_words(cls, words: dict[str, Any]) -> "Plan":
+        """InputError where a name, an option or a limit is not right."""
+        return cls(
+            tuple(backend_variants(as_text("backend", words["backend"]))),
+            tuple(dataset_variants(as_text("dataset", words["dataset"]))),
+            as_whole("seeds", words["seeds"], 1),
+            as_positive("timeout_s", words["timeout_s"]),
+            as_whole("memory_mb", words["memory_mb"], 1),
+            _map(words),
+            as_switch("oracle", words.get("oracle", False)),
+        )
+
+
+def _map(words: dict[str, Any]) -> GivenMap | None:
+    """The given map that the words name; InputError where it is no longer the one whose digest they have."""
+    source, expected = words.get("map"), words.get("map_digest")  # a run of an earlier version has neither
+    fixed = as_switch("map_fixed", words.get("map_fixed", False))
+    if source is None:
+        if fixed:
+            raise InputError("--map-fixed: there is no map to hold fixed, expected --map beside it.")
+        return None
+    found = given_map.read(as_text("map", source), fixed=fixed)
+    if expected is not None and found.digest != expected:
+        raise InputError(
+            f"--map {source}: has changed since this run was begun: its digest is {found.digest[:12]}, expected "
+            f"{expected[:12]}; run into another folder."
+        )
+    return found
+
+
+def _random(backend: BackendVariant) -> bool:
+    return backend.builder is not None and backend.builder.random

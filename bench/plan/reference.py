@@ -1,0 +1,129 @@
+"""The batch optimum of a log whose truth nobody knows: what the online estimates can be measured from, and no truth.
+
+It is a maximum-likelihood estimate from the same factors that every backend gets, so smoothers come close to it by
+construction, and no verdict on accuracy is drawn from it. Where sightings do not fit the others, as wrong ids do not,
+they must not rule it: the optimum is then that of a Cauchy loss, and says so.
+"""
+
+import contextlib
+import hashlib
+from importlib import metadata
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ... import backends
+from ...backends.api import Diverged, Solution
+from ...datasets import archive, cache
+from ...frontend.errors import InputError
+from ...frontend.factors import UNKNOWN, Dataset, Log, Map, Truth
+from ...frontend.se2 import act
+from ..measure.metrics import align
+from ..measure.misfit import misfits
+
+MEDIAN = 1.386
+"""Of chi-square with 2 degrees of freedom."""
+
+FAR = 18.42
+"""Beyond this chi-square with 2 degrees of freedom has one part in 10,000."""
+
+MANY = 5e-3
+"""Share of sightings beyond FAR from which on they rule the optimum: fifty times what a right noise has there."""
+
+FEWEST = 3
+"""Landmarks by which two maps can be laid over one another."""
+
+
+class Outliers(NamedTuple):
+    """The sightings that do not fit an optimum."""
+
+    found: int
+    of: int
+
+    @property
+    def many(self) -> bool:
+        """Whether there are more of them than chance would have."""
+        return self.found > max(2, MANY * self.of)
+
+
+def reference(log: Log) -> Truth | None:
+    """The optimum of J by `graph`; None where there is none. Kept in the user's cache by the log's digest."""
+    entry = cache.folder() / f"reference-{_key(log)}.npz"
+    with contextlib.suppress(InputError):
+        return archive.load(entry).truth
+    truth = _found(log)
+    if truth is not None:
+        with contextlib.suppress(OSError):
+            entry.parent.mkdir(parents=True, exist_ok=True)
+            archive.save(entry, Dataset(log, truth))
+    return truth
+
+
+def known(log: Log, truth: Truth | None) -> Truth | None:
+    """What there is to measure estimates from: `truth` where it has a path, else a reference for the path.
+
+    Landmarks whose true places are known keep them beside a reference path, moved as a whole to where that has them.
+    """
+    if truth is not None and len(truth.t):
+        return truth
+    path = reference(log)
+    if path is None or truth is None:
+        return path or truth
+    if truth.map is None or path.map is None:
+        return path._replace(assigned=truth.assigned)
+    return path._replace(map=_beside(truth.map, path.map), places="truth", assigned=truth.assigned)
+
+
+def outliers(log: Log, solution: Solution) -> Outliers:
+    """How many sightings of `log` do not fit its optimum.
+
+    A noise that is stated too small makes all of them fit badly, and is none: what is far is so beside the typical one.
+    """
+    squared = misfits(log, solution.path, solution.map)
+    if squared is None or not len(squared):
+        return Outliers(0, int((log.ids != UNKNOWN).sum()))
+    scale = max(1.0, float(np.median(squared)) / MEDIAN)
+    return Outliers(int((squared > FAR * scale).sum()), len(squared))
+
+
+def _beside(places: Map, onto: Map) -> Map:
+    """The landmarks turned and moved, all as one, to lie where `onto` has those that it knows too."""
+    _, mine, theirs = np.intersect1d(places.ids, onto.ids, return_indices=True)
+    if len(mine) < FEWEST:
+        return places
+    motion = align(places.xy[mine], onto.xy[theirs]).motion
+    return places._replace(xy=act(np.broadcast_to(motion, (len(places.ids), 3)), places.xy))
+
+
+def _found(log: Log) -> Truth | None:
+    solution, words = _optimum(log), ""
+    if solution is None or outliers(log, solution).many:
+        robust = _optimum(log, loss="cauchy")
+        if robust is not None:
+            odd = outliers(log, robust)
+            solution = robust
+            words = f"the batch optimum with a Cauchy loss ({odd.found} of {odd.of} sightings do not fit)"
+    if solution is None:
+        return None
+    return Truth(log.t, solution.path, solution.map._replace(cov=None), None, "reference", "reference", words)
+
+
+def _optimum(log: Log, loss: str = "none") -> Solution | None:
+    from ...backends.graphs import graph  # gtsam
+
+    batch = graph.build.make(log.prior, graph.Options(loss=loss), np.random.default_rng(0))
+    for step in log.identified():
+        batch.step(step)
+    try:
+        return batch.finish()
+    except Diverged:
+        return None
+
+
+def _key(log: Log) -> str:
+    """What the optimum depends on: the factors, the code that finds it and the library it uses."""
+    total = hashlib.sha256(f"{log.digest} gtsam {metadata.version('gtsam')}\n".encode())
+    for file in [Path(__file__), *sorted(Path(backends.__file__).parent.rglob("*.py"))]:
+        total.update(file.read_bytes())
+    return total.hexdigest()

@@ -1,0 +1,264 @@
+"""What a user names on the command line, `ekf,fastslam[particles=1000]`, as backends and datasets with options."""
+
+import difflib
+import hashlib
+import os
+import re
+import types
+import typing
+from collections.abc import Iterable, Sequence
+from dataclasses import Field, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ...backends import registry as backends
+from ...backends.api import Builder, NoOptions
+from ...datasets import registry as datasets
+from ...datasets.formats import graph_kind
+from ...datasets.registry import Source
+from ...frontend.errors import InputError
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A backend or dataset with its options resolved."""
+
+    name: str
+    options: Any  # the options' dataclass
+
+    @cached_property
+    def given(self) -> str:
+        """The options that differ from their defaults, as `name=value,...`."""
+        changed = [
+            (field.name, value)
+            for field in fields(self.options)
+            if (value := getattr(self.options, field.name)) != field.default
+        ]
+        return ",".join(f"{name}={_quoted(_text(value))}" for name, value in changed)
+
+    @cached_property
+    def label(self) -> str:
+        """The name, and in brackets the options that differ from their defaults: what the command line would take."""
+        return f"{self.name}[{self.given}]" if self.given else self.name
+
+    @property
+    def slug(self) -> str:
+        """The label as the name of a folder: a variant with options is its name and a short hash of them."""
+        plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in self.name)
+        if plain == self.name and not self.given:
+            return plain
+        return f"{plain}-{hashlib.sha256(self.label.encode()).hexdigest()[:8]}"
+
+
+@dataclass(frozen=True)
+class BackendVariant(Variant):
+    """A backend; `builder` is None, and `missing` says why, where it is known by name but cannot be imported."""
+
+    builder: Builder | None
+    missing: str = ""
+
+
+@dataclass(frozen=True)
+class DatasetVariant(Variant):
+    """A dataset."""
+
+    source: Source
+
+
+V = TypeVar("V", bound=Variant)
+
+
+def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant]:
+    """The backends named in `text`. InputError names who asked, what is wrong, and the nearest right name."""
+    found: list[BackendVariant] = []
+    for name, given in _split(text, asker):
+        try:
+            builder = backends.find(name)
+        except KeyError:
+            known = [*backends.BUILTIN, *backends.plugins()]
+            hint = "A backend of your own is named my_package.my_module:build."
+            raise InputError(f"{asker}: there is no backend {name!r}; {nearest(name, known)} {hint}") from None
+        except backends.Missing as error:
+            found.append(BackendVariant(name, NoOptions(), None, str(error)))
+            continue
+        found.append(BackendVariant(name, read_options(builder.options, given, f"backend {name}"), builder))
+    return _without_repeats(found, asker)
+
+
+def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant]:
+    """The datasets named in `text`; the path of a log, of a graph or of a recording is one too. InputError as above."""
+    found: list[DatasetVariant] = []
+    for name, given in _split(text, asker):
+        graph = name.lower().endswith(graph_kind.SUFFIXES)
+        if name not in datasets.BUILTIN and ("/" in name or graph or os.path.exists(name)):
+            name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
+        try:
+            source = datasets.find(name)
+        except KeyError:
+            hint = "A log's folder, a graph's file or a recording is named by its path."
+            raise InputError(
+                f"{asker}: there is no dataset {name!r}; {nearest(name, datasets.BUILTIN)} {hint}"
+            ) from None
+        found.append(DatasetVariant(name, read_options(source.options, given, f"dataset {name}"), source))
+    return _without_repeats(found, asker)
+
+
+def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVariant:
+    """The dataset that reads what is at `path`, whatever that is called; a log that is yet to come has its `kind` told.
+
+    InputError, in the name of the `asker`, for a path that a label cannot hold.
+    """
+    text = str(path)
+    if '"' in text:
+        raise InputError(f"{asker}: {path}: found a double quote in the path, expected one without.")
+    kind = kind or _kind(text)
+    source = datasets.find(kind)
+    text = os.path.join(".", text) if text == "none" else text  # an option that is none is not given
+    return DatasetVariant(kind, source.options(path=text), source)
+
+
+def _kind(path: str) -> str:
+    """The dataset that reads what is at `path`."""
+    if Path(path).suffix.lower() in graph_kind.SUFFIXES and not os.path.isdir(path):
+        return graph_kind.format_of(Path(path))
+    return "recording" if os.path.isfile(path) or os.path.isfile(os.path.join(path, "robot.toml")) else "log"
+
+
+def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any:
+    """The options dataclass `cls` from `name=value` pairs; InputError for one unknown, unreadable or out of range."""
+    known = {field.name: field for field in fields(cls)}
+    values: dict[str, Any] = {}
+    for name, text in given:
+        if name not in known:
+            has = nearest(name, known)
+            raise InputError(f"{where}: there is no option {name!r}; {has}")
+        if name in values:
+            raise InputError(f"{where}: option {name} is given twice, expected once.")
+        values[name] = _read(known[name], typing.get_type_hints(cls)[name], text, where)
+    return cls(**values)
+
+
+def describe(cls: type) -> list[tuple[str, str, str]]:
+    """(name, default, summary with range or choices) of every option of a dataclass, for `bench list`."""
+    return [(field.name, _text(field.default), _help(field)) for field in fields(cls)]
+
+
+def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
+    kinds = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
+    if text == "none" and type(None) in kinds:
+        return None
+    kind = next(k for k in kinds if k is not type(None))
+    if not text and kind is str and type(None) in kinds:
+        raise InputError(f"{where}: option {field.name} is empty, expected {_expected(field, kind)}.")
+    try:
+        value = _KINDS[kind][0](text)
+    except (KeyError, ValueError):
+        raise InputError(
+            f"{where}: option {field.name}={text}: found {text!r}, expected {_expected(field, kind)}."
+        ) from None
+    low, high, choices = (field.metadata.get(key) for key in ("minimum", "maximum", "choices"))
+    outside = choices is not None and value not in choices
+    if not isinstance(value, str):
+        outside = value != value or (low is not None and value < low) or (high is not None and value > high)
+    if outside:
+        raise InputError(f"{where}: option {field.name}={text} is out of range; expected {_expected(field, kind)}.")
+    return value
+
+
+_KINDS: dict[Any, tuple[Any, str]] = {
+    bool: (lambda text: {"true": True, "false": False}[text.lower()], "true or false"),
+    int: (lambda text: int(text.replace("_", "")), "a whole number"),
+    float: (float, "a number"),
+    str: (str, "text"),
+}
+
+
+def _expected(field: Field[Any], kind: Any) -> str:
+    low, high, choices = (field.metadata.get(key) for key in ("minimum", "maximum", "choices"))
+    if choices:
+        return "one of " + ", ".join(choices)
+    words = _KINDS[kind][1]
+    if low is not None and high is not None:
+        return f"{words} from {low} to {high}"
+    if low is not None:
+        return f"{words}, at least {low}"
+    return f"{words}, at most {high}" if high is not None else words
+
+
+def _help(field: Field[Any]) -> str:
+    kinds = typing.get_args(field.type) or (field.type,)
+    kind = next((k for k in kinds if k in _KINDS), str)
+    expected = _expected(field, kind)
+    return f"{field.metadata.get('summary', '')} ({expected})"
+
+
+def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
+    """`a,"b,c"[x=1,y="2,3"]` as [("a", []), ("b,c", [("x", "1"), ("y", "2,3")])]."""
+    found: list[tuple[str, list[tuple[str, str]]]] = []
+    for part in _pieces(text, flag):
+        quoted, rest = re.fullmatch(r'("[^"]*")?(.*)', part, re.DOTALL).groups("")  # pyright: ignore[reportOptionalMemberAccess]
+        name, bracket, inside = rest.partition("[")
+        if bracket and not inside.endswith("]"):
+            raise InputError(f"{flag} {part}: expected the brackets to close at the end, as in name[option=value].")
+        given: list[tuple[str, str]] = []
+        for pair in _pieces(inside[:-1], flag) if inside[:-1].strip() else []:
+            option, equals, value = pair.partition("=")
+            if not equals:
+                raise InputError(f"{flag} {part}: found {pair!r}, expected option=value.")
+            given.append((option.strip(), _unquoted(value, flag)))
+        name = _unquoted(quoted + name, flag)
+        if not name:
+            raise InputError(f"{flag} {text!r}: found an empty name, expected names separated by commas.")
+        found.append((name, given))
+    return found
+
+
+def _unquoted(text: str, flag: str) -> str:
+    """`text` without the space around it, or as it is between double quotes; it has none within."""
+    text = text.strip()
+    bare = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
+    if '"' in bare:
+        raise InputError(f"{flag}: found {text}, expected double quotes around the whole of it or none.")
+    return bare
+
+
+def _pieces(text: str, flag: str) -> list[str]:
+    """`text` cut at the commas that are neither in brackets nor in double quotes."""
+    pieces, depth, quoted = [""], 0, False
+    for c in text:
+        quoted ^= c == '"'
+        depth += 0 if quoted else (c == "[") - (c == "]")
+        if c == "," and not depth and not quoted:
+            pieces.append("")
+        else:
+            pieces[-1] += c
+    if depth or quoted:
+        raise InputError(f"{flag} {text}: expected every bracket and quote to be closed.")
+    return [piece.strip() for piece in pieces]
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The known name that was meant, or all of them."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"expected one of {', '.join(names)}." if names else "it has none."
+
+
+def _without_repeats(found: list[V], flag: str) -> list[V]:
+    seen: set[str] = set()
+    for variant in found:
+        if variant.label in seen:
+            raise InputError(f"{flag}: {variant.label} is named twice, expected once.")
+        seen.add(variant.label)
+    return found
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"' if any(c in text for c in ",[]") or text != text.strip() else text

@@ -1,0 +1,115 @@
+"""The files of a run's folder, all made from its record: cells.csv, metrics.csv, run.json, and what evo reads."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...frontend.files import write_whole
+from ...frontend.se2 import Array
+from ...frontend.tum import write_tum
+from ..measure.misfit import TERMS
+from .reader import Store
+from .schema import COLUMNS, MORE, Row, label
+
+STEPS = (
+    "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",
+    "error_m", "nees", "nis", "nis_dof", "n_eff", "step_us", "wall_us", "belief_us", "ancestors", "refused",
+)  # fmt: skip
+"""The columns of steps.csv. error_m is of the aligned path; a blank is not known."""
+
+KEY = COLUMNS[:5]
+"""The columns that name a cell."""
+
+COST = (*KEY, "path", *TERMS, "total")
+"""The columns of cost.csv: J by its terms, at the final path and map, at the online ones where there are no final."""
+
+MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
+
+
+def export(store: Store) -> None:
+    """Write every file of the run's folder anew."""
+    run, folder, rows = store.run(), store.folder, list(store.cells())
+    slugs: dict[str, str] = run["folders"]
+    write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
+    write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
+    write_whole(
+        folder / "metrics.csv",
+        _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows)),
+    )
+    terms: list[list[Any]] = []
+    for row in rows:
+        c = row.columns
+        place = folder / slugs[label(c["dataset"], c["dataset_options"])] / str(c["seed"])
+        truth = store.truth(c["dataset"], c["dataset_options"], c["seed"])
+        if truth and not (place / "truth.tum").exists():
+            place.mkdir(parents=True, exist_ok=True)
+            write_tum(place / "truth.tum", truth["t"], truth["poses"])
+        if c["status"] == "done":
+            arrays = store.arrays(row)
+            if arrays:  # else they are damaged, and the record says so
+                _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
+                terms += _terms(row, arrays)
+    write_whole(folder / "cost.csv", _csv(COST, terms))
+
+
+def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
+    """The cell's row of cost.csv; none where its J is not defined."""
+    if "cost_terms" not in arrays:
+        return []
+    values = arrays["cost_terms"].tolist()
+    return [[*row.key, "final" if "final" in arrays else "online", *values, sum(values)]]
+
+
+def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> None:
+    place.mkdir(parents=True, exist_ok=True)
+    if "online" in arrays:
+        write_tum(place / "online.tum", arrays["t"], arrays["online"])
+        write_whole(place / "steps.csv", _csv(STEPS, _steps(arrays, truth)))
+    if "final" in arrays:
+        write_tum(place / "final.tum", arrays["t"], arrays["final"])
+    prefix = "final_map" if "final_map_ids" in arrays else "map"
+    if f"{prefix}_ids" not in arrays:
+        return
+    ids, xy, cov = arrays[f"{prefix}_ids"], arrays[f"{prefix}_xy"], arrays.get(f"{prefix}_cov")
+    blocks = np.full((len(ids), 3), np.nan) if cov is None else cov[:, [0, 0, 1], [0, 1, 1]]
+    rows = ([i, *_blank(p), *_blank(b)] for i, p, b in zip(ids.tolist(), xy, blocks, strict=True))
+    write_whole(place / "map.csv", _csv(MAP, rows))
+
+
+def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
+    n = len(arrays["t"])
+    error, consistency = np.full((2, n), np.nan)
+
+    def known(name: str) -> Array:
+        return arrays.get(name, np.full(n, np.nan))  # a record of an earlier version, or of others, has not every one
+
+    if "aligned" in arrays:
+        error[arrays["at"]] = np.hypot(*(arrays["aligned"] - truth["poses"])[:, :2].T)
+    if "nees" in arrays:
+        consistency[arrays["at"]] = arrays["nees"]
+    cov = arrays.get("cov", np.full((n, 3, 3), np.nan))[:, *np.triu_indices(3)]
+    table = np.column_stack((arrays["t"], arrays["online"], cov, error, consistency, known("nis")))
+    clocks = (known(name) / 1e3 for name in ("step_ns", "wall_ns", "belief_ns"))
+    after = np.column_stack((known("n_eff"), *clocks))
+    inside = np.column_stack([known(name) for name in ("nis_dof", "ancestors", "refused")])
+    for k in range(n):
+        dof, *counts = (None if count != count else int(count) for count in inside[k])
+        yield k, *_blank(table[k]), dof, *_blank(after[k]), *counts
+
+
+def _blank(values: Array) -> list[float | None]:
+    """As plain floats, those that are not a number as None."""
+    return [None if value != value else value for value in values.tolist()]
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()

@@ -1,0 +1,65 @@
+"""A folder for one process alone: made where it is not there, and locked while that process writes to it."""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Generator
+from pathlib import Path
+
+from ...frontend.errors import InputError
+
+LOCK = ".lock"
+
+
+@contextlib.contextmanager
+def claimed(folder: Path) -> Generator[None]:
+    """The folder, made where it is not there, for this process alone; if nothing came of it, it is gone again."""
+    made = _make(folder)
+    lock = _locked(folder)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            (folder / LOCK).unlink()
+        os.close(lock)
+        for path in made:
+            with contextlib.suppress(OSError):  # not empty: something came of it
+                path.rmdir()
+
+
+def _locked(folder: Path) -> int:
+    """A descriptor of the folder's lock, which is ours."""
+    while True:
+        try:
+            lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
+        except OSError as error:
+            raise InputError(
+                f"--out {folder}: cannot be written to ({error.strerror}); expected a writable folder."
+            ) from None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_at(folder / LOCK, lock):
+                return lock
+            os.close(lock)  # its last holder took it away in between
+        except OSError:
+            os.close(lock)
+            raise InputError(
+                f"--out {folder}: another run or study is writing to this folder; expected to be alone in it."
+            ) from None
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    """Whether the file that is open is the one at that path."""
+    with contextlib.suppress(FileNotFoundError):
+        return os.path.samestat(os.stat(path), os.fstat(descriptor))
+    return False
+
+
+def _make(folder: Path) -> list[Path]:
+    """Make the folder and its missing parents; those that were made, the innermost first."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: cannot be made ({error.strerror}); expected a place to write to.") from None
+    return missing

@@ -1,0 +1,69 @@
+"""Where a run took place: machine, versions, revision. What a reader needs to repeat it, or to doubt it."""
+
+import contextlib
+import os
+import platform
+import subprocess
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+INSTRUCTIONS = ("sse4_2", "fma", "avx2", "avx512f")
+"""By which numerical libraries choose code: with others, last bits of a result differ."""
+
+PACKAGES = ("slamduel", "numpy", "scipy", "gtsam", "opencv-contrib-python-headless", "evo", "matplotlib")
+
+
+def environment() -> dict[str, Any]:
+    """The machine, its system, Python, and the versions of the packages that bear on a result."""
+    return {
+        "processor": _processor(),
+        "instructions": _instructions(),
+        "cores": os.cpu_count(),
+        "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "revision": _revision(),
+    }
+
+
+def _processor() -> str:
+    return _told("model name") or platform.processor() or platform.machine()
+
+
+def _instructions() -> str:
+    """Those of INSTRUCTIONS that the processor has; "" where the system does not tell."""
+    flags = _told("flags").split()
+    return " ".join(name for name in INSTRUCTIONS if name in flags)
+
+
+def _told(name: str) -> str:
+    """What Linux tells of the first processor; "" where it does not."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.partition(":")[0].strip() == name:
+                return line.partition(":")[2].strip()
+    return ""
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _revision() -> str | None:
+    """The checkout's git revision, with + where it has uncommitted changes; None outside a checkout."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return None
+    try:
+        revision = subprocess.run(["git", "-C", root, "rev-parse", "HEAD"], capture_output=True, text=True, check=True)
+        changed = subprocess.run(
+            ["git", "-C", root, "status", "--porcelain"], capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return revision.stdout.strip() + ("+" if changed.stdout.strip() else "")

@@ -1,0 +1,269 @@
+"""The store of a study: read while another process writes, and written by one, at once and for good.
+
+Every result is committed as it comes, which costs a fraction of a millisecond, so that whatever kills the writer takes
+none of them with it. A result that is there stays as it is, whatever comes later under its key; but one that failed
+makes way, and so does one without arrays to the same with them.
+"""
+
+import contextlib
+import json
+import sqlite3
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..measure.status import FAILED
+from .schema import packed, unpacked
+from .study_db import BROKEN, damaged, read_only, unwritable, writable
+from .study_schema import ABOUT, FILE, MEASURED, RESULT
+from .study_table import StudyTable, numbers, words
+
+KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
+"""The columns of a result that a table may have, and their types."""
+
+
+_PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
+
+
+class Known(NamedTuple):
+    """A log that the store knows."""
+
+    digest: str
+    truth_digest: str  # of what its cells are scored by, "" where there is nothing
+    truth_kind: str
+
+
+class StudyStore:
+    """An open store; one process at a time writes, any number reads meanwhile.
+
+    InputError where the folder has none, or its file cannot be used: then nothing has been changed.
+    """
+
+    def __init__(self, folder: Path, *, writing: bool = False) -> None:
+        self.folder = folder
+        self._db = writable(folder) if writing else read_only(folder)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; what was written is in it."""
+        self._db.close()
+
+    def words(self) -> dict[str, Any]:
+        """What is known of the study as a whole: text, size, command, environment, executor, started, finished."""
+        with self._read():
+            return {name: json.loads(value) for name, value in self._all("SELECT name, value FROM study")}
+
+    def put_words(self, words: Mapping[str, Any]) -> None:
+        """Keep such facts."""
+        rows = [(name, json.dumps(value)) for name, value in words.items()]
+        with self._writing() as db:
+            db.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", rows)
+
+    def logs(self, *, arrays: bool = False) -> dict[str, Known]:
+        """What is known of logs, by their keys; with `arrays`, but for those whose truth's are not kept."""
+        kept = " AND (truth_kind = '' OR key IN (SELECT key FROM arrays))" if arrays else ""
+        found = self._all(f"SELECT key, digest, truth_digest, truth_kind FROM logs WHERE digest IS NOT NULL{kept}")
+        return {key: Known(*rest) for key, *rest in found}
+
+    def logs_made(self) -> dict[tuple[str, str, int], list[Known]]:
+        """What is known of every log that was ever made, by any code, by its dataset, options and seed."""
+        made: dict[tuple[str, str, int], list[Known]] = {}
+        columns = "dataset, dataset_options, seed, digest, truth_digest, truth_kind"
+        for *of, digest, truth, kind in self._all(f"SELECT {columns} FROM logs WHERE digest IS NOT NULL"):
+            made.setdefault((of[0], of[1], of[2]), []).append(Known(digest, truth, kind))
+        return made
+
+    def logs_unmade(self) -> set[str]:
+        """The keys of those that could not be made."""
+        return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
+
+    def put_log(self, key: str, of: tuple[str, str, int], known: Known, arrays: Mapping[str, Any]) -> None:
+        """Keep what is known of a log; `of` are dataset, options and seed, `arrays` those of its truth."""
+        with self._writing() as db:
+            same = db.execute("SELECT 1 FROM logs WHERE key = ? AND truth_digest = ?", (key, known[1])).fetchone()
+            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?)", (key, *of, *known))
+            if arrays or not same:
+                _keep(db, key, arrays)
+
+    def put_unmade(self, key: str, of: tuple[str, str, int]) -> None:
+        """Keep that a log could not be made, unless it once could; `of` as above."""
+        with self._writing() as db:
+            db.execute("INSERT OR IGNORE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL)", (key, *of))
+
+    def statuses(self, *, arrays: bool = False) -> dict[str, str]:
+        """The status of every result, by its key; with `arrays`, without those that ought to have some and do not."""
+        kept = " WHERE status <> 'done' OR key IN (SELECT key FROM arrays)" if arrays else ""
+        return dict(self._all(f"SELECT key, status FROM results{kept}"))
+
+    def put_result(self, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any]) -> bool:
+        """Keep a result, unless the store has one of that key that stays; whether it was kept.
+
+        `row` has columns of RESULT, those that it has not are empty.
+        """
+        with self._writing() as db:
+            before = db.execute("SELECT status FROM results WHERE key = ?", (key,)).fetchone()
+            bare = not db.execute("SELECT 1 FROM arrays WHERE key = ?", (key,)).fetchone()
+            if before and before[0] not in FAILED and not (arrays and bare):
+                return False
+            db.execute(_PUT_RESULT, (key, *map(row.get, RESULT)))
+            _keep(db, key, arrays)
+        return True
+
+    def arrays(self, key: str) -> dict[str, Any]:
+        """Those of a log's truth or of a result, by name; none where they were not to be kept."""
+        found = self._all("SELECT archive FROM arrays WHERE key = ?", (key,))
+        try:
+            return unpacked(found[0][0]) if found else {}
+        except Exception as error:  # a damaged archive may raise anything
+            raise damaged(self.folder / FILE, f"the arrays of {key} cannot be read") from error
+
+    def seconds(self) -> dict[tuple[str, str, str, str], tuple[float, int]]:
+        """By dataset, its options, backend and its options: s of wall time that results took on average; how many."""
+        names = "dataset, dataset_options, backend, options"
+        query = f"SELECT {names}, avg(seconds), count(*) FROM results WHERE seconds IS NOT NULL GROUP BY {names}"
+        return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
+
+    def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
+        """The study's cells from now on: (dataset, dataset_options, backend, options, seed, parameters, key) each.
+
+        Only what differs from what is there is written.
+        """
+        texts: dict[str, str] = {}
+        encoded = [(*row[:5], _encoded(row[5], texts), row[6]) for row in rows]
+        query = "SELECT dataset, dataset_options, backend, options, seed, parameters, key FROM plan ORDER BY place"
+        before = self._all(query)
+        if before == encoded:
+            return
+        old = dict(enumerate(before))
+        changed = [(place, *row) for place, row in enumerate(encoded) if old.get(place) != row]
+        with self._writing() as db:
+            db.execute("DELETE FROM plan WHERE place >= ?", (len(encoded),))
+            db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
+
+    def settle(self, place: int, key: str | None, trouble: str | None) -> None:
+        """The key of a cell's result, or why there is none."""
+        with self._writing() as db:
+            db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
+
+    def table(self, measures: Sequence[str]) -> StudyTable:
+        """The study's cells: their parameters, status, reason and digest, and these columns of KINDS.
+
+        A parameter that is called as one of the columns is the one that has the name.
+        """
+        there = {row[1] for row in self._all("PRAGMA table_info(results)")}
+        names = ["status", "reason", *(name for name in dict.fromkeys(("digest", *measures)) if name in there)]
+        keys, *columns = _columns(self._all(f"SELECT key, {', '.join(names)} FROM results"), 1 + len(names))
+        plan = self._all("SELECT parameters, seed, key, trouble FROM plan ORDER BY place")
+        texts, seeds, wanted, troubles = _columns(plan, 4)
+        known = dict(zip(keys, range(len(keys)), strict=True))
+        at = np.array([known.get(key, -1) for key in wanted], int)  # -1: the None at the end of every column
+        with self._read():
+            table = _parameters(texts, seeds)
+            for name, values in zip(names, columns, strict=True):
+                table.setdefault(name, (words if KINDS[name] == "TEXT" else numbers)([*values, None])[at])
+        for name in measures:  # of which a store of an earlier version has none
+            table.setdefault(name, numbers([None] * len(at)))
+        trouble, missing = words(troubles), at < 0
+        table["status"][missing] = ["waiting" if said is None else "error" for said in trouble[missing]]
+        table["reason"][missing] = trouble[missing]
+        return StudyTable(table)
+
+    def cells(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
+        """The view `cells`: the names of its columns, what its `parameters` mean, and its rows, each as it is read.
+
+        The seed is not among the parameters, since it has a column. What is written meanwhile is not seen.
+        """
+        try:
+            self._db.execute("BEGIN")
+            texts = self._all("SELECT DISTINCT parameters FROM plan")
+            found = self._db.execute("SELECT * FROM cells")
+        except BROKEN as error:
+            raise damaged(self.folder / FILE, error) from None
+        with self._read():
+            meant = {text: json.loads(text) for (text,) in texts}
+        return [column[0] for column in found.description], meant, self._each(found)
+
+    def _each(self, found: sqlite3.Cursor) -> Iterator[tuple[Any, ...]]:
+        try:
+            yield from found
+        except BROKEN as error:
+            raise damaged(self.folder / FILE, error) from None
+        finally:
+            with contextlib.suppress(sqlite3.Error):  # the store may be closed by now
+                self._db.execute("COMMIT")
+
+    @contextlib.contextmanager
+    def _read(self) -> Generator[None]:
+        """InputError where what the file holds makes no sense."""
+        try:
+            yield
+        except (ValueError, TypeError, AttributeError) as error:
+            raise damaged(self.folder / FILE, error) from None
+
+    def _all(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
+        try:
+            return self._db.execute(query, values).fetchall()
+        except BROKEN as error:
+            raise damaged(self.folder / FILE, error) from None
+
+    @contextlib.contextmanager
+    def together(self) -> Generator[None]:
+        """Whatever is put meanwhile is kept as one, or nothing of it."""
+        with self._writing():
+            yield
+
+    @contextlib.contextmanager
+    def _writing(self) -> Generator[sqlite3.Connection]:
+        """One transaction, or a part of one; InputError where the file cannot be written to: all before is safe."""
+        if self._db.in_transaction:
+            yield self._db
+            return
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            yield self._db
+            self._db.execute("COMMIT")
+        except BROKEN as error:
+            raise unwritable(self.folder / FILE, error) from None
+        finally:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+
+
+def _keep(db: sqlite3.Connection, key: str, arrays: Mapping[str, Any]) -> None:
+    """These arrays under the key, and no others."""
+    db.execute("DELETE FROM arrays WHERE key = ?", (key,))
+    if arrays:
+        db.execute("INSERT INTO arrays VALUES (?, ?)", (key, packed(arrays)))
+
+
+def _columns(rows: Sequence[Any], count: int) -> list[Sequence[Any]]:
+    """Rows of so many values, turned."""
+    return list(zip(*rows, strict=True)) or [()] * count
+
+
+def _encoded(parameters: Mapping[str, Any], known: dict[str, str]) -> str:
+    """As JSON, without the seed, which has a column; what is `known` is not encoded again."""
+    rest = {name: value for name, value in parameters.items() if name != "seed"}
+    spelt = repr(rest)
+    if spelt not in known:
+        known[spelt] = json.dumps(rest)
+    return known[spelt]
+
+
+def _parameters(texts: Sequence[str], seeds: Sequence[int]) -> dict[str, NDArray[Any]]:
+    """Cells' parameters in columns, the seed third."""
+    known: dict[str, dict[str, Any]] = {text: json.loads(text) for text in dict.fromkeys(texts)}
+    names = dict.fromkeys(["dataset", "backend", "seed", *(name for found in known.values() for name in found)])
+    columns: dict[str, NDArray[Any]] = {}
+    for name in names:
+        values = {text: found.get(name) for text, found in known.items()}
+        columns[name] = words(seeds if name == "seed" else [values[text] for text in texts])
+    return columns

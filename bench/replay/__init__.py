@@ -1,0 +1,1 @@
+"""A recorded cell driven once more, as page, film or recording."""

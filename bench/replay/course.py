@@ -1,0 +1,148 @@
+"""A backend driven through its log once more, in a process of its own, and asked at some steps what it thinks."""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from ...backends import registry as backends
+from ...backends.api import Backend, Diverged, Map, WantsTruth
+from ...datasets import archive
+from ...frontend.errors import SlamduelError
+from ...frontend.factors import Step, Truth
+from ...frontend.se2 import Array, Ints
+from ..measure import cell as cells
+
+MAP_S = 20.0
+"""CPU time that asking for maps may take all in all: a smoother's takes long where there are thousands of steps."""
+
+
+class Task(NamedTuple):
+    """All that a worker needs to know."""
+
+    cell: cells.Task
+    frames: Ints  # (f,) the steps at which it is asked, the last one among them
+
+
+class Landmarks(NamedTuple):
+    """A map without what its landmarks have in common."""
+
+    ids: Ints  # (n,)
+    xy: Array  # (n, 2)
+    cov: Array  # (n, 2, 2), NaN where not known
+
+
+class Course(NamedTuple):
+    """What a backend did on its way, as far as it came."""
+
+    path: Array  # (m, 3) of the first m steps
+    cov: Array  # (g, 3, 3) at the first g frames, NaN where not known
+    maps: list[Landmarks]  # (g,)
+    asked: int  # at how many of these frames the map was asked for; at the others it is that of the frame before
+    final: bool  # the path and the map are those of the end: there are none on the way
+    ended: str  # why it came no farther, "" where it came to the end
+
+
+def run(task: Task) -> Course:
+    """Step by step as in the run. Nothing a backend raises gets out of here: it ends the course."""
+    cell, course = task.cell, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
+    try:
+        log, truth = archive.load(cell.log)
+        builder = backends.find(cell.name)
+        if len(log.loop_to) and not builder.loops:
+            return course._replace(ended="the log has loop closures, which this backend does not take")
+        log = log if builder.associates else log.identified()
+        backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
+        if cell.oracle and truth is not None:
+            _tell(backend, truth)
+    except Exception as error:
+        return course._replace(ended=_said(error))
+    way = _Way(task.frames)
+    ended = ""
+    try:
+        for step in log:
+            way.go(backend, step)
+        if not way.path:
+            return _whole(backend, task.frames)
+    except Exception as error:
+        ended = _said(error)
+    return way.course(ended)
+
+
+class _Way:
+    """Collects a course."""
+
+    def __init__(self, frames: Ints) -> None:
+        self.frames = frames
+        self.path: list[Array] = []
+        self._covs: list[Array] = []
+        self._maps: list[Landmarks] = []
+        self._asked, self._spent, self._steps = 0, 0.0, 0
+
+    def go(self, backend: Backend, step: Step) -> None:
+        """Fold the step in, and ask if it is that of a frame."""
+        pose = backend.step(step)
+        self._steps += 1
+        if pose is None:
+            return
+        pose = np.array(pose, float)
+        if not np.isfinite(pose).all():
+            raise Diverged(f"step {self._steps - 1}: the pose is not finite")
+        self.path.append(pose)
+        frame = len(self._covs)
+        if self.frames[frame] == self._steps - 1:
+            belief = backend.belief()
+            known = _landmarks(backend, self) if self._due(frame) else self._maps[-1]
+            cov = None if belief is None else belief.cov
+            self._covs.append(np.full((3, 3), np.nan) if cov is None else np.array(cov, float))
+            self._maps.append(known)
+
+    def spend(self, seconds: float) -> None:
+        """Count a map and what it took."""
+        self._asked, self._spent = self._asked + 1, self._spent + seconds
+
+    def course(self, ended: str) -> Course:
+        """What has come together."""
+        path = np.array(self.path).reshape(-1, 3)
+        return Course(path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended)
+
+    def _due(self, frame: int) -> bool:
+        """At the first frame, the last, and as long as the time lasts, evenly spent."""
+        return not frame or frame == len(self.frames) - 1 or self._spent <= MAP_S * frame / len(self.frames)
+
+
+def _whole(backend: Backend, frames: Ints) -> Course:
+    """The course of a backend that has a path only once the log is over: at every frame as at the end."""
+    solution = backend.finish()
+    if solution is None:
+        return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor at the end")
+    cov = np.full((len(frames), 3, 3), np.nan) if solution.cov is None else np.array(solution.cov[frames])
+    known = _split(solution.map)
+    return Course(np.array(solution.path, float), cov, [known] * len(frames), len(frames), True, "")
+
+
+def _landmarks(backend: Backend, way: _Way) -> Landmarks:
+    start = time.process_time()
+    known = _split(backend.map())
+    way.spend(time.process_time() - start)
+    return known
+
+
+def _split(known: Map) -> Landmarks:
+    n = len(known.ids)
+    blocks = np.full((n, 2, 2), np.nan)
+    if known.cov is not None:
+        blocks = np.array(known.cov).reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
+    return Landmarks(np.array(known.ids, np.int64), np.array(known.xy, float).reshape(n, 2), blocks)
+
+
+def _tell(backend: Backend, truth: Truth) -> None:
+    """As the run did: a batch optimum is no truth."""
+    if truth.kind == "truth" and isinstance(backend, WantsTruth):
+        backend.tell(truth)
+
+
+def _said(error: Exception) -> str:
+    """What the exception says, with its type where it is none of ours."""
+    said = " ".join(str(error).split())
+    return said if isinstance(error, SlamduelError) else f"{type(error).__name__}: {said}"

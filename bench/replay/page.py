@@ -1,0 +1,191 @@
+"""A replay as one HTML page that needs no network: panels side by side, and without script the end of the run.
+
+Every panel is an SVG of UNITS across. The script has whole numbers of these units, and of a map only what has changed
+since the frame before; what it makes of them is what `_still` makes here of the last frame.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...frontend.files import write_whole
+from ...frontend.se2 import Array
+from ..drawing.page import rendered
+from ..words.numerals import number
+from ..words.styles import BASELINE
+from .view import Panel, View, ellipses, said, when
+
+UNITS = 1000
+"""Across a panel."""
+
+CHART = 150
+"""Units that the chart of errors is high."""
+
+SEEN = 3
+"""Units that an ellipse's longer half axis is at least."""
+
+
+def write_page(path: Path, view: View) -> None:
+    """Write it, whole or not at all."""
+    last = len(view.steps) - 1
+    panels = [_panel(view, panel) for panel in view.panels]
+    top = _top(view)
+    places = np.array(_pairs(view, view.places)).reshape(-1, 2).tolist()
+    run: dict[str, Any] = {
+        "when": [when(view, k) for k in range(len(view.steps))],
+        "at": view.at.tolist(),
+        "truth": _pairs(view, view.truth),
+        "reckoned": _pairs(view, view.reckoned),
+        "robot": _pairs(view, view.robot[:, :2]),
+        "panels": panels,
+    }
+    page = {
+        "view": view,
+        "height": _height(view),
+        "known": _line(run["truth"]),
+        "reckoned": _line(run["reckoned"]),
+        "places": "".join(f"M{u - 9} {v}h18M{u} {v - 9}v18" for u, v in places),
+        "there": _dot(_pairs(view, view.robot[last, None, :2])),
+        "stills": [_still(panel, last) for panel in panels],
+        "now": when(view, last),
+        "top": None if top is None else number(top),
+        "chart": CHART,
+        "curves": [] if top is None else [_curve(view, panel, top) for panel in view.panels],
+        "run": json.dumps(run, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
+    }
+    write_whole(path, rendered("replay.html.jinja", page))
+
+
+def _height(view: View) -> int:
+    size = view.high - view.low
+    return round(UNITS * size[1] / size[0])
+
+
+def _pairs(view: View, xy: Array) -> list[Any]:
+    """u0, v0, u1, v1, ... in whole units; None where not known. What is far outside is put not quite as far."""
+    scale = UNITS / (view.high[0] - view.low[0])
+    uv = np.stack(((xy[..., 0] - view.low[0]) * scale, (view.high[1] - xy[..., 1]) * scale), axis=-1)
+    return [None if c != c else round(c) for c in np.clip(uv, -9999, 9999).ravel().tolist()]
+
+
+def _panel(view: View, panel: Panel) -> dict[str, Any]:
+    """What the script is told of a panel."""
+    pose = _pairs(view, panel.pose[:, :2])
+    degrees = np.rint(-np.degrees(panel.pose[:, 2])).astype(int).tolist()
+    return {
+        "trail": _pairs(view, panel.trail),
+        "pose": [[*pose[2 * k : 2 * k + 2], degree] for k, degree in enumerate(degrees)],
+        "belief": [_shape(view, shape) for shape in panel.ellipse],
+        "seen": [_pairs(view, np.concatenate((s.origin[None], s.ends))) for s in panel.sighted],
+        "maps": list(_changes(view, panel)),
+        "said": [said(view, panel, k) for k in range(min(len(panel.pose) + 1, len(view.steps)))],
+    }
+
+
+def _shape(view: View, shape: Array) -> list[int]:
+    """Half axes in units and angle in degrees, clockwise; zeros where there is none, or none that can be seen."""
+    half = shape[:2] * UNITS / (view.high[0] - view.low[0])
+    if not np.isfinite(half).all() or half[0] < SEEN or half[0] > 20 * UNITS:
+        return [0, 0, 0]
+    a, b = (max(round(float(axis)), 1) for axis in half)
+    return [a, b, 0 if a - b < 2 else round(-float(np.degrees(shape[2])))]
+
+
+def _changes(view: View, panel: Panel) -> Iterable[list[list[int]]]:
+    """For every frame the landmarks that are gone, and place and shape of those that are new or have changed."""
+    slots: dict[int, int] = {}
+    known: dict[int, list[int]] = {}
+    for k, landmarks in enumerate(panel.maps):
+        if k and landmarks is panel.maps[k - 1]:
+            yield [[], []]
+            continue
+        places, shapes = _pairs(view, landmarks.xy), ellipses(landmarks.cov)
+        now = {
+            slots.setdefault(i, len(slots)): [*places[2 * j : 2 * j + 2], *_shape(view, shapes[j])]
+            for j, i in enumerate(landmarks.ids.tolist())
+        }
+        gone = [slot for slot in known if slot not in now]
+        changed = {slot: mark for slot, mark in now.items() if _differs(mark, known.get(slot))}
+        for slot in gone:
+            del known[slot]
+        known |= changed
+        yield [gone, [value for slot, mark in changed.items() for value in (slot, *mark)]]
+
+
+def _differs(mark: list[int], before: list[int] | None) -> bool:
+    """Whether anybody could see it: by more than a unit, or 3 degrees."""
+    if before is None or any(abs(a - b) > 1 for a, b in zip(mark[:4], before[:4], strict=True)):
+        return True
+    return 3 < (mark[4] - before[4]) % 180 < 177
+
+
+def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
+    """The paths of a panel at the last frame, by name; all of them empty for a backend that has none."""
+    names = ("trail", "marks", "dots", "rays", "belief", "robot")
+    if not panel["pose"]:
+        return dict.fromkeys(names, "") | {"said": panel["said"][-1]}
+    marks: dict[int, list[int]] = {}
+    for gone, changed in panel["maps"]:
+        for slot in gone:
+            del marks[slot]
+        marks |= {changed[k]: changed[k + 1 : k + 6] for k in range(0, len(changed), 6)}
+    u, v, degree = panel["pose"][-1]
+    stopped = len(panel["pose"]) <= last
+    seen = [] if stopped else panel["seen"][-1]
+    return {
+        "trail": _line(panel["trail"]),
+        "marks": "".join(_ring(*mark) for mark in marks.values()),
+        "dots": "".join(_dot(mark[:2]) for mark in marks.values()),
+        "rays": "".join(f"M{seen[0]} {seen[1]}L{seen[k]} {seen[k + 1]}" for k in range(2, len(seen), 2)),
+        "belief": "" if stopped else _ring(u, v, *panel["belief"][-1]),
+        "robot": _robot(u, v, degree, stopped=stopped),
+        "said": panel["said"][-1],
+    }
+
+
+def _line(pairs: Sequence[int | None]) -> str:
+    """Through the points, broken where one is not known."""
+    d, pen = "", "M"
+    for u, v in zip(pairs[::2], pairs[1::2], strict=True):
+        d, pen = (d, "M") if u is None else (f"{d}{pen}{u} {v}", "L")
+    return d
+
+
+def _ring(u: int, v: int, a: int, b: int, degree: int) -> str:
+    if not a:
+        return ""
+    x, y = a * np.cos(np.radians(degree)), a * np.sin(np.radians(degree))
+    arc = f"A{a} {b} {degree} 1 0 "
+    return f"M{u - x:.0f} {v - y:.0f}{arc}{u + x:.0f} {v + y:.0f}{arc}{u - x:.0f} {v - y:.0f}"
+
+
+def _dot(pair: Sequence[int | None]) -> str:
+    return "" if pair[0] is None else f"M{pair[0]} {pair[1]}h0"
+
+
+def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:
+    """An arrow; where it has stopped, a cross."""
+    if stopped:
+        return f"M{u - 16} {v - 16}l32 32m-32 0l32 -32"
+    turned = np.radians(degree) + np.array((0, 2.5, np.pi, -2.5))
+    reach = np.array((28, 20, 8, 20))
+    points = zip(u + reach * np.cos(turned), v + reach * np.sin(turned), strict=True)
+    return "M" + "L".join(f"{x:.0f} {y:.0f}" for x, y in points) + "Z"
+
+
+def _top(view: View) -> float | None:
+    """The largest error that the chart shows, of what is more than dead reckoning; None where there is no error."""
+    able = [p for p in view.panels if p.label != BASELINE] or view.panels
+    errors = np.concatenate([panel.error for panel in able])
+    errors = errors[np.isfinite(errors)]
+    return float(errors.max()) or None if len(errors) else None
+
+
+def _curve(view: View, panel: Panel, top: float) -> str:
+    u = UNITS * np.arange(len(panel.error)) / max(len(view.steps) - 1, 1)
+    v = CHART - 4 - (CHART - 8) * np.minimum(panel.error / top, 2)
+    pairs = np.column_stack((u, v)).ravel().tolist()
+    return _line([None if np.isnan(c) else round(c) for c in pairs])

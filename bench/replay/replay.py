@@ -1,0 +1,195 @@
+"""A run lived through again: its log made from the record's plan, and every backend driven through it once more.
+
+The record has paths and the map at the end, but not how the map came to be. So each backend is asked along the way, and
+its path must be the recorded one to the last bit; where it is not, the replay shows another run, and says so.
+"""
+
+import re
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from ...datasets import archive
+from ...frontend.dead_reckoning import dead_reckoned
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset
+from ...frontend.se2 import Array, Ints
+from ..plan import prepare
+from ..plan.plan import Cell, Plan
+from ..plan.spec import Variant
+from ..record.reader import Store
+from ..record.schema import Row
+from ..run.runner import task
+from ..words.numerals import listed
+from ..words.styles import Look, looks
+from ..workers.tasks import execute
+from . import course as replay_cell
+from .course import Course, Landmarks
+
+V = TypeVar("V", bound=Variant)
+
+
+class Part(NamedTuple):
+    """A backend's part in a replay."""
+
+    label: str
+    look: Look
+    course: Course
+    step_us: Array  # (n,) recorded CPU time of each step, NaN where there is none
+    remark: str  # what a viewer must know of it, "" for nothing
+
+
+class Replay(NamedTuple):
+    """A log and what the backends made of it."""
+
+    dataset: str  # label
+    seed: int
+    log: Dataset
+    frames: Ints  # (f,) the steps that are shown
+    reckoned: Array  # (n, 3)
+    parts: Sequence[Part]
+
+    @property
+    def known(self) -> str:
+        """What the known path is: "truth", "reference", or "" where there is none."""
+        truth = self.log.truth
+        return truth.kind if truth is not None and len(truth.t) else ""
+
+
+class Choice(NamedTuple):
+    """The cells of one log."""
+
+    plan: Plan
+    cells: Sequence[Cell]
+    seed: int
+    others: Sequence[str]  # the datasets of the run that were not chosen
+    rows: dict[tuple[str, str, str, str, int], Row]  # the record's, by the cell's key
+
+
+def choose(store: Store, dataset: str | None, backends: str | None, seed: int | None) -> Choice:
+    """The cells to show: of the named dataset, else of the first; of all backends where none is named.
+
+    InputError, which says what there is, for a name or a seed that the run has not.
+    """
+    words = store.run().get("plan")
+    if words is None:
+        raise InputError(f"{store.folder}: the record has no plan of its run; expected a run that was begun.")
+    plan = Plan.from_words(words)
+    rows = {row.key: row for row in store.cells()}
+    chosen = plan.datasets[0] if dataset is None else _named(dataset, plan.datasets, "--dataset")
+    wanted = [_named(name, plan.backends, "--backend") for name in _names(backends)] if backends else plan.backends
+    cells = [cell for cell in plan.cells() if cell.dataset is chosen and any(cell.backend is b for b in wanted)]
+    done = {cell.seed for cell in cells if cell.key in rows and rows[cell.key].columns["status"] == "done"}
+    seeds = sorted({cell.seed for cell in cells})
+    if seed is None:
+        seed = min(done, default=seeds[0])
+    if seed not in seeds:
+        there = listed([str(number) for number in seeds])
+        raise InputError(f"--seed {seed}: this run has no such log of {chosen.label}, expected {there}.")
+    shown = [_cell(cells, backend, seed) for backend in dict.fromkeys(wanted)]
+    others = [other.label for other in plan.datasets if other is not chosen]
+    return Choice(plan, [cell for cell in shown if cell is not None], seed, others, rows)
+
+
+def replay(store: Store, choice: Choice, frames: int, workers: int) -> Replay:
+    """Make the log again and drive every backend through it, at most `frames` steps shown.
+
+    InputError where the log cannot be made, or is no longer the one of the record.
+    """
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        path = Path(scratch) / "log.npz"
+        log = _log(store, choice, path)
+        n = len(log.log)
+        shown = np.unique(np.linspace(0, n - 1, min(frames, n)).round().astype(np.int64))
+        look = looks(backend.label for backend in choice.plan.backends)
+        parts = list(_parts(store, choice, path, shown, workers))
+    labels = [cell.backend.label for cell in choice.cells]
+    named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
+    return Replay(choice.cells[0].dataset.label, choice.seed, log, shown, dead_reckoned(log.log), named)
+
+
+def _log(store: Store, choice: Choice, path: Path) -> Dataset:
+    """The log of the cells, its archive at `path`; InputError where it is another than the recorded one."""
+    dataset, plan = choice.cells[0].dataset, choice.plan
+    seed = choice.seed if dataset.source.seeded else 0
+    known = None if plan.map is None else plan.map.of(dataset, choice.seed)
+    made = prepare.run(prepare.Task(dataset.name, dataset.options, seed, path, known))
+    before = store.digest(dataset.name, dataset.given, choice.cells[0].seed)
+    if before is not None and made.digest != before:
+        raise InputError(
+            f"{store.folder}: {dataset.label}, seed {choice.seed}, is another log now than when this run was made: its "
+            f"digest is {made.digest[:12]}, expected {before[:12]}; bench run into a new folder gives one to replay."
+        )
+    return archive.load(path)
+
+
+def _parts(store: Store, choice: Choice, path: Path, frames: Ints, workers: int) -> Iterator[tuple[Course, Array, str]]:
+    """Course, recorded step times and remark of every cell, in order."""
+    able = [cell for cell in choice.cells if cell.backend.builder is not None]
+    tasks = [replay_cell.Task(task(choice.plan, cell, path), frames) for cell in able]
+    courses: dict[Cell, Course] = {}
+    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=choice.plan.timeout_s):
+        courses[able[ended.task]] = ended.value or _none("took too long" if ended.death == "timeout" else ended.death)
+    for cell in choice.cells:
+        course = courses.get(cell) or _none(cell.backend.missing)
+        row = choice.rows.get(cell.key)
+        arrays = {} if row is None else store.arrays(row, ("online", "final", "step_ns"))
+        step_us = arrays["step_ns"] / 1e3 if "step_ns" in arrays else np.full(int(frames[-1]) + 1, np.nan)
+        yield course, step_us, "; ".join(_remarks(course, row, arrays, len(frames)))
+
+
+def _none(why: str) -> Course:
+    """The course of a backend that went nowhere."""
+    return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), list[Landmarks](), 0, False, why)
+
+
+def _remarks(course: Course, row: Row | None, arrays: dict[str, Any], frames: int) -> Iterator[str]:
+    """What is to be said of a course beside its record."""
+    if course.ended:
+        yield f"stops after {len(course.path)} steps: {course.ended}" if len(course.path) else course.ended
+    elif course.final:
+        yield "no online path: shown is the one smoothed at the end"
+    if course.asked < len(course.maps):
+        yield f"its map was asked for at {course.asked} of {frames} frames, for it takes long"
+    recorded = arrays.get("final" if course.final else "online")
+    if row is None:
+        yield "not in the record yet, so there is nothing to compare with"
+    elif recorded is not None and recorded.tobytes() != course.path.tobytes():
+        yield _difference(course.path, recorded)
+    elif row.columns["status"] != "done" and not course.ended:
+        yield f"ended as {row.columns['status']} in the run, and came to the end this time"
+
+
+def _difference(path: Array, recorded: Array) -> str:
+    """Where a path leaves the recorded one."""
+    both = min(len(path), len(recorded))
+    apart = np.flatnonzero((path[:both] != recorded[:both]).any(axis=1))
+    if not len(apart):
+        return f"NOT THE RECORDED PATH: that has {len(recorded)} steps"
+    far = float(np.hypot(*(path[:both] - recorded[:both])[:, :2].T).max())
+    return f"NOT THE RECORDED PATH: another from step {apart[0]} on, by up to {far:.2g} m"
+
+
+def _cell(cells: Sequence[Cell], backend: Variant, seed: int) -> Cell | None:
+    """The backend's cell on the log; where log and backend are the same for all seeds, the one there is."""
+    own = [cell for cell in cells if cell.backend is backend]
+    same = [cell for cell in own if cell.seed == seed]
+    return next(iter(same or [cell for cell in own if not cell.dataset.source.seeded]), None)
+
+
+def _names(text: str) -> list[str]:
+    """The names in `text`, cut at commas that are in no brackets."""
+    return [name.strip() for name in re.split(r",(?![^\[]*\])", text)]
+
+
+def _named(name: str, there: Sequence[V], flag: str) -> V:
+    """The variant of that label, or the only one of that name."""
+    found = [v for v in there if v.label == name] or [v for v in there if v.name == name]
+    if len(found) == 1:
+        return found[0]
+    labels = listed([variant.label for variant in (found or there)])
+    wrong = "stands for several in this run" if found else "is not in this run"
+    raise InputError(f"{flag} {name}: {wrong}, expected {'one of ' * (len(found or there) > 1)}{labels}.")

@@ -1,0 +1,118 @@
+"""A replay as a recording for the Rerun viewer: an entity a backend, on the time lines `step` and `seconds`.
+
+Rerun's plane has y pointing down, and shows no other: every y here is turned, so that the pictures are not.
+"""
+
+import os
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.files import beside
+from ...frontend.se2 import Array
+from .view import Panel, View, ellipses
+
+INSTALL = "pip install 'slamduel[replay]'"
+
+GREY, PALE = (140, 140, 140), (190, 190, 190)
+
+
+def require() -> None:
+    """InputError, which says how to get it, where Rerun is not installed."""
+    if find_spec("rerun") is None:
+        raise InputError(f"--out: a .rrd file is written with rerun-sdk, which is not installed; {INSTALL} has it.")
+
+
+def write_rrd(path: Path, view: View) -> None:
+    """All frames, and a layout with the backends side by side."""
+    require()
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    names = [f"backends/{_entity(panel.label)}" for panel in view.panels]
+    planes = [
+        rrb.Spatial2DView(name=panel.label, origin="/", contents=["known/**", f"{name}/**"])
+        for panel, name in zip(view.panels, names, strict=True)
+    ]
+    plots = [
+        rrb.TimeSeriesView(name=words, contents=[f"numbers/{what}/**"])
+        for what, words in (("error", "error, m"), ("nees", "NEES (1 is consistent)"), ("step", "step, µs"))
+    ]
+    layout = rrb.Vertical(rrb.Grid(*planes), rrb.Horizontal(*plots), row_shares=[3, 1])
+    part = beside(path)
+    recording = rr.RecordingStream("slamduel")
+    try:
+        recording.save(part, default_blueprint=rrb.Blueprint(layout, collapse_panels=True))
+        recording.log("known/landmarks", rr.Points2D(_turned(view.places), colors=GREY, radii=-3.0), static=True)
+        recording.log(
+            f"known/{view.known or 'path'}", rr.LineStrips2D(_strips(view.truth), colors=PALE, radii=-1.0), static=True
+        )
+        for panel in view.panels:
+            for what in ("error", "nees", "step"):
+                series = rr.SeriesLines(colors=_rgb(panel), names=panel.label)
+                recording.log(f"numbers/{what}/{_entity(panel.label)}", series, static=True)
+        for frame in range(len(view.steps)):
+            recording.set_time("step", sequence=int(view.steps[frame]))
+            recording.set_time("seconds", duration=float(view.t[frame]))
+            until = int(view.at[frame])
+            recording.log("known/dead-reckoning", rr.LineStrips2D(_strips(view.reckoned[:until]), colors=GREY))
+            for panel, name in zip(view.panels, names, strict=True):
+                if frame < len(panel.pose):
+                    _log(rr, recording, panel, name, frame, until)
+        recording.flush()
+        recording.disconnect()
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: int) -> None:
+    """One backend at one frame."""
+    colour, known, seen = _rgb(panel), panel.maps[frame], panel.sighted[frame]
+    trail = panel.trail[:until]
+    recording.log(f"{name}/path", rr.LineStrips2D(_strips(trail), colors=colour))
+    recording.log(f"{name}/pose", rr.Points2D(_turned(panel.pose[frame, None, :2]), colors=colour, radii=-5.0))
+    labels = [str(i) for i in known.ids]
+    landmarks = rr.Points2D(_turned(known.xy), colors=colour, radii=-3.0, labels=labels, show_labels=False)
+    recording.log(f"{name}/landmarks", landmarks)
+    centres = np.concatenate((known.xy, panel.pose[frame, None, :2]))
+    shapes = np.concatenate((ellipses(known.cov), panel.ellipse[frame, None]))
+    rings = [_ring(centre, shape) for centre, shape in zip(centres, shapes, strict=True) if np.isfinite(shape).all()]
+    recording.log(f"{name}/ellipses", rr.LineStrips2D(rings, colors=colour))
+    rays = [_turned(np.stack((seen.origin, end))) for end in seen.ends]
+    recording.log(f"{name}/sightings", rr.LineStrips2D(rays, colors=(*colour, 120)))
+    for what, values in (("error", panel.error), ("nees", panel.nees), ("step", panel.step_us)):
+        if np.isfinite(values[frame]):
+            recording.log(f"numbers/{what}/{_entity(panel.label)}", rr.Scalars(float(values[frame])))
+
+
+def _ring(centre: Array, shape: Array) -> Array:
+    """An ellipse as a line, (17, 2)."""
+    around = np.linspace(0, 2 * np.pi, 17)
+    x, y = shape[0] * np.cos(around), shape[1] * np.sin(around)
+    c, s = np.cos(shape[2]), np.sin(shape[2])
+    return _turned(np.column_stack((centre[0] + c * x - s * y, centre[1] + s * x + c * y)))
+
+
+def _strips(xy: Array) -> list[Array]:
+    """The stretches of a path that are known."""
+    gaps = np.flatnonzero(~np.isfinite(xy).all(axis=1))
+    pieces = [piece[np.isfinite(piece).all(axis=1)] for piece in np.split(xy, gaps)]
+    return [_turned(piece) for piece in pieces if len(piece) > 1]
+
+
+def _turned(xy: Array) -> Array:
+    return xy * (1.0, -1.0)
+
+
+def _entity(label: str) -> str:
+    """The label as a part of a path."""
+    return "".join(c if c.isalnum() or c in "-_." else "-" for c in label)
+
+
+def _rgb(panel: Panel) -> tuple[int, int, int]:
+    red, green, blue = (int(panel.look.colour[k : k + 2], 16) for k in (1, 3, 5))
+    return red, green, blue

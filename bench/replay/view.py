@@ -1,0 +1,185 @@
+"""What a replay shows at each of its frames, in numbers: the same for a film, a page and a recording."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array, Ints, act
+from ..measure.metrics import nees
+from ..measure.times import numbered
+from ..words.numerals import number
+from ..words.styles import BASELINE, Look
+from .course import Landmarks
+from .replay import Part, Replay
+
+ELLIPSE_95 = 2.4477
+"""Half axes of a 95 % ellipse of two coordinates, in standard deviations: the root of chi-square's 95 % point."""
+
+TRAIL = 1500
+"""Points up to which a path is drawn as it is, more or less."""
+
+ASTRAY = 0.15
+"""Of the known path's extent, that the frame has room for dead reckoning beyond it."""
+
+FLATTEST, TALLEST = 0.3, 1.4
+"""Between which a panel's height is, in its widths: a straight drive is no line."""
+
+
+class Sighted(NamedTuple):
+    """The newest sightings since the frame before, from where the backend had the robot then."""
+
+    origin: Array  # (2,)
+    ends: Array  # (k, 2)
+
+
+class Panel(NamedTuple):
+    """One backend's part; g frames of it, as far as it came."""
+
+    label: str
+    look: Look
+    remark: str
+    trail: Array  # (q, 2) the path at the trail's steps, as far as it came
+    pose: Array  # (g, 3)
+    ellipse: Array  # (g, 3) half axes (m) and angle (rad) of where it takes itself to be, NaN where not known
+    maps: Sequence[Landmarks]  # (g,)
+    sighted: Sequence[Sighted]  # (g,)
+    error: Array  # (g,) m from the known path, not aligned
+    nees: Array  # (g,) over its 3 degrees of freedom: 1 is consistent
+    step_us: Array  # (g,) recorded CPU time of the frame's step
+
+
+class View(NamedTuple):
+    """A replay in numbers; f frames."""
+
+    title: str
+    known: str  # as in Replay
+    low: Array  # (2,) of the plane that every panel shows
+    high: Array  # (2,)
+    steps: Ints  # (f,)
+    t: Array  # (f,) s since the log began
+    timed: bool  # the log has times, and does not number its steps
+    at: Ints  # (f,) how many of the trail's points are behind at the frame, its own included
+    truth: Array  # (q, 2) along the trail, NaN where not known
+    robot: Array  # (f, 3) the known pose, NaN where there is none
+    places: Array  # (l, 2) the known landmarks
+    reckoned: Array  # (q, 2)
+    panels: Sequence[Panel]
+
+
+def view(replay: Replay) -> View:
+    """All of it."""
+    log, truth = replay.log
+    n = len(log)
+    trail = np.unique(np.concatenate((replay.frames, np.linspace(0, n - 1, min(n, TRAIL)).round().astype(np.int64))))
+    poses = np.full((n, 3), np.nan)
+    if truth is not None and len(truth.t):
+        poses[np.searchsorted(log.t, truth.t)] = truth.poses
+    known = None if truth is None else truth.map
+    places = np.zeros((0, 2)) if known is None else known.xy
+    seconds = log.t - log.t[0]
+    low, high = _box(replay, poses, places)
+    return View(
+        title=f"{replay.dataset} · seed {replay.seed}",
+        known=replay.known,
+        low=low,
+        high=high,
+        steps=replay.frames,
+        t=seconds[replay.frames],
+        timed=not numbered(log.t),
+        at=np.searchsorted(trail, replay.frames, "right"),
+        truth=poses[trail][:, :2],
+        robot=poses[replay.frames],
+        places=places,
+        reckoned=replay.reckoned[trail][:, :2],
+        panels=[_panel(replay, part, poses, trail) for part in replay.parts],
+    )
+
+
+def ellipses(cov: Array) -> Array:
+    """(k, 3) half axes (m), the longer first, and angle (rad) of the 95 % ellipses of (k, 2, 2); NaN where unknown."""
+    found = np.full((len(cov), 3), np.nan)
+    known = np.isfinite(cov).all(axis=(1, 2))
+    if known.any():
+        values, vectors = np.linalg.eigh(cov[known])
+        half = ELLIPSE_95 * np.sqrt(np.maximum(values, 0))
+        found[known] = np.column_stack((half[:, 1], half[:, 0], np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])))
+    return found
+
+
+def said(view: View, panel: Panel, frame: int) -> str:
+    """A panel's numbers at the frame, in words; where it has stopped, that."""
+    if frame >= len(panel.pose):
+        return "stopped" if len(panel.pose) else "nothing to show"
+    words: list[str] = []
+    if np.isfinite(panel.error[frame]):
+        words.append(f"{number(panel.error[frame])} m from {view.known}")
+    if np.isfinite(panel.nees[frame]):
+        words.append(f"NEES {number(panel.nees[frame])}")
+    if np.isfinite(panel.step_us[frame]):
+        words.append(f"{number(panel.step_us[frame])} µs")
+    return "  ·  ".join(words)
+
+
+def when(view: View, frame: int) -> str:
+    """The frame's time and step."""
+    step = f"step {view.steps[frame]:,} of {view.steps[-1]:,}"
+    return f"{view.t[frame]:,.1f} s  ·  {step}" if view.timed else step
+
+
+def _panel(replay: Replay, part: Part, poses: Array, trail: Ints) -> Panel:
+    course, log = part.course, replay.log.log
+    frames = replay.frames[: len(course.maps)]
+    path, cov = course.path[frames], course.cov[: len(frames)]
+    true = poses[frames]
+    seen = np.isfinite(true).all(axis=1)
+    consistency = np.full(len(frames), np.nan)
+    if replay.known == "truth" and seen.any():
+        consistency[seen] = nees(path[seen], cov[seen], true[seen]) / 3
+    return Panel(
+        label=part.label,
+        look=part.look,
+        remark=part.remark,
+        trail=course.path[trail[trail < len(course.path)]][:, :2],
+        pose=path,
+        ellipse=ellipses(cov[:, :2, :2]),
+        maps=course.maps,
+        sighted=[_sighted(replay, course.path, k) for k in range(len(frames))],
+        error=np.hypot(*(path - true)[:, :2].T),
+        nees=consistency,
+        step_us=part.step_us[frames] if len(part.step_us) == len(log) else np.full(len(frames), np.nan),
+    )
+
+
+def _sighted(replay: Replay, path: Array, frame: int) -> Sighted:
+    log, last = replay.log.log, int(replay.frames[frame])
+    first = int(replay.frames[frame - 1]) + 1 if frame else 0
+    rows = log.sighting_first
+    some = [k for k in range(last, first - 1, -1) if rows[k + 1] > rows[k]]
+    if not some:
+        return Sighted(path[last, :2], np.zeros((0, 2)))
+    k = some[0]
+    distance, bearing = log.z[rows[k] : rows[k + 1]].T
+    ends = act(path[k], np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing))))
+    return Sighted(path[k, :2], ends)
+
+
+def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:
+    """The known path and map with some room; with none known, where the middle 98 % of all paths and maps are."""
+    if replay.known:
+        points = np.concatenate((poses[np.isfinite(poses).all(axis=1), :2], places))
+        low, high = points.min(axis=0), points.max(axis=0)
+        more = ASTRAY * (high - low).max()
+        low = np.maximum(np.minimum(low, replay.reckoned[:, :2].min(axis=0)), low - more)
+        high = np.minimum(np.maximum(high, replay.reckoned[:, :2].max(axis=0)), high + more)
+    else:
+        able = [p for p in replay.parts if p.label != BASELINE] or replay.parts
+        paths = [p.course.path[:, :2] for p in able if len(p.course.path)] or [replay.reckoned[:, :2]]
+        paths += [p.course.maps[-1].xy for p in able if p.course.maps and len(p.course.maps[-1].xy)]
+        ends = np.array([np.percentile(points, (1, 99), axis=0) for points in paths])
+        low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    room = 0.08 * max(*(high - low), 0.5)
+    low, high = low - room, high + room
+    width, height = high - low
+    short = np.maximum(0, (height / TALLEST - width, FLATTEST * width - height)) / 2
+    return low - short, high + short

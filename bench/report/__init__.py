@@ -1,0 +1,1 @@
+"""Which tables and figures a run's page has, per dataset."""

@@ -1,0 +1,204 @@
+"""Figures of errors: by log, between backends, and along a run."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...frontend.se2 import Array, wrap
+from ..drawing.axes import fitted, stretches
+from ..drawing.figure import Exhibit
+from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.rows import height, rows
+from ..drawing.svg import INK
+from ..verdict.medians import Typical, typical
+from ..verdict.statistics import FEWEST, Comparison
+from ..verdict.summary import Line
+from ..words.names import tags
+from ..words.numerals import number
+from ..words.styles import Look
+from .drawn_log import Scene, Trace
+from .time_curves import Series, along
+
+STRETCHES = 100
+"""Of a log, each drawn as one point."""
+
+PATHS = {"ate_m": "online", "final_ate_m": "final"}
+"""The path that each column is the error of."""
+
+
+def bars(found: Iterable[Typical]) -> str:
+    """What the ends of these stand for."""
+    counts = {one.n for one in found if one.n > 1}
+    if not counts or max(counts) < FEWEST:
+        return "range"
+    return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (min(counts) < FEWEST)
+
+
+def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+    """None where no backend ran on two logs."""
+    shown = [line for line in lines if any(column in line.values for column in PATHS)]
+    shown.sort(key=lambda line: scene.order.index(line.backend))
+    if not any(line.values[column].n > 1 for line in shown for column in PATHS if column in line.values):
+        return None
+    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    drawn = [
+        (k + 0.12 + (0.12 if column == "final_ate_m" else -0.12) * (len(having) - 1), line, column)
+        for k, line in enumerate(shown)
+        for having in [[column for column in PATHS if column in line.values]]
+        for column in having
+    ]
+    runs = scene.logs == 1
+    errors = {
+        (line.backend, column): [value for _, value in line.runs(column)] if runs else [*line.by_log(column).values()]
+        for _, line, column in drawn
+    }
+    failed = any(np.isinf(error) for values in errors.values() for error in values)
+    called = tags(looks)
+    names = [called[line.backend] + _lost(line) for line in shown]
+    both = any(column == "final_ate_m" for _, _, column in drawn)
+
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(name, looks[line.backend]) for name, line in zip(names, shown, strict=True)])
+        for at, line, column in drawn:
+            look, values = looks[line.backend], np.array(errors[line.backend, column])
+            style: dict[str, Any] = {"color": look.colour, "markersize": 4.2, "gid": of(look)}
+            style |= {"markerfacecolor": "none"} if column == "final_ate_m" else {"markeredgewidth": 0, "alpha": 0.75}
+            finite = values[np.isfinite(values)]
+            axes.plot(finite, np.full(len(finite), at), "o", **style)
+            found = typical(line, column)
+            if np.isfinite(found.high) and len(values) > 1:
+                axes.plot([found.low, found.high], [at, at], color=INK, linewidth=1, alpha=0.8, gid=of(look))
+            if np.isfinite(found.value):
+                axes.plot([found.value], [at], "|", color=INK, markersize=9, markeredgewidth=1.4, gid=of(look))
+        fitted("x", axes, [error for values in errors.values() for error in values])
+        axes.set_xlabel(f"{what}, m")
+
+    caption = (
+        f"Dot: a {'run' if runs else 'log'}; tick: median; bar: "
+        f"{'range' if runs else bars([typical(line, column) for _, line, column in drawn])}."
+    )
+    caption += " Filled: online path. Open: final path." * both + " What failed counts as the worst." * failed
+    curves = [
+        curve(line.backend, np.array(values), np.full(len(values), at), final=column == "final_ate_m")
+        for at, line, column in drawn
+        for values in [[error for error in errors[line.backend, column] if np.isfinite(error)]]
+    ]
+    title = f"{what[0].upper()}{what[1:]} by {'run' if runs else 'log'}"
+    return exhibit(name, title, caption, height(names), draw, curves=curves)
+
+
+def _lost(line: Line) -> str:
+    lost = len(line.rows) - line.done
+    return f" · {lost} of {len(line.rows)} not done" if lost else ""
+
+
+def pairs(
+    name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
+) -> Iterator[Exhibit]:
+    """The most accurate backend against every other one, for each path on which there are intervals.
+
+    One that it has a single other one on is no figure, but a sentence below that of the other path.
+    """
+    found: dict[str, tuple[str, Sequence[Comparison]]] = {}
+    for column, path in PATHS.items():
+        compared = [c for c in comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
+        known = {label for c in compared for label in (c.first, c.second)}
+        able = [line for line in lines if line.backend in known]
+        if not able:
+            continue
+        best = min(able, key=lambda line: typical(line, column).value).backend
+        against = sorted((_over(best, c) for c in compared if best in (c.first, c.second)), key=lambda c: c.ratio)
+        found[path] = best, against
+    called = tags(looks)
+    said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
+    for path, (best, against) in found.items():
+        if len(against) > 1:
+            yield _pairs(
+                f"{name}-pairs" if path == "online" else f"{name}-{path}-pairs", path, best, against, looks, said
+            )
+
+
+def _said(path: str, called: Mapping[str, str], c: Comparison) -> str:
+    ratio, low, high = (number(value) for value in (c.ratio, c.low, c.high))
+    return (
+        f"{path.capitalize()} paths: {called[c.second]}'s error is {ratio} times {called[c.first]}'s ({low} to {high})."
+    )
+
+
+def _over(best: str, c: Comparison) -> Comparison:
+    """The comparison with `best` first; an end of its interval may be nothing, or infinite, where runs failed."""
+    if c.first == best:
+        return c
+    low, high = (1 / end if end else np.inf for end in (c.high, c.low))
+    return c._replace(first=c.second, second=c.first, ratio=1 / c.ratio, low=low, high=high)
+
+
+def _pairs(
+    name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look], said: str
+) -> Exhibit:
+    called = tags(looks)
+
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(called[c.second], looks[c.second]) for c in against])
+        fitted("x", axes, [1, *[end for c in against for end in (c.low, c.ratio, c.high)]])
+        for k, c in enumerate(against):
+            look = looks[c.second]
+            ends = np.clip((c.low, c.high), *axes.get_xlim())
+            axes.plot(ends, [k + 0.12] * 2, color=look.colour, linewidth=2, gid=of(look))
+            style: dict[str, Any] = {"color": look.colour, "markersize": 5.5, "gid": of(look)}
+            style |= {} if c.holds else {"markerfacecolor": "none"}
+            axes.plot([c.ratio], [k + 0.12], "D", **style)
+        axes.axvline(1, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        axes.set_xlabel(f"times the error of {called[best]}")
+
+    caption = "Median ratio of the errors on the same logs, with its 95 % interval."
+    caption += " Filled: a difference is shown." * any(c.holds for c in against)
+    caption += " Open: not told apart." * any(not c.holds for c in against) + said
+    curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
+    title = f"Errors relative to {called[best]}'s, {path} path"
+    return exhibit(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)
+
+
+def errors(name: str, scene: Scene) -> Exhibit | None:
+    """Of position, along the log."""
+
+    def squared(error: Array) -> Array:
+        return (error[:, :2] ** 2).sum(axis=1)
+
+    where = "distance from reference" if scene.kind == "reference" else "position error"
+    caption = "Root mean square over short stretches, after alignment."
+    return _errors(name, scene, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
+
+
+def headings(name: str, scene: Scene) -> Exhibit | None:
+    """Errors of heading along the log; None where nobody knows the true one."""
+
+    def squared(error: Array) -> Array:
+        return np.degrees(wrap(error[:, 2])) ** 2
+
+    caption = "Root mean square over short stretches, after alignment."
+    if scene.kind != "truth":
+        return None
+    return _errors(name, scene, "Heading error along the log", "heading error, degrees", caption, squared)
+
+
+def _errors(
+    name: str, scene: Scene, title: str, unit: str, caption: str, squared: Callable[[Array], Array]
+) -> Exhibit | None:
+    paths = {"aligned": False} if scene.kind == "reference" else {"aligned": False, "final_aligned": True}
+    series = [
+        _mean(trace, squared(trace.arrays[path] - scene.known["poses"]), final)
+        for trace in scene.traces
+        for path, final in paths.items()
+        if path in trace.arrays
+    ]
+    if any(one.final for one in series):
+        caption += " Thin, with dots: final path."
+    return along(name, scene, title, unit, caption, series, group="accuracy")
+
+
+def _mean(trace: Trace, squared: Array, final: bool) -> Series:
+    t, mean = stretches(trace.arrays["t"][trace.arrays["at"]], squared, STRETCHES)
+    return Series(trace.label, trace.look, t, np.sqrt(mean), final)

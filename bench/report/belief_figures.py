@@ -1,0 +1,102 @@
+"""Figures of beliefs beside their errors: NEES and NIS along a run, over their degrees of freedom."""
+
+import numpy as np
+from scipy.special import chdtri
+
+from ..drawing.axes import stretches
+from ..drawing.figure import Exhibit
+from ..verdict.bands import averaged, flagged
+from ..words.names import tags
+from ..words.numerals import listed
+from ..words.styles import BASELINE
+from .drawn_log import Scene
+from .time_curves import Band, Series, along
+
+STRETCHES = 100
+
+NIS_STRETCHES = 50
+"""Of all logs together."""
+
+MOST = 30.0
+"""Values above have nothing to do with the errors: how far above is said, and what is near 1 can be seen."""
+
+
+def nees(name: str, scene: Scene) -> Exhibit | None:
+    """Its mean over independent logs where there are several, else that of the run that is drawn; None without any."""
+    return _over_logs(name, scene) or _along(name, scene)
+
+
+def _over_logs(name: str, scene: Scene) -> Exhibit | None:
+    found = {label: mean for label, runs in scene.nees.items() if (mean := averaged(runs)) is not None}
+    if not found:
+        return None
+    series: list[Series] = []
+    look = {trace.label: trace.look for trace in scene.traces}
+    for label, mean in found.items():
+        if label in look:
+            t, value = stretches(mean.t, mean.mean, STRETCHES)
+            series.append(Series(label, look[label], t, value))
+    widest = max(found.values(), key=lambda mean: mean.n.max())
+    t, low = stretches(widest.t, widest.low, STRETCHES)
+    _, high = stretches(widest.t, widest.high, STRETCHES)
+    caption = (
+        f"Mean over {widest.n.max()} independent logs. 1 is right, above is overconfident, below cautious. "
+        "Grey: where 95 % of means lie if the belief is right."
+    )
+    called = tags(look)
+    for word in ("overconfident", "cautious"):
+        names = [called[label] for label, mean in found.items() if label in look and flagged(mean) == word]
+        caption += f" Outside more than half of the time, {word}: {listed(names)}." if names else ""
+    title, unit = "NEES over the logs", "mean NEES / 3"
+    return along(
+        name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=Band(t, low, high)
+    )
+
+
+def _along(name: str, scene: Scene) -> Exhibit | None:
+    series = [
+        Series(trace.label, trace.look, *stretches(a["t"][a["at"]], a["nees"] / 3, STRETCHES))
+        for trace in scene.traces
+        if {"at", "nees"} <= (a := trace.arrays).keys() and np.isfinite(a["nees"]).any()
+    ]
+    caption = (
+        "Mean over short stretches. 1 is right, above is overconfident, below cautious. "
+        "No band: errors along one run are not independent."
+    )
+    title, unit = "NEES along the log", "NEES / 3"
+    return along(name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST)
+
+
+def nis(name: str, scene: Scene) -> Exhibit | None:
+    """Innovations beside what each backend expected of them; needs no known path.
+
+    None where no backend tells, or with a single log: scatter alone would be seen.
+    """
+    shown = {trace.label: scene.nis[trace.label] for trace in scene.traces if len(scene.nis.get(trace.label, ())) > 1}
+    if not shown:
+        return None
+    look = {trace.label: trace.look for trace in scene.traces}
+    end = max(float(t[-1]) for runs in shown.values() for t, _, _ in runs if len(t))
+    edges = np.linspace(0, end, NIS_STRETCHES + 1)
+    series: list[Series] = []
+    bands: list[Band] = []
+    for label, runs in shown.items():
+        t, total, dof = (np.concatenate([run[k] for run in runs]) for k in range(3))
+        sums, counts = (np.histogram(t, edges, weights=weights)[0] for weights in (total, dof))
+        seen = counts > 0
+        middle = ((edges[:-1] + edges[1:]) / 2)[seen]
+        series.append(Series(label, look[label], middle, sums[seen] / counts[seen]))
+        bands.append(Band(middle, *(chdtri(counts[seen], p) / counts[seen] for p in (0.975, 0.025))))
+    caption = (
+        "Squared innovations over what was expected, over short stretches of "
+        f"{max(map(len, shown.values()))} independent logs. 1 is right; above, sightings were worse than their stated "
+        "noise, below, better. Grey: where 95 % lie if all is right."
+    )
+    without = [label for label in look if label not in scene.nis and label != BASELINE]
+    if without:
+        called = tags(look)
+        caption += f" {listed([called[label] for label in without])} {'gives' if len(without) == 1 else 'give'} no NIS."
+    title, unit = "NIS over the logs", "NIS / degrees of freedom"
+    return along(
+        name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=bands[0], start=0.0
+    )

@@ -1,0 +1,103 @@
+"""A comparison of two runs as a pull request, a terminal and a program read it."""
+
+import math
+from typing import Any
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from ..drawing.page import rendered
+from ..verdict import changes as judged
+from ..verdict.changes import FEW, GAIN, GONE, NEW, QUANTITIES, REGRESSION, Change, by_how_much, summary
+from ..verdict.pairing import Facing
+from ..words.names import called
+from ..words.numerals import listed, number
+
+SIGNS = {REGRESSION: "🔴 ", GAIN: "🟢 "}
+STYLES = {REGRESSION: "bold red", GAIN: "green", FEW: "yellow", NEW: "cyan", GONE: "cyan"}
+
+
+def markdown(found: Facing, told: list[Change], least: float | None) -> str:
+    """For a pull request: a line, what has changed, and the rest in fold-outs."""
+    first = [change for change in told if _striking(change)]
+    said = summary(told)
+    page = {
+        "summary": said[0].upper() + said[1:],
+        "counts": judged.rest(told),
+        "old": found.old.folder,
+        "new": found.new.folder,
+        "first": first,
+        "rest": [change for change in told if change not in first],
+        "notes": found.notes,
+        "differences": found.differences,
+        "method": method(least),
+        "signs": SIGNS,
+        "shown": shown,
+        "names": called([c.dataset for c in told]),
+        "change": by_how_much,
+    }
+    return rendered("compare.md.jinja", page)
+
+
+def table(told: list[Change]) -> Table | None:
+    """For the terminal: what has changed by as much as counts; None if nothing has."""
+    striking = [change for change in told if _striking(change)]
+    if not striking:
+        return None
+    about = "old and new are medians, the change is the typical one log by log"
+    grid = Table(box=box.SIMPLE_HEAD, collapse_padding=True, caption=about, caption_justify="left")
+    for heading in ("", "backend, dataset", ""):
+        grid.add_column(heading, overflow="fold")
+    for heading in ("old", "new"):
+        grid.add_column(heading, justify="right", no_wrap=True)
+    for heading in ("change", ""):
+        grid.add_column(heading, overflow="fold")
+    names = called([c.dataset for c in told])
+    for c in striking:
+        where = Text(f"{c.backend}, {names[c.dataset]}")
+        values = (shown(c, c.old), shown(c, c.new), by_how_much(c), Text(c.words))
+        grid.add_row(Text(c.verdict, STYLES.get(c.verdict, "")), where, c.quantity, *values)
+    return grid
+
+
+def document(found: Facing, told: list[Change], least: float | None) -> dict[str, Any]:
+    """For a program."""
+    return {
+        "status": int(judged.regressed(told)),
+        "summary": summary(told),
+        "old": str(found.old.folder),
+        "new": str(found.new.folder),
+        "least": {q.words: q.least if least is None else least for q in QUANTITIES},
+        "changes": [judged.as_json(change) for change in told],
+        "differences": [dict(zip(("what", "old", "new"), row, strict=True)) for row in found.differences],
+        "notes": list(found.notes),
+    }
+
+
+def method(least: float | None) -> str:
+    """How it was compared, in words."""
+    counts = listed(
+        [f"{100 * (q.least if least is None else least):g} % in {q.words.split(',')[0]}" for q in QUANTITIES]
+    )
+    return (
+        "Old and new are medians over the logs that both ran on; the change is the typical one, log by log. It is a "
+        "regression or a gain where the Wilcoxon signed-rank test, after Holm's correction over all comparisons of its "
+        "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval leaves no change out, and it "
+        f"is as large as counts: {counts}. A backend without randomness on the same factors needs no test: where there "
+        "are too few logs for one, what changed is called so on these logs. NEES is compared by how far it is from 1, "
+        "as a factor. A failure counts as worse than any error. A cell that was done and now fails or is skipped, "
+        "or has no error or NEES any more, is a regression whatever the statistics."
+    )
+
+
+def shown(change: Change, value: float) -> str:
+    """A median, or how many failed; "" where there is none."""
+    if change.kind == "failures":
+        return f"{value:.0f}"
+    return "" if math.isnan(value) else "failed" if math.isinf(value) else number(value)
+
+
+def _striking(change: Change) -> bool:
+    """Whether a reader wants to see it first."""
+    return change.verdict in (REGRESSION, GAIN, NEW, GONE) or (change.verdict == FEW and change.beyond)

@@ -1,0 +1,179 @@
+"""Figures of CPU time: along a run, over all of a run's steps, and as the log or the map grows."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...frontend.se2 import Array, Ints
+from ..drawing.axes import fitted, legend, stretches
+from ..drawing.figure import Exhibit
+from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.legend import ROW, named
+from ..drawing.rows import height, rows
+from ..drawing.svg import INK
+from ..measure.growth import NO_GROWTH, binned
+from ..verdict.summary import Line
+from ..words.names import tags
+from ..words.numerals import number, raised
+from ..words.styles import Look
+from .drawn_log import Scene, Trace
+from .time_curves import HEIGHT, Series, along
+
+STRETCHES = 60
+
+SHORTEST_US = 0.1
+"""µs; costs are drawn from here on: below it a step is lost in the clock's own noise."""
+
+FAR = 20
+"""Times the slowest step; the time between steps is not drawn where it is longer."""
+
+
+def over_time(name: str, scene: Scene) -> Exhibit | None:
+    """Means of stretches, and the slowest step of each."""
+    series: list[Series] = []
+    for trace in _timed(scene):
+        t, us = trace.arrays["t"], _us(trace)
+        middle, mean = stretches(t, us, STRETCHES)
+        peaks = None if len(t) <= STRETCHES else _highest(t, us, STRETCHES)
+        series.append(Series(trace.label, trace.look, middle, mean, peaks=peaks, marked=not trace.alone))
+    caption = "Line: mean of short stretches. Dots: the slowest step of each."
+    title, unit = "Step cost along the log", "CPU time a step, µs"
+    return along(name, scene, title, unit, caption + _beside(scene), series, group="cost")
+
+
+def spread(name: str, scene: Scene) -> Exhibit | None:
+    """How much steps differ."""
+    timed = _timed(scene)
+    if not timed:
+        return None
+    called = tags(trace.label for trace in scene.traces)
+    names = [called[trace.label] + "*" * (not trace.alone) for trace in timed]
+    interval = _interval(scene, timed[0])
+    beyond = interval is not None and interval > FAR * max(float(_us(trace).max()) for trace in timed)
+
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(name, trace.look) for name, trace in zip(names, timed, strict=True)])
+        ends: list[float] = []
+        for k, trace in enumerate(timed):
+            low, p5, p50, p95, p99, high = np.percentile(_us(trace), (0, 5, 50, 95, 99, 100)).tolist()
+            ends += [low, high]
+            at = k + 0.12
+            look: dict[str, Any] = {"color": trace.look.colour, "gid": of(trace.look)}
+            axes.plot([low, high], [at, at], linewidth=1, **look)
+            axes.plot([p5, p95], [at, at], linewidth=5, alpha=0.45, solid_capstyle="butt", **look)
+            axes.plot([p99], [at], "|", markersize=8, markeredgewidth=1.4, **look)
+            axes.plot([p50], [at], "o", markersize=4.5, markeredgewidth=0, **look)
+        if interval is not None and not beyond:
+            axes.axvline(interval, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+            ends.append(interval)
+        fitted("x", axes, ends)
+        axes.set_xlabel("CPU time a step, µs")
+
+    caption = "Dot: median step. Bar: middle 90 %. Tick: 99 %. Thin line: cheapest to slowest."
+    if interval is not None:
+        caption += (
+            f" {'Far to the right' if beyond else 'Dashed'}: {number(interval / 1e3)} ms, the time between steps."
+        )
+    caption += _beside(scene)
+    curves = [
+        curve(trace.label, np.percentile(_us(trace), (50, 99, 100)), np.full(3, k + 0.12))
+        for k, trace in enumerate(timed)
+    ]
+    return exhibit(name, "What a step costs", caption, height(names), draw, group="cost", curves=curves)
+
+
+class _Growth(NamedTuple):
+    trace: Trace
+    size: Array
+    us: Array
+    power: float | None
+
+
+def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibit | None:
+    """Against the step's number, or against landmarks known, `along` being steps or landmarks; both logarithmic.
+
+    None where there is no power to be seen: each fit is flat, or there is none.
+    """
+    powers = {line.backend: line.values[f"growth_{along}"].median for line in lines if f"growth_{along}" in line.values}
+    grown = [
+        _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label))
+        for trace in _timed(scene)
+        if (size := _sizes(trace, along)) is not None
+    ]
+    grown = [one for one in grown if len(one.size) > 2]
+    if all(one.power is None or abs(one.power) < NO_GROWTH for one in grown):
+        return None
+    key = named((one.trace.label for one in grown), scene.order, more=len(", " + _power("k", 0.5)))
+    letter, what = ("k", "step k") if along == "steps" else ("N", "landmarks known N")
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        for one in grown:
+            look: Look = one.trace.look
+            label = key.called(one.trace.label)
+            if label is not None:
+                label += "*" * (not one.trace.alone) + ("" if one.power is None else f", {_power(letter, one.power)}")
+            style: dict[str, Any] = {
+                "linestyle": look.dash,
+                "marker": look.marker,
+                "markersize": 3,
+                "markevery": 3,
+                "linewidth": 1.1,
+            }
+            alpha = key.alpha(one.trace.label)
+            axes.plot(one.size, one.us, color=look.colour, label=label, alpha=alpha, gid=of(look), **style)
+        key.others(axes)
+        fitted("x", axes, [end for one in grown for end in (one.size[0], one.size[-1])])
+        fitted("y", axes, [value for one in grown for value in one.us.tolist()])
+        axes.set_xlabel(what)
+        axes.set_ylabel("CPU time a step, µs")
+        legend(figure, axes, key.columns)
+
+    caption = (
+        "Means of bins. Behind a name: the power fitted to them, a constant part aside (its median over logs); flat: "
+        "hardly any growth."
+    )
+    curves = [curve(one.trace.label, one.size, one.us) for one in grown]
+    title = f"How the cost of a step grows with {'the log' if along == 'steps' else 'the map'}"
+    return exhibit(name, title, caption + _beside(scene), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves)
+
+
+def _power(letter: str, power: float) -> str:
+    return "flat" if abs(power) < NO_GROWTH else f"∝ {letter}{raised(f'{power:.1f}')}"
+
+
+def _sizes(trace: Trace, along: str) -> Ints | None:
+    if along == "steps":
+        return np.arange(1, len(trace.arrays["step_ns"]) + 1)
+    mapped = trace.arrays.get("mapped")
+    return None if mapped is None else np.asarray(mapped, np.int64)
+
+
+def _highest(t: Array, values: Array, count: int) -> Array:
+    """(count,) the highest value in each of `axes.stretches`; NaN where it has none."""
+    edges = np.linspace(t[0], t[-1], count + 1)
+    place = np.clip(np.searchsorted(edges, t, "right") - 1, 0, count - 1)
+    highest = np.full(count, -np.inf)
+    np.maximum.at(highest, place, values)
+    return np.where(np.isfinite(highest), highest, np.nan)
+
+
+def _us(trace: Trace) -> Array:
+    return np.maximum(trace.arrays["step_ns"] / 1e3, SHORTEST_US)
+
+
+def _timed(scene: Scene) -> list[Trace]:
+    return [trace for trace in scene.traces if len(trace.arrays.get("step_ns", ()))]
+
+
+def _beside(scene: Scene) -> str:
+    return "" if all(trace.alone for trace in scene.traces) else " * timed while other cells ran beside it."
+
+
+def _interval(scene: Scene, trace: Trace) -> float | None:
+    """µs from step to step, the median; None where the log has no real times."""
+    if scene.lengths.get(scene.seed) is None:
+        return None
+    return float(np.median(np.diff(trace.arrays["t"]))) * 1e6

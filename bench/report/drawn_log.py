@@ -1,0 +1,134 @@
+"""What the figures of a dataset show: the known path, and a run along it of every backend that has one."""
+
+from collections.abc import Mapping, Sequence
+from math import log
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array
+from ..measure.times import length
+from ..record.reader import Store
+from ..record.schema import Row
+from ..verdict.summary import Line, logs
+from ..words.styles import BASELINE, Look
+
+
+class Trace(NamedTuple):
+    """One backend's cell, as drawn."""
+
+    label: str
+    slug: str  # the label as it is in paths
+    look: Look
+    alone: bool  # no other cell ran at the same time
+    arrays: Mapping[str, Any]  # as in the record
+
+
+class Scene(NamedTuple):
+    """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians."""
+
+    kind: str  # "truth", "reference" or "" where no path is known
+    seed: int
+    known: Mapping[str, Any]  # the log's arrays: t, poses, ids, xy; empty where no path is known
+    traces: Sequence[Trace]
+    missing: Sequence[str]  # the backends that have no cell to draw
+    lengths: Mapping[int, float | None]  # s that each seed's log covers; None where its times are no times
+    order: Sequence[str] = ()  # the backends, the lowest median error first
+    nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
+    nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
+    logs: int = 1  # different ones that the dataset has
+    typical: bool = False  # whether the log was chosen among several by its errors
+
+    @property
+    def clock(self) -> str:
+        """What its times are, as an axis names them."""
+        return "step" if self.lengths.get(self.seed) is None else "time, s"
+
+    @property
+    def which(self) -> str:
+        """Which of the logs is drawn; "" where there is one."""
+        if self.logs == 1:
+            return ""
+        return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
+
+
+def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]) -> Scene | None:
+    """The scene of a dataset's lines; None where no cell is done."""
+    done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
+    if not done:
+        return None
+    seed, typical = _drawn(done)
+    shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
+    c = shown[0][1].columns
+    return Scene(
+        kind=lines[0].truth_kind,
+        seed=seed,
+        known=store.truth(c["dataset"], c["dataset_options"], seed),
+        traces=[
+            Trace(name, slugs[name], looks[name], bool(row.columns["timing_alone"]), store.arrays(row))
+            for name, row in ((line.backend, row) for line, row in shown)
+        ],
+        missing=[line.backend for line in lines if all(line is not drawn for drawn, _ in shown)],
+        lengths=_lengths(store, [row for _, row in done]),
+        order=[line.backend for line in sorted(lines, key=_error)],
+        nees={line.backend: _nees(store, line) for line in lines},
+        nis={line.backend: found for line in lines if (found := _nis(store, line))},
+        logs=logs(lines),
+        typical=typical,
+    )
+
+
+def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
+    """The seed that is drawn, and whether its errors say that it is."""
+    by_seed: dict[int, list[tuple[Line, Row]]] = {}
+    for line, row in done:
+        by_seed.setdefault(row.columns["seed"], []).append((line, row))
+    most = max(map(len, by_seed.values()))
+    off = {seed: _off(cells) for seed, cells in by_seed.items() if len(cells) == most}
+    seed = min(off, key=lambda seed: (off[seed], seed))
+    return seed, len(set(off.values())) > 1
+
+
+def _off(cells: Sequence[tuple[Line, Row]]) -> float:
+    """How far the cells' errors are from their backends' medians: the sum of the ratios' logarithms, without signs."""
+    total = 0.0
+    for line, row in cells:
+        column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
+        error = row.columns[column]
+        if line.backend != BASELINE and error and line.values[column].median > 0:
+            total += abs(log(error / line.values[column].median))
+    return total
+
+
+def _error(line: Line) -> tuple[int, float]:
+    """Ranks lines: those that lost no run first, then by their median error."""
+    medians = [line.values[name].median for name in ("ate_m", "final_ate_m", "map_rmse_m") if name in line.values]
+    return len(line.rows) - line.done, medians[0] if medians else np.inf
+
+
+def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
+    """Of each log's first run that has it: several on one log are not independent."""
+    by_log: dict[str, tuple[Array, Array]] = {}
+    for row in line.rows:
+        if row.columns["nees"] is not None and row.columns["digest"] not in by_log:
+            arrays = store.arrays(row, ("t", "at", "nees"))
+            if "nees" in arrays and "at" in arrays:
+                by_log[row.columns["digest"]] = arrays["t"][arrays["at"]], arrays["nees"]
+    return list(by_log.values())
+
+
+def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:
+    """Of each log's first run that has it: s since the log began, NIS and its degrees of freedom, where it has any."""
+    by_log: dict[str, tuple[Array, Array, Array]] = {}
+    for row in line.rows:
+        if row.columns["nis"] is not None and row.columns["digest"] not in by_log:
+            a = store.arrays(row, ("t", "nis", "nis_dof"))
+            if len(a) == 3:
+                seen = (a["nis_dof"] > 0) & np.isfinite(a["nis"])
+                by_log[row.columns["digest"]] = (a["t"] - a["t"][0])[seen], a["nis"][seen], a["nis_dof"][seen]
+    return list(by_log.values())
+
+
+def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:
+    first = {row.columns["seed"]: row for row in reversed(rows)}
+    return {seed: length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()}

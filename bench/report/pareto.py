@@ -1,0 +1,126 @@
+"""What accuracy costs: every backend's error against its CPU time, and the front that no other one is before."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.figure import Figure
+
+from ..drawing.axes import fitted, logarithmic
+from ..drawing.figure import Exhibit
+from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.labels import Point, name_points
+from ..drawing.svg import INK
+from ..verdict.medians import Typical, typical
+from ..verdict.summary import Line
+from ..words.names import tags
+from ..words.styles import Look
+from .accuracy_figures import bars
+from .drawn_log import Scene
+
+HEIGHT = 200
+
+NAMED = 7
+"""The most points that have their names beside them: those of the fronts, and the most accurate of the others."""
+
+
+class _Choice(NamedTuple):
+    """A backend's online path, or its final one."""
+
+    label: str
+    look: Look
+    us: float
+    error: Typical
+    final: bool
+
+
+def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+    """None where there are no two to choose from."""
+    choices = list(_choices(lines, looks))
+    choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
+    if len({choice.label for choice in choices}) < 2:
+        return None
+    called = tags(choice.label for choice in choices)
+    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    both = len({choice.final for choice in choices}) > 1
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        fitted("x", axes, [choice.us for choice in choices])
+        least = min(choice.error.value for choice in choices)
+        ends = [max(end, least / 3) for choice in choices for end in choice.error[:3] if np.isfinite(end)]
+        logarithmic("y", axes, min(ends), max(ends))  # every point is in it, however accurate one is
+        for final, front in _fronts(choices).items():
+            x, y = [choice.us for choice in front], [choice.error.value for choice in front]
+            axes.step(x, y, where="post", color=INK, linewidth=0.6 if final and both else 1, alpha=0.45, zorder=1)
+        edge = {"markeredgewidth": 0.6, "markeredgecolor": rcParams["figure.facecolor"]}
+        for choice in choices:
+            gid, colour = of(choice.look), choice.look.colour
+            ends = np.clip((choice.error.low, choice.error.high), *axes.get_ylim())
+            axes.plot([choice.us] * 2, ends, color=colour, linewidth=1.2, alpha=0.6, gid=gid)
+            style: dict[str, Any] = {"color": colour, "markersize": 6, "gid": gid}
+            style |= {"markerfacecolor": "none", "markeredgewidth": 1.3} if choice.final else edge
+            axes.plot([choice.us], [choice.error.value], choice.look.marker, **style)
+        axes.set_xlabel("CPU time a step, µs")
+        axes.set_ylabel(f"{what}, m")
+        online = {choice.label for choice in choices if not choice.final}
+        points = [
+            Point(choice.us, choice.error.value, _name(choice, called, online), of(choice.look)) for choice in choices
+        ]
+        ends = [(choice.us, choice.error.low, choice.error.high) for choice in choices]
+        name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
+
+    fronts = _fronts(choices)
+    caption = "Lower left is better. " * (scene.kind == "truth")
+    if fronts:
+        caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
+    if any(choice.error.n > 1 for choice in choices):
+        caption += f" Bar: {bars([choice.error for choice in choices])}."
+    whole = "the whole log's time over its steps"
+    if both:
+        caption += f" Filled: online path at its median step. Open: final path at {whole}."
+    elif choices[0].final:
+        caption += f" Cost: {whole}."
+    if len(choices) > NAMED:
+        caption += f" Of {len(choices)} points, {NAMED} are named."
+    curves = [
+        curve(choice.label, np.array([choice.us]), np.array([choice.error.value]), final=choice.final)
+        for choice in choices
+    ]
+    return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves)
+
+
+def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choice]:
+    for line in lines:
+        look, values = looks[line.backend], line.values
+        if "ate_m" in values and "step_us_p50" in values:
+            yield from _choice(line, look, values["step_us_p50"].median, "ate_m")
+        if "final_ate_m" in values and "cpu_s" in values:
+            yield from _choice(line, look, 1e6 * values["cpu_s"].median / values["steps"].median, "final_ate_m")
+
+
+def _choice(line: Line, look: Look, us: float, column: str) -> Iterator[_Choice]:
+    error = typical(line, column)
+    if us > 0 and 0 < error.value < np.inf:
+        yield _Choice(line.backend, look, us, error, column != "ate_m")
+
+
+def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -> str:
+    return called[choice.label] + (", final" if choice.final and choice.label in online else "")
+
+
+def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
+    """Those that none is before, of online paths and of final ones, where there are several; the cheapest first."""
+    fronts: dict[bool, list[_Choice]] = {}
+    for final in (False, True):
+        front = [choice for choice in choices if choice.final == final and not any(_before(c, choice) for c in choices)]
+        if len(front) > 1:
+            fronts[final] = sorted(front, key=lambda choice: choice.us)
+    return fronts
+
+
+def _before(one: _Choice, other: _Choice) -> bool:
+    """Whether `one` is cheaper and more accurate, for the same kind of path."""
+    a, b = (one.us, one.error.value), (other.us, other.error.value)
+    return one.final == other.final and a != b and a[0] <= b[0] and a[1] <= b[1]

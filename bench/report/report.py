@@ -1,0 +1,104 @@
+"""A run's report: report.html, one file that needs no network, and report.md with its figures and tables beside it."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ...frontend.files import write_whole
+from ..drawing.latex import latex
+from ..drawing.page import PURPOSES, rendered, script
+from ..record.reader import Store
+from ..record.schema import Row, label
+from ..words.columns import COLUMNS, STATISTICS, WORKED_OUT
+from .section import Section, sections
+from .tables import cells_table, paper_table
+
+FIGURES, TABLES = "figures", "tables"
+"""Folders beside the page."""
+
+
+def write_report(store: Store, figures: Sequence[str] = ()) -> None:
+    """Write report.html, report.md, figures/ and tables/ into the record's folder, each file all or nothing.
+
+    `figures` are further forms that every figure is to be there in: "pdf", "png" (300 dpi).
+    """
+    run, rows = store.run(), list(store.cells())
+    parts, look = sections(store)
+    page = {
+        "run": run,
+        "sections": parts,
+        "purposes": _purposes(parts),
+        "looks": look,
+        "cells": cells_table(rows, run["folders"]),
+        "counts": _counts(rows, run.get("cells", 0)),
+        "started": datetime.fromtimestamp(run["started"], UTC),
+        "digests": _digests(rows),
+        "given": run.get("map"),
+        "definitions": COLUMNS | WORKED_OUT | STATISTICS,
+        "script": script("report.js"),
+        "left_out": store.left_out,
+    }
+    for section in parts:
+        _write_figures(store.folder / FIGURES, section, figures)
+        _write_tables(store.folder / TABLES, section)
+    for name in ("report.md", "report.html"):
+        write_whole(store.folder / name, rendered(f"{name}.jinja", page))
+
+
+def _write_figures(folder: Path, section: Section, forms: Sequence[str]) -> None:
+    from ..drawing.svg import alone  # matplotlib: a run should not wait for it before it begins
+
+    folder.mkdir(exist_ok=True)
+    for exhibit in (*section.panels, *section.exhibits):
+        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
+        if exhibit.printed is not None:
+            for form in forms:
+                write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))
+
+
+def _write_tables(folder: Path, section: Section) -> None:
+    """Those that have a row, for LaTeX."""
+    folder.mkdir(exist_ok=True)
+    tables = {
+        "main": section.accuracy,
+        "paper": paper_table(section.accuracy),
+        "pairs": section.pairs,
+        "cost": section.cost,
+        "growth": section.growth,
+        "fit": section.fit,
+    }
+    tables |= {"inside": section.inner} | {f"detail{k}": found for k, found in enumerate(section.details, 1)}
+    for name, table in tables.items():
+        if table.rows and len(table.headings) > 1:
+            caption = f"{section.name}: {table.caption}."
+            text = latex(table, caption, f"tab:{section.anchor}-{name}")
+            write_whole(folder / f"{section.anchor}-{name}.tex", text)
+
+
+def _purposes(parts: Sequence[Section]) -> dict[str, str]:
+    """Heading by purpose, of those that any section has a use for."""
+    named = {use.purpose for part in parts for use in part.verdict.uses}
+    return {purpose: heading for purpose, heading in PURPOSES.items() if purpose in named}
+
+
+def _counts(rows: Sequence[Row], planned: int) -> str:
+    """How many cells ended how, how many of those planned have not been run, and what a cell is."""
+    statuses = [row.columns["status"] for row in rows]
+    counts = {status: statuses.count(status) for status in sorted(statuses)}
+    counts |= {"not run yet": planned - len(rows)} if planned > len(rows) else {}
+    said = ", ".join(f"{n} {status}" for status, n in counts.items()).replace(" ", " cells ", 1)
+    return f"{said}: a cell is one run of one backend on one log" if said else ""
+
+
+def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """(log, digest), each once; one that is the same for all seeds has no seed."""
+    by_log: dict[str, dict[int, str]] = {}
+    for row in rows:
+        c = row.columns
+        by_log.setdefault(label(c["dataset"], c["dataset_options"]), {})[c["seed"]] = c["digest"]
+    return [
+        (name if len(set(digests.values())) == 1 else f"{name}, seed {seed}", digest)
+        for name, digests in by_log.items()
+        for seed, digest in sorted(digests.items())
+        if len(set(digests.values())) > 1 or seed == min(digests)
+    ]

@@ -1,0 +1,146 @@
+"""What a report says of one dataset: verdict, tables, figures, and what failed."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..drawing.figure import GROUPS, Exhibit
+from ..drawing.table import Table
+from ..record.reader import Store
+from ..record.schema import Row
+from ..verdict.summary import Line, lines, remarks, representative
+from ..verdict.verdict import Verdict, verdict
+from ..words.numerals import counted, listed, number
+from ..words.styles import Look, looks
+from .drawn_log import Scene, scene
+from .pairs_table import pairs_table
+from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table
+
+
+class Failure(NamedTuple):
+    """The cells of a backend that ended in the same way: not done, or done with a remark."""
+
+    backend: str
+    seeds: str
+    status: str
+    reason: str
+    traceback: str
+
+
+class Section(NamedTuple):
+    """All on one dataset."""
+
+    dataset: str  # label
+    name: str  # what people call it
+    anchor: str
+    kind: str  # "truth", "reference" or ""
+    places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
+    verdict: Verdict
+    facts: str
+    accuracy: Table  # the small one that answers most questions
+    pairs: Table  # every comparison behind the verdict
+    details: list[Table]
+    cost: Table  # of a step, and of the log
+    growth: Table  # of a step, along the log
+    fit: Table  # J by its terms
+    fit_note: str
+    inner: Table  # particles and gates
+    scene: Scene | None
+    panels: Sequence[Exhibit]  # the paths
+    exhibits: Sequence[Exhibit]
+    failures: Sequence[Failure]
+
+    @property
+    def groups(self) -> dict[str, list[Exhibit]]:
+        """The figures by what they are about, in the order in which a report shows them.
+
+        Those of accuracy over time are beside those of consistency; the others stand by themselves, first.
+        """
+        timed = [e for e in self.exhibits if e.group == "accuracy" and e.plot is not None and e.plot.timed]
+        by_group = {group: [e for e in self.exhibits if e.group == group and e not in timed] for group in GROUPS}
+        return by_group | {"consistency": timed + by_group["consistency"]}
+
+
+def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
+    """What there is to say of each dataset, and how each backend looks in all of it."""
+    run = store.run()
+    found = lines(store.cells())
+    look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
+    datasets = dict.fromkeys(line.dataset for line in found)
+    return [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets], look
+
+
+def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
+    from .figures import exhibits
+    from .trajectories import trajectories
+
+    shown = scene(store, found, look, run["folders"])
+    ruling = verdict(found)
+    known, slug = representative(found), run["folders"][found[0].dataset]
+    return Section(
+        dataset=found[0].dataset,
+        name=found[0].name,
+        anchor=slug,
+        kind=known.truth_kind,
+        places="truth" if known.surveyed else known.truth_kind,
+        verdict=ruling,
+        facts=_facts(found, shown),
+        accuracy=accuracy_table(found),
+        pairs=pairs_table(ruling),
+        details=details_tables(found),
+        cost=cost_table(found),
+        growth=growth_table(found),
+        fit=fit_table(found),
+        fit_note=_fit_note(found),
+        inner=inner_table(found),
+        scene=shown,
+        panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
+        exhibits=exhibits(slug, shown, found, look, ruling.comparisons) if shown else [],
+        failures=[failure for line in found for failure in _failures(line)],
+    )
+
+
+def _failures(line: Line) -> list[Failure]:
+    alike: dict[tuple[str, str], list[Row]] = {}
+    for row in line.rows:
+        c = row.columns
+        reason = remarks(c["reason"] or "")
+        if c["status"] != "done" or reason:
+            alike.setdefault((c["status"], reason), []).append(row)
+    return [
+        Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
+        for (status, reason), rows in alike.items()
+    ]
+
+
+def _seeds(rows: Sequence[Row]) -> str:
+    return f"seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
+
+
+def _facts(found: Sequence[Line], shown: Scene | None) -> str:
+    """What the log is, in a line."""
+    first = {name: value for line in reversed(found) for name, value in line.values.items()}
+    said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]
+    length = shown and shown.lengths.get(shown.seed)
+    if length:
+        said.append(f"{number(length)} s")
+    return ", ".join(said)
+
+
+def _fit_note(found: Sequence[Line]) -> str:
+    """What J is to be held against: its size were all stated noise true; and why that of an online path is large."""
+    numbers = {
+        (3 * (c["steps"] - 1), 2 * (c["sightings"] - c["ignored"]))
+        for c in (row.columns for line in found for row in line.rows)
+        if c["status"] == "done" and c["sightings"] is not None
+    }
+    said = ""
+    if numbers:
+        motions, seen = np.median(list(numbers), axis=0)
+        said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings at the true "
+        said += "path and map; an optimum has less."
+    if any("j_online" in line.values for line in found):
+        said += " A filter's online path jumps where a sighting corrects it, and no odometry has reported the jump: "
+        said += "its J is large by nature, and no fault."
+    return said

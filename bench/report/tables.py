@@ -1,0 +1,234 @@
+"""The report's tables: a small one that answers most questions, those of its details, and one of every cell."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from ..drawing.table import Entry, Table, TableRow, shown
+from ..record.schema import Row, label
+from ..verdict.consistency import belief_word
+from ..verdict.medians import Typical, typical
+from ..verdict.ranking import contest, ordered, standing
+from ..verdict.statistics import FEWEST
+from ..verdict.summary import Line, logs, representative
+from ..words.columns import COLUMNS, TIMES, WORKED_OUT
+from ..words.names import called
+from ..words.numerals import counted, number
+
+MAIN = (
+    "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
+)  # fmt: skip
+ONLINE = (
+    "ate_origin_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m", "rpe_rad",
+    "nees_inside", "nis", "landmark_nees", "landmark_nees_inside", "landmarks", "landmarks_missed",
+    "landmarks_spurious",
+)  # fmt: skip
+FINAL = (
+    "final_ate_origin_m", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m", "final_rpe_100m_m", "final_rpe_1s_m",
+    "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside", "final_landmark_nees",
+    "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
+)  # fmt: skip
+COST = (
+    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",
+    "finish_s", "cpu_s", "peak_mb",
+)  # fmt: skip
+GROWTH = (
+    *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
+)  # fmt: skip
+FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
+INNER = ("n_eff_least", "ancestors_left", "refused_share")
+PAPER = ("ate_m", "final_ate_m", "nees", "cpu_s")
+PAPER_MAPS = ("ate_m", "final_ate_m", "map_rmse_m", "final_map_rmse_m", "cpu_s")
+CELLS = (
+    "ate_m", "final_ate_m", "ate_origin_m", "heading_rad", "rpe_m", "nees", "nees_inside", "map_rmse_m", "cost_j",
+    "step_us_p50", "step_us_p99", "cpu_s", "peak_mb",
+)  # fmt: skip
+
+WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
+"""Columns of the small table whose interval is beside the median."""
+
+FROM_REFERENCE = {
+    "ate_m": "online path from reference",
+    "final_ate_m": "final path from reference",
+    "heading_rad": "heading from reference",
+    "map_rmse_m": "map from reference",
+    "final_map_rmse_m": "final map from reference",
+}
+"""Headings where distances are not errors."""
+
+
+def accuracy_table(lines: Sequence[Line]) -> Table:
+    """How good, how sure of itself, how dear: what a reader wants first. The best are marked where that is tested."""
+    known = representative(lines)
+    kept = {"map_rmse_m", "final_map_rmse_m"} if known.surveyed else set[str]()
+    reference = known.truth_kind == "reference"
+    headings = {name: text for name, text in FROM_REFERENCE.items() if reference and name not in kept}
+    tested = WITH_ENDS - {"nees"} if known.truth_kind == "truth" else kept
+    best = {name: _best(lines, name) for name in tested}
+
+    def entry(line: Line, name: str) -> Entry:
+        if name not in line.values:
+            return Entry("")
+        found = typical(line, name)
+        word = belief_word(line) if name == "nees" else ""
+        note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
+        return Entry(_text(line, name, found), word, note, line.backend in best.get(name, ()), found.value)
+
+    names = MAIN if known.truth_kind else ("landmarks", *MAIN)
+    table = laid(ordered(lines), names, entry, "", headings)
+    bold = any(e.best for row in table.rows for e in row.entries)
+    return table._replace(caption=f"{_basis(lines)}{'; bold: none is more accurate for sure' * bold}{_marks(lines)}")
+
+
+def paper_table(main: Table) -> Table:
+    """What of the small table has room in a column of a paper; a count of cells only where some are not done."""
+    headings = [column.heading for column in main.headings]
+    names = PAPER if COLUMNS["nees"].heading in headings else PAPER_MAPS
+    wanted = {COLUMNS[name].meaning for name in names}
+    kept = [k for k, column in enumerate(main.headings) if column.meaning in wanted]
+    kept = [0] * any(row.status != "done" for row in main.rows) + kept
+    rows = [row._replace(entries=[row.entries[k] for k in kept]) for row in main.rows]
+    return Table([main.headings[k] for k in kept], rows, main.caption)
+
+
+def details_tables(lines: Sequence[Line]) -> list[Table]:
+    """What the small table leaves out, of the online path and map and of those smoothed at the end; medians."""
+    return [
+        laid(having, names, _median, f"{what} in detail: {_basis(lines, ends=False)}")
+        for what, names in (("Online path and map", ONLINE), ("Path and map smoothed at the end", FINAL))
+        if (having := _having(lines, names))
+    ]
+
+
+def cost_table(lines: Sequence[Line]) -> Table:
+    """What a step and the log cost: medians; a time is marked * where other cells ran beside any of the line's."""
+    caption = f"Cost of a step and of the whole log: {_basis(lines, ends=False)}{_marks(lines)}"
+    return laid(ordered(lines), COST, _median, caption)
+
+
+def growth_table(lines: Sequence[Line]) -> Table:
+    """How that grows along the log, and whether it keeps up with it: a question apart, for which the other has no room.
+
+    An exponent has its standard error beside it.
+    """
+
+    def entry(line: Line, name: str) -> Entry:
+        error = line.values.get(f"{name}_se")
+        return _median(line, name)._replace(note="" if error is None else f"\N{PLUS-MINUS SIGN}{error.median:.2f}")
+
+    caption = f"How the cost of a step grows along the log: {_basis(lines, ends=False)}{_marks(lines)}"
+    return laid(ordered(lines), GROWTH, entry, caption)
+
+
+def fit_table(lines: Sequence[Line]) -> Table:
+    """J and what it is made of: medians, and the least of all marked."""
+    totals = {line.backend: line.values[name].median for line in lines for name in FIT[-2:] if name in line.values}
+    least = min(totals, key=lambda name: totals[name]) if len(totals) > 1 else ""
+
+    def entry(line: Line, name: str) -> Entry:
+        return _median(line, name)._replace(best=name in FIT[-2:] and name in line.values and line.backend == least)
+
+    having = [line for line in ordered(lines) if line.backend in totals]
+    return laid(
+        having,
+        FIT,
+        entry,
+        f"J, the misfit to all factors, by its parts: {_basis(lines, ends=False)}, the least in bold",
+    )
+
+
+def inner_table(lines: Sequence[Line]) -> Table:
+    """What goes on inside the estimators that tell: those of particles, and those that gate."""
+    return laid(_having(lines, INNER), INNER, _median, f"Particles and gates: {_basis(lines, ends=False)}")
+
+
+def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
+    """Every cell by itself; what is not done has a status and no numbers."""
+    names = [name for name in CELLS if any(row.columns[name] is not None for row in rows)]
+    datasets = called([label(row.columns["dataset"], row.columns["dataset_options"]) for row in rows])
+    found: list[TableRow] = []
+    for row in rows:
+        c = row.columns
+        dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
+        marks = {name: "*" * (name in TIMES and not c["timing_alone"]) for name in names}
+        entries = [
+            Entry(datasets[dataset]),
+            Entry(str(c["seed"]), value=c["seed"]),
+            Entry(c["status"]),
+            *(Entry("" if c[name] is None else shown(name, c[name]) + marks[name], value=c[name]) for name in names),
+        ]
+        place = (folders[dataset], str(c["seed"]), folders[backend]) if c["status"] == "done" else ()
+        found.append(TableRow(backend, entries, c["status"], place))
+    return Table([COLUMNS[name] for name in ("dataset", "seed", "status", *names)], found, "Every cell by itself")
+
+
+def laid(
+    lines: Sequence[Line],
+    names: Sequence[str],
+    entry: Callable[[Line, str], Entry],
+    caption: str,
+    headings: Mapping[str, str] | None = None,
+) -> Table:
+    """A row a line, a column a name in which any has an entry; `headings` replace those of the definitions."""
+    other = headings or {}
+    columns = [[entry(line, name) for line in lines] for name in names]
+    kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
+    about = COLUMNS | WORKED_OUT
+    top = [about[name]._replace(heading=other.get(name, about[name].heading)) for name, _ in kept]
+    return Table(
+        [WORKED_OUT["done"], *top], [_row(line, [c[k] for _, c in kept]) for k, line in enumerate(lines)], caption
+    )
+
+
+def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
+    done = Entry(f"{line.done}/{len(line.rows)}", "told the truth" if line.told else "", value=line.done)
+    return TableRow(line.backend, [done, *entries], "done" if line.done == len(line.rows) else "some failed")
+
+
+def _best(lines: Sequence[Line], name: str) -> list[str]:
+    """Those that none is more accurate than for sure; [] where nothing is tested, or nobody is beaten."""
+    found = contest(lines, name)
+    if found is None or found.logs < FEWEST:
+        return []
+    beaten = {c.second for c in found.comparisons if c.first == found.lines[0].backend and standing(c) == "better"}
+    return [line.backend for line in found.lines if line.backend not in beaten] if beaten else []
+
+
+def _having(lines: Sequence[Line], names: Sequence[str]) -> list[Line]:
+    """Those that have any of the columns."""
+    return [line for line in ordered(lines) if any(name in line.values for name in names)]
+
+
+def _median(line: Line, name: str) -> Entry:
+    if name not in line.values:
+        return Entry("")
+    found = typical(line, name)
+    word = belief_word(line, name) if name == "final_nees" else ""
+    return Entry(_text(line, name, found), word, value=found.value)
+
+
+def _text(line: Line, name: str, found: Typical) -> str:
+    return shown(name, found.value) + "*" * (name in TIMES and not line.alone)
+
+
+def _ends(found: Typical, of: int) -> str:
+    """The interval, or the range; which of them it is stands in the caption, where most of the logs are there."""
+    word = "range " if of >= FEWEST and not found.interval else ""
+    return "" if found.low == found.high else f"{word}{number(found.low)}\N{EN DASH}{number(found.high)}"
+
+
+def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
+    """What the numbers are."""
+    n = logs(lines)
+    if n == 1:
+        runs = max(len(line.rows) for line in lines)
+        if runs == 1:
+            return "one run on one log"
+        return f"one log; of the {runs} runs of a backend that draws at random, medians{' and ranges' * ends}"
+    if not ends:
+        return f"medians over {counted(n, 'log')}"
+    what = "95 % intervals" if n >= FEWEST else "their range, as there are too few for intervals"
+    return f"medians over {counted(n, 'log')} and {what}"
+
+
+def _marks(lines: Sequence[Line]) -> str:
+    failed = "; a failure counts as ∞" * any(line.failed and line.done for line in lines)
+    return failed + "; * timed while other cells ran beside it" * (not all(line.alone for line in lines))

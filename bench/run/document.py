@@ -1,0 +1,93 @@
+"""A run as one JSON document: what `bench run --json` prints."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..record.schema import Row
+from ..verdict.statistics import estimate
+from ..verdict.summary import Line, logs
+from ..verdict.verdict import Verdict
+
+ERRORS = ("ate_m", "final_ate_m", "heading_rad", "map_rmse_m", "final_map_rmse_m")
+"""Columns whose medians over the logs are given, failures being the worst there is."""
+
+OTHERS = ("nees", "nees_inside", "step_us_p50", "step_us_p99", "cpu_s")
+"""The same, of the cells that are done alone."""
+
+SCHEMA = """\
+folder, report    where everything is, and its page
+status            the exit status
+datasets          one each:
+  dataset, name   its label, and what people call it
+  truth_kind      "truth", "reference" or ""
+  logs            how many different ones
+  verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],
+                  comparisons: {column: [{first, second, n, closer, ratio, low,
+                  high, p, adjusted, effect}]}
+  lines           one a backend: backend, done, cells, timing_alone,
+                  estimates: {column: {value, low, high, n}}
+cells             one each, by column of cells.csv and of metrics.csv
+remarks           on a given map
+
+An estimate is the median over n logs with its 95 % interval, whose ends are
+null where there are too few. Errors are infinite where the backend failed:
+infinity is the text "inf", and what is not a number is null."""
+"""What is in it."""
+
+
+def document(
+    folder: str, report: str, status: int, lines: Sequence[Line], verdicts: Mapping[str, Verdict], remarks: str
+) -> dict[str, Any]:
+    """The document, as SCHEMA says; `verdicts` are by dataset label."""
+    rows: list[Row] = [row for line in lines for row in line.rows]
+    return _valid(
+        {
+            "folder": folder,
+            "report": report,
+            "status": status,
+            "datasets": [
+                _dataset([line for line in lines if line.dataset == dataset], verdict)
+                for dataset, verdict in verdicts.items()
+            ],
+            "cells": [dict(row.columns) for row in rows],
+            "remarks": remarks,
+        }
+    )
+
+
+def _dataset(lines: Sequence[Line], verdict: Verdict) -> dict[str, Any]:
+    return {
+        "dataset": lines[0].dataset,
+        "name": lines[0].name,
+        "truth_kind": lines[0].truth_kind,
+        "logs": logs(lines),
+        "verdict": verdict,
+        "lines": [_line(line) for line in lines],
+    }
+
+
+def _line(line: Line) -> dict[str, Any]:
+    by_log = {column: line.by_log(column) for column in ERRORS} | {column: line.measured(column) for column in OTHERS}
+    return {
+        "backend": line.backend,
+        "done": line.done,
+        "cells": len(line.rows),
+        "timing_alone": line.alone,
+        "estimates": {
+            column: estimate(list(values.values())) for column, values in by_log.items() if column in line.values
+        },
+    }
+
+
+def _valid(value: Any) -> Any:
+    """`value` as JSON has it."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        return {name: _valid(part) for name, part in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list | tuple):
+        return [_valid(part) for part in value]  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return value

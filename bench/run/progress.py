@@ -1,0 +1,185 @@
+"""A run while it goes on: on a terminal tables that fill up and the time left, elsewhere a line a finished cell."""
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from ..plan.plan import Cell
+from ..record.schema import COLUMNS, MORE, Row
+from ..verdict.summary import Line, lines, remarks
+from ..words.console import plain, watched
+from ..words.names import called
+from ..words.numerals import counted
+from .pace import Pace, words
+from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
+
+AGAIN_S = 30.0
+"""s between two lines that tell the time left."""
+
+REFRESHED = 1.0
+"""Times a second that the terminal is drawn: each takes some milliseconds of a core from what is measured."""
+
+BAR = 24
+"""Columns of the bar, where there is room."""
+
+
+class Screen:
+    """The watcher of a run; a context manager around it."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._stage, self._done, self._total = "starting", 0, 0
+        self._began = self._latest = time.monotonic()
+        self._told = 0.0  # when the time left was told
+        self._pace = Pace((), 1)
+        self._rows: list[Row] = []
+        self._planned: Counter[tuple[str, str]] = Counter()
+        self._names: dict[str, str] = {}
+        self._warned: set[str] = set()
+        self._told_of: set[tuple[str, str, str]] = set()
+        self._shown: Sequence[RenderableType] = ()
+        self._live = Live(
+            get_renderable=self._renderable, console=console, transient=True, refresh_per_second=REFRESHED
+        )
+
+    def __enter__(self) -> "Screen":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def preparing(self, logs: int) -> None:
+        """That many logs are to be made: from now on there is something to see."""
+        if watched(self._console) and not self._console.quiet:
+            self._live.start()
+        self._stage, self._done, self._total = "preparing logs", 0, logs
+
+    def prepared(self, name: str) -> None:
+        """One is ready."""
+        del name
+        self._done += 1
+
+    def running(self, cells: Sequence[Cell], before: Sequence[Row], workers: int) -> None:
+        """These cells are to be run; `before` are in the record already."""
+        if before:
+            self._console.print(
+                f"{counted(len(before), 'cell')} in the record already, {len(cells)} to be run", highlight=False
+            )
+        self._rows = list(before)
+        self._planned = Counter(_kind(c) for c in cells)
+        self._planned.update((line.dataset, line.backend) for line in lines(before) for _ in line.rows)
+        self._names = called(list(dict.fromkeys(dataset for dataset, _ in self._planned)))
+        self._pace = Pace((_kind(c) for c in cells if c.backend.builder is not None), workers)
+        self._stage, self._done, self._total = "running cells", 0, len(cells)
+        self._latest = self._told = time.monotonic()
+        self._draw()
+
+    def finished(self, cell: Cell, row: dict[str, Any], seconds: float) -> None:
+        """One has ended; on a terminal it is said at once, and once, where it did not go well, elsewhere always."""
+        self._rows.append(Row(dict.fromkeys((*COLUMNS, *MORE)) | row, ""))
+        self._done += 1
+        self._latest = time.monotonic()
+        if cell.backend.builder is not None:
+            self._pace.took(_kind(cell), seconds)
+        said = remarks(row["reason"])
+        news = cell.backend.label, row["status"], said
+        if not self._live.is_started or (news[1:] != ("done", "") and news not in self._told_of):
+            self._told_of.add(news)
+            self._say(cell, row, said)
+        self._warn(cell.dataset.label, row)
+        self._draw()
+
+    def reporting(self) -> None:
+        """All have; the report is written."""
+        self._stage, self._done, self._total = "writing the report", 0, 0
+
+    def _say(self, cell: Cell, row: dict[str, Any], said: str) -> None:
+        error = row.get("ate_m", row.get("final_ate_m"))
+        parts = [self._names[cell.dataset.label], cell.backend.label, f"seed {cell.seed}"]
+        parts += [] if error is None else [f"ATE {error:.3f} m"]
+        text = plain(" \N{MIDDLE DOT} ".join(parts) + (f": {said}" if said else ""))
+        status = f"[{STATUS_STYLE.get(row['status'], 'red')}]{row['status']}[/]"
+        left = self._left()
+        if self._live.is_started or left is None or self._latest - self._told < AGAIN_S:
+            left = ""
+        else:
+            self._told = self._latest
+        count = "" if self._live.is_started else f"{self._done} of {self._total} "
+        self._console.print(
+            f"{count}{status} {text}{left and f'; {left}'}", highlight=False, soft_wrap=not self._live.is_started
+        )
+
+    def _warn(self, dataset: str, row: dict[str, Any]) -> None:
+        """Say once that a log shows nothing: its backends are not worth waiting for."""
+        if row["status"] == "done" and unseen([row["sightings"]]) and dataset not in self._warned:
+            self._warned.add(dataset)
+            self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
+
+    def _left(self) -> str | None:
+        """The time left, in words; None before it can be told, and when nothing is."""
+        left = self._pace.left()
+        if left is None or self._done == self._total:
+            return None
+        return words(max(0.0, left - (time.monotonic() - self._latest)))
+
+    def _draw(self) -> None:
+        """Work the tables out anew: where they are too tall to be written over, a line a dataset, or nothing."""
+        if not self._live.is_started:
+            return
+        found = {(line.dataset, line.backend): line for line in lines(self._rows)}
+        every = [found.get(kind) or Line(*kind, "", [], {}, self._names[kind[0]]) for kind in sorted(self._planned)]
+        for shown in (tables(every, self._console.width, self._planned), [self._compact(every)], []):
+            self._shown = shown
+            if len(self._console.render_lines(Group(*shown), pad=False)) < self._console.height - 2:
+                return
+
+    def _compact(self, every: Sequence[Line]) -> Table:
+        """A line a dataset."""
+        shown = Table(box=box.SIMPLE_HEAD, collapse_padding=True)
+        room = max(8, (self._console.width - 34) // 2)
+        shown.add_column("dataset", no_wrap=True, overflow="ellipsis", max_width=room)
+        for heading in ("ended", "lowest ATE, m"):
+            shown.add_column(heading, justify="right", no_wrap=True, min_width=len(heading))
+        shown.add_column("of", no_wrap=True, overflow="ellipsis", max_width=room)
+        for dataset, name in self._names.items():
+            mine = [line for line in every if line.dataset == dataset]
+            of = sum(self._planned[dataset, line.backend] for line in mine)
+            best = min(
+                (line for line in mine if "ate_m" in line.values),
+                key=lambda line: line.values["ate_m"].median,
+                default=None,
+            )
+            figures = ("", "") if best is None else (f"{best.values['ate_m'].median:.3f}", plain(best.backend))
+            shown.add_row(plain(name), f"{sum(len(line.rows) for line in mine)}/{of}", *figures)
+        return shown
+
+    def _renderable(self) -> RenderableType:
+        """The tables, and below them how far it is."""
+        parts = [self._stage]
+        if self._total:
+            parts.append(f"{self._done} of {self._total}")
+        parts.append(_clock(time.monotonic() - self._began))
+        left = self._left() if self._stage == "running cells" else None
+        text = Text(" \N{MIDDLE DOT} ".join([*parts, *([] if left is None else [left])]), no_wrap=True)
+        bar = min(BAR, self._console.width - text.cell_len - 2)
+        foot = Table.grid(padding=(0, 2))
+        foot.add_row(*([ProgressBar(self._total, self._done, width=bar)] if self._total and bar > 4 else []), text)
+        return Group(*self._shown, foot)
+
+
+def _kind(cell: Cell) -> tuple[str, str]:
+    return cell.dataset.label, cell.backend.label
+
+
+def _clock(seconds: float) -> str:
+    minutes, seconds = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"

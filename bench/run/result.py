@@ -1,0 +1,250 @@
+"""What a run left in its folder, for Python and for a notebook, where it shows itself."""
+
+import base64
+import contextlib
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...datasets import truth as truths
+from ...datasets.formats import log_folder
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Log, Truth
+from ...frontend.se2 import Array
+from ..drawing.page import rendered
+from ..plan.spec import backend_variants, dataset_at, dataset_variants
+from ..plan.values import as_whole
+from ..record.reader import Store
+from ..report.section import sections
+from ..verdict.summary import lines
+from ..verdict.verdict import Verdict
+from ..words.console import screen_console
+from .benchmark import DEFAULTS, begun, benchmark, planned
+from .progress import Screen
+from .runner import LOGS
+from .terminal import conclude, verdicts
+
+ASKER = "slamduel.run"
+"""In whose name arguments are refused."""
+
+LONGEST = 60
+"""Letters of a log's name that its folder has: no file system takes more than 255 bytes."""
+
+Named = str | Path | Log | Dataset
+"""A dataset: as on the command line, the path of a log or of a recording, or a log that Python holds."""
+
+
+class Result:
+    """A run's folder: its cells, verdicts and paths, which a notebook shows with its tables.
+
+    `pandas.DataFrame(found.cells)` is a frame with a row a cell; `found.verdict["aruco-room"].uses` tells which backend
+    to use on that dataset, and why.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder)
+
+    @property
+    def cells(self) -> list[dict[str, Any]]:
+        """A dictionary a cell, by column of cells.csv; None where there is no value."""
+        with Store(self.folder) as store:
+            return [dict(row.columns) for row in store.cells()]
+
+    @property
+    def verdict(self) -> dict[str, Verdict]:
+        """By dataset, as `cells` and the command line name it: what can be said of the backends on it.
+
+        `uses` says which backend to use for the path online, for the final one and for the map, and why; `sentences`
+        say more, the most important first; `comparisons` are, by column of cells.csv, the tests of every two backends.
+        """
+        with Store(self.folder) as store:
+            return verdicts(lines(store.cells()))
+
+    @property
+    def report(self) -> Path:
+        """The page with everything."""
+        return self.folder / "report.html"
+
+    def path(
+        self, backend: str, dataset: str | None = None, seed: int = 0, *, final: bool = False
+    ) -> tuple[Array, Array]:
+        """Times (n,) and poses (n, 3) of one cell: those given step by step, or `final`, smoothed over the whole log.
+
+        `backend` and `dataset` are named as in the tables; the dataset may be left out where there is only one.
+        InputError where there is no such path.
+        """
+        name = "final" if final else "online"
+        with Store(self.folder) as store:
+            rows = [
+                row
+                for line in lines(store.cells())
+                if line.backend == backend and dataset in (None, line.dataset)
+                for row in line.rows
+                if row.columns["seed"] == seed and row.columns["status"] == "done"
+            ]
+            arrays = store.arrays(rows[0], ("t", name)) if len(rows) == 1 else {}
+        if name not in arrays:
+            where = "" if dataset is None else f" on {dataset}"
+            found = f"found {len(rows)} cells done" if len(rows) != 1 else f"the cell has no {name} path"
+            raise InputError(f"{self.folder}, {backend}{where}, seed {seed}: {found}, expected one that has it.")
+        return arrays["t"], arrays[name]
+
+    def __repr__(self) -> str:
+        console = screen_console(quiet=False)
+        with console.capture() as captured, Store(self.folder) as store:
+            conclude(console, lines(store.cells()))
+        return captured.get().rstrip("\n") + f"\nreport: {self.report}"
+
+    def _repr_html_(self) -> str:
+        """Verdicts, tables and paths, with no style of their own but the tables': a notebook has one."""
+        with Store(self.folder) as store:
+            found, look = sections(store)
+        return rendered(
+            "result.html.jinja", {"sections": found, "looks": look, "report": self.report, "picture": _data}
+        )
+
+
+def run(
+    dataset: Named | Iterable[Named] | None = None,
+    backend: str | Sequence[str] | None = None,
+    *,
+    truth: Truth | None = None,
+    seeds: int | None = None,
+    out: Path | str | None = None,
+    jobs: int = 1,
+    quiet: bool = True,
+    **limits: Any,
+) -> Result:
+    """Run backends on datasets as `bench run` does, each cell in a process of its own, and return what came of it.
+
+    `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
+    `Log`. Results go to `out`, which is results/DATE-TIME where nothing is said; a run that was stopped goes on where
+    it was. `limits` are those of the command line: timeout_s, memory_mb, map, map_fixed, oracle. SlamduelError, with a
+    sentence, for anything that cannot be used.
+    """
+    folder = (
+        Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
+    )
+    unknown = sorted(set(limits) - set(DEFAULTS))
+    if unknown:
+        raise InputError(f"{ASKER}: there is no argument {unknown[0]!r}, expected one of {', '.join(DEFAULTS)}.")
+    given: dict[str, Any] = {name: value for name, value in limits.items() if value is not None}
+    if isinstance(given.get("map"), Path):
+        given["map"] = str(given["map"])
+    if seeds is not None:
+        given["seeds"] = seeds
+    if backend is not None:
+        given["backend"] = _backends(backend)
+    held: dict[Path, Dataset] = {}
+    if dataset is not None:
+        given["dataset"] = ",".join(_word(one, folder, held) for one in _each(dataset, truth))
+    elif truth is not None:
+        raise _astray()
+    as_whole("jobs", jobs, 1)
+    planned(given, folder)
+    with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
+        benchmark(given, folder, jobs, [ASKER, *(f"{name}={value}" for name, value in given.items())], screen)
+    return Result(folder)
+
+
+def _kind(name: str, value: Any, kind: Any) -> Any:
+    if not isinstance(value, kind):
+        raise InputError(f"{ASKER}: {name} is {value!r}, expected a text or a Path.")
+    return value
+
+
+def _backends(backend: Any) -> str:
+    """The backends as the command line names them."""
+    several = [backend] if isinstance(backend, str) else backend if isinstance(backend, Sequence) else [None]
+    if not all(isinstance(one, str) for one in several):
+        raise InputError(f"{ASKER}: backend is {backend!r}, expected names: a text, or a list of texts.")
+    names = ",".join(several)
+    backend_variants(names, ASKER)
+    return names
+
+
+def _each(dataset: Any, truth: Any) -> list[Named]:
+    """The datasets, a log together with its truth."""
+    several: list[Any] = [dataset]
+    if isinstance(dataset, Iterable) and not isinstance(dataset, str | Log | Dataset):
+        several = list(dataset)
+    for found in several:
+        if not isinstance(found, str | Path | Log | Dataset):
+            raise InputError(f"{ASKER}: dataset is {found!r}, expected a name, a path, a Log or a Dataset(log, truth).")
+    if not several:
+        raise InputError(f"{ASKER}: dataset is empty, expected at least one.")
+    if truth is None:
+        return several
+    if len(several) != 1 or not isinstance(several[0], Log):
+        raise _astray()
+    return [Dataset(several[0], truth)]
+
+
+def _astray() -> InputError:
+    return InputError(f"{ASKER}: found a truth, expected one Log that it belongs to, or Dataset(log, truth).")
+
+
+def _word(dataset: Named, folder: Path, held: dict[Path, Dataset]) -> str:
+    """What the command line would call the dataset; a log that Python holds is `held`, by its place in the folder.
+
+    InputError where it cannot be used, or where its place is taken by another one.
+    """
+    if isinstance(dataset, str):
+        dataset_variants(dataset, ASKER)
+        return dataset
+    if isinstance(dataset, Path):
+        return dataset_at(dataset, ASKER).label
+    log, truth = dataset if isinstance(dataset, Dataset) else (dataset, None)
+    if not isinstance(log, Log):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
+        raise InputError(f"{ASKER}: the log of a dataset is {log!r}, expected a Log.")
+    log_folder.check_writable(log, truth)
+    place = folder / LOGS / (re.sub(r"[^\w.-]+", "-", log.name)[:LONGEST].strip("-.") or "log")
+    if place in held:
+        both = f"{held[place].log.name!r} and {log.name!r}"
+        raise InputError(
+            f"{ASKER}: found logs named {both}, which would both be kept in {place}; expected other names."
+        )
+    label = dataset_at(place, ASKER, "log").label
+    if place.exists() and not _same(log_folder.read(place), Dataset(log, truth)):
+        raise InputError(
+            f"{place}: holds another log named {log.name}, or another truth of it, expected the same, or another name "
+            "or folder."
+        )
+    held[place] = Dataset(log, truth)
+    return label
+
+
+def _same(kept: Dataset, given: Dataset) -> bool:
+    """Whether `given` is what was `kept`: written and read as well, it has the same factors and the same truth."""
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        log_folder.write(Path(scratch) / LOGS, *given)
+        again = log_folder.read(Path(scratch) / LOGS)
+    told = [None if truth is None else truths.digest(truth) for truth in (kept.truth, again.truth)]
+    return kept.log.digest == again.log.digest and told[0] == told[1]
+
+
+@contextlib.contextmanager
+def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
+    """The logs that Python holds in their places; gone again, with what was made for them, if no run was begun."""
+    missing = [path for path in (folder / LOGS, folder, *folder.parents) if not path.exists()]
+    new = [place for place in held if not place.exists()]
+    try:
+        for place in new:
+            log_folder.write(place, *held[place])
+        yield
+    finally:
+        if not begun(folder):
+            for place in new:
+                shutil.rmtree(place, ignore_errors=True)
+            for path in missing if new else ():
+                with contextlib.suppress(OSError):  # not empty: somebody else's
+                    path.rmdir()
+
+
+def _data(svg: str) -> str:
+    """A figure as the address of an image: nothing of it can meet the page's own style."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()

@@ -1,0 +1,228 @@
+"""What a run comes to, in the terminal: a table a dataset, which backend to use, and what went wrong."""
+
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from rich import box
+from rich.console import Console
+from rich.measure import Measurement
+from rich.padding import Padding
+from rich.table import Table
+
+from ..verdict.medians import typical
+from ..verdict.statistics import FEWEST
+from ..verdict.summary import Line, logs, remarks
+from ..verdict.verdict import Verdict, verdict
+from ..words.console import plain, watched, wrapped
+from ..words.names import called
+from ..words.numerals import counted
+
+LOST = 1e6
+"""m, or NEES, from which on a figure is shown by its order."""
+
+LABEL = (18, 28, 60)
+"""Columns that a backend's label may take before it is wrapped: below NARROW, below MEDIUM, and beyond."""
+
+NARROW, MEDIUM = 70, 100
+
+FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")
+"""Columns that are left out where there is no room; before intervals are, the first three, and `done` where all is."""
+
+STATUS_STYLE = {"done": "green", "skipped": "magenta"}  # others are red; yellow cannot be read on white
+
+PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}
+"""What is before the backend that a verdict names, by purpose."""
+
+PURPOSE = 11
+"""Columns of the longest, and of what mishaps are headed by."""
+
+
+def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
+    """The lines of each dataset, by its label."""
+    found: dict[str, list[Line]] = {}
+    for line in lines:
+        found.setdefault(line.dataset, []).append(line)
+    return found
+
+
+def verdicts(lines: Sequence[Line]) -> dict[str, Verdict]:
+    """The verdict on each dataset, by its label."""
+    return {dataset: verdict(mine) for dataset, mine in by_dataset(lines).items()}
+
+
+def conclude(console: Console, lines: Sequence[Line]) -> None:
+    """Print what the run came to, dataset by dataset."""
+    found = by_dataset(lines)
+    for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
+        console.print(table)
+        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *mishaps(mine)]
+        if watched(console):
+            console.print(_folded(said), highlight=False)
+        for heading, text in () if watched(console) else said:
+            console.print(f"  {heading:<{PURPOSE}}  {plain(text)}", highlight=False, soft_wrap=True)
+        console.print()
+
+
+def _folded(said: Sequence[tuple[str, str]]) -> Padding:
+    """Headings beside what they are about."""
+    shown = Table.grid(padding=(0, 2))
+    shown.add_column(no_wrap=True, style="dim", min_width=PURPOSE)
+    shown.add_column()
+    for heading, text in said:
+        shown.add_row(heading, plain(text))
+    return Padding(shown, (0, 0, 0, 2))
+
+
+def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
+    """What to use for which purpose, and why; where nothing is named, the verdict's first sentence."""
+    for use in found.uses:
+        yield PURPOSES.get(use.purpose, use.purpose), f"{use.backend}: {use.why}" if use.backend else use.why
+    if not found.uses and found.sentences:
+        yield "verdict", found.sentences[0]
+
+
+def mishaps(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
+    """What did not go as it should, on one dataset: cells that are not done, by backend, and logs that show nothing."""
+    rows = [row.columns for line in lines for row in line.rows]
+    if rows and all(row["status"] == "skipped" for row in rows):
+        yield "nothing run", f"all of {counted(len(rows), 'cell')} were skipped, so there is nothing to compare"
+    for line in lines:
+        ends: dict[tuple[str, str], int] = {}
+        for row in line.rows:
+            end = row.columns["status"], remarks(row.columns["reason"] or "")
+            ends[end] = ends.get(end, 0) + (end[0] != "done")
+        for (status, reason), n in ends.items():
+            if n:
+                yield status, f"{line.backend}, {n} of {len(line.rows)}: {reason}"
+    if unseen([row["sightings"] for row in rows if row["status"] == "done"]):
+        yield "remark", NO_SIGHTING
+
+
+NO_SIGHTING = "there is no sighting in it, and without any every backend gives dead reckoning"
+
+
+def unseen(sightings: Sequence[int | None]) -> bool:
+    """Whether no log has a sighting, by the column of that name."""
+    return bool(sightings) and not any(sightings)
+
+
+def status(lines: Sequence[Line]) -> int:
+    """A run's exit status: 0 where something was done and nothing failed. All skipped is no comparison: 1."""
+    ends = [row.columns["status"] for line in lines for row in line.rows]
+    return 0 if "done" in ends and set(ends) <= {"done", "skipped"} else 1
+
+
+def tables(lines: Sequence[Line], width: int, planned: Mapping[tuple[str, str], int] | None = None) -> list[Table]:
+    """The run at a glance, a table a dataset, with the columns that there is room for.
+
+    Medians over the logs, and their 95 % intervals from FEWEST logs on, else ranges over the cells. While the run goes
+    on, `planned` are its cells by dataset and backend; then there are no intervals yet.
+    """
+    groups = by_dataset(lines)
+    names = called(list(groups))
+    rows = [[_entries(line, planned) for line in group] for group in groups.values()]
+    shown: list[Table] = []
+    whole = all(line.done == len(line.rows) for line in lines)
+    for form in _forms(width, [] if planned is not None else range(5 if whole else 4)):
+        shown = [
+            _table(names[dataset], group, entries, form)
+            for (dataset, group), entries in zip(groups.items(), rows, strict=True)
+        ]
+        if all(Measurement.get(_RULER, _RULER.options, table).maximum <= width for table in shown):
+            break
+    return shown
+
+
+_RULER = Console(width=1000, file=io.StringIO())
+
+
+class _Form(NamedTuple):
+    """What a table leaves out."""
+
+    without: Sequence[str]
+    ranges: bool
+    label: int  # columns
+
+
+def _forms(width: int, with_ranges: Sequence[int]) -> Iterator[_Form]:
+    """The richest first; `with_ranges` are how many columns may go before ranges do."""
+    label = min(LABEL[(width >= NARROW) + (width >= MEDIUM)], max(8, width - 28))
+    yield from (_Form(FIRST_TO_GO[:k], True, label) for k in with_ranges)
+    yield from (_Form(FIRST_TO_GO[:k], False, label) for k in range(len(FIRST_TO_GO) + 1))
+
+
+class _Entry(NamedTuple):
+    """A median, and what is in brackets after it where there is room."""
+
+    text: str
+    ends: str = ""
+
+
+def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[str, _Entry]:
+    """A line's entries by heading; the map's where it is held against true places."""
+    v = line.values
+    spreads = {
+        "ATE, m": ("ate_m",),
+        "final, m": ("final_ate_m",),
+        "map, m": ("final_map_rmse_m", "map_rmse_m") if line.surveyed else (),
+    }
+    of = len(line.rows) if planned is None else planned[line.dataset, line.backend]
+    entries = {"done": _Entry(f"{line.done}/{of}")}
+    for heading, columns in spreads.items():
+        column = next((column for column in columns if column in v), None)
+        entries[heading] = _Entry("") if column is None else _metres(*_ends(line, column, final=planned is None))
+    nees = v.get("nees")
+    form = "" if nees is None else ".2f" if nees.median < 100 else ".0f" if nees.median < LOST else ".1e"
+    entries["NEES"] = _Entry("" if nees is None else f"{nees.median:{form}}")
+    inside, p50, p99 = (v.get(name) for name in ("nees_inside", "step_us_p50", "step_us_p99"))
+    entries["in 95 %"] = _Entry("" if inside is None else f"{100 * inside.median:.0f} %")
+    entries["step, µs"] = _Entry("" if p50 is None else _whole(p50.median))
+    entries["p99"] = _Entry("" if p99 is None else _whole(p99.median) + ("" if line.alone else "*"))
+    return entries
+
+
+def _ends(line: Line, column: str, *, final: bool) -> tuple[float, float, float]:
+    """The column's median and the ends of its interval, or range; NaN ends where there is but one value."""
+    value = line.values[column]
+    median, low, high = typical(line, column)[:3] if final else (value.median, value.low, value.high)
+    return (median, low, high) if low < high else (median, math.nan, math.nan)
+
+
+def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Entry]], form: _Form) -> Table:
+    n = logs(lines)
+    title = f"[bold]{plain(name)}[/], {counted(n, 'log')}"
+    known = next((line for line in lines if line.rows), lines[0])
+    if known.truth_kind == "reference":
+        title += f"; truth unknown: errors{' of paths' * known.surveyed} are distances from {known.reference}"
+    if form.ranges and any(entry.ends for row in entries for entry in row.values()):
+        title += f"; medians ({'95 % intervals' if n >= FEWEST else 'ranges'})"
+    shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
+    shown.add_column("backend", no_wrap=True, overflow="ellipsis", max_width=form.label + 2)
+    headings = [h for h in entries[0] if h not in form.without and (h != "map, m" or known.surveyed)]
+    texts = [[row[h].text + row[h].ends * form.ranges for h in headings] for row in entries]
+    for heading, *column in zip(headings, *texts, strict=True):  # what has to be cut is the label, never a number
+        shown.add_column(heading, justify="right", no_wrap=True, min_width=max(map(len, (heading, *column))))
+    for line, row in zip(lines, texts, strict=True):
+        shown.add_row(plain(wrapped(line.backend, form.label)) + " \N{DAGGER}" * line.told, *row)
+    notes = ["* timed while other cells ran beside it"] * ("p99" in headings and not all(line.alone for line in lines))
+    notes += ["\N{DAGGER} was told the truth (--oracle)"] * any(line.told for line in lines)
+    if notes:
+        shown.caption, shown.caption_justify = "\n".join(notes), "left"
+    return shown
+
+
+def _whole(value: float) -> str:
+    return "<1" if value < 0.5 else f"{value:.0f}"
+
+
+def _metres(median: float, low: float, high: float) -> _Entry:
+    """To a millimetre, or to a thousandth where that is coarser; what is lost altogether by its order alone."""
+    highest = median if math.isnan(high) else high
+    if math.isinf(median):
+        return _Entry("failed")
+    if highest < 0.0005:
+        return _Entry("<0.001")
+    form = ".3f" if median < 10 else ".2f" if median < 100 else ".1f" if highest < LOST else ".1e"
+    return _Entry(f"{median:{form}}", "" if math.isnan(low) else f" ({low:{form}}-{high:{form}})")

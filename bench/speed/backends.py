@@ -1,0 +1,197 @@
+"""`bench speed`: CPU time of every backend's step against the size of the map, beside stated references.
+
+Each backend and size has a process of its own, one thread, one at a time, in which its references are timed too.
+"""
+
+import argparse
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from ...frontend.errors import InputError
+from ...frontend.files import write_whole
+from ..plan.spec import BackendVariant, backend_variants
+from ..words.console import plain
+from ..workers.tasks import execute
+from .process import Extent, Process, Subject, lost, measure
+from .ratios import Ratio, ratios
+from .tables import as_csv, backend_table, part_table, ratio_table, ratios_as_csv, reference_table
+from .timing import Row
+
+BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam,fastslam[version=2],isam2,fixed-lag"
+"""Those that have a cost each step; `graph` has one at the end alone."""
+
+OPTIONS = ("backend", "sizes", "particles", "sightings", "steps", "seconds", "scattered")
+"""The study's own."""
+
+
+class _Size(NamedTuple):
+    sizes: tuple[int, ...]
+    particles: tuple[int, ...]
+    steps: int
+    seconds: float
+
+
+FULL = _Size((10, 30, 100, 300, 1000), (100, 1000, 10_000), 5000, 5.0)
+QUICK = _Size((10, 30, 100), (100,), 200, 1.0)
+SIGHTINGS = 6
+
+OVERDUE = 1800.0
+"""s of wall clock after which a process is ended."""
+
+
+def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
+    """Add the study's own options."""
+    add = group.add_argument
+    add("--backend", metavar="NAMES", help=f"as in bench run ({BACKENDS})")
+    add("--sizes", metavar="N,...", help=f"landmarks on the map ({_listed(FULL.sizes)}; quick {_listed(QUICK.sizes)})")
+    add(
+        "--particles",
+        metavar="M,...",
+        help=f"of a backend that has them ({_listed(FULL.particles)}; quick {_listed(QUICK.particles)})",
+    )
+    add("--sightings", type=int, metavar="K", help=f"a step ({SIGHTINGS})")
+    add("--steps", type=int, metavar="N", help=f"timed, at most ({FULL.steps}; quick {QUICK.steps})")
+    add(
+        "--seconds",
+        type=float,
+        metavar="S",
+        help=f"of CPU, after which timing stops ({FULL.seconds:g}; quick {QUICK.seconds:g})",
+    )
+    add(
+        "--scattered",
+        action="store_true",
+        help="sight landmarks anywhere on the map, not the nearest: the worst case of a compressed filter",
+    )
+
+
+def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
+    """Measure and print; the files written."""
+    sizes, particles, extent = _asked(namespace)
+    variants = backend_variants(namespace.backend or BACKENDS)
+    rows = _measured(list(_processes(variants, sizes, particles, extent)), console)
+    rows += [Row("backend", v.label, size, reason=v.missing) for v in variants if v.missing for size in sizes]
+    order = [variant.label for variant in variants]
+    rows.sort(key=lambda row: (_place(order, row), row.particles or 0, row.landmarks))
+    reached = ratios(rows, {variant.label: variant.options for variant in variants})
+    title = _words(extent)
+    _print(rows, reached, title, console)
+    return _written(namespace, rows, reached, title)
+
+
+def _asked(namespace: argparse.Namespace) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
+    """Numbers of landmarks and of particles, and how far to go; InputError for what cannot be."""
+    usual = QUICK if namespace.quick else FULL
+    sizes = _counts("--sizes", namespace.sizes, usual.sizes)
+    particles = _counts("--particles", namespace.particles, usual.particles)
+    for flag in ("sightings", "steps"):
+        count = getattr(namespace, flag)
+        if count is not None and count < 1:
+            raise InputError(f"--{flag} {count}: expected 1 or more")
+    if namespace.seconds is not None and not 0 < namespace.seconds < float("inf"):
+        raise InputError(f"--seconds {namespace.seconds:g}: expected a number above 0")
+    extent = Extent(
+        namespace.steps or usual.steps,
+        namespace.sightings or SIGHTINGS,
+        namespace.seconds or usual.seconds,
+        namespace.seed,
+        namespace.scattered,
+    )
+    return sizes, particles, extent
+
+
+def _processes(
+    variants: Sequence[BackendVariant], sizes: tuple[int, ...], particles: tuple[int, ...], extent: Extent
+) -> Iterator[Process]:
+    """One a backend and size; of a backend with particles, one a number of these, with all sizes in it."""
+    here = [variant for variant in variants if variant.builder is not None]
+    for name in dict.fromkeys(variant.name for variant in here):
+        mine = [variant for variant in here if variant.name == name]
+        subjects = tuple(Subject(variant.label, variant.name, variant.options) for variant in mine)
+        if "particles" in {field.name for field in dataclasses.fields(mine[0].options)}:
+            for count in particles:
+                yield Process(subjects, sizes, count, extent)
+        else:
+            for size in sizes:
+                yield Process(subjects, (size,), None, extent)
+
+
+def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
+    """Every process's rows, one process at a time."""
+    rows: list[Row] = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    hidden = console.quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        task = progress.add_task("timing", total=len(processes))
+        for ended in execute(measure, processes, workers=1, timeout_s=OVERDUE):
+            said = f"it took longer than {OVERDUE:g} s" if ended.death == "timeout" else ended.death
+            rows += lost(processes[ended.task], said) if ended.death else ended.value
+            console.print(f"[dim]timed {plain(str(processes[ended.task]))}[/]", highlight=False)
+            progress.advance(task)
+    return rows
+
+
+def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: Console) -> None:
+    """The tables that have something in them."""
+    backends = [row for row in rows if row.kind == "backend"]
+    for with_particles in (False, True):
+        mine = [row for row in backends if (row.particles is not None) == with_particles]
+        if mine:
+            console.print(backend_table(mine, f"CPU time of a step, µs: {title}"))
+    kinds = {row.kind for row in rows if row.timing is not None}
+    if "reference" in kinds:
+        console.print(reference_table(rows))
+    if "part" in kinds:
+        console.print(part_table(rows))
+    if reached:
+        console.print(ratio_table(reached))
+
+
+def _written(namespace: argparse.Namespace, rows: Sequence[Row], reached: Sequence[Ratio], title: str) -> list[Path]:
+    """The files that were asked for."""
+    written: list[Path] = []
+    if namespace.csv is not None:
+        write_whole(namespace.csv, as_csv(rows))
+        written.append(namespace.csv)
+    if namespace.out is not None:
+        from .figure import write_figure
+
+        table, compared, picture = (namespace.out / name for name in ("backends.csv", "ratios.csv", "backends.png"))
+        write_whole(table, as_csv(rows))
+        write_whole(compared, ratios_as_csv(reached))
+        written += [table, compared]
+        if write_figure(picture, rows, title):
+            written.append(picture)
+    return written
+
+
+def _counts(flag: str, text: str | None, usual: tuple[int, ...]) -> tuple[int, ...]:
+    """Whole numbers above 0, separated by commas, sorted."""
+    if text is None:
+        return usual
+    try:
+        counts = sorted({int(word) for word in text.split(",")})
+    except ValueError:
+        counts = [0]
+    if counts[0] < 1:
+        raise InputError(f"{flag} {text}: expected whole numbers above 0, separated by commas")
+    return tuple(counts)
+
+
+def _place(order: Sequence[str], row: Row) -> int:
+    """Backends as they were named, references and parts after all of them."""
+    return order.index(row.name) if row.kind == "backend" else len(order)
+
+
+def _words(extent: Extent) -> str:
+    """What a step holds."""
+    which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
+    return f"{extent.sightings} sightings a step, of {which}, one thread"
+
+
+def _listed(counts: Sequence[int]) -> str:
+    return ",".join(map(str, counts))

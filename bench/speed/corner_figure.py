@@ -1,0 +1,66 @@
+"""The front end's study in one picture: bias, spread and honesty by distance, a line a refinement."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..drawing.axes import logarithmic
+from ..drawing.picture import picture
+from ..words.styles import looks
+from .corners import Accuracy
+
+HONEST = (0.8, 1.2)
+"""The band in which a mean normalised squared error, over its degrees of freedom, is taken for honest."""
+
+
+def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
+    """Draw the rows of a still camera into `path`, a PNG, whole or not at all; of a moving one, the last panel's."""
+    still = [row for row in rows if row.streak == 0]
+    with picture(path, (12.5, 4.2)) as figure:
+        bias, spread, honesty = figure.subplots(1, 3)
+        _lines(bias, still, lambda row: 1e3 * abs(row.bias))
+        bias.set_title("Bias of the distance, without its sign, mm")
+        _lines(spread, still, lambda row: 1e3 * row.sd)
+        spread.set_title("Standard deviation of the distance, mm")
+        _honesty(honesty, [row for row in rows if row.refinement == rows[-1].refinement])
+        handles, labels = bias.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), handlelength=2.6)
+        for axes in (bias, spread, honesty):
+            axes.set_xlabel("distance, m")
+
+
+def _lines(axes: Axes, rows: Sequence[Accuracy], value: Callable[[Accuracy], float]) -> None:
+    shown = looks(row.refinement for row in rows)
+    values = np.array([value(row) for row in rows])
+    for name, look in shown.items():
+        mine = np.array([row.refinement == name for row in rows])
+        distances = [row.distance for row in rows if row.refinement == name]
+        axes.plot(distances, values[mine], color=look.colour, linestyle=look.dash, marker=look.marker, label=name)
+    known = values[np.isfinite(values) & (values > 0)]
+    distances = [row.distance for row in rows]
+    logarithmic("x", axes, min(distances), max(distances))
+    if len(known):
+        logarithmic("y", axes, known.min(), known.max())
+
+
+def _honesty(axes: Axes, rows: Sequence[Accuracy]) -> None:
+    """Of one refinement, still and moving, with intervals."""
+    axes.axhspan(*HONEST, color="#e8f0e8", zorder=0)
+    axes.axhline(1, color="#8c8c8c", linewidth=0.8)
+    for look, streak in zip(looks("ab").values(), dict.fromkeys(row.streak for row in rows), strict=False):
+        mine = [row for row in rows if row.streak == streak]
+        axes.errorbar(
+            [row.distance for row in mine],
+            [row.nees for row in mine],
+            [row.nees_half for row in mine],
+            color=look.colour,
+            linestyle=look.dash,
+            marker=look.marker,
+            capsize=2,
+            label=f"streaks up to {streak:g} px" if streak else "still camera",
+        )
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False)
+    axes.set_title(f"NEES of {rows[-1].refinement}; 1 is exact")

@@ -1,0 +1,117 @@
+"""The front end's study as tables for the terminal, and as CSV."""
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+
+from rich import box
+from rich.table import Table
+
+from .corners import CROWD, REFINEMENTS, Accuracy, Cost, Misreadings
+
+COLUMNS = (
+    *("study", "refinement", "width", "height", "distance_m", "streak_px", "frames", "sightings", "wrong"),
+    *("cpu_ms", "bias_m", "sd_m", "bearing_bias_rad", "nees", "nees_half"),
+)
+
+NEES = "NEES: mean normalised squared error of range and bearing over its 2 degrees of freedom; 1 is exact"
+
+Row = Cost | Accuracy | Misreadings
+
+
+def cost_table(costs: Sequence[Cost]) -> Table:
+    """CPU time, frame rate and ratio, a row a refinement, columns for each size of frame."""
+    table = _table(f"CPU time of a frame with {CROWD} markers, one thread", "refinement")
+    cameras = list(dict.fromkeys(cost.camera for cost in costs))
+    for camera in cameras:
+        for heading in (f"{camera.width}x{camera.height}, ms", "a second", f"of {REFINEMENTS[0]}"):
+            table.add_column(heading, justify="right", no_wrap=True)
+    base = {cost.camera: cost.ms for cost in costs if cost.refinement == REFINEMENTS[0]}
+    for name in dict.fromkeys(cost.refinement for cost in costs):
+        mine = {cost.camera: cost for cost in costs if cost.refinement == name}
+        cells = [
+            (f"{c.ms:.1f}", f"{c.rate:.0f}", f"{c.ms / base[c.camera]:.2f}") for c in map(mine.__getitem__, cameras)
+        ]
+        table.add_row(name, *(text for cell in cells for text in cell))
+    return table
+
+
+def accuracy_table(rows: Sequence[Accuracy]) -> Table:
+    """Every refinement at every distance, beside each other."""
+    streak = rows[0].streak
+    camera = f"a camera that moves, streaks up to {streak:g} px" if streak else "a still camera"
+    table = _table(f"{rows[0].placements} placements a distance, {camera}", "m", "refinement")
+    for heading in ("found", "wrong", "bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NEES"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.caption, table.caption_justify = NEES, "left"
+    for index, row in enumerate(rows):
+        first = index == 0 or rows[index - 1].distance != row.distance
+        figures = (
+            f"{100 * row.bias / row.distance:+.3f}",
+            f"{1e3 * row.bias:+.2f}",
+            f"{1e3 * row.sd:.2f}",
+            f"{math.degrees(row.bearing_bias):+.4f}",
+            f"{row.nees:.2f} ± {row.nees_half:.2f}",
+        )
+        table.add_row(
+            f"{row.distance:g}" if first else "",
+            row.refinement,
+            f"{100 * row.found / row.placements:.1f} %",
+            str(row.wrong),
+            *(figures if math.isfinite(row.bias) else [""] * len(figures)),
+            end_section=index + 1 < len(rows) and rows[index + 1].distance != row.distance,
+        )
+    return table
+
+
+def misreading_table(rows: Sequence[Misreadings]) -> Table:
+    """Wrong ids."""
+    table = _table("Ids that are not there", "frames of", "refinement")
+    for heading in ("frames", "sightings", "wrong ids"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in rows:
+        table.add_row(row.kind, row.refinement, f"{row.frames:,}", f"{row.sightings:,}", str(row.wrong))
+    return table
+
+
+def as_csv(rows: Sequence[Row]) -> str:
+    """A line a row, in COLUMNS; blank where a study has no such figure."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(map(_record, rows))
+    return text.getvalue()
+
+
+def _record(row: Row) -> dict[str, str | int | float]:
+    if isinstance(row, Cost):
+        size = {"width": row.camera.width, "height": row.camera.height}
+        return {"study": "cost", "refinement": row.refinement, **size, "frames": row.frames, "cpu_ms": row.ms}
+    if isinstance(row, Misreadings):
+        counts = {"frames": row.frames, "sightings": row.sightings, "wrong": row.wrong}
+        return {"study": row.kind, "refinement": row.refinement, **counts}
+    figures = {
+        "bias_m": row.bias,
+        "sd_m": row.sd,
+        "bearing_bias_rad": row.bearing_bias,
+        "nees": row.nees,
+        "nees_half": row.nees_half,
+    }
+    return {
+        "study": "moving" if row.streak else "still",
+        "refinement": row.refinement,
+        "distance_m": row.distance,
+        "streak_px": row.streak,
+        "frames": row.placements,
+        "sightings": row.found,
+        "wrong": row.wrong,
+        **{name: "" if math.isnan(figure) else figure for name, figure in figures.items()},
+    }
+
+
+def _table(title: str, *texts: str) -> Table:
+    table = Table(title=f"[bold]{title}[/]", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
+    for heading in texts:
+        table.add_column(heading, no_wrap=True)
+    return table

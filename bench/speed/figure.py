@@ -1,0 +1,177 @@
+"""The study of the backends' speed in one picture: µs a step against landmarks and against particles, both logarithmic.
+
+A point is the median step, the line up from it ends at the 99th percentile, and the dot above is the slowest; every
+curve is named where it ends, with the power with which it grows. References are grey.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ...frontend.se2 import Array
+from ..drawing.axes import logarithmic, short
+from ..drawing.picture import GRID, picture
+from ..words.styles import Look, looks
+from .ratios import exponent
+from .timing import Row
+
+GREY = "#777777"
+ASIDE = 1.04
+"""From one backend's points to the next one's, of the same size."""
+
+SHORTEST_US = 0.1
+"""µs; what is shorter is not drawn at its height."""
+
+LINE = 11.5
+"""Points from one name to the next at least."""
+
+HEIGHT = 6.6
+"""Inches."""
+
+
+class _Curve(NamedTuple):
+    name: str
+    look: Look
+    at: Array  # (n,) landmarks or particles
+    p50: Array  # (n,) µs
+    p99: Array
+    slowest: Array
+    letter: str  # of what it is drawn against
+
+    @property
+    def label(self) -> str:
+        """Its name, and how its cost grows."""
+        power = exponent(self.at.tolist(), self.p50.tolist())
+        return short(self.name) + ("" if np.isnan(power) else f"  {self.letter}^{power:z.1f}")
+
+
+def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
+    """Draw the rows into `path`, a PNG, whole or not at all; `what` says in words what a step holds.
+
+    False where nothing was timed, and nothing drawn.
+    """
+    backends = [row for row in rows if row.kind == "backend"]  # those of a panel first: colours go round
+    shown = looks(row.name for row in sorted(backends, key=lambda row: row.particles is not None))
+    timed = [row for row in rows if row.timing is not None and row.kind != "part"]
+    by_map = _curves([row for row in timed if row.particles is None], shown, "landmarks")
+    particles = [row for row in timed if row.particles is not None]
+    panels = [(by_map, "landmarks on the map, N")] if by_map else []
+    if particles:
+        least, landmarks = min(row.particles or 0 for row in particles), _common(particles)
+        few = [row for row in particles if row.particles == least]
+        panels.append((_curves(few, shown, "landmarks"), f"landmarks, N; {least:,} particles"))
+        some = [row for row in particles if row.landmarks == landmarks]
+        panels.append((_curves(some, shown, "particles"), f"particles, M; {landmarks:,} landmarks"))
+    if not panels:
+        return False
+    costs = [us for curves, _ in panels for curve in curves for us in (*curve.p50, *curve.slowest)]
+    wide = [1.6 if curves is by_map else 1.0 for curves, _ in panels]
+    with picture(path, (1.0 + 4.2 * sum(wide), HEIGHT), GRID) as figure:
+        every = figure.subplots(1, len(panels), squeeze=False, width_ratios=wide)[0]
+        for axes, (curves, along) in zip(every, panels, strict=True):
+            _scale(axes, curves, costs)
+            backends = [curve.name for curve in curves if curve.look.colour != GREY]
+            for curve in curves:
+                _draw(axes, curve, backends)
+            _name(axes, curves)
+            axes.set_xlabel(along)
+            if axes is not every[0]:
+                axes.tick_params(labelleft=False)
+        every[0].set_ylabel("CPU time a step, µs")
+        figure.suptitle(
+            f"What a step costs: {what}\nPoint: median step; the line up from it ends at the 99th percentile; "
+            "dot: the slowest.\nGrey: references. N^2: twice the landmarks cost 2² times as much; fitted to the three "
+            "largest sizes.",
+            x=0.01,
+            ha="left",
+            fontsize=10,
+        )
+    return True
+
+
+def _common(rows: Sequence[Row]) -> int:
+    """The number of landmarks at which most rows are, the largest of several: references are not timed everywhere."""
+    counts = {n: sum(row.landmarks == n for row in rows) for n in {row.landmarks for row in rows}}
+    return max(counts, key=lambda n: (counts[n], n))
+
+
+def _curves(rows: Sequence[Row], shown: dict[str, Look], along: str) -> list[_Curve]:
+    """A curve a name; of a reference beside several backends, the one beside the first."""
+    curves: list[_Curve] = []
+    letter = "N" if along == "landmarks" else "M"
+    for name in dict.fromkeys(row.name for row in rows):
+        mine = [row for row in rows if row.name == name]
+        mine = sorted((row for row in mine if row.beside == mine[0].beside), key=lambda row: getattr(row, along))
+        look = shown.get(name, Look(GREY, (0, (2, 1.5)), ".", len(shown)))
+        at = np.array([float(getattr(row, along)) for row in mine])
+        timings = [row.timing for row in mine if row.timing is not None]
+        p50, p99, slowest = np.array([(t.p50, t.p99, t.max) for t in timings]).T
+        curves.append(_Curve(name, look, at, p50, p99, slowest, letter))
+    return curves
+
+
+def _scale(axes: Axes, curves: Sequence[_Curve], costs: Sequence[float]) -> None:
+    """Both axes logarithmic, the sizes that were timed marked."""
+    sizes = sorted({float(size) for curve in curves for size in curve.at})
+    logarithmic("x", axes, sizes[0], sizes[-1])
+    logarithmic("y", axes, max(min(costs), SHORTEST_US), max(costs))
+    axes.set_xticks(sizes, [f"{size:,.0f}" for size in sizes])
+
+
+def _draw(axes: Axes, curve: _Curve, backends: Sequence[str]) -> None:
+    """Draw one of the `backends`, a little beside the others so that no percentile hides another; or a reference."""
+    look = curve.look
+    if look.colour == GREY:
+        axes.plot(curve.at, curve.p50, color=GREY, linestyle=look.dash, linewidth=1, marker=look.marker, markersize=5)
+        return
+    at = curve.at * ASIDE ** (backends.index(curve.name) - (len(backends) - 1) / 2)
+    axes.plot(at, curve.p50, color=look.colour, linestyle=look.dash, linewidth=1.5, marker=look.marker, markersize=4.5)
+    axes.vlines(at, curve.p50, curve.p99, color=look.colour, linewidth=0.9, alpha=0.8)
+    axes.plot(at, curve.slowest, ".", color=look.colour, markersize=3, markeredgewidth=0, alpha=0.8)
+    axes.plot(at, curve.p99, "_", color=look.colour, markersize=4, markeredgewidth=0.9, alpha=0.8)
+
+
+def _name(axes: Axes, curves: Sequence[_Curve]) -> None:
+    """Every curve's name to the right of the axes, as high as its last point, moved apart where they would touch."""
+    low, high = np.log10(axes.get_ylim())
+    room = 0.82 * HEIGHT * 72  # points, about what the axes are high
+    wanted = [(np.log10(curve.p50[-1]) - low) / (high - low) * room for curve in curves]
+    for curve, height in zip(curves, apart(wanted, LINE), strict=True):
+        axes.annotate(
+            curve.label,
+            (curve.at[-1], curve.p50[-1]),
+            xytext=(1.03, height / room),
+            textcoords="axes fraction",
+            color=curve.look.colour,
+            va="center",
+            fontsize=8.5,
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": curve.look.colour, "linewidth": 0.5, "alpha": 0.5, "shrinkA": 1},
+        )
+
+
+def apart(wanted: Sequence[float], distance: float) -> list[float]:
+    """Heights near those `wanted`, in the same order, no two nearer than `distance`."""
+    order = np.argsort(wanted, kind="stable")
+    blocks: list[list[float]] = []  # [sum of wanted heights, how many]
+    for index in order:
+        blocks.append([wanted[index], 1.0])
+        while len(blocks) > 1 and _touch(blocks[-2], blocks[-1], distance):
+            total, count = blocks.pop()
+            blocks[-1][0] += total
+            blocks[-1][1] += count
+    heights = [
+        _middle(block) + distance * (place - (block[1] - 1) / 2) for block in blocks for place in range(int(block[1]))
+    ]
+    return [heights[rank] for rank in np.argsort(order)]
+
+
+def _touch(lower: Sequence[float], upper: Sequence[float], distance: float) -> bool:
+    return _middle(upper) - _middle(lower) < distance * (upper[1] + lower[1]) / 2
+
+
+def _middle(block: Sequence[float]) -> float:
+    return block[0] / block[1]

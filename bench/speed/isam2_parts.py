@@ -1,0 +1,95 @@
+"""Where a step of iSAM2 goes: GTSAM's update, its query of the latest pose, and what is left to Python.
+
+And what is no part of a step: the pose's marginal covariance, and back-substitution for every pose and landmark.
+"""
+
+import gc
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ...frontend.factors import Step
+from ...frontend.se2 import Ints
+from ..measure.clock import clock_cost
+from .timing import Row, timing
+
+EVERY = 20
+"""Steps between two looks at what is no part of a step."""
+
+PYTHON = "Python's own"
+"""The part of a step that is spent neither in the update nor in the query of the latest pose: making factors."""
+
+PARTS = ("update", "latest pose", PYTHON)
+
+_UPDATE, _LATEST, _ISAM = "_update", "_latest", "_isam"
+"""What they are called in the backend."""
+
+
+class Stopwatch:
+    """Takes the CPU time that an object spends in some of its methods, ns by the method's name."""
+
+    def __init__(self) -> None:
+        self.spent: dict[str, int] = {}
+        self.calls = 0
+        self.clock = clock_cost()
+
+    def watch(self, owner: Any, name: str) -> None:
+        """From now on take the time of that method; a method that fails still counts."""
+        method = getattr(owner, name)
+
+        def timed(*arguments: Any, **named: Any) -> Any:
+            start = time.process_time_ns()
+            try:
+                return method(*arguments, **named)
+            finally:
+                self.calls += 1
+                self.spent[name] = self.spent.get(name, 0) + time.process_time_ns() - start - self.clock
+
+        setattr(owner, name, timed)
+
+
+def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: int, beside: str) -> list[Row]:
+    """Rows for the parts of the steps of an `isam2` that has been through its survey; none for any other backend."""
+    from ...backends.graphs.isam2 import Isam2
+
+    if not isinstance(backend, Isam2):
+        return []
+    watch = Stopwatch()
+    for method in (_UPDATE, _LATEST):
+        watch.watch(backend, method)
+    solved = getattr(backend, _ISAM).calculateBestEstimate
+    parts: dict[str, list[int]] = {name: [] for name in (*PARTS, "marginal", "back-substitution")}
+    begun = time.process_time()
+    gc.collect()
+    gc.disable()
+    try:
+        for k, step in enumerate(steps):
+            if k >= EVERY and time.process_time() - begun > seconds:
+                break
+            watch.spent.clear()
+            watch.calls = 0
+            start = time.process_time_ns()
+            backend.step(step)
+            whole = time.process_time_ns() - start - watch.clock
+            update, latest = (watch.spent.get(method, 0) for method in (_UPDATE, _LATEST))
+            outside = whole - update - latest - watch.calls * watch.clock  # reading the clock is the watch's own
+            for name, ns in zip(PARTS, (update, latest, outside), strict=True):
+                parts[name].append(ns)
+            if k % EVERY == 0:
+                parts["marginal"].append(_spent(backend.belief) - watch.clock)
+                parts["back-substitution"].append(_spent(solved) - watch.clock)
+    finally:
+        gc.enable()
+    return [Row("part", name, landmarks, timing=timing(_positive(ns)), beside=beside) for name, ns in parts.items()]
+
+
+def _spent(call: Any) -> int:
+    start = time.process_time_ns()
+    call()
+    return time.process_time_ns() - start
+
+
+def _positive(ns: list[int]) -> Ints:
+    return np.maximum(np.array(ns, np.int64), 0)

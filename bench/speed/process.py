@@ -1,0 +1,162 @@
+"""One process of the study: a backend's variants at its sizes, and the references beside them."""
+
+import dataclasses
+import os
+import resource
+import sys
+import time
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...backends import registry as backends
+from ...backends.api import Backend
+from ...frontend.errors import SlamduelError
+from ..measure.cell import generator
+from ..measure.drive import WARM_UP
+from .isam2_parts import isam2_parts
+from .references import Floors, particle_loop, textbook
+from .timing import Row, array_bytes, holds_foreign, stepped, timing
+from .world import World, world
+
+GAUSSIAN = ("ekf", "ukf", "invariant-ekf")
+"""Backends with a covariance of everything, which is what dsyrk and memory are floors for."""
+
+PATIENCE = 60.0
+"""s of CPU for a survey, which is not timed."""
+
+
+class Subject(NamedTuple):
+    """A backend's variant."""
+
+    label: str
+    name: str
+    options: Any
+
+
+class Extent(NamedTuple):
+    """How much of a world a backend is taken through."""
+
+    steps: int
+    sightings: int
+    seconds: float
+    seed: int
+    scattered: bool
+
+
+@dataclass(frozen=True)
+class Process:
+    """All that is measured in one process, so that it can be compared."""
+
+    subjects: tuple[Subject, ...]  # variants of one backend
+    sizes: tuple[int, ...]
+    particles: int | None
+    extent: Extent
+
+    @property
+    def name(self) -> str:
+        """The backend's."""
+        return self.subjects[0].name
+
+    def __str__(self) -> str:
+        labels = " and ".join(subject.label for subject in self.subjects)
+        maps = ", ".join(f"{size:,}" for size in self.sizes)
+        return f"{labels}: N={maps}" + (f", M={self.particles:,}" if self.particles is not None else "")
+
+
+def measure(process: Process) -> list[Row]:
+    """Every row; a backend that fails is a row with the reason."""
+    rows: list[Row] = []
+    e = process.extent
+    for landmarks in process.sizes:
+        here = world(landmarks, e.steps, e.sightings, e.seed, scattered=e.scattered)
+        floors = Floors(landmarks, e.sightings) if process.name in GAUSSIAN else None
+        if floors is not None:
+            floors.measure()
+        for subject in process.subjects:
+            rows += _attempted(subject, here, process)
+        if floors is not None:
+            floors.measure()
+            rows += floors.rows(process.name)
+        if process.name == "ekf":
+            rows.append(textbook(here, process.name))
+        if process.name == "fastslam" and process.particles is not None:
+            rows.append(particle_loop(here, process.particles, e.seed, process.name))
+    return rows
+
+
+def lost(process: Process, reason: str) -> list[Row]:
+    """The rows of a process that died."""
+    return [
+        Row("backend", subject.label, landmarks, process.particles, reason=reason)
+        for landmarks in process.sizes
+        for subject in process.subjects
+    ]
+
+
+def _attempted(subject: Subject, here: World, process: Process) -> list[Row]:
+    """The backend's row, and those of its parts; if it fails, the reason in place of what is missing."""
+    landmarks, rows = len(here.map.ids), list[Row]()
+    try:
+        rows.append(_timed(subject, here, process))
+        if subject.name == "isam2":
+            backend = _surveyed(subject, here, process)
+            rows += isam2_parts(backend, here.drive, process.extent.seconds, landmarks, subject.label)
+        return rows
+    except SlamduelError as error:
+        reason = str(error)
+    except Exception as error:  # whatever a backend raises, the others go on
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        reason = f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+    return [*rows, Row("part" if rows else "backend", subject.label, landmarks, process.particles, reason=reason)]
+
+
+def _timed(subject: Subject, here: World, process: Process) -> Row:
+    _surveyed(subject, here._replace(survey=here.survey[:WARM_UP]), process)
+    before = _resident()
+    backend = _surveyed(subject, here, process)
+    ns = stepped(backend, here.drive, process.extent.seconds)
+    resident = _resident() - before if holds_foreign(backend) else None
+    held = array_bytes(backend)
+    start = time.process_time_ns()
+    finished = backend.finish()
+    finish_ms = None if finished is None else (time.process_time_ns() - start) / 1e6
+    size = len(here.map.ids)
+    return Row(
+        "backend",
+        subject.label,
+        size,
+        process.particles,
+        timing(ns),
+        finish_ms=finish_ms,
+        array_bytes=held,
+        resident_bytes=resident,
+    )
+
+
+def _surveyed(subject: Subject, here: World, process: Process) -> Backend:
+    """A fresh backend after the survey."""
+    options = subject.options
+    if process.particles is not None:
+        options = dataclasses.replace(options, particles=process.particles)
+    rng = generator(process.extent.seed, subject.label)
+    backend = backends.find(subject.name).make(here.prior, options, rng)
+    start = time.process_time()
+    for k, step in enumerate(here.survey):
+        backend.step(step)
+        if time.process_time() - start > PATIENCE:
+            raise TooSlow(f"its map was not made within {PATIENCE:g} s of CPU: {k + 1} of {len(here.survey)} steps")
+    return backend
+
+
+class TooSlow(SlamduelError):
+    """A backend with which the study cannot go on."""
+
+
+def _resident() -> int:
+    """Bytes of memory that the process has now; on systems other than Linux the most that it had."""
+    if sys.platform == "linux":
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak

@@ -1,0 +1,186 @@
+"""What the backends' costs are held to: ratios of timings from one process, beside what is expected of them."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..words.numerals import number
+from .isam2_parts import PARTS, PYTHON
+from .timing import Row, Timing
+
+AGAINST_TEXTBOOK = {10: 10, 30: 20, 100: 80, 300: 400, 1000: 1000}
+"""Landmarks -> how many times faster than the textbook `ekf` is to be."""
+
+COMPRESSED = {1000: 15, 3000: 25}
+"""Landmarks -> how many times cheaper the compressed filter is to be than the dense one, on average."""
+
+AGAINST_DSYRK, FROM_LANDMARKS = 1.5, 300
+AGAINST_LOOP, LOOP_PARTICLES, LOOP_LANDMARKS = 300, 100, 100
+LARGE_MAP, SMALL_MAP, MANY, MAP_GROWTH = 1000, 100, 10_000, 1.2
+SECOND_VERSION = 4.0
+PYTHON_SHARE = 8.0
+FLAT = 1.5
+"""How many times dearer the compressed filter's median step may become with the map before it counts as growing."""
+
+FITTED = 3
+"""Sizes, the largest, through which an exponent is fitted: small ones are ruled by what does not grow."""
+
+
+class Ratio(NamedTuple):
+    """One comparison."""
+
+    what: str
+    expected: str
+    reached: float
+    holds: bool
+    unit: str = "times"
+
+    @property
+    def found(self) -> str:
+        """As a reader wants it."""
+        return f"{number(self.reached)} {self.unit}"
+
+
+def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
+    """The power of size with which cost grows over the largest sizes, by least squares in logarithms; NaN from one."""
+    if len(sizes) < 2:
+        return math.nan
+    largest = np.argsort(sizes)[-FITTED:]
+    slope, _ = np.polyfit(np.log(np.array(sizes)[largest]), np.log(np.array(costs)[largest]), 1)
+    return float(slope)
+
+
+def growth(rows: Sequence[Row]) -> dict[str, float]:
+    """The exponent of the map's size in every backend's median step; of one with particles, with the most of them."""
+    found: dict[str, float] = {}
+    timed = [row for row in rows if row.kind == "backend" and row.timing]
+    for name in dict.fromkeys(row.name for row in timed):
+        mine = [row for row in timed if row.name == name]
+        most = max(row.particles or 0 for row in mine)
+        at = {row.landmarks: row.timing.p50 for row in mine if row.timing and (row.particles or 0) == most}
+        found[name] = exponent(list(at), list(at.values()))
+    return {name: power for name, power in found.items() if math.isfinite(power)}
+
+
+def ratios(rows: Sequence[Row], options: Mapping[str, Any]) -> list[Ratio]:
+    """Every comparison that `rows` have both sides of; `options` are those of each backend's label."""
+    known = _Known(rows, options)
+    return [
+        *_textbook(known),
+        *_dsyrk(known),
+        *_compressed(known),
+        *_particle_filters(known),
+        *_python(rows),
+    ]
+
+
+class _Known:
+    """Timings by what they are of."""
+
+    def __init__(self, rows: Sequence[Row], options: Mapping[str, Any]) -> None:
+        self.options = options
+        self._timings = {
+            (row.name, row.landmarks, row.particles): row.timing for row in rows if row.timing and row.kind != "part"
+        }
+        self.sizes = sorted({row.landmarks for row in rows})
+        self.particles = sorted({row.particles for row in rows if row.particles is not None})
+
+    def of(self, name: str, landmarks: int, particles: int | None = None) -> Timing | None:
+        return self._timings.get((name, landmarks, particles))
+
+    def ekf(self, landmarks: int, *, compressed: bool) -> Timing | None:
+        """That of the plain filter that is compressed, or is not, on a map of this size."""
+        for label, options in self.options.items():
+            if label.partition("[")[0] == "ekf" and _changed(options) <= {"compress_above"}:
+                above = getattr(options, "compress_above", math.inf)
+                found = self.of(label, landmarks)
+                if found is not None and (landmarks > above) == compressed:
+                    return found
+        return None
+
+    def fastslam(self, version: int, landmarks: int, particles: int) -> Timing | None:
+        for label, options in self.options.items():
+            plain = label.partition("[")[0] == "fastslam" and _changed(options) <= {"version", "particles"}
+            if plain and getattr(options, "version", 1) == version:
+                return self.of(label, landmarks, particles)
+        return None
+
+
+def _changed(options: Any) -> set[str]:
+    return {field.name for field in fields(options) if getattr(options, field.name) != field.default}
+
+
+def _textbook(known: _Known) -> Iterator[Ratio]:
+    for landmarks, least in AGAINST_TEXTBOOK.items():
+        plain, fast = known.of("textbook", landmarks), known.ekf(landmarks, compressed=False)
+        if plain and fast:
+            what = f"textbook filter / dense ekf, N={landmarks:,}, median step"
+            yield _at_least(what, least, plain.p50 / fast.p50)
+
+
+def _dsyrk(known: _Known) -> Iterator[Ratio]:
+    for landmarks in known.sizes:
+        floor, fast = known.of("dsyrk", landmarks), known.ekf(landmarks, compressed=False)
+        if floor and fast and landmarks >= FROM_LANDMARKS:
+            what = f"dense ekf / bare dsyrk, N={landmarks:,}, median step"
+            yield _at_most(what, AGAINST_DSYRK, fast.p50 / floor.p50)
+
+
+def _compressed(known: _Known) -> Iterator[Ratio]:
+    for landmarks, least in COMPRESSED.items():
+        dense, owing = known.ekf(landmarks, compressed=False), known.ekf(landmarks, compressed=True)
+        if dense and owing:
+            what = f"dense ekf / compressed ekf, N={landmarks:,}, mean step"
+            yield _at_least(what, least, dense.mean / owing.mean)
+    medians = {n: found.p50 for n in known.sizes if (found := known.ekf(n, compressed=True))}
+    if len(medians) > 1:
+        low, high = min(medians), max(medians)
+        what = f"compressed ekf, N={high:,} / N={low:,}, median step"
+        yield _at_most(what, FLAT, medians[high] / medians[low])
+
+
+def _particle_filters(known: _Known) -> Iterator[Ratio]:
+    loop = known.of("particle loop", LOOP_LANDMARKS, LOOP_PARTICLES)
+    fast = known.fastslam(1, LOOP_LANDMARKS, LOOP_PARTICLES)
+    if loop and fast:
+        what = f"particle loop / fastslam, M={LOOP_PARTICLES} N={LOOP_LANDMARKS}, median step"
+        yield _at_least(what, AGAINST_LOOP, loop.p50 / fast.p50)
+    small, large = (known.fastslam(1, n, MANY) for n in (SMALL_MAP, LARGE_MAP))
+    if small and large:
+        what = f"fastslam, N={LARGE_MAP:,} / N={SMALL_MAP}, M={MANY:,}, median step"
+        yield _at_most(what, MAP_GROWTH, large.p50 / small.p50)
+    for particles in known.particles:
+        pairs = [(known.fastslam(2, n, particles), known.fastslam(1, n, particles)) for n in known.sizes]
+        both = [second.p50 / first.p50 for second, first in pairs if second and first]
+        if both:
+            what = f"fastslam 2.0 / 1.0, M={particles:,}, median step, worst N"
+            yield _at_most(what, SECOND_VERSION, max(both))
+
+
+def _python(rows: Sequence[Row]) -> Iterator[Ratio]:
+    mine = {(row.name, row.beside, row.landmarks): row.timing for row in rows if row.kind == "part" and row.timing}
+    steps = [row for row in rows if row.kind == "backend" and row.timing]
+    for row in steps:
+        python = mine.get((PYTHON, row.name, row.landmarks))
+        whole = step_of_parts(rows, row.name, row.landmarks)
+        if python and whole:
+            what = f"Python's own share of {row.name}'s step, N={row.landmarks:,}"
+            share = 100 * python.mean / whole
+            yield Ratio(what, f"under {PYTHON_SHARE:g} %", share, share < PYTHON_SHARE, "%")
+
+
+def step_of_parts(rows: Sequence[Row], beside: str, landmarks: int) -> float:
+    """The mean step, in µs, of which the parts beside that backend are parts."""
+    mine = [row for row in rows if row.kind == "part" and (row.beside, row.landmarks) == (beside, landmarks)]
+    return sum(row.timing.mean for row in mine if row.name in PARTS and row.timing)
+
+
+def _at_least(what: str, least: float, reached: float) -> Ratio:
+    return Ratio(what, f"at least {least:,g} times", reached, reached >= least)
+
+
+def _at_most(what: str, most: float, reached: float) -> Ratio:
+    return Ratio(what, f"within {most:g} times", reached, reached <= most)

@@ -1,0 +1,100 @@
+"""What backends are held against, timed in their own process: so that a ratio is one of algorithms, not of machines.
+
+`dsyrk`: one BLAS call that updates a triangle of the covariance by as many columns as the step's sightings have
+numbers; no dense filter that folds a step in at once does less. `memory`: that triangle read and written once, at the
+bandwidth that an array too large for the caches is copied with. `textbook`: EKF-SLAM in NumPy, every matrix in full.
+`particle loop`: FastSLAM with a Python loop over particles.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...frontend.se2 import Ints
+from ..measure.clock import clock_cost
+from .timing import Row, stepped, timing
+from .world import World
+
+BUDGET = 2.0
+"""s of CPU for each reference, at least three steps."""
+
+CALLS = 300
+"""Of BLAS or of a copy, at most."""
+
+LARGE = 64 << 20
+"""Bytes; an array that no cache holds."""
+
+LARGEST_TEXTBOOK = 1000
+"""Landmarks up to which the textbook is timed: its step takes 3 s there, and the cube of that beyond."""
+
+MOST_IN_A_LOOP = 1000
+"""Particles up to which a loop over them is timed: a step takes half a second there."""
+
+
+class Floors:
+    """dsyrk and memory at one size, timed whenever `measure` is called: before the backend and after it."""
+
+    def __init__(self, landmarks: int, sightings: int) -> None:
+        self._landmarks = landmarks
+        self._n = 3 + 2 * landmarks
+        self._rank = 2 * min(sightings, landmarks)
+        self._dsyrk, self._copies = list[Ints](), list[Ints]()
+
+    def measure(self) -> None:
+        """Time both once more."""
+        from scipy.linalg import blas
+
+        dsyrk: Any = blas.dsyrk  # pyright: ignore[reportAttributeAccessIssue] - made when SciPy is built
+        n = self._n
+        covariance = np.zeros((n, n), order="F")
+        factor = np.asfortranarray(np.random.default_rng(0).standard_normal((n, self._rank)))
+        self._dsyrk.append(_called(lambda: dsyrk(-1e-6, factor, beta=1.0, c=covariance, overwrite_c=1, lower=1)))
+        source, target = np.ones(LARGE // 8), np.ones(LARGE // 8)
+        self._copies.append(_called(lambda: np.copyto(target, source), seconds=0.2))
+
+    def rows(self, beside: str) -> list[Row]:
+        """What was measured."""
+        bytes_a_step = 2 * 8 * self._n * (self._n + 1) / 2
+        streamed = (bytes_a_step / (2 * LARGE)) * np.concatenate(self._copies).astype(np.float64)
+        return [
+            Row("reference", "dsyrk", self._landmarks, timing=timing(np.concatenate(self._dsyrk)), beside=beside),
+            Row("reference", "memory", self._landmarks, timing=timing(streamed), beside=beside),
+        ]
+
+
+def textbook(world: World, beside: str) -> Row:
+    """The textbook filter's steps, from a map that it is handed: its cost is the same as if it had made it."""
+    from .textbook_ekf import TextbookEkf
+
+    landmarks = len(world.map.ids)
+    if landmarks > LARGEST_TEXTBOOK:
+        said = f"not timed beyond {LARGEST_TEXTBOOK} landmarks, where a step takes seconds"
+        return Row("reference", "textbook", landmarks, reason=said, beside=beside)
+    ns = stepped(TextbookEkf(world.surveyed()), world.drive, BUDGET)
+    return Row("reference", "textbook", landmarks, timing=timing(ns), beside=beside)
+
+
+def particle_loop(world: World, particles: int, seed: int, beside: str) -> Row:
+    """The loop's steps, from a map that it is handed."""
+    from .textbook_fastslam import TextbookFastSlam
+
+    landmarks = len(world.map.ids)
+    if particles > MOST_IN_A_LOOP:
+        said = f"not timed beyond {MOST_IN_A_LOOP:,} particles, where a step takes half a second"
+        return Row("reference", "particle loop", landmarks, particles, reason=said, beside=beside)
+    loop = TextbookFastSlam(world.surveyed(), particles, np.random.default_rng(seed))
+    ns = stepped(loop, world.drive, BUDGET)
+    return Row("reference", "particle loop", landmarks, particles, timing(ns), beside=beside)
+
+
+def _called(call: Callable[[], Any], seconds: float = BUDGET / 4) -> Ints:
+    """CPU time (n,) in ns of calling `call`, after one call that is not counted, the clock's own cost taken off."""
+    call()
+    spent, clock = list[int](), clock_cost()
+    while len(spent) < CALLS and sum(spent) < seconds * 1e9:
+        start = time.process_time_ns()
+        call()
+        spent.append(time.process_time_ns() - start)
+    return np.maximum(np.array(spent) - clock, 1)

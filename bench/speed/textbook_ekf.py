@@ -1,0 +1,223 @@
+"""EKF-SLAM as the ArUco EKF document writes it, with every matrix in full: the yardstick other filters are held to.
+
+Nothing here is quick and nothing is shared with the package's own estimators: the equations stand as printed, (5)-(9)
+for the motion, (11)-(16) for a sighting and (17)-(20) for a new landmark, with what the document leaves out put right.
+The motion is any body-frame delta, of which the document's midpoint model is one, and its noise is turned to the world
+by the heading before the motion; bearings of innovations are wrapped; a new landmark is correlated with everything the
+pose is correlated with; the sighting that creates a landmark is used for nothing else.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...frontend.factors import Map, Odometry, Prior, Step, Truth
+from ...frontend.se2 import Array
+
+Sighting = tuple[int, Array, Array]
+"""id, z (2,) and its covariance (2, 2)."""
+
+
+class TextbookEkf:
+    """Dense EKF-SLAM with known ids; the state is (x, y, heading, then x and y of each landmark).
+
+    One sighting after another, in the log's order, each linearised where the last one left the mean. With `together`
+    the sightings of landmarks known before the step are stacked into a single update, linearised at the prediction,
+    and the new landmarks are added after it: a different filter, equal only where the models are linear.
+
+    `jacobians`: "standard" takes them at the mean; "first-estimates" (Huang, Mourikis and Roumeliotis, IJRR 29(5),
+    2010) at the pose's predictions and at each landmark's first estimate; "ideal" at `truth`. `gate`: a sighting whose
+    squared Mahalanobis distance exceeds it is refused, or makes the landmark anew if fewer than `confirm` sightings
+    have agreed with it.
+    """
+
+    def __init__(
+        self,
+        prior: Prior,
+        *,
+        together: bool = False,
+        jacobians: str = "standard",
+        truth: Truth | None = None,
+        gate: float = np.inf,
+        confirm: int = 3,
+    ) -> None:
+        known = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None) if prior.map is None else prior.map
+        n = 3 + 2 * len(known.ids)
+        self.mean = np.concatenate((prior.pose, known.xy.ravel()))
+        self.cov = np.zeros((n, n))  # a map without covariance is held fixed: its rows stay zero
+        self.cov[:3, :3] = prior.cov
+        if known.cov is not None:
+            self.cov[3:, 3:] = known.cov
+        self.ids: list[int] = known.ids.tolist()  # landmark i of the map is ids[i]
+        self.together, self.jacobians, self.truth, self.gate, self.confirm = together, jacobians, truth, gate, confirm
+        self.nis = 0.0  # of the last step's sightings, summed
+        self.nis_dof = 0
+        self.refused = 0
+        self.agreed = dict.fromkeys(self.ids, confirm)
+        self.first = dict(zip(self.ids, known.xy, strict=True))  # each landmark's first estimate
+        self.there = self.pose_to_linearise_at(0.0) if truth is not None else self.mean[:3].copy()
+
+    def step(self, step: Step) -> Array:
+        """Predict, then fold the sightings in; returns the pose (3,)."""
+        self.nis, self.nis_dof, self.refused = 0.0, 0, 0
+        if step.odometry is not None:
+            self.predict(step.odometry, step.t)
+        elif self.truth is not None:
+            self.there = self.pose_to_linearise_at(step.t)
+        seen: list[Sighting] = list(zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True))
+        if self.together:
+            astray = self.update([sighting for sighting in seen if sighting[0] in self.ids])
+            for sighting in seen:
+                if sighting[0] in astray or sighting[0] not in self.ids:
+                    self.add(*sighting)
+        else:
+            for sighting in seen:
+                if sighting[0] not in self.ids or self.update([sighting]):
+                    self.add(*sighting)
+        return self.mean[:3].copy()
+
+    def predict(self, odometry: Odometry, t: float = 0.0) -> None:
+        """The motion, eqs (5)-(9)."""
+        n = len(self.mean)
+        before = self.mean[:3] if self.jacobians == "standard" else self.there
+        theta = self.mean[2]
+        dx, dy, dtheta = odometry.delta
+        F = np.eye(3, n)  # takes the pose out of the state; its transpose is F of eq. (5)
+        V, noisy = turn(theta), turn(before[2] if self.jacobians == "ideal" else theta)
+        self.mean = self.mean + F.T @ V @ np.array([dx, dy, dtheta])  # eq. (5)
+        self.mean[2] = wrapped(self.mean[2])
+        G = np.eye(n)  # eq. (7)
+        if self.jacobians == "standard":
+            G[0, 2] = -np.sin(theta) * dx - np.cos(theta) * dy  # eq. (3)
+            G[1, 2] = np.cos(theta) * dx - np.sin(theta) * dy
+            self.there = self.mean[:3].copy()
+        else:
+            after = self.pose_to_linearise_at(t)
+            G[0, 2] = -(after[1] - before[1])
+            G[1, 2] = after[0] - before[0]
+            self.there = after
+        self.cov = G @ self.cov @ G.T + F.T @ noisy @ odometry.cov @ noisy.T @ F  # eqs (6), (8), (9)
+
+    def update(self, sightings: Sequence[Sighting]) -> list[int]:
+        """Sightings of landmarks that are on the map, stacked into one update: eqs (11)-(16).
+
+        Returns the landmarks that are to be made anew from theirs.
+        """
+        if not sightings:
+            return []
+        k = len(sightings)
+        H = np.zeros((2 * k, len(self.mean)))
+        Q = np.zeros((2 * k, 2 * k))
+        innovation = np.zeros(2 * k)
+        for i, (landmark, z, cov) in enumerate(sightings):
+            rows = slice(2 * i, 2 * i + 2)
+            expected, H[rows] = self.expected(landmark)
+            innovation[rows] = z[0] - expected[0], wrapped(z[1] - expected[1])
+            Q[rows, rows] = cov
+        astray: list[int] = []
+        if np.isfinite(self.gate):
+            used, astray = self.gated([landmark for landmark, _, _ in sightings], innovation, H @ self.cov @ H.T + Q)
+            H, innovation, Q = H[used], innovation[used], Q[np.ix_(used, used)]  # pyright: ignore[reportConstantRedefinition]
+        S = H @ self.cov @ H.T + Q
+        K = self.cov @ H.T @ np.linalg.inv(S)  # eq. (15)
+        self.mean = self.mean + K @ innovation
+        self.mean[2] = wrapped(self.mean[2])
+        self.cov = (np.eye(len(self.mean)) - K @ H) @ self.cov
+        self.nis += float(innovation @ np.linalg.inv(S) @ innovation)
+        self.nis_dof += len(innovation)
+        return astray
+
+    def gated(self, landmarks: list[int], innovation: Array, S: Array) -> tuple[list[int], list[int]]:
+        """Which rows of the innovation pass, each pair given those before it that do; and which landmarks are wrong."""
+        used, astray = list[int](), list[int]()
+        for i, landmark in enumerate(landmarks):
+            rows = [2 * i, 2 * i + 1]
+            explained = S[np.ix_(rows, used)] @ np.linalg.inv(S[np.ix_(used, used)])
+            new = innovation[rows] - explained @ innovation[used]
+            cov = S[np.ix_(rows, rows)] - explained @ S[np.ix_(used, rows)]
+            if new @ np.linalg.inv(cov) @ new <= self.gate:
+                used += rows
+                self.agreed[landmark] += 1
+            elif self.agreed[landmark] < self.confirm:
+                astray.append(landmark)
+            else:
+                self.refused += 1
+        return used, astray
+
+    def expected(self, landmark: int) -> tuple[Array, Array]:
+        """The sighting (2,) of a landmark as the mean has it, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""
+        j = 3 + 2 * self.ids.index(landmark)
+        x, y, theta = self.mean[:3]
+        delta_x, delta_y = self.mean[j] - x, self.mean[j + 1] - y
+        z = np.array([np.hypot(delta_x, delta_y), wrapped(np.arctan2(delta_y, delta_x) - theta)])
+        delta_x, delta_y = self.lever(landmark)
+        q = delta_x**2 + delta_y**2
+        r = np.sqrt(q)
+        H_v = np.array(
+            [
+                [-r * delta_x, -r * delta_y, 0, r * delta_x, r * delta_y],
+                [delta_y, -delta_x, -q, -delta_y, delta_x],
+            ]
+        )
+        F_i = np.zeros((5, len(self.mean)))
+        F_i[:3, :3] = np.eye(3)
+        F_i[3:, j : j + 2] = np.eye(2)
+        return z, H_v @ F_i / q
+
+    def add(self, landmark: int, z: Array, Q: Array) -> None:
+        """A landmark seen for the first time, eqs (17)-(20), and its cross-covariance with all that was there.
+
+        One that is on the map already is made anew: of the old one, rows and columns are left out, which marginalises.
+        """
+        if landmark in self.ids:
+            self.forget(landmark)
+        x, y, theta = self.mean[:3]
+        r, phi = z
+        place = np.array([x + r * np.cos(theta + phi), y + r * np.sin(theta + phi)])  # eq. (17)
+        self.mean = np.concatenate((self.mean, place))
+        self.ids.append(landmark)
+        self.first[landmark] = place
+        self.agreed[landmark] = 0
+        dx, dy = self.lever(landmark)
+        r = np.hypot(dx, dy)
+        G_p = np.array([[1, 0, -dy], [0, 1, dx]])  # eq. (19)
+        G_z = np.array([[dx / r, -dy], [dy / r, dx]])  # eq. (20)
+        cross = G_p @ self.cov[:3, :]  # (2, n)
+        own = G_p @ self.cov[:3, :3] @ G_p.T + G_z @ Q @ G_z.T  # eq. (18)
+        self.cov = np.block([[self.cov, cross.T], [cross, own]])
+
+    def forget(self, landmark: int) -> None:
+        """Take a landmark off the map."""
+        i = self.ids.index(landmark)
+        rows = [3 + 2 * i, 4 + 2 * i]
+        self.mean = np.delete(self.mean, rows)
+        self.cov = np.delete(np.delete(self.cov, rows, 0), rows, 1)
+        del self.ids[i]
+
+    def lever(self, landmark: int) -> Array:
+        """(2,) m, from the pose to a landmark, both where they are linearised: all that a Jacobian depends on."""
+        if self.jacobians == "standard":
+            j = 3 + 2 * self.ids.index(landmark)
+            return self.mean[j : j + 2] - self.mean[:2]
+        if self.jacobians == "first-estimates":
+            return self.first[landmark] - self.there[:2]
+        if self.truth is None or self.truth.map is None:
+            raise ValueError("ideal Jacobians need a truth with a map")
+        return self.truth.map.xy[self.truth.map.ids.tolist().index(landmark)] - self.there[:2]
+
+    def pose_to_linearise_at(self, t: float) -> Array:
+        """(3,) the mean's, or at time t (s) the true one."""
+        if self.truth is None:
+            return self.mean[:3].copy()
+        return self.truth.poses[int(np.argmin(np.abs(self.truth.t - t)))]
+
+
+def turn(theta: float) -> Array:
+    """The (3, 3) that turns a body-frame motion by a heading (rad)."""
+    return np.array([[np.cos(theta), -np.sin(theta), 0], [np.sin(theta), np.cos(theta), 0], [0, 0, 1]])
+
+
+def wrapped(angle: float) -> float:
+    """An angle (rad) in (-pi, pi]."""
+    turned = float(np.arctan2(np.sin(angle), np.cos(angle)))
+    return np.pi if turned == -np.pi else turned

@@ -1,0 +1,184 @@
+"""FastSLAM 1.0 and 2.0 as they are written on paper: a Python loop over particles, each with a map of its own.
+
+The reference that the package's particle filter is timed against, and held to in the tests: Probabilistic Robotics,
+tables 13.1 and 13.3 and, for several sightings a step, section 4.3 of Montemerlo's thesis (2003). Nothing here is quick
+and nothing is shared with the package's own estimator but the order in which random numbers are drawn.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ...backends.api import Array, Odometry, Pose, Prior, Step
+
+
+class Landmark(NamedTuple):
+    """A landmark's EKF; a correction makes a new one, so particles may hold the same."""
+
+    mean: Array  # (2,) m
+    cov: Array  # (2, 2)
+
+
+@dataclass
+class Particle:
+    """A guess of where the robot is, and of where the landmarks then are."""
+
+    pose: Array  # (3,)
+    map: dict[int, Landmark] = field(default_factory=dict[int, Landmark])
+    log_weight: float = 0.0
+
+
+class TextbookFastSlam:
+    """FastSLAM of a `version`, 1 or 2; `resampling` is one of systematic, stratified, residual, multinomial.
+
+    Random numbers are drawn as the package's own does: first what resampling needs, then three rows of standard normal
+    numbers, a column a particle, wherever poses are sampled.
+    """
+
+    def __init__(
+        self,
+        prior: Prior,
+        particles: int,
+        rng: np.random.Generator,
+        version: int = 1,
+        resampling: str = "systematic",
+        resample_below: float = 0.5,
+    ) -> None:
+        self.particles = [Particle(np.array(prior.pose)) for _ in range(particles)]
+        self._prior, self._rng, self._version = prior, rng, version
+        self._resampling, self._resample_below = resampling, resample_below
+        self._first = True
+        if prior.map is not None:
+            for particle in self.particles:
+                for k, landmark in enumerate(prior.map.ids.tolist()):
+                    block = slice(2 * k, 2 * k + 2)
+                    cov = np.zeros((2, 2)) if prior.map.cov is None else prior.map.cov[block, block]
+                    particle.map[landmark] = Landmark(prior.map.xy[k], cov)
+
+    def step(self, step: Step) -> Pose:
+        """Fold the step in; the weighted mean of the poses."""
+        weights = self.weights()
+        if 1 / np.sum(weights**2) < self._resample_below * len(weights) * (1 - 1e-9):
+            self._resample(weights)
+        motion, self._first = self._motion_of(step), False
+        normals = None if motion is None else self._rng.standard_normal((3, len(self.particles)))
+        for m, particle in enumerate(self.particles):
+            known = [k for k, landmark in enumerate(step.sightings.ids.tolist()) if landmark in particle.map]
+            if motion is not None and normals is not None:
+                if self._version == 1:
+                    self._move(particle, motion, normals[:, m])
+                else:
+                    self._propose(particle, motion, normals[:, m], step, known)
+            for k, landmark in enumerate(step.sightings.ids.tolist()):
+                z, R = step.sightings.z[k], step.sightings.cov[k]
+                if k not in known:
+                    particle.map[landmark] = _seen_first(particle.pose, z, R)
+                    continue
+                particle.map[landmark], likelihood = _correct(particle.map[landmark], particle.pose, z, R)
+                if self._version == 1 or motion is None:
+                    particle.log_weight += likelihood
+        return self.mean_pose()
+
+    def weights(self) -> Array:
+        """(M,) the particles' shares of the weight."""
+        logs = np.array([particle.log_weight for particle in self.particles])
+        weights = np.exp(logs - logs.max())
+        return weights / weights.sum()
+
+    def mean_pose(self) -> Pose:
+        """(3,) the weighted mean; headings are averaged as directions."""
+        poses = np.array([particle.pose for particle in self.particles])
+        x, y, c, s = self.weights() @ np.column_stack((poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])))
+        return np.array([x, y, np.arctan2(s, c)])
+
+    def _motion_of(self, step: Step) -> Odometry | None:
+        """At the first step the prior's covariance, about a pose that has not moved."""
+        return Odometry(np.zeros(3), self._prior.cov) if self._first else step.odometry
+
+    def _in_world(self, particle: Particle, motion: Odometry) -> tuple[Array, Array]:
+        """The pose after the motion, and the matrix that turns the motion's errors to the world's axes."""
+        c, s = np.cos(particle.pose[2]), np.sin(particle.pose[2])
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        mean = particle.pose + turn @ motion.delta
+        is_prior = motion.cov is self._prior.cov
+        return mean, np.eye(3) if is_prior else turn
+
+    def _move(self, particle: Particle, motion: Odometry, normals: Array) -> None:
+        """Probabilistic Robotics, table 13.1: sample from the motion model."""
+        mean, turn = self._in_world(particle, motion)
+        particle.pose = mean + turn @ np.linalg.cholesky(motion.cov) @ normals
+        particle.pose[2] = _wrapped(particle.pose[2])
+
+    def _propose(self, particle: Particle, motion: Odometry, normals: Array, step: Step, known: list[int]) -> None:
+        """Probabilistic Robotics, table 13.3: the Gaussian of motion and sightings, one after another."""
+        mean, turn = self._in_world(particle, motion)
+        cov = turn @ motion.cov @ turn.T
+        for k in known:
+            landmark = particle.map[int(step.sightings.ids[k])]
+            z, R = step.sightings.z[k], step.sightings.cov[k]
+            expected, by_pose, by_landmark = _sight(mean, landmark.mean)
+            innovation = z - expected
+            innovation[1] = _wrapped(innovation[1])
+            Z = R + by_landmark @ landmark.cov @ by_landmark.T  # the sighting's covariance, given the pose
+            L = by_pose @ cov @ by_pose.T + Z  # and given the motion alone
+            K = cov @ by_pose.T @ np.linalg.inv(L)
+            particle.log_weight += -0.5 * (
+                innovation @ np.linalg.solve(L, innovation) + np.log(np.linalg.det(2 * np.pi * L))
+            )
+            mean = mean + K @ innovation
+            cov = (np.eye(3) - K @ by_pose) @ cov
+        particle.pose = mean + np.linalg.cholesky((cov + cov.T) / 2) @ normals
+        particle.pose[2] = _wrapped(particle.pose[2])
+
+    def _resample(self, weights: Array) -> None:
+        M = len(weights)
+        if self._resampling == "residual":
+            ancestors = [m for m in range(M) for _ in range(int(M * weights[m]))]
+            rest = M * weights - np.floor(M * weights)
+            points = np.sort(self._rng.random(M - len(ancestors)))
+            ancestors = sorted(ancestors + _found(rest, points))
+        elif self._resampling == "systematic":
+            ancestors = _found(weights, (self._rng.random() + np.arange(M)) / M)
+        elif self._resampling == "stratified":
+            ancestors = _found(weights, (self._rng.random(M) + np.arange(M)) / M)
+        else:
+            ancestors = _found(weights, np.sort(self._rng.random(M)))
+        self.particles = [Particle(self.particles[m].pose, dict(self.particles[m].map)) for m in ancestors]
+
+
+def _found(weights: Array, points: Array) -> list[int]:
+    """The particle in whose part of the line from 0 to 1 each point falls."""
+    upto = np.cumsum(weights) / np.sum(weights)
+    return [int(np.searchsorted(upto, point, side="right")) for point in points]
+
+
+def _wrapped(angle: float) -> float:
+    return float(np.pi - (np.pi - angle) % (2 * np.pi))
+
+
+def _sight(pose: Array, at: Array) -> tuple[Array, Array, Array]:
+    """Expected (range, bearing) and its Jacobians by pose (2, 3) and landmark (2, 2): ArUco EKF SLAM, eqs (12)-(16)."""
+    dx, dy = at - pose[:2]
+    r = np.hypot(dx, dy)
+    by_landmark = np.array([[dx / r, dy / r], [-dy / r**2, dx / r**2]])
+    by_pose = np.column_stack((-by_landmark, [0.0, -1.0]))
+    return np.array([r, _wrapped(np.arctan2(dy, dx) - pose[2])]), by_pose, by_landmark
+
+
+def _seen_first(pose: Array, z: Array, R: Array) -> Landmark:
+    """A new landmark: ArUco EKF SLAM, eqs (17) and (20)."""
+    c, s = np.cos(pose[2] + z[1]), np.sin(pose[2] + z[1])
+    by_z = np.array([[c, -z[0] * s], [s, z[0] * c]])
+    return Landmark(pose[:2] + z[0] * np.array([c, s]), by_z @ R @ by_z.T)
+
+
+def _correct(landmark: Landmark, pose: Array, z: Array, R: Array) -> tuple[Landmark, float]:
+    """The landmark's EKF update, and the log-likelihood of the sighting."""
+    expected, _, H = _sight(pose, landmark.mean)
+    innovation = z - expected
+    innovation[1] = _wrapped(innovation[1])
+    S = H @ landmark.cov @ H.T + R
+    K = landmark.cov @ H.T @ np.linalg.inv(S)
+    likelihood = -0.5 * (innovation @ np.linalg.solve(S, innovation) + np.log(np.linalg.det(2 * np.pi * S)))
+    return Landmark(landmark.mean + K @ innovation, (np.eye(2) - K @ H) @ landmark.cov), float(likelihood)

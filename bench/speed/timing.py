@@ -1,0 +1,116 @@
+"""Timing one stepper: CPU time step by step until a budget is spent, what its distribution is, and bytes of state."""
+
+import gc
+from collections.abc import Iterator, Sequence
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.factors import Step
+from ...frontend.se2 import Array, Ints
+from ..measure.clock import clock_cost
+from ..measure.drive import timing_pass
+
+FIFTHS = 5
+CHUNK = 50
+"""Steps between two looks at the budget."""
+
+LEAST = 3
+"""Steps that are timed however long they take."""
+
+FOREIGN = ("gtsam",)
+"""Packages whose objects hold memory that Python cannot see."""
+
+
+class Timing(NamedTuple):
+    """Microseconds of CPU a step."""
+
+    steps: int
+    mean: float
+    p50: float
+    p95: float
+    p99: float
+    max: float
+    fifths: tuple[float, ...]  # means over the fifths of the run, NaN for one without a step
+
+
+class Row(NamedTuple):
+    """One thing that was timed at one size, or why it could not be."""
+
+    kind: str  # backend | reference | part (of a backend's step)
+    name: str
+    landmarks: int
+    particles: int | None = None
+    timing: Timing | None = None
+    reason: str = ""  # "" where it was timed
+    beside: str = ""  # of a reference or part: the backend in whose process it was timed
+    finish_ms: float | None = None  # the smoothing at the end, all of it
+    array_bytes: int | None = None  # NumPy arrays that the backend holds
+    resident_bytes: int | None = None  # what the process grew by; None where Python sees all that the backend holds
+
+
+def timing(ns: Ints | Array) -> Timing:
+    """The distribution of CPU times (n,), n > 0, given in ns in the order in which they were spent."""
+    us = ns / 1e3
+    p50, p95, p99 = np.percentile(us, (50, 95, 99)).tolist()
+    fifths = tuple(float(part.mean()) if len(part) else np.nan for part in np.array_split(us, FIFTHS))
+    return Timing(len(us), float(us.mean()), p50, p95, p99, float(us.max()), fifths)
+
+
+def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
+    """CPU time (n,) in ns of each `stepper.step(step)`, until `seconds` are spent or the steps are over.
+
+    Garbage collection is off meanwhile, and the clock's own cost is taken off.
+    """
+    spent, clock = [np.zeros(0, np.int64)], clock_cost()
+    first, chunk = 0, LEAST
+    gc.collect()
+    gc.disable()
+    try:
+        while first < len(steps) and sum(part.sum() for part in spent) < seconds * 1e9:
+            spent.append(timing_pass(stepper, list(steps[first : first + chunk]))[1])
+            first += chunk
+            slowest = max(float(spent[-1].mean()), 1.0)
+            chunk = int(np.clip(0.1 * seconds * 1e9 / slowest, 1, CHUNK))
+    finally:
+        gc.enable()
+    return np.maximum(np.concatenate(spent) - clock, 0)
+
+
+def array_bytes(backend: object) -> int:
+    """Bytes of the NumPy arrays that can be reached from `backend`, each counted once and whole.
+
+    Read-only ones are left out: those are the log's, not the backend's.
+    """
+    return sum({id(array): array.nbytes for array in _arrays(backend)}.values())
+
+
+def holds_foreign(backend: object) -> bool:
+    """Whether it holds objects of a package whose memory Python cannot see."""
+    return any(type(thing).__module__.split(".")[0] in FOREIGN for thing in _reached(backend))
+
+
+def _arrays(backend: object) -> Iterator[np.ndarray[Any, Any]]:
+    for thing in _reached(backend):
+        if isinstance(thing, np.ndarray):
+            while isinstance(thing.base, np.ndarray):
+                thing = thing.base  # noqa: PLW2901 - a view's memory is its base's
+            if thing.flags.writeable:
+                yield thing
+
+
+def _reached(start: object) -> Iterator[object]:
+    """Every object that can be reached from `start`, itself first; not through classes, functions and modules."""
+    seen, todo = {id(start)}, [start]
+    while todo:
+        thing = todo.pop()
+        yield thing
+        for inner in gc.get_referents(thing):
+            compiled = type(inner).__module__.startswith("numba")  # a compiler hangs on it
+            if id(inner) not in seen and not compiled and not isinstance(inner, _CODE):
+                seen.add(id(inner))
+                todo.append(inner)
+
+
+_CODE = (type, ModuleType, FunctionType, BuiltinFunctionType, MethodType)

@@ -1,0 +1,224 @@
+"""How long a study will take, before it is run: from the results that are there, else from a few cells timed now."""
+
+import contextlib
+import random
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from ..measure.status import FAILED
+from ..record.study_store import Known, StudyStore
+from ..words.numerals import counted, lasting
+from ..workers.batch import KeptLog
+from ..workers.executor import Executor
+from .key import log_key, log_seed, made_once, result_key
+from .log_files import LogFiles
+from .runner import Wanted, batch_of
+from .study import Study, StudyCell
+
+BUDGET_S = 20.0
+"""Of wall time for cells that are timed now."""
+
+WARM_S = 1.0
+"""A cell that took less is timed once more: of the first, much was the loading of code."""
+
+Pair = tuple[str, str, str, str]
+"""Dataset and its options, backend and its options."""
+
+
+class Share(NamedTuple):
+    """What the study has of one backend on one dataset, both as its file names them."""
+
+    dataset: str
+    backend: str
+    cells: int
+    done: int
+    todo: int  # now
+    seconds: float  # of its cells to be done, one after another, as far as that is known
+    unknown: int  # of them, those of which nothing is known
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Of what is to be run now. The making of logs is not in it."""
+
+    shares: Sequence[Share]
+    slots: int
+    alone: int  # cells that are to run alone on their machine
+    wall_s: float
+    timed_now: int  # cells that were run for this
+
+    @property
+    def cells(self) -> int:
+        """Of the study."""
+        return sum(share.cells for share in self.shares)
+
+    @property
+    def todo(self) -> int:
+        """Cells that are to be run now."""
+        return sum(share.todo for share in self.shares)
+
+    def sentences(self) -> list[str]:
+        """How many cells, how long, and of what nothing is known."""
+        done = sum(share.done for share in self.shares)
+        alone = f", {self.alone:,} of them alone on their machine since their times are wanted" if self.alone else ""
+        said = [f"{self.cells:,} cells, {done:,} done, {self.todo:,} to be run now{alone}."]
+        if not self.todo:
+            return said
+        unknown = [share for share in self.shares if share.unknown]
+        if sum(share.unknown for share in unknown) < self.todo:
+            known = f"by {counted(self.timed_now, 'cell')} timed now" if self.timed_now else "by cells done before"
+            slots = f", {self.slots} at a time" if self.alone < self.todo else ""
+            how_long = f"About {lasting(self.wall_s)}" if self.wall_s >= 1 else "Less than 1 s"
+            said.append(f"{how_long}{slots}, {known}; the making of logs comes on top.")
+        said += [
+            f"Not known: how long {share.unknown:,} of {share.dataset} with {share.backend} will take."
+            for share in unknown
+        ]
+        again = "There was no time to try more; asked again it knows more, since code compiled meanwhile is kept."
+        return said + [again] * bool(unknown)
+
+    def table(self) -> list[tuple[str, ...]]:
+        """A head and a row a share: dataset, backend, cells, done, to do, and how long these take one after another."""
+        rows: list[tuple[str, ...]] = [("dataset", "backend", "cells", "done", "to do", "one after another")]
+        for share in self.shares:
+            took = "" if share.unknown == share.todo else lasting(share.seconds) + " and more" * (share.unknown > 0)
+            rows.append((share.dataset, share.backend, *map(str, (share.cells, share.done, share.todo)), took))
+        return rows
+
+
+def estimate(
+    study: Study, store: StudyStore | None, executor: Executor, wanted: Wanted, budget_s: float = BUDGET_S
+) -> Estimate:
+    """How long the cells that are wanted of the study will take with as many slots as the executor has.
+
+    A cell takes as long as the store's of the same variants did on average, else as those of the same names, else as
+    some that the executor is given now, at random and one at a time, until `budget_s` is over. Nothing is written but
+    to the cache of logs that are costly to make.
+    """
+    done = _done(study, store, wanted)
+    todo = [cell for cell, is_done in zip(study.cells, done, strict=True) if not is_done and wanted.chosen(cell)]
+    random.Random(0).shuffle(todo)
+    todo = todo[: wanted.limit]
+    seconds = {} if store is None else store.seconds()
+    names = {_names(pair) for pair in seconds}
+    new = [cell for cell in todo if _names(_pair(cell)) not in names]
+    now = _timed_now(study, store, new, executor, budget_s)
+    took = _Averages(seconds | now)
+    each = [took.of(_pair(cell)) for cell in todo]
+    side = [s or 0.0 for cell, s in zip(todo, each, strict=True) if not cell.timed]
+    alone = [s or 0.0 for cell, s in zip(todo, each, strict=True) if cell.timed]
+    wall = max([sum(side) / executor.slots, *side]) + sum(alone)
+    return Estimate(_shares(study, done, todo, each), executor.slots, len(alone), wall, len(now))
+
+
+class _Averages:
+    """Seconds of a cell on average, by its variants or by their names."""
+
+    def __init__(self, seconds: Mapping[Pair, tuple[float, int]]) -> None:
+        self._by_pair = {pair: mean for pair, (mean, _) in seconds.items()}
+        total: dict[tuple[str, str], tuple[float, int]] = {}
+        for pair, (mean, count) in seconds.items():
+            s, n = total.get(_names(pair), (0.0, 0))
+            total[_names(pair)] = s + mean * count, n + count
+        self._by_names = {names: s / n for names, (s, n) in total.items()}
+
+    def of(self, pair: Pair) -> float | None:
+        """None where nothing is known."""
+        return self._by_pair.get(pair, self._by_names.get(_names(pair)))
+
+
+def _pair(cell: StudyCell) -> Pair:
+    return cell.cell.key[:4]
+
+
+def _names(pair: Pair) -> tuple[str, str]:
+    return pair[0], pair[2]
+
+
+def _done(study: Study, store: StudyStore | None, wanted: Wanted) -> list[bool]:
+    """Whether each cell has ended, and is not to be run again."""
+    if store is None:
+        return [False] * len(study.cells)
+    logs, statuses = store.logs(), store.statuses() | dict.fromkeys(store.logs_unmade(), "error")
+    known: dict[tuple[int, int], str | Known] = {}  # by dataset and seed: several cells share a log
+    done: list[bool] = []
+    for cell in study.cells:
+        place = id(cell.cell.dataset), log_seed(cell.cell)
+        if place not in known:
+            made_of = log_key(cell.cell)
+            known[place] = logs.get(made_of, made_of)
+        log = known[place]
+        key = log if isinstance(log, str) else result_key(cell.cell, log, timed=cell.timed, oracle=study.oracle)
+        done.append(key in statuses and not (wanted.retry and wanted.chosen(cell) and statuses[key] in FAILED))
+    return done
+
+
+def _timed_now(
+    study: Study, store: StudyStore | None, cells: Sequence[StudyCell], executor: Executor, budget_s: float
+) -> dict[Pair, tuple[float, int]]:
+    """What one cell a pair takes, of as many pairs as there is time for.
+
+    The cells come in random order, so the mean over those that were timed is as good as any for the others; first one
+    of every dataset and backend, whatever their options.
+    """
+    end, found = time.monotonic() + budget_s, {}
+    for cell in _first_of_each(cells):
+        kept = None if store is None else _kept(store, cell)
+        left = end - time.monotonic()
+        if left <= 0:
+            break
+        for _ in range(2):
+            took, ended = _took(study, cell, kept, executor, min(left, study.timeout_s))
+            if not ended and took < study.timeout_s:  # stopped for want of time: it takes longer, nobody knows how much
+                break
+            found[_pair(cell)] = took, 1
+            left = end - time.monotonic()
+            if took > WARM_S or left <= 0:
+                break
+    return found
+
+
+def _first_of_each(cells: Iterable[StudyCell]) -> list[StudyCell]:
+    """A cell a pair: in rounds, of which each has one pair of every two names."""
+    by_names: dict[tuple[str, str], dict[Pair, StudyCell]] = {}
+    for cell in cells:
+        by_names.setdefault(_names(_pair(cell)), {}).setdefault(_pair(cell), cell)
+    ranked = [(rank, cell) for group in by_names.values() for rank, cell in enumerate(group.values())]
+    return [cell for _, cell in sorted(ranked, key=lambda one: one[0])]
+
+
+def _kept(store: StudyStore, cell: StudyCell) -> KeptLog | None:
+    """The cell's log, where the study has a copy of it."""
+    log = store.logs().get(log_key(cell.cell)) if made_once(cell.cell) else None
+    entry = log and LogFiles(store.folder).entry(cell.cell.dataset.name, log)
+    return entry if entry and entry.path.is_file() else None
+
+
+def _took(
+    study: Study, cell: StudyCell, kept: KeptLog | None, executor: Executor, timeout_s: float
+) -> tuple[float, bool]:
+    """Seconds that the cell takes, and whether it came to an end of its own."""
+    mine = replace(batch_of(study, cell, {0: cell}, kept), timeout_s=timeout_s, keep=False)
+    with contextlib.closing(executor.run([mine], alone=True)) as ended:
+        finished = next(iter(ended))
+    return finished.seconds, finished.result.status != "timeout"
+
+
+def _shares(study: Study, done: Sequence[bool], todo: Sequence[StudyCell], each: Sequence[float | None]) -> list[Share]:
+    """By dataset and backend, in the order of the study."""
+    rows: dict[tuple[str, str], list[float]] = {}
+    for cell, is_done in zip(study.cells, done, strict=True):
+        row = rows.setdefault((cell.parameters["dataset"], cell.parameters["backend"]), [0, 0, 0, 0.0, 0])
+        row[0] += 1
+        row[1] += is_done
+    for cell, seconds in zip(todo, each, strict=True):
+        row = rows[cell.parameters["dataset"], cell.parameters["backend"]]
+        row[2] += 1
+        row[3] += seconds or 0.0
+        row[4] += seconds is None
+    return [
+        Share(*names, int(cells), int(ended), int(left), seconds, int(unknown))
+        for names, (cells, ended, left, seconds, unknown) in rows.items()
+    ]

@@ -1,0 +1,245 @@
+"""Study files: TOML, read into a `Study`; what is wrong with one is said with its line.
+
+    title      the headline (the file's name)
+    question   what is asked
+    source     who asked or answered it before
+    finding    what was found then
+    note       what a reader of the answer has to know
+    seeds      of every [[cells]] that has none of its own (1)
+    first_seed likewise, the seed to count from where seeds is a number (0)
+    timed      true: each cell alone on its machine
+               (true where a figure or a claim is about a time)
+    keep       true: paths and other arrays are stored, too (false)
+    oracle     true: backends that ask for the truth are told it (false)
+    timeout_s, memory_mb   limits of a cell (600, 4000)
+
+    [[cells]]  as many as needed; the study has the cells of all, none twice
+    dataset    a name, name[option=value,...] or the path of a log; or a list
+    backend    a name, name[option=value,...] or my_package.my_module:build;
+               or a list
+    grid       { "dataset.x" = [1, 2], "backend.y" = [3, 4] }
+               every value with every other
+    zip        such a table of lists of equal lengths
+               first with first, second with second
+    list       [{ "dataset.x" = 1, "backend.y" = 3 }, ...]
+               these and no others
+    seeds      how many, or a list; where neither log nor backend draws
+               random numbers one is enough, and only one is run
+    first_seed the seed to count from, where seeds is a number
+    timed      of these cells
+
+               Datasets x backends x grid x zip x list x seeds are cells, and
+               dataset, backend (as written), seed and x, y are their
+               parameters: "dataset.x" and "backend.x" if both are swept.
+               Cells of another [[cells]] have their own value of x, if any;
+               of an option that is off that is "none".
+
+    [[figure]] medians of y over x with their intervals
+    x          a parameter
+    y          a column of cells.csv or metrics.csv
+    by         a parameter, a line each (backend; dataset where that is x)
+    where      { parameter = value, ... }: the cells that are drawn (all)
+    log        "x", "y" or "xy": which axes are logarithmic
+    title, caption
+
+    [[claim]]  a sentence, and what makes it true
+    says       the sentence
+    measure    a column; any selection may have another `measure`
+    where      { parameter = value, ... }: of all its cells
+    each       a parameter: it has to be true for every value
+
+    and one of these; {} is such a selection as `where`, bounds are above,
+    below or within = [low, high]:
+    of = {}, bounds                      the median
+    less = {}, than = {}, factor (1)     on the same logs: smaller, and by
+                                         at least that factor
+    alike = {}, to = {}, by              on the same logs: equal within a
+                                         share of `by`, 0.1 being 10 %
+    of = {}, grows = parameter, bounds   the exponent with which it grows
+    less = {}, than = {}, crosses = parameter, bounds
+                                         the value from which on the one is
+                                         smaller
+
+Any value may be { quick = ..., full = ... }, one for each size of the study.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from ...frontend.errors import InputError
+from ..plan.spec import nearest
+from .blocks import combinations
+from .checks import check_claim, check_figure
+from .claim import Claim
+from .entries import Entries, is_number, shown
+from .study import Figure, Study
+
+FORMAT = (__doc__ or "").partition("\n\n")[2]
+"""The format, for `bench ablate --help`."""
+
+PACKAGED = Path(__file__).parent / "studies"
+"""The studies that come along, each NAME.toml."""
+
+TIMES = ("step_us_", "belief_us_", "finish_s", "setup_s", "cpu_s", "real_time", "growth_")
+"""How the columns begin that are times."""
+
+KEYS = (
+    "title", "question", "source", "finding", "note", "seeds", "first_seed", "timed", "keep", "oracle", "timeout_s",
+    "memory_mb", "cells", "figure", "claim",
+)  # fmt: skip
+
+BOUNDS = ("above", "below", "within")
+CLAIMS: Mapping[str, tuple[str, ...]] = {
+    "crosses": ("crosses", "less", "than", *BOUNDS),
+    "grows": ("grows", "of", *BOUNDS),
+    "less": ("less", "than", "factor"),
+    "alike": ("alike", "to", "by"),
+    "value": ("of", *BOUNDS),
+}
+"""The kinds of claims, each told by the first of its keys where it is none of those before."""
+
+COMMON = ("says", "measure", "where", "each")
+
+
+def packaged() -> list[str]:
+    """The names of the studies that come along."""
+    return sorted(path.stem for path in PACKAGED.glob("*.toml"))
+
+
+def read(which: str, *, full: bool) -> Study:
+    """The packaged study of that name, or the file at that path, in its quick or full size; InputError as below."""
+    path = PACKAGED / f"{which}.toml" if which in packaged() else Path(which)
+    try:
+        text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
+    except (OSError, ValueError) as error:
+        said = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
+        hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
+        raise InputError(f"{which}: {said}; expected a study file, or the name of a packaged one: {hint}") from None
+    return made(str(path), text, full=full)
+
+
+def made(file: str, text: str, *, full: bool) -> Study:
+    """The study of this text; `file` is what it is called by in errors, and without its folder and ending by readers.
+
+    InputError names the file, the line and the key of the first thing that is wrong, what was found and what expected.
+    """
+    words = Entries.load(file, text, "full" if full else "quick").only(KEYS)
+    study = _without_cells(words, text, full=full)
+    measures = [claim.measure for claim in study.claims] + [figure.y for figure in study.figures]
+    measures += [side.get("measure", "") for claim in study.claims for side in (claim.first, claim.second)]
+    found = combinations(words, timed=words.switch("timed", any(name.startswith(TIMES) for name in measures)))
+    for claim, entry in zip(study.claims, words.tables("claim", ""), strict=True):
+        check_claim(claim, entry, found)
+    for figure, entry in zip(study.figures, words.tables("figure", ""), strict=True):
+        check_figure(figure, entry, found)
+    cells = tuple(cell for one in found for cell in one.cells())
+    return replace(study, cells=cells)
+
+
+def reread(file: str, text: str, *, full: bool) -> Study:
+    """The study of a text that was read before, without its cells: nothing is looked up that may have gone since."""
+    return _without_cells(Entries.load(file, text, "full" if full else "quick").only(KEYS), text, full=full)
+
+
+def _without_cells(words: Entries, text: str, *, full: bool) -> Study:
+    name = Path(words.file).name.removesuffix(".toml")
+    return Study(
+        name=name,
+        title=words.text("title", name),
+        question=words.text("question", ""),
+        source=words.text("source", ""),
+        finding=words.text("finding", ""),
+        note=words.text("note", ""),
+        size="full" if full else "quick",
+        cells=(),
+        figures=tuple(_figure(entry) for entry in words.tables("figure", "[[figure]] with x and y")),
+        claims=tuple(_claim(entry) for entry in words.tables("claim", "[[claim]] with what it says and a measure")),
+        keep=words.switch("keep", False),
+        oracle=words.switch("oracle", False),
+        timeout_s=words.above("timeout_s", 600.0, 0.0),
+        memory_mb=words.whole("memory_mb", 4000, 1, 10**9),
+        text=text,
+    )
+
+
+def _figure(words: Entries) -> Figure:
+    words.only(("x", "y", "by", "where", "log", "title", "caption"))
+    x = words.text("x")
+    return Figure(
+        x,
+        words.text("y"),
+        words.text("by", "dataset" if x == "backend" else "backend"),
+        _selection(words, "where"),
+        words.choice("log", "", ("", "x", "y", "xy")),  # pyright: ignore[reportArgumentType] - one of these
+        words.text("title", ""),
+        words.text("caption", ""),
+    )
+
+
+def _claim(words: Entries) -> Claim:
+    kind = next((kind for kind, keys in CLAIMS.items() if words.has(keys[0])), None)
+    if kind is None:
+        words.only((*COMMON, *dict.fromkeys(key for keys in CLAIMS.values() for key in keys)))
+        raise words.lacks("less", "what it is about: one of of, less and than, alike and to, grows, crosses")
+    words.only((*COMMON, *CLAIMS[kind]))
+    common: dict[str, Any] = {
+        "says": words.text("says"),
+        "measure": words.text("measure"),
+        "each": words.text("each", ""),
+        "where": _selection(words, "where"),
+    }
+    if kind == "less":
+        first, second = _selection(words, "less"), _side(words, "than")
+        return Claim("less", first=first, second=second, low=words.above("factor", 1.0, 0.0), **common)
+    if kind == "alike":
+        by = 1 + words.above("by", None, 0.0)
+        first, second = _selection(words, "alike"), _side(words, "to")
+        return Claim("alike", first=first, second=second, low=1 / by, high=by, **common)
+    low, high = _bounds(words, needed=kind != "crosses")
+    if kind == "crosses":
+        first, second = _side(words, "less"), _side(words, "than")
+        return Claim("crosses", first=first, second=second, low=low, high=high, along=words.text("crosses"), **common)
+    along = words.text("grows") if kind == "grows" else ""
+    return Claim(kind, first=_selection(words, "of"), second={}, low=low, high=high, along=along, **common)  # pyright: ignore[reportArgumentType] - value or grows
+
+
+def _bounds(words: Entries, *, needed: bool) -> tuple[float, float]:
+    """Those within which the measure has to be."""
+    if not words.has("within"):
+        low, high = words.number("above", -inf), words.number("below", inf)
+        if needed and not (words.has("above") or words.has("below")):
+            raise words.lacks("above", "above, below or within = [low, high]")
+        if low > high:
+            raise words.fault("above", f"less than below, which is {shown(words.entries['below'])}")
+        return low, high
+    for other in ("above", "below"):
+        if words.has(other):
+            raise words.refused(other, "is given beside within, expected one or the other.")
+    found = words.entries["within"]
+    if not (
+        isinstance(found, list) and len(found) == 2 and all(map(is_number, found)) and -inf < found[0] < found[1] < inf
+    ):
+        raise words.fault("within", "two numbers, the lower one first")
+    return float(found[0]), float(found[1])
+
+
+def _side(words: Entries, key: str) -> dict[str, Any]:
+    if not words.has(key):
+        raise words.lacks(key, f'the cells to compare with, as in {key} = {{ backend = "ekf" }}')
+    return _selection(words, key)
+
+
+def _selection(words: Entries, key: str) -> dict[str, Any]:
+    """Parameter -> value."""
+    inside = words.table(key)
+    for name, value in inside.entries.items():
+        if isinstance(value, dict):
+            raise inside.fault(name, 'a value; a name with a dot goes in quotes, "dataset.x"')
+        if not isinstance(value, str | int | float):
+            raise inside.fault(name, "a number, a text, true or false")
+        if name == "measure":
+            inside.text(name)
+    return dict(inside.entries)

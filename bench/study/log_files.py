@@ -1,0 +1,92 @@
+"""Logs that are kept with a study, so that all its cells run on the same ones, whatever machine they run on.
+
+Each is an archive in the folder `logs`, under a name made of what it holds: a file never changes, and another log of
+the same dataset is another file. The study's store says which of them counts.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from ...datasets import archive
+from ...datasets.truth import digest
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Log, Truth
+from ...frontend.files import write_whole
+from ...frontend.se2 import wrap
+from ..record.study_store import Known
+from ..workers.batch import KeptLog, facts_of
+from .key import hashed
+
+FOLDER = "logs"
+
+ROUNDING = 1e-6
+"""m and rad, between two batch optima of one log, and between two readings of one image."""
+
+
+class LogFiles:
+    """The logs in a study's folder."""
+
+    def __init__(self, study: Path) -> None:
+        self.folder = study / FOLDER
+
+    def entry(self, dataset: str, known: Known) -> KeptLog:
+        """Where such a log of the dataset is, or would be."""
+        digests = known.digest, known.truth_digest
+        return KeptLog(self.folder / f"{dataset}-{hashed(*digests)}.npz", digests)
+
+    def read(self, dataset: str, known: Known) -> Dataset | None:
+        """Such a log; None where it is not kept, or damaged."""
+        entry = self.entry(dataset, known)
+        try:
+            found = archive.load(entry.path)
+        except InputError:
+            return None
+        return found if facts_of(found).digests == entry.digests else None
+
+    def like(self, dataset: str, made: Dataset, candidates: Iterable[Known]) -> Dataset | None:
+        """The first of the candidates that is kept and differs from `made` by rounding alone; None where none does."""
+        kept = (self.read(dataset, known) for known in candidates)
+        return next((one for one in kept if one is not None and same(one, made)), None)
+
+    def keep(self, dataset: str, known: Known, content: bytes) -> None:
+        """Keep the archive of such a log. InputError where it cannot be written."""
+        path = self.entry(dataset, known).path
+        try:
+            path.parent.mkdir(exist_ok=True)
+            write_whole(path, content)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written: {error.strerror}. What was written before is safe.") from None
+
+    def tidy(self) -> None:
+        """Remove what a killed writer has left."""
+        for part in self.folder.glob(".*.part"):
+            part.unlink(missing_ok=True)
+
+
+def same(one: Dataset, other: Dataset) -> bool:
+    """Whether two makings of a log and its truth or reference differ by rounding alone."""
+    return _same_log(one.log, other.log) and _same_truth(one.truth, other.truth)
+
+
+def _same_log(one: Log, other: Log) -> bool:
+    if one.digest == other.digest:
+        return True
+    names = ("t", "delta", "delta_cov", "sighting_first", "ids", "z", "z_cov", "loop_first", "loop_to", "loop_delta")
+    columns = ((getattr(one, name), getattr(other, name)) for name in (*names, "loop_cov"))
+    return all(a.shape == b.shape and np.allclose(a, b, ROUNDING, ROUNDING, equal_nan=True) for a, b in columns)
+
+
+def _same_truth(one: Truth | None, other: Truth | None) -> bool:
+    if one is None or other is None or (one.kind, other.kind) != ("reference", "reference"):
+        return _digest(one) == _digest(other)
+    if not np.array_equal(one.t, other.t) or one.words != other.words:
+        return False
+    apart = one.poses - other.poses
+    apart[:, 2] = wrap(apart[:, 2])
+    return bool(np.abs(apart).max(initial=0.0) <= ROUNDING)
+
+
+def _digest(truth: Truth | None) -> str:
+    return "" if truth is None else digest(truth)

@@ -1,0 +1,72 @@
+"""`--only NAME=VALUE[,VALUE]`: which of a study's cells are meant."""
+
+import re
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from typing import Any
+
+from ...frontend.errors import InputError
+from ..plan.spec import nearest
+from .study import Study, StudyCell
+
+MOST = 12
+"""Values that a sentence names."""
+
+_VALUE = re.compile(r"""(?:"[^"]*"|\[[^\]]*\]|[^,\["])+""")
+"""One of those between commas; those in brackets are part of it, as in ekf[gate=3,confirm=2]."""
+
+_LIST = re.compile(f"{_VALUE.pattern}(?:,{_VALUE.pattern})*")
+
+
+def choice(study: Study, only: Sequence[str]) -> Callable[[StudyCell], bool]:
+    """Whether a cell is meant by all of `only`, of which each is the text after an --only.
+
+    Values of one parameter are alternatives, in one --only or in several; a * in one stands for anything, a ? for any
+    letter. InputError for a parameter or a value that no cell has, and where nothing is left.
+    """
+    allowed: dict[str, set[Hashable]] = {}
+    for text in only:
+        name, equals, values = text.partition("=")
+        name = name.strip()
+        if not equals or not values.strip():
+            raise InputError(f"--only {text}: expected NAME=VALUE, and NAME one of {', '.join(study.parameters)}.")
+        if name not in study.parameters:
+            raise InputError(f"--only {text}: no cell has a parameter {name!r}; {nearest(name, study.parameters)}")
+        known = list(dict.fromkeys(cell.parameters[name] for cell in study.cells))
+        if not _LIST.fullmatch(values):
+            raise InputError(
+                f"--only {text}: expected values separated by commas, with every bracket and quote closed."
+            )
+        for pattern in _VALUE.findall(values):
+            found = [value for value in known if _is_meant(pattern.strip(), value)]
+            if not found:
+                raise InputError(f"--only {text}: no cell has {name}={pattern.strip()}, expected {_one_of(known)}.")
+            allowed.setdefault(name, set()).update(found)
+
+    def chosen(cell: StudyCell) -> bool:
+        return all(cell.parameters[name] in values for name, values in allowed.items())
+
+    if not any(map(chosen, study.cells)):
+        texts = " --only ".join(only)
+        raise InputError(f"--only {texts}: no cell has all of that, expected a choice that some have.")
+    return chosen
+
+
+def _is_meant(pattern: str, value: Any) -> bool:
+    """Whether the pattern is the value: as a text, with its * and ?, or as a number."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        try:
+            return float(pattern) == value
+        except ValueError:
+            pass
+    anything = "".join({"*": ".*", "?": "."}.get(letter, re.escape(letter)) for letter in pattern)
+    return re.fullmatch(anything, text_of(value), re.DOTALL) is not None
+
+
+def text_of(value: Any) -> str:
+    """A parameter's value as --only takes it; of a cell that has no such option it is empty."""
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _one_of(values: Iterable[Any]) -> str:
+    texts = [text for value in values if (text := text_of(value))]
+    return "one of " + ", ".join(texts[:MOST]) + ", ..." * (len(texts) > MOST)

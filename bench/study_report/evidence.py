@@ -1,0 +1,144 @@
+"""All that a report says of a study, worked out from its store alone: how far it is, its numbers, its answers."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ..claims import answer as claim_answer
+from ..claims.answer import Answer
+from ..claims.conclusion import Conclusion, conclude
+from ..claims.curves import Medians, medians
+from ..claims.found import Verdict
+from ..claims.standing import Standing, standing
+from ..drawing.figure import Exhibit
+from ..record.study_store import StudyStore
+from ..record.study_table import StudyTable
+from ..study import file
+from ..study.study import Study
+from ..words.numerals import counted
+from .option_words import option_words
+
+SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}
+"""By verdict: of a claim, and of the study."""
+
+WORDS = ("name", "text", "size", "command", "executor", "environment", "started")
+"""What the store has to know of the study."""
+
+VERDICTS = {"holds": "holds", "fails": "fails", "open": "open", "yes": "holds", "no": "fails"}
+"""The class of each in a page."""
+
+
+MOST_TELLING = 3
+"""Claims that a page with many studies has room for, of each."""
+
+
+class Finding(NamedTuple):
+    """What became of a claim, in the parts in which a page sets it."""
+
+    verdict: Verdict
+    says: str
+    measured: str  # the numbers, the bounds, and what else a reader must know
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A study as it stands."""
+
+    folder: Path
+    study: Study
+    words: Mapping[str, Any]  # of the store
+    table: StudyTable
+    conclusion: Conclusion
+
+    @property
+    def answers(self) -> Sequence[Answer]:
+        """What became of each claim."""
+        return self.conclusion.answers
+
+    @property
+    def answered(self) -> tuple[str, str]:
+        """What the study comes to: the words that say it, and what they are due to in few words."""
+        head, _, why = self.conclusion.sentence.partition(": ")
+        if not self.answers or self.conclusion.reproduced == "yes":
+            return head, why
+        counts = Counter(answer.verdict for answer in self.answers)
+        said = [f"{counts['holds']} of {counted(len(self.answers), 'claim')} hold"]
+        said += [f"{counts['fails']} {'fails' if counts['fails'] == 1 else 'fail'}"] * (counts["fails"] > 0)
+        said += [f"{counts['open']} {'is' if counts['open'] == 1 else 'are'} open"] * (counts["open"] > 0)
+        return head, f"{', '.join(said)}."
+
+    @property
+    def findings(self) -> Sequence[Finding]:
+        """Every claim with what it was found to be, in the file's order."""
+        return [Finding(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
+
+    @property
+    def most_telling(self) -> Sequence[Finding]:
+        """What a reader has to see: all claims that do not hold, and of the others the first ones."""
+        others = [found for found in self.findings if found.verdict != "holds"]
+        held = [found for found in self.findings if found.verdict == "holds"]
+        return [*others, *held[: max(MOST_TELLING - len(others), 1)]]
+
+    @cached_property
+    def standing(self) -> Standing:
+        """How far it is."""
+        return standing(self.table)
+
+    @cached_property
+    def medians(self) -> Sequence[Medians]:
+        """The numbers of each figure."""
+        return [medians(figure, self.table) for figure in self.study.figures]
+
+    @cached_property
+    def exhibits(self) -> Sequence[Exhibit]:
+        """The figures."""
+        from .figure import study_figure  # matplotlib
+
+        backends = self.table.values("backend", np.arange(len(self.table)))
+        drawn: list[Exhibit] = []
+        for k, found in enumerate(self.medians, 1):
+            x = option_words(found.figure.x, self.table)
+            one = study_figure(f"{self.study.name}-{k}", found, backends, self.answers, x)
+            drawn.append(one._replace(caption=f"{one.caption}{self._timing(found.figure.y)}"))
+        return drawn
+
+    @property
+    def seconds(self) -> float:
+        """s of wall time that its cells took, one after another."""
+        return float(np.nansum(self.table.columns["seconds"]))
+
+    def _timing(self, column: str) -> str:
+        """Of a time, whether other cells ran on the same machine meanwhile."""
+        if not column.startswith(file.TIMES):
+            return ""
+        beside = self.table.columns["timing_alone"] == 0
+        if not beside.any():
+            return " Timed alone on the machine."
+        return f" Timed while other cells ran on the same machine: {beside.sum():,} of {len(beside):,}."
+
+
+def _measured(found: Answer) -> str:
+    """What its sentence says after what is claimed."""
+    return found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2]
+
+
+def evidence(folder: Path) -> Evidence:
+    """Of the study in the folder; InputError where there is none."""
+    with StudyStore(folder) as store:
+        words = store.words()
+        lacks = [name for name in WORDS if name not in words]
+        if lacks:
+            raise InputError(
+                f"{folder}: has no {lacks[0]} of the study yet; expected one that was begun: bench ablate."
+            )
+        study = file.reread(words["name"], words["text"], full=words["size"] == "full")
+        columns = [*claim_answer.measures(study.claims), *(figure.y for figure in study.figures)]
+        table = store.table(list(dict.fromkeys([*columns, "seconds", "timing_alone"])))
+    conclusion = conclude([claim_answer.answer(claim, table) for claim in study.claims], study.finding)
+    return Evidence(folder, study, words, table, conclusion)

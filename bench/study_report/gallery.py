@@ -1,0 +1,87 @@
+"""The gallery: what has become of many studies on one page, each with its question, figure and answer.
+
+`python -m slamduel.bench.study_report.gallery [FOLDER]` makes FOLDER/index.html (results/gallery) of the
+studies below it.
+"""
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from urllib.parse import quote
+
+from ...frontend.errors import InputError, SlamduelError
+from ...frontend.files import write_whole
+from ..drawing.page import rendered
+from ..record.study_schema import FILE
+from ..words.numerals import counted, lasting
+from .evidence import SIGNS, VERDICTS, Evidence, evidence
+
+FOLDER, PAGE = Path("results/gallery"), "index.html"
+
+ORDER = ("no", "open", "yes")
+"""What was not reproduced is what a reader asks for first."""
+
+
+def gallery(folders: Iterable[Path], out: Path) -> Path:
+    """Write a page of the studies in these folders to the file `out`, whole or not at all; returns `out`.
+
+    A folder whose study cannot be read is named on the page with the reason. InputError where none can.
+    """
+    found: list[Evidence] = []
+    left_out: list[str] = []
+    for folder in folders:
+        try:
+            found.append(evidence(folder))
+        except SlamduelError as error:
+            left_out.append(str(error))
+    if not found:
+        raise InputError(left_out[0] if left_out else f"{out.parent}: found no study; expected folders with {FILE}.")
+    found.sort(key=lambda one: ORDER.index(one.conclusion.reproduced))
+    answers = [answer.verdict for one in found for answer in one.answers]
+    page = {
+        "claims": f"{answers.count('holds')} of {counted(len(answers), 'claim')} hold",
+        "studies": [(one, _way(one.folder, out.parent), lasting(one.seconds)) for one in found],
+        "headline": headline(found),
+        "took": lasting(sum(one.seconds for one in found)),
+        "cells": sum(one.standing.cells for one in found),
+        "left_out": left_out,
+        "signs": SIGNS,
+        "kinds": VERDICTS,
+    }
+    write_whole(out, rendered("gallery.html.jinja", page))
+    return out
+
+
+def headline(found: Iterable[Evidence]) -> str:
+    """How many published findings were reproduced, and what became of the others."""
+    verdicts = Counter(one.conclusion.reproduced for one in found if one.study.finding and one.answers)
+    total = verdicts.total()
+    if not total:
+        return "No published finding among these studies"
+    said = [f"{verdicts['yes']} of {counted(total, 'published finding')} reproduced"]
+    said += [f"{verdicts['no']} not"] * bool(verdicts["no"])
+    said += [f"{verdicts['open']} cannot be told"] * bool(verdicts["open"])
+    return ", ".join(said)
+
+
+def _way(folder: Path, start: Path) -> str:
+    """From the page to a study's report."""
+    return quote(Path(os.path.relpath(folder / "report.html", start)).as_posix())
+
+
+def main(words: list[str]) -> int:
+    """Make the page of the studies below the folder that `words` name."""
+    folder = Path(words[0]) if words else FOLDER
+    try:
+        page = gallery((path.parent for path in sorted(folder.glob(f"*/{FILE}"))), folder / PAGE)
+    except SlamduelError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(page)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

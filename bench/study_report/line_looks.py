@@ -1,0 +1,34 @@
+"""How the lines of a study's figure look: backends as everywhere, numbers in an ordered palette, words in turn."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..claims.curves import Medians
+from ..words.styles import MARKERS, Look, looks
+
+ORDERED = ("#2f74d0", "#6f62d2", "#a553bd", "#c94b8c", "#d5554f", "#c76d1e", "#a5820c")
+"""From blue by purple to ochre: rises for every kind of colour vision, and stands out from white and from black."""
+
+
+def line_looks(found: Medians, backends: Iterable[Any]) -> Mapping[Any, Look]:
+    """A look for every one of the figure's `bys`, of its `xs` where they are the backends.
+
+    `backends` are all of the study: they look alike in all its figures.
+    """
+    if "backend" in (found.figure.x, found.figure.by):
+        return looks(map(str, backends))
+    if not found.ordered:
+        return dict(zip(found.bys, looks(map(str, found.bys)).values(), strict=True))
+    known = [by for by in found.bys if by is not None]
+    rising = {by: _rising(k, len(known)) for k, by in enumerate(known)}
+    return rising | {None: Look("#8c8c8c", (0, (4, 2)), ".", len(known))}
+
+
+def _rising(k: int, n: int) -> Look:
+    """The k-th of n."""
+    place = k * (len(ORDERED) - 1) / max(n - 1, 1)
+    low, share = int(place), place % 1
+    ends = (ORDERED[low], ORDERED[min(low + 1, len(ORDERED) - 1)])
+    channels = [[int(end[i : i + 2], 16) for end in ends] for i in (1, 3, 5)]
+    colour = "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in channels)
+    return Look(colour, "-", MARKERS[k % len(MARKERS)], k)

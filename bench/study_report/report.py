@@ -1,0 +1,100 @@
+"""A study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
+
+import json
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ...frontend.files import write_whole
+from ..claims import conclusion
+from ..drawing.page import rendered
+from ..words.columns import COLUMNS, WORKED_OUT
+from ..words.numerals import lasting
+from .evidence import SIGNS, VERDICTS, Evidence, evidence
+from .tables import claim_grid, median_grid
+
+FIGURES = "figures"
+"""Folder beside the page."""
+
+
+def write(folder: Path, forms: Sequence[str] = ()) -> Path:
+    """Write the report of the study in `folder` as it stands into it, each file whole or not at all; where the page is.
+
+    The figures are written as SVG and in `forms` ("png", "pdf"). InputError where there is no study in the folder.
+    """
+    found = evidence(folder)
+    _write_figures(found, forms)
+    write_whole(folder / "answers.json", json.dumps(_answers(found), indent=1, allow_nan=False) + "\n")
+    page = filled(found)
+    for name in ("md", "html"):
+        write_whole(folder / f"report.{name}", rendered(f"study.{name}.jinja", page))
+    return folder / "report.html"
+
+
+def filled(found: Evidence) -> dict[str, Any]:
+    """What the templates say."""
+    about = COLUMNS | WORKED_OUT
+    measures = dict.fromkeys([*(answer.claim.measure for answer in found.answers), *(f.y for f in found.study.figures)])
+    return {
+        "found": found,
+        "study": found.study,
+        "words": found.words,
+        "signs": SIGNS,
+        "kinds": VERDICTS,
+        "claims": claim_grid(found.answers),
+        "grids": [median_grid(numbers) for numbers in found.medians],
+        "started": datetime.fromtimestamp(found.words["started"], UTC),
+        "took": lasting(found.seconds),
+        "command": again(found),
+        "definitions": {name: about[name] for name in measures if name in about},
+    }
+
+
+SIZED = re.compile(r"\bfull\s*=")
+"""What the file of a study has that is larger at full size."""
+
+
+def again(found: Evidence) -> Mapping[str, str]:
+    """What to type to run it again, by what it does."""
+    command = _whole(found.words["command"])
+    plain = [word for word in command if word != "--full"]
+    commands = {"Go on, or run what has changed": shlex.join(command)}
+    if found.standing.failed:
+        commands["Run again what failed"] = shlex.join([*command, "--retry"])
+    if found.study.size == "quick" and SIZED.search(found.study.text):
+        commands["At full size"] = shlex.join([*plain, "--full"])
+    return commands
+
+
+def _whole(command: Sequence[str]) -> list[str]:
+    """The command without what made it one of a part of the cells."""
+    words = iter(command)
+    kept: list[str] = []
+    for word in words:
+        if word in ("--only", "--limit"):
+            next(words, None)
+        elif word != "--retry" and not word.startswith(("--only=", "--limit=")):
+            kept.append(word)
+    return kept
+
+
+def _answers(found: Evidence) -> dict[str, Any]:
+    """For answers.json: the study, how far it is, and what became of its claims."""
+    study = found.study
+    about = {name: getattr(study, name) for name in ("name", "title", "size", "question", "source", "finding", "note")}
+    return {**about, "cells": found.standing.counts, **conclusion.document(found.conclusion)}
+
+
+def _write_figures(found: Evidence, forms: Sequence[str]) -> None:
+    from ..drawing.svg import alone  # matplotlib
+
+    folder = found.folder / FIGURES
+    folder.mkdir(exist_ok=True)
+    for exhibit in found.exhibits:
+        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
+        for form in forms:
+            assert exhibit.printed is not None
+            write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))

@@ -1,0 +1,124 @@
+"""The tables of a study's report: its claims with their intervals, and the medians that its figures show."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite, isnan, nan
+from typing import Any, NamedTuple
+
+from ..claims.answer import Answer
+from ..claims.curves import Medians, Place, worded
+from ..drawing.table import shown
+from ..study.claim import Claim
+from ..verdict.statistics import FEWEST
+from ..words.column_words import called, with_unit
+from ..words.numerals import number
+
+MOST_COLUMNS = 7
+"""Values of `by` that stand beside each other; more of them stand below each other."""
+
+
+ENDS = f"their 95 % intervals (below {FEWEST} runs: ranges)"
+
+
+class Entry(NamedTuple):
+    """One entry."""
+
+    text: str
+    note: str = ""  # smaller, below it
+
+
+class Grid(NamedTuple):
+    """Ready to be set: the first column of every row names it."""
+
+    caption: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[Entry]]
+
+
+def claim_grid(answers: Sequence[Answer]) -> list[tuple[Answer, Sequence[Entry]]]:
+    """Of every claim: what is measured, its value and interval, and what it has to keep to."""
+    return [(found, _claim(found)) for found in answers]
+
+
+def _claim(found: Answer) -> list[Entry]:
+    claim, figures = found.claim, found.figures
+    value, low, high = (float(figures.get(name, nan)) for name in ("estimate", "low", "high"))
+    known = isfinite(low) or isfinite(high)
+    ends = Entry(interval(low, high) if known else "")
+    return [Entry(*_measured(claim)), Entry(_said(value)), ends, Entry(_bound(claim)), Entry(_said(figures.get("n")))]
+
+
+def _measured(claim: Claim) -> tuple[str, str]:
+    """What the value is, and of which cells."""
+    one, other, where = (selection(side) for side in (claim.first, claim.second, claim.where))
+    what = {
+        "value": f"median of {called(claim.measure)}",
+        "less": f"ratio of {called(claim.measure)}",
+        "alike": f"ratio of {called(claim.measure)}",
+        "grows": f"exponent of {called(claim.measure)} in {claim.along}",
+        "crosses": f"{claim.along} where {called(claim.measure)} crosses",
+    }[claim.kind]
+    of = f"{other} over {one}" if claim.kind in ("less", "alike") else " and ".join(filter(None, (one, other)))
+    parts = [of, where, f"for each {claim.each}" if claim.each else ""]
+    return what, "; ".join(part for part in parts if part)
+
+
+def selection(chosen: Mapping[str, Any]) -> str:
+    """A selection of cells as people say it."""
+    return ", ".join(
+        worded(value) if name in ("backend", "dataset", "measure") else f"{name} {worded(value)}"
+        for name, value in chosen.items()
+    )
+
+
+def _bound(claim: Claim) -> str:
+    if isfinite(claim.low) and isfinite(claim.high):
+        return f"{number(claim.low)} to {number(claim.high)}"
+    if isfinite(claim.low):
+        return f"above {number(claim.low)}"
+    return f"below {number(claim.high)}" if isfinite(claim.high) else ""
+
+
+def interval(low: float, high: float) -> str:
+    """Its two ends."""
+    if low == high:
+        return number(low)
+    return f"{number(low)} to {number(high)}" if low < 0 else f"{number(low)}\N{EN DASH}{number(high)}"
+
+
+def _said(value: Any) -> str:
+    if value is None or isinstance(value, str):
+        return value or ""
+    if isinstance(value, int):
+        return f"{value:,}"
+    return "" if isnan(value) else number(value)
+
+
+def median_grid(found: Medians) -> Grid:
+    """The figure as numbers: a row an x and a column a `by`, or a row each where one of them is the other, or many."""
+    x, by = found.figure.x, found.figure.by
+    measure = with_unit(found.figure.y)
+    caption = f"{measure[:1].upper()}{measure[1:]}: medians, {ENDS}, number of runs"
+    if x == by or len(found.bys) == 1:
+        places = [found.places[one, by_] for one in found.xs for by_ in found.bys if (one, by_) in found.places]
+        return Grid(caption, [x, "median"], [[Entry(worded(p.x)), _entry(p, found)] for p in places])
+    if len(found.bys) <= MOST_COLUMNS:
+        rows = [
+            [Entry(worded(one)), *(_entry(found.places.get((one, other)), found) for other in found.bys)]
+            for one in found.xs
+        ]
+        return Grid(caption, [x, *(found.called[other] for other in found.bys)], rows)
+    places = [found.places[one, other] for other in found.bys for one in found.xs if (one, other) in found.places]
+    rows = [[Entry(found.called[p.by]), Entry(worded(p.x)), _entry(p, found)] for p in places]
+    return Grid(caption, [by, x, "median"], rows)
+
+
+def _entry(place: Place | None, found: Medians) -> Entry:
+    if place is None:
+        return Entry("")
+    failed = f"{place.failed} failed" if place.failed else ""
+    waiting = f"{place.waiting} waiting" if place.waiting else ""
+    if not place.n:
+        return Entry("", ", ".join(filter(None, (failed, waiting))))
+    text = shown(found.figure.y, place.value)
+    ends = "" if place.low == place.high else interval(place.low, place.high)
+    return Entry(text, ", ".join(filter(None, (ends, f"n {place.n:,}", failed, waiting))))

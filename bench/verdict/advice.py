@@ -1,0 +1,189 @@
+"""Which backend to use for what: the cheapest of those that none beats for sure and that know how well they do."""
+
+from collections.abc import Sequence
+from math import inf, isinf
+from typing import NamedTuple
+
+from ..words.numerals import counted, factor, larger, listed, number, times
+from ..words.styles import BASELINE
+from .accuracy import between, unborne
+from .consistency import belief_word
+from .ranking import Contest, standing
+from .statistics import FEWEST
+from .summary import Line
+
+SAME_COST = 1.5
+"""Costs whose ratio is smaller are about the same."""
+
+NEAR = 1.25
+"""Errors whose ratio lies between this and its inverse for sure are of the same order for whoever has to choose."""
+
+COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
+"""What is saved: a step while the robot drives, else the CPU time of the whole log, as the steps of a method that has a
+final path alone do nothing."""
+
+PATH = {"online": "ate_m", "final": "final_ate_m"}
+"""The column of those that have what is to be used."""
+
+HAVING = {
+    "ate_m": "an online path", "final_ate_m": "a final path", "map_rmse_m": "a map", "final_map_rmse_m": "a final map",
+}  # fmt: skip
+"""What a backend may be the only one to have."""
+
+LISTED = 4
+"""Backends whose cost is told where none is named."""
+
+BELIEF = {"online": "nees", "final": "final_nees"}
+"""Whose word counts: an online belief says nothing of a final path, and nothing of a map as a whole."""
+
+
+class Use(NamedTuple):
+    """Which backend to use for something."""
+
+    purpose: str  # "online", "final" or "map"
+    backend: str  # its label; "" where the evidence names none
+    why: str  # a sentence
+
+
+def advice(purpose: str, found: Contest) -> Use:
+    """Whom to use, from these in turn, a step left out where nobody passes it:
+
+    those that cannot be told apart from the best, and are for sure better than dead reckoning, else that itself, but
+    nobody where only too few logs stand in the way; those without a failure; those that are not overconfident; the
+    cheapest, and of about the same cost the more accurate.
+    """
+    if found.logs < FEWEST:
+        return Use(purpose, "", _too_few(found))
+    if len(found.errors[found.lines[0].backend]) < FEWEST:
+        return Use(purpose, "", f"Nobody that competes has enough of the {found.logs} logs to tell, {FEWEST} at least.")
+    tested = [c for c in found.baseline if standing(c) != "few"]
+    ahead = {c.first for c in tested if standing(c) == "better"}
+    if found.circular:
+        return Use(purpose, "", "Each that can be tested is beaten for sure by another one.")
+    hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
+    if hidden and not ahead:
+        measured = f"{hidden[0].first} was measured {between(hidden[0])} than dead reckoning"
+        return Use(purpose, "", f"Nobody for sure: {measured}, but {unborne(hidden, len(tested))}.")
+    if tested and not ahead:
+        return Use(purpose, BASELINE, "No backend is for sure closer to the truth.")
+    level = [line for line in found.level if not tested or line.backend in ahead]
+    if not level:
+        return Use(purpose, "", f"{found.lines[0].backend} is not closer to the truth than dead reckoning for sure.")
+    whole = [line for line in level if line.done == len(line.rows)] or level
+    sure = [line for line in whole if belief_word(line, BELIEF.get(purpose, "")) != "overconfident"] or whole
+    cost = {line.backend: line.values[COST[purpose]].median for line in sure if COST[purpose] in line.values}
+    least = min(cost.values(), default=0.0)
+    chosen = next((line for line in sure if cost.get(line.backend, inf) <= SAME_COST * least), sure[0])
+    rival = next((line for line in found.lines if line is not chosen), None)
+    accuracy = _accuracy(found, chosen, rival)
+    parts = [
+        accuracy,
+        _belief(belief_word(chosen, BELIEF.get(purpose, "")), [line for line in whole if line not in sure]),
+        _failures(chosen, [line for line in level if line not in whole]),
+        _cost(COST[purpose], chosen, rival, named=rival is not None and rival.backend in accuracy),
+    ]
+    why = "; ".join(part for part in parts if part)
+    return Use(purpose, chosen.backend, f"{why[0].upper()}{why[1:]}.")
+
+
+def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
+    """Nobody, where no path is known to judge by; what is known is the cost, and the distance from the reference."""
+    having = [
+        line
+        for line in lines
+        if line.backend != BASELINE and not line.told and line.done == len(line.rows)
+        and PATH[purpose] in line.values and COST[purpose] in line.values
+    ]  # fmt: skip
+    having.sort(key=lambda line: line.values[COST[purpose]].median)
+    why = "The true path is not known, so nothing says which is the more accurate."
+    told = [
+        f"{line.backend} {_amount(COST[purpose], line)}, {number(line.values[PATH[purpose]].median)} m"
+        for line in having[:LISTED]
+    ]
+    if told:
+        more = f", and {len(having) - LISTED} more" if len(having) > LISTED else ""
+        why += f" Cost, and distance from the reference: {'; '.join(told)}{more}."
+    return Use(purpose, "", why)
+
+
+def _amount(column: str, line: Line) -> str:
+    """What it costs; of steps, the median and what one in a hundred takes."""
+    mine = line.values[column].median
+    if column != "step_us_p50":
+        return f"{number(mine)} s of CPU for the whole log"
+    slow = line.values.get("step_us_p99")
+    return f"{number(mine)} µs a step" + (f" (p99 {number(slow.median)})" if slow else "")
+
+
+def _too_few(found: Contest) -> str:
+    if found.logs > 1:
+        return f"{found.logs} logs are too few to tell, {FEWEST} at least (--seeds)."
+    return (
+        "There is one log, nothing to test."
+        if any(len(line.rows) > 1 for line in found.lines)
+        else (f"One log cannot tell, {FEWEST} at least (--seeds, where each draws another log).")
+    )
+
+
+def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
+    """Against the one that the reader would take instead: the best, or where that is the chosen one the next."""
+    if rival is None:
+        return f"the only one with {HAVING[found.column]}"
+    best = chosen is found.lines[0]
+    c = found.between(chosen, rival) if best else found.between(rival, chosen)
+    kind = standing(c)
+    if kind == "alike":
+        return f"as accurate as {rival.backend}"
+    if kind == "open" or not best:
+        widest = max(1 / c.low if c.low else inf, c.high)
+        said = "as accurate as" if widest <= NEAR else "not told apart from"
+        return f"{said} {rival.backend}" + (f" (within {larger(widest)})" if widest < inf else "")
+    if kind == "better" and isinf(c.low):
+        return f"the most accurate, as {rival.backend} mostly failed"
+    if kind == "better":
+        return f"the most accurate, {times(c.low, c.high)} closer than {rival.backend}"
+    if kind == "unproven":
+        return f"the most accurate measured ({between(c)} than {rival.backend}), though no test bears it out"
+    return "the most accurate measured"
+
+
+def _belief(word: str, passed: Sequence[Line]) -> str:
+    """What the chosen one's belief is worth; `passed` are as accurate, and overconfident."""
+    if not passed:
+        return word
+    names = listed([line.backend for line in passed])
+    said = f"{word}, as {names} {_is(passed)} not"
+    return said if word == "consistent" else f"not overconfident, as {names} {_is(passed)}"
+
+
+def _failures(chosen: Line, passed: Sequence[Line]) -> str:
+    """`passed` are as accurate, and not done on every log."""
+    if chosen.done < len(chosen.rows):
+        return f"done in {chosen.done} of {counted(len(chosen.rows), 'cell')}"
+    return f"done on every log, as {listed([line.backend for line in passed])} {_is(passed)} not" if passed else ""
+
+
+def _is(lines: Sequence[Line]) -> str:
+    return "is" if len(lines) == 1 else "are"
+
+
+def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False) -> str:
+    """What it takes, against the one that the reader would take instead; `named`: the sentence has its name already."""
+    if column not in chosen.values:
+        return ""
+    mine = chosen.values[column].median
+    said = _amount(column, chosen)
+    alone = chosen.alone
+    if rival is not None and column in rival.values and bool(mine) == bool(rival.values[column].median):
+        said += f", {compared(mine, rival.values[column].median, '' if named else rival.backend)}"
+        alone = alone and rival.alone
+    return said + ", timed while others ran beside" * (not alone)
+
+
+def compared(mine: float, theirs: float, rival: str) -> str:
+    """ "17 times cheaper than isam2", "3.1 times as costly as isam2" or "about as costly as isam2"; "" is not named."""
+    if min(mine, theirs) <= 0 or max(mine / theirs, theirs / mine) < SAME_COST:
+        return "about as costly" + f" as {rival}" * bool(rival)
+    if theirs > mine:
+        return f"{factor(theirs / mine)} times cheaper" + f" than {rival}" * bool(rival)
+    return f"{factor(mine / theirs)} times as costly" + f" as {rival}" * bool(rival)

@@ -1,0 +1,82 @@
+"""Whether a belief fits its errors at each time: NEES averaged over independent logs, beside its chi-square band.
+
+Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.2. Within a
+run NEES is correlated, so its mean over time has no such band; over N independent logs N times the mean at one time has
+chi-square's distribution with 3 N degrees of freedom where the covariance is that of the errors.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array
+
+DOF = 3
+"""Of a pose's NEES."""
+
+LEVEL = 0.05
+"""The share of times outside that is expected of a belief that fits."""
+
+MOST = 0.5
+"""A belief is flagged where less than this share of the times is inside."""
+
+
+class Averages(NamedTuple):
+    """Mean NEES over its degrees of freedom at each time; 1 is consistent."""
+
+    t: Array  # (m,) s
+    mean: Array  # (m,) over the logs that have a covariance then; NaN where fewer than two have
+    low: Array  # (m,) the 95 % band's ends, on the same scale; NaN where the mean is
+    high: Array  # (m,)
+    n: Array  # (m,) logs that have a covariance then
+    inside: float  # share of the times with a mean at which it is inside the band
+
+
+def averaged(runs: Sequence[tuple[Array, Array]]) -> Averages | None:
+    """Of runs on independent logs, each its times (k,) in s, rising, and its pose NEES (k,), NaN without a covariance.
+
+    Times are those of the run that has the fewest between the latest start and the earliest end; the others are read at
+    their nearest earlier step. None for fewer than two runs, or where no two of them have a NEES at one time.
+    """
+    runs = [run for run in runs if len(run[0])]
+    if len(runs) < 2:
+        return None
+    t = _grid([times for times, _ in runs])
+    nees = np.array([values[np.searchsorted(times, t, side="right") - 1] for times, values in runs]) / DOF
+    n = (~np.isnan(nees)).sum(0)
+    shared = n >= 2
+    if not shared.any():
+        return None
+    mean = np.where(shared, np.nansum(nees, 0) / np.maximum(n, 1), np.nan)
+    low, high = (np.where(shared, end, np.nan) for end in band(np.maximum(n, 2)))
+    return Averages(t, mean, low, high, n, float(((low <= mean) & (mean <= high))[shared].mean()))
+
+
+def band(n: Array) -> tuple[Array, Array]:
+    """The ends between which the mean NEES/3 of n logs lies with 95 % probability; n is of any shape."""
+    from scipy.special import chdtri
+
+    dof = DOF * np.asarray(n, float)
+    return chdtri(dof, 1 - LEVEL / 2) / dof, chdtri(dof, LEVEL / 2) / dof
+
+
+def flagged(averages: Averages) -> str:
+    """overconfident or cautious where the averages are outside their band more than half of the time, else "".
+
+    It is the side that they are outside on more often. A share near 95 % inside is expected, but how far below it
+    chance can take it depends on how long errors last: when they last for the whole log, the averages of a belief that
+    fits leave the band for all of it once in 20 times. More than half of the time outside is about as rare as that in
+    the worst case (twice as often at most, by Markov's inequality), and far rarer when errors last less long. Noise
+    that is mis-stated by 2 is flagged nearly always from 5 logs on where that is a standard deviation, and from 10 on
+    where it is a variance.
+    """
+    if averages.inside >= MOST:
+        return ""
+    above, below = (averages.mean > averages.high).sum(), (averages.mean < averages.low).sum()
+    return "overconfident" if above >= below else "cautious"
+
+
+def _grid(times: Sequence[Array]) -> Array:
+    start, end = max(t[0] for t in times), min(t[-1] for t in times)
+    return min((t[(t >= start) & (t <= end)] for t in times), key=len)

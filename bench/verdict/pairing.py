@@ -1,0 +1,256 @@
+"""Two runs side by side: what both did, on which logs, and in what they differ."""
+
+from collections.abc import Container, Mapping, Sequence
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...frontend.errors import InputError
+from ...frontend.sketch import ROUNDING, distance, from_words
+from ..record.reader import Store
+from ..record.schema import Row
+from ..words.numerals import counted, listed
+from .summary import Line, lines
+
+MACHINE = ("processor", "cores", "memory_gb")
+NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")
+"""Words of a run in which two may well differ and still be compared."""
+
+MEMORY = 0.02
+"""Share by which a machine's memory, as its kernel tells it, may differ."""
+
+BETWEEN_PROCESSORS = 1e-6
+"""Share by which a result may differ between processors and still be the same. Last bits differ by their instructions;
+the path of a stable filter by 1e-12 or so in the end, what an iteration stops at by more."""
+
+
+class Side(NamedTuple):
+    """One of the two runs."""
+
+    folder: Path
+    run: Mapping[str, Any]
+    lines: Mapping[tuple[str, str], Line]  # by dataset and backend
+    left_out: Sequence[str]
+
+
+class Pair(NamedTuple):
+    """A backend on a dataset in both runs: its cells of the same seed and, unless told otherwise, the same log.
+
+    Logs that differ by rounding alone are the same.
+    """
+
+    dataset: str
+    backend: str
+    cells: Sequence[tuple[Row, Row]]  # old and new
+    measured: Sequence[tuple[Row, Row]]  # those measured from the same truth
+    timed: bool  # whether the times of both may be compared
+    random: bool  # whether the backend draws random numbers, or may for all that is known
+    by_log: bool  # whether both had the same logs, to the last bit
+
+
+class Facing(NamedTuple):
+    """What there is to compare."""
+
+    old: Side
+    new: Side
+    pairs: Sequence[Pair]
+    added: Sequence[tuple[str, str]]  # datasets and backends that only the new run has
+    gone: Sequence[tuple[str, str]]
+    differences: Sequence[tuple[str, str, str]]  # what, in the old run, in the new one
+    notes: Sequence[str]  # sentences on what was left out, or is to be taken with care
+    rounding: float  # share by which results may differ and be the same; 0 between runs of one processor
+
+
+def side(folder: Path) -> Side:
+    """A run's folder; InputError where it is none."""
+    with Store(folder) as store:
+        found = {(line.dataset, line.backend): line for line in lines(store.cells())}
+        return Side(folder, store.run(), found, list(store.left_out))
+
+
+def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = False) -> Facing:
+    """The two runs' cells in pairs; InputError where they have none in common."""
+    notes = [f"{one.folder}: {sentence}" for one in (old, new) for sentence in one.left_out]
+    common = [key for key in new.lines if key in old.lines]
+    if not common:
+        raise InputError(f"{new.folder}: has no backend on any dataset in common with {old.folder}, expected one.")
+    timed = any_machine or _timed(old, new, notes)
+    others, truths = _other_logs(old, new, common), _other_truths(old, new, common)
+    close = {log: apart for log in others if (apart := _apart(old, new, log)) <= ROUNDING}
+    others = [log for log in others if log not in close]
+    pairs = [_pair(old, new, key, timed, any_machine, any_log, close) for key in common]
+    rounding = BETWEEN_PROCESSORS if close or not _same_processor(old, new) else 0.0
+    if close:
+        notes.append(
+            f"{_listed(list(close))}: the same in both runs to rounding, and compared; all differences of a log's "
+            f"numbers together are at most {max(close.values()):.1g} of a standard deviation."
+        )
+    if rounding:
+        notes.append(
+            "The runs were made on different processors or logs, whose last bits differ: results within "
+            f"{rounding:g} of their size are the same to rounding."
+        )
+    if others and any_log:
+        notes.append(f"{_listed(others)}: not the same log in both runs, compared by seed as --any-log says.")
+    elif others:
+        notes.append(f"{_listed(others)}: not the same log in both runs, and left out; --any-log compares by seed.")
+    if truths:
+        notes.append(f"{_listed(truths)}: the truth is another one now, so accuracy and consistency are left out.")
+    notes += _not_run(pairs, old, new)
+    notes += [f"{name}: timed side by side with other cells in one run alone." for name in _sided(pairs, any_machine)]
+    if not any(pair.cells for pair in pairs):
+        raise InputError(f"{new.folder}: no cell ran on the same log as in {old.folder}; --any-log compares by seed.")
+    return Facing(
+        old,
+        new,
+        pairs,
+        [key for key in new.lines if key not in old.lines],
+        [key for key in old.lines if key not in new.lines],
+        _differences(old.run, new.run),
+        notes,
+        rounding,
+    )
+
+
+def _timed(old: Side, new: Side, notes: list[str]) -> bool:
+    """Whether both ran on the same machine; where not, a note says so."""
+    machines = [{name: one.run["environment"].get(name) for name in MACHINE} for one in (old, new)]
+    if _same_machine(*machines) and _same_processor(old, new):
+        return True
+    said = [
+        f"{_text(m['processor'])}{_instructions(one)}, {_text(m['cores'])} cores, {_text(m['memory_gb'])} GB"
+        for one, m in zip((old, new), machines, strict=True)
+    ]
+    notes.append(
+        f"The runs were made on different machines ({said[0]}; {said[1]}), so times and memory are left out; "
+        "--any-machine compares them all the same."
+    )
+    return False
+
+
+def _instructions(one: Side) -> str:
+    """In virtual machines many processors have one name."""
+    known = one.run["environment"].get("instructions")
+    return f" ({known})" if known else ""
+
+
+def _same_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    if None in old.values() or old["processor"] != new["processor"] or old["cores"] != new["cores"]:
+        return False
+    try:
+        return abs(old["memory_gb"] - new["memory_gb"]) <= MEMORY * old["memory_gb"]
+    except TypeError:
+        return False
+
+
+def _same_processor(old: Side, new: Side) -> bool:
+    """Whether both ran on processors of one name and, where both runs tell, with the same instructions."""
+    here, there = old.run["environment"], new.run["environment"]
+    known = [name for name in ("processor", "instructions") if name in here and name in there]
+    return all(here[name] == there[name] for name in known)
+
+
+def _apart(old: Side, new: Side, log: str) -> float:
+    """How far apart the log is in the two runs, in standard deviations; infinite where that is not known."""
+    sketches = [from_words(one.run.get("sketches", {}).get(log)) for one in (old, new)]
+    here, there = sketches
+    return inf if here is None or there is None else distance(here, there)
+
+
+def _pair(
+    old: Side,
+    new: Side,
+    key: tuple[str, str],
+    timed: bool,
+    any_machine: bool,
+    any_log: bool,
+    close: Container[str],
+) -> Pair:
+    before = {row.columns["seed"]: row for row in old.lines[key].rows}
+    cells = [(before[row.columns["seed"]], row) for row in new.lines[key].rows if row.columns["seed"] in before]
+    equal = [(a, b) for a, b in cells if a.columns["digest"] == b.columns["digest"]]
+    alike = [(a, b) for a, b in cells if (a, b) in equal or _name(key, b) in close]
+    chosen = cells if any_log else alike
+    other = _other_truths(old, new, [key])
+    alone = {(a.columns["timing_alone"], b.columns["timing_alone"]) for a, b in chosen}
+    random: Any = new.run.get("random")
+    return Pair(
+        dataset=key[0],
+        backend=key[1],
+        cells=chosen,
+        measured=[(a, b) for a, b in chosen if _name(key, b) not in other],
+        timed=timed and (any_machine or all(a == b for a, b in alone)),
+        random=random is None or key[1] in random,
+        by_log=len(chosen) == len(equal),
+    )
+
+
+def _name(key: tuple[str, str], row: Row) -> str:
+    """A run's name of the log of one of its cells."""
+    return f"{key[0]}, seed {row.columns['seed']}"
+
+
+def _other_logs(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list[str]:
+    """The logs of the same name and seed that are different ones."""
+    found: dict[str, None] = {}
+    for key in common:
+        before = {row.columns["seed"]: row.columns["digest"] for row in old.lines[key].rows}
+        for row in new.lines[key].rows:
+            if before.get(row.columns["seed"], row.columns["digest"]) != row.columns["digest"]:
+                found[_name(key, row)] = None
+    return list(found)
+
+
+def _other_truths(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list[str]:
+    """The logs whose truth is another one, or is known in one of the runs alone and a reference in the other."""
+    before: Mapping[str, Any] = old.run.get("truths", {})
+    after: Mapping[str, Any] = new.run.get("truths", {})
+    found = {log: None for log in after if log in before and before[log] != after[log]}
+    for key in common:
+        kinds = {row.columns["seed"]: row.columns["truth_kind"] for row in old.lines[key].rows}
+        for row in new.lines[key].rows:
+            kind = row.columns["truth_kind"]
+            if kinds.get(row.columns["seed"], kind) != kind:
+                found[_name(key, row)] = None
+    return list(found)
+
+
+def _not_run(pairs: Sequence[Pair], old: Side, new: Side) -> list[str]:
+    """Cells that one of the runs does not have."""
+    said: list[str] = []
+    for pair in pairs:
+        key = pair.dataset, pair.backend
+        seeds = [{row.columns["seed"] for row in one.lines[key].rows} for one in (old, new)]
+        for missing, word in ((seeds[0] - seeds[1], "old"), (seeds[1] - seeds[0], "new")):
+            if missing:
+                said.append(
+                    f"{pair.backend} on {pair.dataset}: {counted(len(missing), 'seed')} only in the {word} run."
+                )
+    return said
+
+
+def _sided(pairs: Sequence[Pair], any_machine: bool) -> list[str]:
+    return [
+        f"{pair.backend} on {pair.dataset}"
+        for pair in pairs
+        if not any_machine and any(a.columns["timing_alone"] != b.columns["timing_alone"] for a, b in pair.cells)
+    ]
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """In what the runs were made differently: that is what is compared."""
+    known = [
+        {**run["environment"], **run["environment"]["packages"], **run.get("plan", {}), "workers": run["workers"]}
+        for run in (old, new)
+    ]
+    names = [name for name in {**known[0], **known[1]} if name not in NOT_COMPARED]
+    values = [(name, _text(known[0].get(name)), _text(known[1].get(name))) for name in names]
+    return [(name, before, after) for name, before, after in values if before != after]
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else str(value)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return listed([*names[:4], f"{len(names) - 4} more"]) if len(names) > 5 else listed(list(names))

@@ -1,0 +1,133 @@
+"""A run's cells drawn together over their seeds: what the table in the terminal and the report show."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..measure.status import FAILED, REFERENCE, SURVEYED, TOLD
+from ..record.schema import WORDS, Row, label
+from ..words.names import called
+
+
+class Spread(NamedTuple):
+    """A value over the seeds that have one."""
+
+    median: float
+    low: float
+    high: float
+    n: int
+
+
+class Line(NamedTuple):
+    """One backend variant on one dataset variant, over all seeds."""
+
+    dataset: str  # label
+    backend: str  # label
+    truth_kind: str
+    rows: list[Row]  # by seed
+    values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
+    name: str  # what people call the dataset, among those of the run
+
+    @property
+    def done(self) -> int:
+        """How many of its cells are done."""
+        return sum(row.columns["status"] == "done" for row in self.rows)
+
+    def by_log(self, column: str) -> dict[str, float]:
+        """The column's value on every log, by digest: what several runs on one log have is averaged first.
+
+        Infinite where a cell of the log has failed; a log that was skipped, or has no value, is absent.
+        """
+        return _averaged(self.runs(column))
+
+    def runs(self, column: str) -> list[tuple[str, float]]:
+        """(digest, value) of every cell that has one or has failed, the value then infinite."""
+        found: list[tuple[str, float]] = []
+        for row in self.rows:
+            value = float("inf") if row.columns["status"] in FAILED else row.columns[column]
+            if value is not None:
+                found.append((row.columns["digest"], value))
+        return found
+
+    def measured(self, column: str) -> dict[str, float]:
+        """As `by_log`, of the cells that are done alone: for what is no error, and so has no worst."""
+        done = [row.columns for row in self.rows if row.columns["status"] == "done"]
+        return _averaged([(c["digest"], c[column]) for c in done if c[column] is not None])
+
+    @property
+    def failed(self) -> int:
+        """How many of its cells ended in one of the ways that count as the worst there is."""
+        return sum(row.columns["status"] in FAILED for row in self.rows)
+
+    @property
+    def alone(self) -> bool:
+        """Whether every cell ran alone, so that its times stand for themselves."""
+        return all(row.columns["timing_alone"] for row in self.rows)
+
+    @property
+    def told(self) -> bool:
+        """Whether it was told the truth, and so does not compete."""
+        return any(TOLD in (row.columns["reason"] or "") for row in self.rows)
+
+    @property
+    def surveyed(self) -> bool:
+        """Whether its map is measured from true places, though nobody knows where the robot was."""
+        return any(SURVEYED in (row.columns["reason"] or "") for row in self.rows)
+
+    @property
+    def reference(self) -> str:
+        """What its path is measured from where nobody knows the true one."""
+        said = [part for row in self.rows for part in (row.columns["reason"] or "").split("; ")]
+        return next((part.removeprefix(REFERENCE) for part in said if part.startswith(REFERENCE)), "the batch optimum")
+
+
+def remarks(reason: str) -> str:
+    """A cell's reason without what the verdict says of the whole log: what places are measured from."""
+    return "; ".join(part for part in reason.split("; ") if part != SURVEYED and not part.startswith(REFERENCE))
+
+
+def representative(lines: Sequence[Line]) -> Line:
+    """One of a dataset's lines whose cells say what is known of it: the first that is done, if any is."""
+    return next((line for line in lines if line.done), lines[0])
+
+
+def logs(lines: Sequence[Line]) -> int:
+    """How many different logs the lines of one dataset ran on: a dataset that draws nothing has one for all seeds."""
+    return len({row.columns["digest"] for line in lines for row in line.rows})
+
+
+def lines(rows: Iterable[Row]) -> list[Line]:
+    """A line a (dataset, backend) of a run, in the order in which the record has them."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        c = row.columns
+        key = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
+        groups.setdefault(key, []).append(row)
+    names = called([dataset for dataset, _ in groups])
+    return [
+        Line(dataset, backend, members[0].columns["truth_kind"], members, _spreads(members), names[dataset])
+        for (dataset, backend), members in groups.items()
+    ]
+
+
+def _spreads(rows: list[Row]) -> dict[str, Spread]:
+    done = [row.columns for row in rows if row.columns["status"] == "done"]
+    spreads: dict[str, Spread] = {}
+    for name in [name for name in rows[0].columns if name not in WORDS]:
+        values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
+        if values:
+            spreads[name] = spread(values)
+    return spreads
+
+
+def _averaged(runs: Iterable[tuple[str, float]]) -> dict[str, float]:
+    found: dict[str, list[float]] = {}
+    for log, value in runs:
+        found.setdefault(log, []).append(value)
+    return {log: sum(values) / len(values) for log, values in found.items()}
+
+
+def spread(values: Sequence[Any]) -> Spread:
+    """Of the values of a column, one or more."""
+    ranked = sorted(values)
+    middle = (ranked[(len(ranked) - 1) // 2] + ranked[len(ranked) // 2]) / 2
+    return Spread(float(middle), ranked[0], ranked[-1], len(ranked))

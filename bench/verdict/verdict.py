@@ -1,0 +1,129 @@
+"""What can be said of the backends on a dataset: who is more accurate, is it real, who is consistent, the cost."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from ..words.numerals import counted, factor, listed, number
+from ..words.styles import BASELINE
+from .accuracy import claims
+from .advice import SAME_COST, Use, advice, unnamed
+from .consistency import belief_sentences
+from .ranking import Contest, contest, ordered
+from .statistics import Comparison
+from .summary import Line, logs, representative
+
+PATHS = {"online": ("ate_m", "online path"), "final": ("final_ate_m", "final path")}
+"""What is compared where the path is known, by purpose: the path given step by step, and that smoothed at the end."""
+
+MAPS = {"online": ("map_rmse_m", "online map"), "map": ("final_map_rmse_m", "final map")}
+"""What is compared where the landmarks' places are known and the path is not."""
+
+MOST = 6
+"""Backends whose cost a sentence names."""
+
+_REFERENCE = (
+    "Nobody knows where the robot was; errors here are distances from a reference, {} of the same factors, which "
+    "smoothers come close to by construction."
+)
+_SURVEYED = " The landmarks' places are known: the map's error is one, all landmarks aligned by themselves."
+
+
+class Verdict(NamedTuple):
+    """What can be said of the backends on a dataset."""
+
+    basis: str  # what it rests on: how many logs, and what is known of them
+    uses: Sequence[Use]
+    sentences: Sequence[str]  # the most important first
+    comparisons: Mapping[str, Sequence[Comparison]]  # by column, every pair, then each backend with dead reckoning
+
+
+def verdict(lines: Sequence[Line]) -> Verdict:
+    """The verdict on one dataset."""
+    lines = ordered(lines)
+    known = representative(lines)
+    name, kind = known.name, known.truth_kind
+    basis = f"{counted(logs(lines), 'log')}; {_known(known)}"
+    failures = _not_done(lines)
+    if not any(line.done for line in lines):
+        return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
+    measures = PATHS if kind == "truth" else MAPS if known.surveyed else {}
+    contests = {purpose: found for purpose, (column, _) in measures.items() if (found := contest(lines, column))}
+    said: list[str] = []
+    if kind == "reference":
+        said.append(f"{name}: no verdict on accuracy of paths. {_REFERENCE.format(known.reference)}")
+        said[0] += _SURVEYED * known.surveyed
+    elif not measures:
+        said.append(f"{name}: no verdict on accuracy. There is no known path to hold the estimates against.")
+    elif not contests:
+        said.append(f"{name}: no backend that competes gave a path.")
+    for k, (purpose, found) in enumerate(contests.items()):
+        said += claims(found, measures[purpose][1], name, again=k > 0)
+    comparisons = {found.column: [*found.comparisons, *found.baseline] for found in contests.values()}
+    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures, *_told(lines)]
+    return Verdict(basis, _uses(lines, contests), sentences, comparisons)
+
+
+def _known(line: Line) -> str:
+    if line.truth_kind == "truth":
+        return "the true path is known"
+    if line.truth_kind == "reference":
+        return "the true path is not known" + ", the landmarks' places are" * line.surveyed
+    return "neither path nor landmarks are known"
+
+
+def _uses(lines: Sequence[Line], contests: Mapping[str, Contest]) -> list[Use]:
+    """By purpose; where the path is not known, nobody, and what they cost.
+
+    Maps are those smoothed at the end, with one or none the online ones.
+    """
+    if representative(lines).truth_kind == "truth":
+        return [advice(purpose, found) for purpose, found in contests.items()]
+    uses = [unnamed(purpose, lines) for purpose in PATHS]
+    found = contests.get("map")
+    if found is None or len(found.lines) == 1:
+        found = contests.get("online", found)
+    return [*uses, advice("map", found)] if found else uses
+
+
+def _cost(lines: Sequence[Line]) -> list[str]:
+    """CPU time for the whole log: the one figure that filters, smoothers and batch methods have in common."""
+    found = sorted(
+        (line.values["cpu_s"].median, line.backend + "*" * (not line.alone))
+        for line in lines
+        if "cpu_s" in line.values and line.backend != BASELINE
+    )
+    if not found:
+        return []
+    least, cheapest = found[0]
+    times = [f"{cheapest} {number(least)} s"]
+    for seconds, label in found[1:]:
+        ratio = seconds / least if least else 0
+        times.append(f"{label} {number(seconds)} s" + (f" ({factor(ratio)} times)" if ratio >= SAME_COST else ""))
+    if len(times) > MOST:
+        times = [times[0], f"{len(times) - 2} others up to {times[-1]}"]
+    marked = " (*: while other cells ran beside it)" if any("*" in label for _, label in found) else ""
+    return [f"Median CPU time for the whole log: {listed(times)}{marked}."]
+
+
+def _not_done(lines: Sequence[Line]) -> list[str]:
+    """Whose cells ended in another way than they should; failures are the worst there is, and skipped cells absent."""
+    failed = [
+        f"{line.backend} failed on {line.failed} of {counted(len(line.rows), 'cell')} ({_ways(line)})"
+        for line in lines
+        if line.failed
+    ]
+    skipped = [line for line in lines if any(row.columns["status"] == "skipped" for row in line.rows)]
+    said = [f"{'; '.join(failed)}; a failure counts as worse than any path."] if failed else []
+    if skipped:
+        said.append(f"Skipped, and so not compared there: {listed([line.backend for line in skipped])} (why, below).")
+    return said
+
+
+def _ways(line: Line) -> str:
+    cells = [row.columns["status"] for row in line.rows]
+    return ", ".join(f"{cells.count(way)} {way}" for way in dict.fromkeys(cells) if way not in ("done", "skipped"))
+
+
+def _told(lines: Sequence[Line]) -> list[str]:
+    names = [line.backend for line in lines if line.told]
+    return [f"Not compared: {listed(names)} (was told the truth)."] if names else []

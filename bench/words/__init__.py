@@ -1,0 +1,1 @@
+"""How numbers, names, columns and backends' colours are written; the console."""

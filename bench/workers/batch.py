@@ -1,0 +1,154 @@
+"""Cells on one log, one after another in one process: what an executor hands to a worker, and what comes back."""
+
+import platform
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...datasets import archive, cache
+from ...datasets import registry as datasets
+from ...datasets.truth import digest
+from ...frontend.errors import InputError, SlamduelError
+from ...frontend.factors import Dataset
+from ..measure import cell
+from ..measure.cell import Job, Result
+from ..plan.reference import known
+
+HOST = platform.node()
+
+LOGS_KEPT = 3
+"""By a process: cells that share a log come one after another, or nearly so."""
+
+
+class KeptLog(NamedTuple):
+    """A log that was made before, with its truth or reference, and what is in the file."""
+
+    path: Path  # of an archive
+    digests: tuple[str, str]  # of the log and of its truth
+    content: bytes = b""  # of the file, on the way to a machine that may not have it
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A log, and who runs on it, each with the place of its cell in the study; with no jobs the log is looked at."""
+
+    dataset: str
+    options: Any
+    seed: int  # of the log: 0 where it draws no random numbers
+    jobs: tuple[tuple[int, Job], ...]
+    timeout_s: float  # a job, or the making of the log
+    keep: bool  # the arrays of the result and of the truth come back, too
+    kept: KeptLog | None = None  # the log is loaded instead of made
+    whole: bool = False  # the log itself comes back, too
+
+    @property
+    def log(self) -> tuple[str, Any, int, tuple[str, str] | None]:
+        """What its log is made of, and its digests where it is kept: batches that have this in common share it."""
+        return self.dataset, self.options, self.seed, None if self.kept is None else self.kept.digests
+
+
+class LogFacts(NamedTuple):
+    """What the store keeps of a log."""
+
+    digest: str
+    truth_digest: str  # of what the cells are scored by; "" where there is none
+    truth_kind: str
+    truth: dict[str, Any]  # t, poses, ids, xy: where it is to be kept
+    archive: bytes = b""  # the log and its truth: where they are to come back whole
+
+    @property
+    def digests(self) -> tuple[str, str]:
+        """Of the log and of its truth."""
+        return self.digest, self.truth_digest
+
+
+class Finished(NamedTuple):
+    """How a job ended, or a batch that looked at its log."""
+
+    batch: Batch
+    index: int | None  # of the job's cell; None: the log was looked at  # pyright: ignore[reportIncompatibleMethodOverride]
+    log: LogFacts | None  # None: it could not be made, `result` says why
+    result: Result
+    seconds: float  # of wall time
+    alone: bool  # nothing else of the study ran on the machine at any moment while it did
+    host: str
+
+
+class Logs:
+    """The last few logs that a process has made or loaded: several batches on one need not do it again."""
+
+    def __init__(self) -> None:
+        self._kept: dict[Any, tuple[Dataset, LogFacts]] = {}  # the one that was asked for last is last
+
+    def forget_files(self) -> None:
+        """Keep no log that was made from files, which may have changed."""
+        for name in [name for name in self._kept if name[3] is None and not datasets.find(name[0]).seeded]:
+            del self._kept[name]
+
+    def get(self, batch: Batch) -> tuple[Dataset, LogFacts]:
+        """The batch's log, and all that is known of it; SlamduelError where it cannot be made or loaded."""
+        found = self._kept.pop(batch.log, None)
+        if found is None:
+            dataset = _made(batch) if batch.kept is None else _loaded(batch.kept)
+            found = dataset, facts_of(dataset)
+        self._kept[batch.log] = found
+        while len(self._kept) > LOGS_KEPT:
+            del self._kept[next(iter(self._kept))]
+        return found
+
+
+def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: None) -> Iterator[Finished]:
+    """Do the batch here, one job after another; `made` is told as soon as its log is there."""
+    began = time.perf_counter()
+    try:
+        dataset, facts = logs.get(batch)
+    except SlamduelError as error:
+        seconds = time.perf_counter() - began
+        yield from unmade(batch, Result("error", f"the log could not be made: {error}"), seconds)
+        return
+    if not batch.keep:
+        facts = facts._replace(truth={})
+    if batch.whole:
+        facts = facts._replace(archive=archive.packed(dataset))
+    made(facts)
+    if not batch.jobs:
+        yield Finished(batch, None, facts, Result("done", ""), time.perf_counter() - began, False, HOST)
+    for index, job in batch.jobs:
+        began = time.perf_counter()
+        result = cell.run_on(job, lambda: dataset.log, lambda: dataset.truth)
+        if not batch.keep:
+            result = replace(result, arrays={})
+        yield Finished(batch, index, facts, result, time.perf_counter() - began, False, HOST)
+
+
+def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
+    """What becomes of a batch whose log could not be made, for the reason that `result` gives."""
+    for index in [index for index, _ in batch.jobs] or [None]:
+        yield Finished(batch, index, None, result, seconds, False, HOST)
+
+
+def _made(batch: Batch) -> Dataset:
+    made = cache.prepared(batch.dataset, datasets.find(batch.dataset), batch.options, batch.seed)
+    return Dataset(made.log, known(made.log, made.truth))
+
+
+def _loaded(kept: KeptLog) -> Dataset:
+    dataset = archive.load(kept.path)
+    found = facts_of(dataset).digests
+    if found != kept.digests:
+        log, expected = found[0][:12], kept.digests[0][:12]
+        raise InputError(f"{kept.path}: holds another log or truth: the log's digest is {log}, expected {expected}.")
+    return dataset
+
+
+def facts_of(dataset: Dataset) -> LogFacts:
+    """What the store keeps of a log with its truth or reference."""
+    log, truth = dataset
+    if truth is None:
+        return LogFacts(log.digest, "", "", {})
+    arrays: dict[str, Any] = {"t": truth.t, "poses": truth.poses}
+    if truth.map is not None:
+        arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
+    return LogFacts(log.digest, digest(truth), truth.kind, arrays)

@@ -1,0 +1,124 @@
+"""What a Dask worker must have so that its results are those that any other would get: code, libraries, files.
+
+A worker that lives for days runs the code that it has loaded, whatever its files say by now; so the package's sources
+are read when this module is imported, which is before a worker has run anything.
+"""
+
+import functools
+import hashlib
+import platform
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from ...backends import registry as backends
+from ...datasets import registry as datasets
+from ..record.fingerprint import closure, source
+from ..record.library_version import version
+from .batch import Batch
+
+Inventory = Mapping[tuple[str, str], str]
+"""(kind, name) -> version or digest; kinds are python, library, module, plug-in and file."""
+
+WORK = Batch.__module__
+"""Imports all that has a part in a cell's numbers, but for datasets and backends."""
+
+SHOWN = 3
+"""Differences that a sentence spells out."""
+
+
+def inventory(batches: Iterable[Batch]) -> Inventory:
+    """What the batches need, as it is here."""
+    names, sources, paths = set[str](), set[str](), set[str]()
+    for batch in batches:
+        names |= {job.name for _, job in batch.jobs}
+        sources.add(batch.dataset)
+        if batch.kept is None:  # else it is sent, and its files are not needed
+            paths.add(str(getattr(batch.options, "path", None) or ""))
+    modules = {WORK} | {datasets.module(name) for name in sources}
+    own = {name for name in names if name not in backends.BUILTIN}
+    modules |= {backends.target(name).partition(":")[0] for name in names}
+    wanted: set[tuple[str, str]] = {("python", "Python")} | {("plug-in", name) for name in own}
+    wanted |= {("file", path) for path in paths if Path(path).exists() and path}
+    for module in modules:
+        files, libraries = closure(module)
+        wanted |= {("module", name) for name in files} | {("library", name) for name in libraries}
+    return {key: _value(*key) for key in sorted(wanted)}
+
+
+def differences(wanted: Inventory) -> list[str]:
+    """What is not the same here, each in words: what was found, what was expected."""
+    found = ((key, _value(*key), value) for key, value in wanted.items())
+    return [_words(*key, here, there) for key, here, there in found if here != there]
+
+
+def told(words: list[str]) -> str:
+    """The differences in one phrase."""
+    more = f" and {len(words) - SHOWN} more differences" if len(words) > SHOWN else ""
+    return "; ".join(words[:SHOWN]) + more
+
+
+def _words(kind: str, name: str, here: str, there: str) -> str:
+    if kind == "module":
+        lacks = (
+            "is not there" if not here else "is not the same code (changed since the worker started, or another copy)"
+        )
+        return f"module {name} {lacks}"
+    if kind == "file":
+        return f"file {name} " + ("has another content" if here else "is not there")
+    if kind == "plug-in":
+        return f"backend {here or there}"
+    return f"{name} is {here or 'not installed'}, expected {there or 'none'}"
+
+
+@functools.cache
+def _value(kind: str, name: str) -> str:
+    if kind == "python":
+        return platform.python_version()
+    if kind == "library":
+        return version(name)
+    if kind == "module":
+        return _module(name)
+    return _plugin(name) if kind == "plug-in" else _digest(Path(name))
+
+
+def _plugin(name: str) -> str:
+    """What hinders the import of a backend; the same words wherever it cannot be imported for the same reason."""
+    try:
+        backends.find(name)
+    except KeyError:
+        return f"{name} is not installed"
+    except backends.Missing as error:
+        return str(error)
+    return ""
+
+
+def _module(name: str) -> str:
+    """The digest of a module's file, or of one beside it (`module file`); "" where there is none."""
+    module, _, beside = name.partition(" ")
+    path = source(module)
+    if path is None:
+        return ""
+    return _digest(path.parent / beside if beside else path)
+
+
+@functools.cache
+def _digest(path: Path) -> str:
+    """sha256 of a file, or of all that is in a folder; "" where it is not there."""
+    total = hashlib.sha256()
+    try:
+        for file in _files(path):
+            total.update(f"\n{file.relative_to(path).as_posix()}\n".encode())
+            with file.open("rb") as stream:
+                total.update(hashlib.file_digest(stream, "sha256").digest())
+    except OSError:
+        return ""
+    return total.hexdigest()
+
+
+def _files(path: Path) -> Iterator[Path]:
+    yield from sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+
+
+for _layer in ("frontend", "backends", "datasets", "bench"):
+    for _path in (Path(__file__).parents[2] / _layer).rglob("*.py"):
+        _digest(_path)

@@ -1,0 +1,131 @@
+"""A worker of a pool: a process that does batch after batch, and what it has in hand."""
+
+import contextlib
+import gc
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..measure.cell import Result
+from .batch import HOST, LOGS_KEPT, Batch, Finished, LogFacts, Logs, unmade, work
+from .process import Worker
+
+
+class Reply(NamedTuple):
+    """How a job ended, or a batch that looked at its log."""
+
+    job: int | None  # its cell
+    result: Result
+    seconds: float
+
+
+def serve(pipe: Connection) -> None:
+    """In the process: do what comes through the pipe; the facts of a batch's log go back, then a reply for each job."""
+    logs, latest, cold = Logs(), 0, True
+    while True:
+        try:
+            call, batch = pipe.recv()
+        except EOFError:
+            return
+        if call != latest:
+            logs.forget_files()
+            latest = call
+        for finished in work(batch, logs, pipe.send):
+            with contextlib.suppress(OSError, ValueError):  # what a cell printed dies with it
+                sys.stdout.flush()
+                os.ftruncate(1, 0)
+            pipe.send(Reply(finished.index, finished.result, finished.seconds))
+            if cold:  # what the first job has imported is here to stay, and need not be looked through again
+                gc.freeze()
+                cold = False
+
+
+@dataclass
+class _InHand:
+    batch: Batch  # without the jobs that have ended
+    facts: LogFacts | None = None  # None: its log is being made
+
+
+class PoolWorker:
+    """A process of a pool; the first of its batches is being worked on, what follows it waits in the pipe."""
+
+    def __init__(self, folder: Path) -> None:
+        """Begin it; its output goes to a file in `folder`."""
+        self.process = Worker(serve, (), folder)
+        self.done = 0  # jobs
+        self.deadline = float("inf")  # of what it is doing, by time.monotonic()
+        self.logs: deque[Any] = deque(maxlen=LOGS_KEPT)  # those that it keeps, as far as is known here
+        self._in_hand: deque[_InHand] = deque()
+        self._began = 0.0
+
+    @property
+    def batches(self) -> int:
+        """How many it has in hand."""
+        return len(self._in_hand)
+
+    @property
+    def fresh(self) -> bool:
+        """Whether it has not been given anything yet."""
+        return not self.done and not self._in_hand
+
+    def give(self, call: int, batch: Batch) -> None:
+        """One more batch, of that call of the pool."""
+        self._in_hand.append(_InHand(batch))
+        if batch.log not in self.logs:
+            self.logs.append(batch.log)
+        if len(self._in_hand) == 1:
+            self._restart_clock()
+        with contextlib.suppress(OSError):  # it is dead, which is about to be noticed
+            self.process.pipe.send((call, batch))
+
+    def hear(self) -> Finished | None:
+        """The next that it has to say: a job has ended, or a log was made (None). EOFError or OSError from the dead."""
+        said = self.process.pipe.recv()
+        now = self._in_hand[0]
+        if isinstance(said, LogFacts):
+            now.facts = said
+            self._restart_clock()
+            return None
+        index, result, seconds = said
+        finished = Finished(now.batch, index, now.facts, result, seconds, False, HOST)
+        now.batch = replace(now.batch, jobs=now.batch.jobs[1:])
+        self.done += 1
+        if not now.batch.jobs:
+            self._in_hand.popleft()
+        self._restart_clock()
+        return finished
+
+    def doing(self) -> Batch:
+        """What it is at: a job, or the making of a log with all that is to run on it."""
+        now = self._in_hand[0]
+        return now.batch if now.facts is None else replace(now.batch, jobs=now.batch.jobs[:1])
+
+    def failed(self, result: Result) -> Iterator[Finished]:
+        """What it is at, ended by that result."""
+        at, facts, seconds = self.doing(), self._in_hand[0].facts, time.monotonic() - self._began
+        if facts is None:
+            yield from unmade(at, replace(result, reason=f"the log could not be made: {result.reason}"), seconds)
+        else:
+            yield Finished(at, at.jobs[0][0] if at.jobs else None, facts, result, seconds, False, HOST)
+
+    def rest(self) -> list[Batch]:
+        """What it was to do after that."""
+        if not self._in_hand:
+            return []
+        now, *later = self._in_hand
+        jobs = () if now.facts is None else now.batch.jobs[1:]
+        return [replace(now.batch, jobs=jobs)] * bool(jobs) + [one.batch for one in later]
+
+    def left(self) -> list[Batch]:
+        """All that it has in hand."""
+        return [one.batch for one in self._in_hand]
+
+    def _restart_clock(self) -> None:
+        self._began = time.monotonic()
+        self.deadline = self._began + self._in_hand[0].batch.timeout_s if self._in_hand else float("inf")

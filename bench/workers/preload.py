@@ -1,0 +1,33 @@
+"""What the fork server does once, so that a worker process starts with it: imports, and numba brought to life.
+
+The first call of any compiled function in a process sets numba up, half a second that every cell would pay: it is made
+here, and what it leaves is inherited. What is there by then stays: no worker's garbage collector looks through it.
+"""
+
+# pyright: reportUnusedImport=false
+import contextlib
+import gc
+
+from ...backends import registry
+from ...frontend.errors import InputError
+from ..measure import cell  # noqa: F401
+from ..plan import prepare  # noqa: F401
+from . import batch  # noqa: F401
+
+with contextlib.suppress(ImportError):  # a worker that needs one of these and cannot have it will say so itself
+    import cv2
+    import gtsam  # noqa: F401
+
+    cv2.setNumThreads(1)
+
+with contextlib.suppress(ImportError):
+    from ...backends import _models
+
+    _models.wrap(0.0)
+
+for name in registry.BUILTIN:
+    with contextlib.suppress(InputError):
+        registry.find(name)
+
+gc.collect()
+gc.freeze()

@@ -1,0 +1,1 @@
+"""A log as text files, ours and others'."""

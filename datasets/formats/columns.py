@@ -1,0 +1,53 @@
+"""CSV files of other people's programs: columns are found by their names, in any order, others are ignored."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...frontend.csv_values import header_names, no_number, number, other_count, other_header, shown
+from ...frontend.errors import InputError
+from ...frontend.se2 import Array, Ints
+from ...frontend.table import Table, text
+
+
+def read_columns(path: Path, *choices: Sequence[str]) -> Table:
+    """The table in `path`, of the first of `choices` whose columns the header has; all numbers are finite.
+
+    InputError names the file, the line and the column of what cannot be read, and says what columns would do.
+    """
+    lines: list[str] = text(path).split("\n")
+    header = [name.strip('"') for name in header_names(lines[0])]
+    chosen = next((columns for columns in choices if set(columns) <= set(header)), None)
+    if chosen is None:
+        hint = next(filter(None, (other_header(lines[0], columns) for columns in choices)), None)
+        wanted = ", or ".join(",".join(columns) for columns in choices)
+        raise InputError(
+            f"{path}, line 1: {hint or f'found the columns {shown(header)}, expected {wanted} among them'}."
+        )
+    for name in chosen:
+        if header.count(name) > 1:
+            raise InputError(f"{path}, line 1: column {name!r} is there {header.count(name)} times, expected once.")
+    places = [header.index(name) for name in chosen]
+    numbers = np.array([number for number, line in enumerate(lines[1:], start=2) if line.strip()], np.int64)
+    if not len(numbers):
+        raise InputError(f"{path}: there is no row, expected at least one below the header.")
+    rows = _rows(path, lines, numbers, header, places)
+    return Table(path, tuple(chosen), rows, numbers).finite()
+
+
+def _rows(path: Path, lines: list[str], numbers: Ints, header: Sequence[str], places: Sequence[int]) -> Array:
+    """(r, columns) the cells at `places` of the lines with these numbers."""
+    rows = list[list[float]]()
+    for line in numbers.tolist():
+        cells = lines[line - 1].split(",")
+        if len(cells) != len(header):
+            raise InputError(f"{path}, line {line}: {other_count(cells, header, ',')}.")
+        row = list[float]()
+        for place in places:
+            cell = cells[place].strip().strip('"')
+            if (found := number(cell)) is None:
+                raise InputError(f"{path}, line {line}: {header[place]} {no_number(cell)}.")
+            row.append(found)
+        rows.append(row)
+    return np.array(rows)

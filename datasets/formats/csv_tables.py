@@ -1,0 +1,263 @@
+"""Anybody's log, as two tables: how the robot moved, and what it saw when.
+
+    odometry     t,x,y,heading      where the robot's own odometry has it, in a frame of its own; or
+                 t,dx,dy,dtheta     the motion since the row before, in the body frame before it; or
+                 t,v,omega          m/s and rad/s, held until the next row
+    detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left
+
+Keyframes are the times of detections, and every so often between them; the motion up to each is one factor. Where a
+time falls between two rows of odometry, the robot is taken to have moved evenly. The noise is what the options state.
+"""
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.dead_reckoning import summed
+from ...frontend.elementary import arctan2, hypot
+from ...frontend.errors import InputError
+from ...frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
+from ...frontend.options import option
+from ...frontend.se2 import Array, Ints, wrap
+from ...frontend.table import MOST, Table
+from ...frontend.tum import read_tum
+from ...frontend.wheels.encoder import Floors, roll
+from ...frontend.wheels.motion import Track, TrackNoise
+from ..registry import Source
+from ..truth import sample
+from .columns import read_columns
+
+POSES = ("t", "x", "y", "heading")
+MOTIONS = ("t", "dx", "dy", "dtheta")
+SPEEDS = ("t", "v", "omega")
+SIGHTINGS = ("t", "id", "range", "bearing")
+POINTS = ("t", "id", "x", "y")
+PLACES = ("id", "x", "y")
+
+MOST_KEYFRAMES = 500_000
+"""More are a mistake: times in nanoseconds, or a detection from another year."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """The files, and how far they are trusted."""
+
+    odometry: str | None = option(None, "CSV file with t,x,y,heading or t,dx,dy,dtheta or t,v,omega")
+    detections: str | None = option(None, "CSV file with t,id,range,bearing or t,id,x,y; id -1 is unknown")
+    truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
+    landmarks: str | None = option(None, "CSV file with the landmarks' true places: id,x,y")
+    ignore: str = option("", "ids that are left out, such as those of things that move: 5;14;23")
+    angles: str = option("radians", "what angles in the CSV files are in", choices=("radians", "degrees"))
+    range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
+    range_share: float = option(0.0, "what it grows by with the range, of it", minimum=0.0, maximum=1.0)
+    bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
+    forward: float = option(0.05, "motion noise, m per root metre driven", minimum=0.0, maximum=10.0)
+    turning: float = option(0.03, "motion noise, rad per root metre driven", minimum=0.0, maximum=10.0)
+    turning_by_turn: float = option(0.05, "motion noise, rad per root radian turned", minimum=0.0, maximum=10.0)
+    floor_position: float = option(1e-3, "motion noise of every factor, m", minimum=1e-6, maximum=10.0)
+    floor_heading: float = option(1e-3, "motion noise of every factor, rad", minimum=1e-6, maximum=3.0)
+    every: float = option(1.0, "longest time between keyframes, s", minimum=1e-3, maximum=1e6)
+    max_speed: float = option(50.0, "a robot that is faster is a wrong reading, m/s", minimum=1e-3, maximum=1e6)
+    start_x: float | None = option(None, "where the robot starts, m; none: where the truth has it, else 0")
+    start_y: float | None = option(None, "the same of y, m")
+    start_heading: float | None = option(None, "the same of the heading, rad", minimum=-np.pi, maximum=np.pi)
+    start_sd: float = option(1e-3, "how far that is trusted, m and rad", minimum=1e-9, maximum=1e3)
+
+
+class Detections(NamedTuple):
+    """Sightings in the order of time, and how many were left out: without odometry at their time, and as asked for."""
+
+    t: Array  # (s,)
+    ids: Ints  # (s,)
+    z: Array  # (s, 2)
+    outside: int
+    ignored: int
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+    """Your own log from a CSV of odometry and a CSV of detections: csv[odometry=FILE,detections=FILE]."""
+    if options.odometry is None or options.detections is None:
+        missing = "odometry" if options.odometry is None else "detections"
+        raise InputError(f"option {missing} of dataset csv is not given, expected csv[odometry=FILE,detections=FILE].")
+    track = _track(Path(options.odometry), options)
+    seen = _detections(Path(options.detections), options, track.t[0], track.t[-1])
+    t = _keyframes(track.t[0], track.t[-1], seen.t, options.every)
+    motions = [track.odometry(start, end) for start, end in itertools.pairwise(t)]
+    truth = _truth(options, t)
+    first = np.full((1, 3), np.nan)
+    log = Log.from_arrays(
+        Path(options.odometry).stem,
+        _prior(options, truth, t[0]),
+        t,
+        np.concatenate((first, *[motion.delta[None] for motion in motions])),
+        np.concatenate((first[..., None] * first, *[motion.cov[None] for motion in motions])),
+        sighting_step=np.searchsorted(t, seen.t),
+        ids=seen.ids,
+        z=seen.z,
+        z_cov=_noise(seen.z, options),
+        notes=_notes(options, seen),
+    )
+    return Dataset(log, truth)
+
+
+source = Source(make, Options)
+
+
+def _track(path: Path, options: Options) -> Track:
+    """The odometry as poses in a frame of its own, whatever form it came in."""
+    table = _in_order(read_columns(path, POSES, MOTIONS, SPEEDS), strictly=False)
+    t, turn = table.column("t"), _radians(options)
+    last = np.append(np.diff(t) > 0, True)  # of rows at one time, as a coarse clock stamps them, the last one counts
+    if table.columns == POSES:
+        poses = table.rows[:, 1:] * np.array([1.0, 1.0, turn])
+        for row in np.flatnonzero(~last[:-1] & (np.diff(poses, axis=0) != 0).any(1)) + 1:
+            raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, expected a later one")
+    elif table.columns == MOTIONS:
+        motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # what came before the first row is unknown
+        poses = summed(np.zeros(3), motions)
+    else:
+        dt = np.diff(t)[:, None]
+        rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * dt
+        poses = summed(np.zeros(3), roll(rolling, "arc")[0])
+    if not np.isfinite(poses).all():
+        raise InputError(f"{path}: the motions add up to no finite place, expected metres and {options.angles}.")
+    poses[:, 2] = wrap(poses[:, 2])
+    floors = Floors(options.floor_position, options.floor_heading)
+    noise = TrackNoise(options.forward, options.turning, options.turning_by_turn, floors)
+    track = Track(t[last], poses[last], noise, max_speed=options.max_speed, source=str(path))
+    track.check()
+    return track
+
+
+def _detections(path: Path, options: Options, start: float, end: float) -> Detections:
+    """What was seen from `start` to `end`, s."""
+    table = _in_order(read_columns(path, SIGHTINGS, POINTS), strictly=False)
+    ids, t = table.whole("id"), table.column("t")
+    for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
+        raise table.fault(row, f"id is {ids[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
+    order = np.lexsort((ids, t))
+    twin = (np.diff(t[order]) == 0) & (np.diff(ids[order]) == 0) & (ids[order[1:]] != UNKNOWN)
+    for row in np.sort(order[1:][twin]):
+        raise table.fault(row, f"id {ids[row]} is there twice at t {t[row]!s}, expected once")
+    z = table.rows[:, 2:]
+    if table.columns == POINTS:
+        z = np.stack((hypot(*z.T), arctan2(z[:, 1], z[:, 0])), axis=-1)
+    else:
+        z = z * np.array([1.0, _radians(options)])
+        for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):
+            found = f"bearing is {table.column('bearing')[row]!s} {options.angles}"
+            raise table.fault(row, f"{found}, expected half a turn at most; option angles says what unit it is")
+    for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
+        raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
+    inside = (start <= t) & (t <= end)
+    left_out = np.isin(ids, _ignored(options))
+    if not inside.any():
+        raise InputError(
+            f"{path}: its times, {t[0]!s} to {t[-1]!s} s, have none in common with the odometry's, {start!s} to "
+            f"{end!s} s; expected the same clock."
+        )
+    kept = inside & ~left_out
+    return Detections(t[kept], ids[kept], z[kept], int((~inside).sum()), int((inside & left_out).sum()))
+
+
+def _ignored(options: Options) -> list[int]:
+    """The ids that are to be left out."""
+    names = [name.strip() for name in options.ignore.split(";") if name.strip()]
+    for name in names:
+        if not (name.isascii() and name.removeprefix("-").isdigit()):
+            raise InputError(
+                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5;14;23."
+            )
+    return [int(name) for name in names]
+
+
+def _keyframes(start: float, end: float, seen: Array, every: float) -> Array:
+    """(n,) s: `start`, `end`, the times `seen`, and between those farther apart than `every` evenly spread others."""
+    at = np.unique(np.concatenate(([start, end], seen)))
+    pieces = np.maximum(np.ceil(np.diff(at) / every * (1 - 1e-9)), 1)
+    if pieces.sum() > MOST_KEYFRAMES:
+        raise InputError(
+            f"option every={every:g} of dataset csv: makes {pieces.sum():.0f} keyframes of {end - start:g} s, "
+            f"expected at most {MOST_KEYFRAMES}; are the times in seconds?"
+        )
+    between = zip(at[:-1], at[1:], pieces.astype(int).tolist(), strict=True)
+    spread = [np.linspace(a, b, n, endpoint=False) for a, b, n in between]
+    return np.unique(np.concatenate((*spread, at)))
+
+
+def _noise(z: Array, options: Options) -> Array:
+    """(s, 2, 2) the stated covariances."""
+    cov = np.zeros((len(z), 2, 2))
+    cov[:, 0, 0] = (options.range_sd + options.range_share * z[:, 0]) ** 2
+    cov[:, 1, 1] = options.bearing_sd**2
+    return cov
+
+
+def _truth(options: Options, t: Array) -> Truth | None:
+    known = None if options.landmarks is None else _places(Path(options.landmarks))
+    if options.truth is None:
+        return None if known is None else Truth(np.zeros(0), np.zeros((0, 3)), known, None, "truth")
+    path = Path(options.truth)
+    if path.suffix.lower() == ".csv":
+        table = _in_order(read_columns(path, POSES), strictly=True)
+        poses = table.rows[:, 1:] * np.array([1.0, 1.0, _radians(options)])
+        poses[:, 2] = wrap(poses[:, 2])
+        times = table.column("t")
+    else:
+        times, poses = read_tum(path)
+    found = sample(Truth(times, poses, known, None, "truth"), t)
+    if not len(found.t):
+        raise InputError(f"{path}: has no pose at the time of the odometry, expected the same clock.")
+    return found
+
+
+def _places(path: Path) -> Map:
+    table = read_columns(path, PLACES)
+    ids = table.whole("id")
+    _, first = np.unique(ids, return_index=True)
+    for row in np.setdiff1d(np.arange(len(ids)), first):
+        raise table.fault(row, f"id {ids[row]} is there twice, expected once")
+    return Map(ids, table.rows[:, 1:], None)
+
+
+def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
+    """Where the options say that the robot starts; what they leave out is the truth's at that moment, or 0."""
+    pose = np.zeros(3)
+    if truth is not None and len(truth.t) and truth.t[0] == start:
+        pose = truth.poses[0].copy()
+    for k, given in enumerate((options.start_x, options.start_y, options.start_heading)):
+        if given is not None:
+            pose[k] = given
+    return Prior(pose, options.start_sd**2 * np.eye(3))
+
+
+def _notes(options: Options, seen: Detections) -> dict[str, Any]:
+    files = {
+        name: Path(given).name
+        for name in ("odometry", "detections", "truth", "landmarks")
+        if (given := getattr(options, name)) is not None
+    }
+    noise = ("range_sd", "range_share", "bearing_sd", "forward", "turning", "turning_by_turn")
+    return {
+        "source": "CSV files: " + ", ".join(files.values()),
+        "files": files,
+        "noise": {name: getattr(options, name) for name in noise},
+        "dropped": {"detections before or after the odometry": seen.outside, "of ignored ids": seen.ignored},
+    }
+
+
+def _in_order(table: Table, *, strictly: bool) -> Table:
+    """Itself; InputError for a time that is earlier than the one before, or, strictly, the same."""
+    t = table.column("t")
+    late = np.diff(t) <= 0 if strictly else np.diff(t) < 0
+    for row in np.flatnonzero(late) + 1:
+        wanted = "later than" if strictly else "no earlier than"
+        raise table.fault(row, f"t is {t[row]!s}, expected {wanted} {t[row - 1]!s}")
+    return table
+
+
+def _radians(options: Options) -> float:
+    return 1.0 if options.angles == "radians" else np.pi / 180

@@ -1,0 +1,126 @@
+"""A log as a graph in g2o's format; what is written reads back, but for what the format has no place for.
+
+That is the times, the name and the notes, and sightings whose landmark is unknown. Numbers are written so that they
+read back bit for bit; a covariance is written as information, and comes back to rounding times its condition. There is
+no comment in the file: gtsam.readG2o finds no factor at all in one that begins with a comment.
+"""
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ...frontend.check import check
+from ...frontend.coordinates import after_motion, as_points
+from ...frontend.dead_reckoning import dead_reckoned
+from ...frontend.errors import InputError
+from ...frontend.factors import UNKNOWN, Log
+from ...frontend.se2 import Array, Ints, act
+from ...frontend.triangles import upper
+from .pose_graph import inverses
+
+MOST_ID = 2**31 - 1
+"""The largest id of a vertex: g2o's is an int."""
+
+
+def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
+    """Write `log` to the file `path`, complete or not at all; how many sightings of unknown landmarks were left out.
+
+    An optimiser is to start from the dead-reckoned poses, and from where a landmark's first sighting has it from there.
+    Landmarks keep their ids, and poses are numbered from 0, or from above the landmarks where that would clash.
+    InputError for ids that g2o cannot read, and for a given map that is not held fixed.
+
+    gtsam.readG2o passes over EDGE_SE2_XY, EDGE_PRIOR_SE2 and FIX in silence. A file `for_gtsam` has sightings as BR
+    rows, which it reads, and no prior; InputError for a log that has a map given, or range and bearing correlated.
+    """
+    check(log, where=f"log {log.name}")
+    known = log.prior.map
+    if known is not None and known.cov is not None:
+        raise InputError(f"{path}: log {log.name} has a map with covariance, which a g2o file has no row for.")
+    if for_gtsam:
+        _check_for_gtsam(path, log)
+    poses = dead_reckoned(log)
+    left_out, log = int((log.ids == UNKNOWN).sum()), log.identified()
+    landmarks, xy = _places(log, poses)
+    first = 0 if not len(landmarks) or landmarks.min() >= len(log) else int(landmarks.max()) + 1
+    top = max(first + len(log) - 1, int(landmarks.max(initial=0)))
+    if top > MOST_ID:
+        raise InputError(
+            f"{path}: log {log.name} needs the vertex id {top}, expected at most {MOST_ID}, g2o's largest."
+        )
+
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with beside.open("w", encoding="utf-8", newline="\n") as file:
+            file.writelines(_vertices(poses, first, landmarks, xy))
+            if known is not None and len(known.ids):
+                file.write(f"FIX {' '.join(map(str, known.ids.tolist()))}\n")
+            file.writelines(() if for_gtsam else _prior(log, first))
+            file.writelines(_motions(log, first))
+            file.writelines(_bearing_ranges(log, first) if for_gtsam else _points(log, first))
+        os.replace(beside, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
+    finally:
+        beside.unlink(missing_ok=True)
+    return left_out
+
+
+def _vertices(poses: Array, first: int, landmarks: Ints, xy: Array) -> Iterator[str]:
+    yield from _rows("VERTEX_SE2", first + np.arange(len(poses)), *poses.T)
+    yield from _rows("VERTEX_XY", landmarks, *xy.T)
+
+
+def _prior(log: Log, first: int) -> Iterator[str]:
+    pose, cov = log.prior.pose[None], log.prior.cov[None]
+    return _rows("EDGE_PRIOR_SE2", np.array([first]), *pose.T, *_information(after_motion(pose, cov)))
+
+
+def _motions(log: Log, first: int) -> Iterator[str]:
+    """Odometry, and then the loop closures."""
+    delta, cov = log.delta[1:], log.delta_cov[1:]
+    steps = first + np.arange(len(log))
+    yield from _rows("EDGE_SE2", steps[:-1], steps[1:], *delta.T, *_information(after_motion(delta, cov)))
+    delta, cov = log.loop_delta, log.loop_cov
+    ends = first + log.loop_to, first + log.loop_step
+    yield from _rows("EDGE_SE2", *ends, *delta.T, *_information(after_motion(delta, cov)))
+
+
+def _points(log: Log, first: int) -> Iterator[str]:
+    xy, cov = as_points(log.z, log.z_cov)
+    return _rows("EDGE_SE2_XY", first + log.sighting_step, log.ids, *xy.T, *_information(cov))
+
+
+def _bearing_ranges(log: Log, first: int) -> Iterator[str]:
+    sd = np.sqrt(log.z_cov[:, [1, 0], [1, 0]])
+    return _rows("BR", first + log.sighting_step, log.ids, *log.z.T[::-1], *sd.T)
+
+
+def _check_for_gtsam(path: Path, log: Log) -> None:
+    if log.prior.map is not None:
+        raise InputError(f"{path}: log {log.name} has a map that is given, which gtsam.readG2o has no row for.")
+    correlated = np.abs(log.z_cov[:, 0, 1]) > 1e-9 * np.sqrt(log.z_cov[:, 0, 0] * log.z_cov[:, 1, 1])
+    for row in np.flatnonzero(correlated & (log.ids != UNKNOWN)):
+        found = f"range and bearing of sighting {row} are correlated"
+        raise InputError(f"{path}: log {log.name}: {found}, which a BR row has no place for; use g2o.")
+
+
+def _information(cov: Array) -> Iterable[Array]:
+    """The columns of the upper triangles of the inverses."""
+    return upper(inverses(cov)[0])
+
+
+def _rows(tag: str, *columns: Array | Ints) -> Iterator[str]:
+    return (f"{tag} {' '.join(map(repr, row))}\n" for row in zip(*(c.tolist() for c in columns), strict=True))
+
+
+def _places(log: Log, poses: Array) -> tuple[Ints, Array]:
+    """The landmarks (l,), those that are given first, and their places (l, 2): as given, or as first seen."""
+    ids, seen = np.unique(log.ids, return_index=True)
+    xy = act(poses[log.sighting_step[seen]], as_points(log.z[seen], log.z_cov[seen])[0])
+    known = log.prior.map
+    if known is None:
+        return ids, xy
+    new = ~np.isin(ids, known.ids)
+    return np.concatenate((known.ids, ids[new])), np.concatenate((known.xy, xy[new]))

@@ -1,0 +1,237 @@
+"""A log as a folder that a person can read and a spreadsheet can open; what is written reads back bit for bit.
+
+    log.toml         name, prior, truth kind, notes: sensor settings, source and licence
+    odometry.csv     t,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt          a row a step; of step 0 only t is filled in
+    sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     a row a sighting, sorted by step
+    loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt    a row a loop closure, sorted by step; optional
+    truth.tum        t x y z qx qy qz qw                             optional
+    landmarks.csv    id,x,y                                          the landmarks' true places; optional
+
+Of a covariance the upper triangle is stored. Notes that are None, and the covariance of a true map, are left out. Under
+[contents] log.toml also has the rows of each file and the digests of what reads back, both optional: files that are no
+longer what was written are not read.
+"""
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Log, Prior, Truth
+from ...frontend.files import beside
+from ...frontend.options import option
+from ...frontend.scan import Scan, attempted, counted, strict
+from ...frontend.se2 import Array, Ints
+from ...frontend.table import CHUNK, Table, scan_csv
+from ...frontend.triangles import symmetric, upper
+from ..registry import Source
+from ..truth import PLACES, POSES, digest, scan_truth, write_truth
+from .log_toml import Contents, Words, check_words, scan_words, write_words
+
+WORDS = "log.toml"
+TRUE_ID = ("true_id",)
+
+_NOBODY = Words("", Prior(np.zeros(3), np.eye(3)), None, {}, Contents())
+"""In place of a log.toml that cannot be read, so that the other files can be looked at."""
+
+_ACCEPT = "restore what it was, or delete [contents] from log.toml to accept the change"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which log."""
+
+    path: str | None = option(None, "the folder of the log")
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+    """A log of your own, from a folder of CSV files that a person can read: log[path=FOLDER]."""
+    if options.path is None:
+        raise InputError("option path of dataset log is not given, expected the folder of a log: log[path=FOLDER].")
+    return read(Path(options.path))
+
+
+source = Source(make, Options)
+
+
+def write(folder: Path, log: Log, truth: Truth | None) -> None:
+    """Write `log` and, where there is one, its `truth` to `folder`, which must not exist or be empty.
+
+    The folder appears complete or not at all. InputError where it cannot be written, or the log not be used.
+    """
+    check_writable(log, truth)
+    part = beside(folder)
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError(f"{folder}: exists and is not an empty folder; expected a new place for the log.")
+        part.mkdir(parents=True)
+        _write_files(part, log, truth)
+        os.replace(part, folder)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def check_writable(log: Log, truth: Truth | None) -> None:
+    """InputError where `log` and `truth` cannot be used, or their words not be kept in a file."""
+    check_words(log)
+    where = f"log {log.name}"
+    check(log, where)
+    if truth is not None:
+        check_truth(log, truth, where)
+
+
+def read(folder: Path) -> Dataset:
+    """The log and truth in `folder`; InputError names the file, line and column of whatever cannot be used."""
+    dataset = strict(scan(folder))
+    assert dataset is not None  # it is None after a fault alone
+    return dataset
+
+
+def scan(folder: Path) -> Scan[Dataset | None]:
+    """What `read` reads; every fault of every file. Of no use after one: what is no good is left out or made up."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder, expected that of a log.")
+    (dataset, contents), faults = yield from counted(_scan_files(folder))
+    if not faults and dataset is not None:
+        yield from _scan_changes(folder / WORDS, contents, _contents(*dataset))
+    return dataset
+
+
+def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Contents]]:
+    """The log and the truth, and what log.toml says that they contained."""
+    words = yield from attempted(scan_words(folder / WORDS))
+    name, prior, kind, notes, contents = words or _NOBODY
+    odometry = yield from attempted(scan_csv(folder / "odometry.csv", ODOMETRY, blank_after=1))
+    sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
+    loops = _empty(folder / "loops.csv", LOOPS)
+    if loops.path.exists():
+        loops = yield from attempted(scan_csv(loops.path, LOOPS))
+    if odometry is not None and not len(odometry.rows):
+        yield InputError(f"{odometry.path}: there is no step, expected at least one row.")
+    for table in (odometry, sightings, loops):
+        if table is not None:
+            yield from _scan_rows(folder / WORDS, contents.rows, {table.path.name: len(table.rows)})
+    if odometry is None or not len(odometry.rows):
+        yield from scan_truth(folder)
+        return None, contents
+    sightings = sightings or _empty(folder / "sightings.csv", SIGHTINGS)
+    loops = loops or _empty(folder / "loops.csv", LOOPS)
+    true_id = TRUE_ID if sightings.columns[-1:] == TRUE_ID else ()
+    sightings = yield from _scan_steps(sightings, len(odometry.rows), "id", *true_id)
+    loops = yield from _scan_steps(loops, len(odometry.rows), "to")
+    log = Log.from_arrays(
+        name,
+        prior,
+        t=odometry.rows[:, 0],
+        delta=odometry.rows[:, 1:4],
+        delta_cov=symmetric(odometry.rows[:, 4:]),
+        sighting_step=sightings.whole("step"),
+        ids=sightings.whole("id"),
+        z=sightings.rows[:, 2:4],
+        z_cov=symmetric(sightings.rows[:, 4:7]),
+        loop_step=loops.whole("step"),
+        loop_to=loops.whole("to"),
+        loop_delta=loops.rows[:, 2:5],
+        loop_cov=symmetric(loops.rows[:, 5:]),
+        notes=notes,
+    )
+    broken = set(odometry.broken.tolist())
+    tables = {"odometry": odometry, "sightings": sightings, "loops": loops}
+    for problem in problems(log):
+        if problem.table == "prior":
+            yield InputError(f"{folder / WORDS}: {problem.message}.")
+        elif problem.table != "odometry" or problem.row not in broken:
+            yield tables[problem.table].fault(problem.row, problem.message)
+    truth = yield from scan_truth(folder, None if broken else log.t)
+    assigned = sightings.whole(*true_id) if true_id else None
+    if truth is None and kind is None and assigned is None:
+        return Dataset(log, None), contents
+    if assigned is not None:
+        assigned.flags.writeable = False
+    truth = truth or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
+    return Dataset(log, truth._replace(assigned=assigned, kind=kind or "truth")), contents
+
+
+def _empty(path: Path, columns: tuple[str, ...]) -> Table:
+    return Table(path, columns, np.zeros((0, len(columns))), np.zeros(0, np.int64))
+
+
+def _scan_steps(table: Table, steps: int, *whole: str) -> Scan[Table]:
+    """The rows of `table` that are sound, sorted by the column `step`, each of a step that there is."""
+    table = yield from table.scan_whole("step", *whole)
+    step = table.column("step")
+    expected = f"expected 0 to {steps - 1}, the steps that odometry.csv has"
+    outside = (step < 0) | (step >= steps)
+    table = (yield from table.refuse(outside, lambda row: f"step is {step[row]:.0f}, {expected}")).sound()
+    step = table.whole("step")
+    back = np.flatnonzero(np.diff(step) < 0) + 1
+    for row in back:
+        yield table.fault(row, f"step is {step[row]} after {step[row - 1]}, expected rows sorted by step")
+    return table.take(np.argsort(step, kind="stable")) if len(back) else table
+
+
+def _scan_changes(path: Path, written: Contents, found: Contents) -> Scan[None]:
+    """Where the files are no longer what log.toml, at `path`, says that they were."""
+    yield from _scan_rows(path, written.rows, {file: found.rows.get(file, 0) for file in written.rows})
+    parts = {
+        "factors": "prior, odometry.csv, sightings.csv or loops.csv",
+        "truth": "truth.tum, landmarks.csv or true_id",
+    }
+    for key, parts_of_it in parts.items():
+        was, now = getattr(written, key), getattr(found, key)
+        if was is not None and was != now:
+            differs = f"contents.{key} is {was[:12]!r}, but the digest is now {(now or 'none')[:12]!r}"
+            yield InputError(f"{path}: {differs}: {parts_of_it} has changed; {_ACCEPT}.")
+
+
+def _scan_rows(path: Path, written: Mapping[str, int], found: Mapping[str, int]) -> Scan[None]:
+    for file, rows in found.items():
+        if (was := written.get(file, rows)) != rows:
+            yield InputError(f"{path}: contents.rows has {was} for {file}, which has {rows} rows; {_ACCEPT}.")
+
+
+def _contents(log: Log, truth: Truth | None) -> Contents:
+    """What the files contain of which these were read."""
+    rows = {"odometry.csv": len(log), "sightings.csv": len(log.ids), "loops.csv": len(log.loop_to)}
+    if truth is None:
+        return Contents(rows, log.digest)
+    places = 0 if truth.map is None else len(truth.map.ids)
+    return Contents(rows | {POSES: len(truth.t), PLACES: places}, log.digest, digest(truth))
+
+
+def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
+    """Every file of the log, into an empty folder."""
+    motions, sighted, looped = upper(log.delta_cov), upper(log.z_cov), upper(log.loop_cov)
+    head = ",".join(ODOMETRY) + f"\n{log.t[0]!s}" + "," * (len(ODOMETRY) - 1)
+    _write_rows(folder / "odometry.csv", head, [column[1:] for column in (log.t, *log.delta.T, *motions)])
+    columns, head = [log.sighting_step, log.ids, *log.z.T, *sighted], ",".join(SIGHTINGS)
+    if truth is not None and truth.assigned is not None:
+        columns, head = [*columns, truth.assigned], ",".join((*SIGHTINGS, *TRUE_ID))
+    _write_rows(folder / "sightings.csv", head, columns)
+    if len(log.loop_to):
+        columns = [log.loop_step, log.loop_to, *log.loop_delta.T, *looped]
+        _write_rows(folder / "loops.csv", ",".join(LOOPS), columns)
+    # As it will be read: even covariances, and of step 0 nothing but t.
+    log = replace(log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T))
+    log = log.head(len(log))
+    if truth is not None:
+        write_truth(folder, truth)
+        again = strict(scan_truth(folder, log.t)) or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
+        assigned = None if truth.assigned is None else np.asarray(truth.assigned, np.int64)
+        truth = again._replace(assigned=assigned, kind=truth.kind)
+    write_words(folder / WORDS, log, None if truth is None else truth.kind, _contents(log, truth))
+
+
+def _write_rows(path: Path, head: str, columns: Sequence[Array | Ints]) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(head + "\n")
+        for first in range(0, len(columns[0]), CHUNK):
+            rows = zip(*(column[first : first + CHUNK].tolist() for column in columns), strict=True)
+            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)

@@ -1,0 +1,94 @@
+"""Text files of tagged rows, `EDGE_SE2 0 1 0.9 ...`: a table for each kind of row, read by columns.
+
+Blank lines and lines that begin with # are passed over. A row with a tag that is not known is an error, not a comment:
+it may be a constraint, and a graph without it is another graph.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...frontend.csv_values import no_number, number, shortened
+from ...frontend.errors import InputError
+from ...frontend.se2 import Array
+from ...frontend.table import LARGEST, Table, text
+
+LIST = ("id",)
+"""The columns of a kind of row that has as many ids as it likes: each becomes a row of its own."""
+
+LENGTHS = ("x", "y", "dx", "dy", "range")
+"""The columns that are in m, and may not be beyond LARGEST."""
+
+
+def read_tagged(
+    path: Path, kinds: Mapping[str, str], columns: Mapping[str, Sequence[str]], refused: Sequence[str] = ()
+) -> dict[str, Table]:
+    """The rows of `path`, a table a kind, in the order of the file; a kind of which there is no row has an empty one.
+
+    `kinds` says which kind of row each tag begins, `columns` what numbers follow it. Tags in `refused` are known, and
+    said to be unsupported. InputError names the file, the line and the column of what cannot be used.
+    """
+    rest: dict[str, list[str]] = {kind: [] for kind in columns}
+    lines: dict[str, list[int]] = {kind: [] for kind in columns}
+    for line, content in enumerate(text(path).split("\n"), start=1):
+        tag, *numbers = content.split(None, 1) or ["#"]
+        if tag.startswith("#"):
+            continue
+        kind = kinds.get(tag)
+        if kind is None:
+            raise _unknown(path, line, tag, kinds, refused)
+        found = numbers[0] if numbers else ""
+        if columns[kind] == LIST:
+            rest[kind] += found.split() or [""]
+            lines[kind] += [line] * (len(rest[kind]) - len(lines[kind]))
+        else:
+            rest[kind].append(found)
+            lines[kind].append(line)
+    return {
+        kind: Table(path, tuple(names), _numbers(path, lines[kind], rest[kind], names), np.array(lines[kind], np.int64))
+        .finite()
+        .bounded(-LARGEST, LARGEST, *(name for name in names if name in LENGTHS))
+        for kind, names in columns.items()
+    }
+
+
+def tags(path: Path) -> set[str]:
+    """The first word of every row of `path`."""
+    words = {line.split(None, 1)[0] for line in text(path).split("\n") if line.strip()}
+    return {word for word in words if not word.startswith("#")}
+
+
+def _numbers(path: Path, lines: Sequence[int], rows: Sequence[str], columns: Sequence[str]) -> Array:
+    """(r, columns); read in one go while all is good, and line by line to name what is not."""
+    if not rows:
+        return np.zeros((0, len(columns)))
+    if all(rows):
+        try:
+            found = np.loadtxt(rows, comments=None, ndmin=2)
+        except ValueError:
+            pass
+        else:
+            if found.shape == (len(rows), len(columns)):
+                return found
+    return np.array([_row(path, *row, columns) for row in zip(lines, rows, strict=True)])
+
+
+def _row(path: Path, line: int, row: str, columns: Sequence[str]) -> list[float]:
+    cells = row.split()
+    if len(cells) != len(columns):
+        wanted = f"{len(columns)} ({' '.join(columns)})"
+        raise InputError(f"{path}, line {line}: found {len(cells)} numbers after the tag, expected {wanted}.")
+    found: list[float] = []
+    for name, cell in zip(columns, cells, strict=True):
+        if (value := number(cell)) is None:
+            raise InputError(f"{path}, line {line}: {name} {no_number(cell)}.")
+        found.append(value)
+    return found
+
+
+def _unknown(path: Path, line: int, tag: str, kinds: Mapping[str, str], refused: Sequence[str]) -> InputError:
+    known = ", ".join(kinds)
+    if tag in refused:
+        return InputError(f"{path}, line {line}: a row {tag} has no place in a log, expected only {known}.")
+    return InputError(f"{path}, line {line}: found a row {shortened(tag)}, expected one of {known}.")

@@ -1,0 +1,72 @@
+"""Graphs in the text format of TORO, the planar part of it.
+
+    VERTEX2 id x y theta                                             where an optimiser would start: not used
+    EDGE2 i j dx dy dtheta Iff Ifs Iss Irr Ifr Isr                   pose j in the body frame of pose i
+    EQUIV i j                                                        poses that TORO merges first; only counted here
+
+G. Grisetti, C. Stachniss and W. Burgard, "Nonlinear constraint network optimization for efficient map learning", IEEE
+Trans. Intelligent Transportation Systems 10(3), 2009. f is forward, s sideways, r the rotation: mind the order. TORO's
+error is the difference of Xi Z and Xj, in the world, weighed by R(theta_i) I R(theta_i)': its information is in the
+body frame before the motion, as ours is. That of GTSAM, which reads such files too, is in the one after it; for the
+usual numbers, the same forward as sideways and neither correlated with the rotation, both are the same.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset
+from ...frontend.options import option
+from ...frontend.triangles import symmetric
+from ..registry import Source
+from .pose_graph import PoseGraph, inverted, log_of
+from .tagged import read_tagged
+
+KINDS = {"VERTEX2": "vertices", "VERTEX": "vertices", "EDGE2": "edges", "EDGE": "edges", "EQUIV": "equivalences"}
+"""The rows of a planar file."""
+
+ORDER = [0, 1, 4, 2, 5, 3]
+"""Where, among TORO's six numbers, those of a triangle row by row are: ff fs fr, ss sr, rr."""
+
+_COLUMNS = {
+    "vertices": ("id", "x", "y", "theta"),
+    "edges": ("from", "to", "dx", "dy", "dtheta", "Iff", "Ifs", "Iss", "Irr", "Ifr", "Isr"),
+    "equivalences": ("from", "to"),
+    "points": ("id", "x", "y"),
+    "sightings": ("pose", "id"),
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which graph."""
+
+    path: str | None = option(None, "the file of the graph")
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+    """A graph in TORO's format, poses in the plane: toro[path=FILE]."""
+    if options.path is None:
+        raise InputError("option path of dataset toro is not given, expected the file of a graph: toro[path=FILE].")
+    return read(Path(options.path))
+
+
+source = Source(make, Options)
+
+
+def read(path: Path) -> Dataset:
+    """The log in the TORO file `path`; InputError names the file and line of whatever cannot be used."""
+    tables = read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3"))
+    edges = tables["edges"]
+    cov = inverted(edges, symmetric(edges.rows[:, 5:][:, ORDER]))
+    nothing = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    graph = PoseGraph(path, tables["vertices"], tables["points"], edges, cov, tables["sightings"], *nothing)
+    notes = {
+        "source": f"the TORO file {path.name}",
+        "licence": "not stated in the file",
+        "covariances": "TORO's are in the body frame before a motion, as ours are",
+        "equivalences_not_used": len(tables["equivalences"].rows),
+    }
+    return Dataset(log_of(graph, path.stem, notes=notes), None)

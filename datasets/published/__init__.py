@@ -1,0 +1,1 @@
+"""Logs that others have published: where from, checked, unpacked, read."""

@@ -1,0 +1,147 @@
+"""Logs that others have published: where each is had from, and where it stands on this machine once it has been.
+
+None of them is part of this package. The addresses are the publishers' own, and what is known of them stands beside
+them. A file whose sha256 is given is taken only if it is that file to the last byte, wherever it came from; the digests
+are those of copies that the readers of this package are tested with. Of the other files the names are known, so that
+they can be missed, and their digests are recorded when they first arrive.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...frontend.errors import InputError
+from ..cache import folder
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published log.
+
+    `urls` are tried in order; with a `link`, they are pages, and what is tried are the links on them that match this
+    regular expression. `files` are the names that must come out, each with its sha256, or None where nobody here knows
+    it. `archive` is the sha256 of what is downloaded as others report it, which is told and not insisted on.
+    `by_hand` ends the sentence "open `page` and ...". `goes_by` is a regular expression of the names of its archive and
+    of the folder in it, for logs whose files have the names of another's.
+    """
+
+    title: str
+    citation: str
+    licence: str
+    page: str
+    urls: tuple[str, ...]
+    addresses: str
+    by_hand: str
+    files: Mapping[str, str | None]
+    link: str = ""
+    archive: str | None = None
+    goes_by: str = ""
+
+
+_NONE_SEEN = "none stated with the copies seen; ask the authors before passing it on"
+
+_MRCLAM_6 = {
+    "Barcodes.dat": "3448dfa8fdf7c6e52c4d778c9e3166a704fc1b3f388e5f274532ff1af3b37362",
+    "Landmark_Groundtruth.dat": "eae8cb0aed1ad57910578ece4288d861940427cef95551fd53ca3997f16ecdb1",
+    "Robot1_Groundtruth.dat": "fee9661b3415b162e948c02cf56d3646ddc751c70f22c8cbd431fcde6d8a7b76",
+    "Robot1_Measurement.dat": "571ca6c9978df9503062e014b0e46101623523d46a64dfe789e8aa1792b0e2e3",
+    "Robot1_Odometry.dat": "575febdf8022bd0a0da163e5078bb27413165196afe657974437aad215be5d0b",
+    "Robot2_Groundtruth.dat": "793fa0860e95a8b3d8422ae94614541649e895e89d7ab68c2d05e98965d1dc91",
+    "Robot2_Measurement.dat": "36aaf4bde8f4880096f10324b490c0156e8ca71583375770a6fd0e725237fa04",
+    "Robot2_Odometry.dat": "dde2e7d70a8ff9355038d38e3e38a06419e060bff96607778506a01d90089701",
+    "Robot3_Groundtruth.dat": "1fffc5b2ff732a4bfd617ee35796f67ff6300eafcf3de0d645e3049df035fce8",
+    "Robot3_Measurement.dat": "1975db530c0dfa3c215333cdc9432428bd6c3cb12348cd4aab12ed8a30f8dc1c",
+    "Robot3_Odometry.dat": "a4c50b28fd9fe8a4e4830ff53cbb7812a52fe2d88f2258c66e275232fb3c7326",
+    "Robot4_Groundtruth.dat": "eaba04bcb96f72f67aeb7e1098a994ac739e699cd03f0cfa21fd083a63a7f3d4",
+    "Robot4_Measurement.dat": "b0d87a0d8c5bae9f761c42494a0d7f7d1ac48df4922a6af72811e2f2b82a063c",
+    "Robot4_Odometry.dat": "b5270104419bbb5b1e5ddf8d7bb31b6f4496a55f0d1b643b743af62ad06a31d6",
+    "Robot5_Groundtruth.dat": "fd98a23d555782ccad449d3cd4ff61e252891b6968248e68882b8cb6bfd4875c",
+    "Robot5_Measurement.dat": "4f8bf6b4421a97b093503f6526365ae38f5d61361507c8bf1b0ad002a4c2e00e",
+    "Robot5_Odometry.dat": "11297ae2f083f6d394f093b690ff4b467d3e466ab99525b9f02ee0fa4d15d817",
+}
+
+_MRCLAM_ARCHIVES = {
+    1: "57c0166b0e2761680e83ffa67b4f58bad7187c41fd723345a4a45ebd50a6557e",
+    9: "013714987dc0f797853689a80146da1fee50478ad884491d0eeac5f6357602d4",
+}
+
+
+def _mrclam(number: int) -> Published:
+    return Published(
+        title=f"UTIAS MRCLAM, set {number}: five robots, 15 landmarks, motion-capture truth",
+        citation="Leung, Halpern, Barfoot and Liu, The UTIAS multi-robot cooperative localization and mapping dataset, "
+        "IJRR 30(8):969-974, 2011",
+        licence=_NONE_SEEN,
+        page="http://asrl.utias.utoronto.ca/datasets/mrclam/index.html",
+        urls=(f"ftp://asrl3.utias.utoronto.ca/MRCLAM/MRCLAM{number}.zip",),
+        addresses="this is the FTP server that public scripts download the sets from",
+        by_hand=f"download set {number} (MRCLAM{number}.zip)",
+        files=_MRCLAM_6 if number == 6 else dict.fromkeys(_MRCLAM_6),
+        archive=_MRCLAM_ARCHIVES.get(number),
+        goes_by=rf"MR[CS]LAM[ _-]?(Dataset)?[ _-]?{number}(?!\d)",  # set 4 stands in MRSLAM_Dataset4
+    )
+
+
+PUBLISHED: dict[str, Published] = {
+    "dlr": Published(
+        title="DLR Spatial Cognition: a camera, circles on the floor, wheel odometry; one building, no truth",
+        citation="Kurlbaum and Frese, A Benchmark Data Set for Data Association, DLR and University of Bremen",
+        licence=_NONE_SEEN,
+        page="https://www.informatik.uni-bremen.de/agebv/en/DlrSpatialCognitionDataSet",
+        urls=tuple(
+            f"https://www.informatik.uni-bremen.de/{group}/en/DlrSpatialCognitionDataSet"
+            "?action=AttachFile&do=get&target=DLR-Spatial_Cognition_noimages.tar.gz"
+            for group in ("agebv", "agmsis")
+        ),
+        addresses="it is known that the wiki carries this archive, not that its map.circles is the one expected here",
+        by_hand="download the data set without images, or the file map.circles itself",
+        files={"map.circles": "a6a849755dc13768bb31233964ccbd0b8cfd48f5ffc42c6cf73f7ab2a9851563"},
+    ),
+    "freiburg": Published(
+        title="Robot Mapping course, EKF SLAM sheet: simulated, nine landmarks with truth",
+        citation="Stachniss, Robot Mapping, University of Freiburg, WS 2013/14",
+        licence=_NONE_SEEN,
+        page="http://ais.informatik.uni-freiburg.de/teaching/ws13/mapping/index_en.php",
+        urls=(
+            "http://ais.informatik.uni-freiburg.de/teaching/ws13/mapping/index_en.php",
+            "https://web.archive.org/web/20191216041354/http://ais.informatik.uni-freiburg.de/teaching/ws13/mapping/index_en.php",
+        ),
+        addresses="the page and its archived copy are known, not the archive itself: links that look like it are tried",
+        by_hand="download the framework of the EKF SLAM sheet (data/sensor_data.dat and data/world.dat in it)",
+        files={
+            "sensor_data.dat": "b585f3ab19c7e16b571b614762ac6d4c1b0db7ca2ec2f60b7dc2b3284e20d49a",
+            "world.dat": "35401a34be49bdb24333efa7ad4ef680c073ec58096a4393be36a03718454253",
+        },
+        link=r"ekf[^/]*\.(zip|tgz|tar\.gz)$",
+    ),
+    **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},
+}
+"""Name -> what is known of it."""
+
+
+def named_in(path: str) -> str | None:
+    """The published log that `path` goes by the name of, the innermost where it names several; None: it names none."""
+    found = [
+        (match.start(), name)
+        for name, log in PUBLISHED.items()
+        if log.goes_by
+        for match in re.finditer(log.goes_by, path, re.IGNORECASE)
+    ]
+    return max(found)[1] if found else None
+
+
+def place(name: str) -> Path:
+    """The folder in which the published log `name` stands once it has been fetched; it may not exist yet."""
+    return folder() / "published" / name
+
+
+def fetched(name: str, given: str) -> Path:
+    """The folder of the published log `name`; InputError, which tells how to get it, where it is not on this machine.
+
+    `given` is what names a copy elsewhere: `dlr[path=FOLDER]`.
+    """
+    found = place(name)
+    if not found.is_dir():
+        raise InputError(f"{name} is not on this machine: bench fetch {name} gets it, {given} names a copy.")
+    return found

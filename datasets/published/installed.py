@@ -1,0 +1,157 @@
+"""The published logs that are on this machine: put there whole or not at all, each with the sha256 of its files.
+
+A log is a folder with its files and with `SHA256SUMS`, in the form that `sha256sum --check` reads.
+"""
+
+import contextlib
+import fcntl
+import os
+import shutil
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from ...frontend.errors import InputError
+from .catalogue import PUBLISHED, place
+from .unpack import NotPublished, sha256_of, unpacked
+
+SUMS = "SHA256SUMS"
+
+
+def here(name: str) -> bool:
+    """Is the published log `name` on this machine, with all of its files?"""
+    return all((place(name) / file).is_file() for file in PUBLISHED[name].files)
+
+
+def size(name: str) -> int:
+    """Bytes of the files of a log that is here."""
+    return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files)
+
+
+def install(name: str, source: Path, called: str) -> dict[str, str]:
+    """Put the published log `name`, out of the archive, folder or file `source`, in its place; its files' sha256.
+
+    What was there before is replaced, and stays if anything is wrong with the new one. Raises InputError, in which
+    `source` is `called` so. To be done under `alone`.
+    """
+    new = _beside(name, "new")
+    shutil.rmtree(new, ignore_errors=True)  # of a process that was killed
+    with _writable(name):
+        new.mkdir()
+    try:
+        digests = unpacked(name, source, new, called)
+        if twin := _twin(name, digests):
+            raise NotPublished(f"{called}: {twin}, and not those of {name}.")
+        lines = [f"# {PUBLISHED[name].title}", f"# from {called}"]
+        lines += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
+        with _writable(name):
+            (new / SUMS).write_text("\n".join(lines) + "\n", encoding="utf-8")
+            _swap(name)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+    return digests
+
+
+def faults(name: str) -> list[str]:
+    """A sentence for each file of the log `name` that is not there, or not as published or as it first arrived; and
+    one where most of them are another log's.
+    """
+    recorded = _recorded(name)
+    digests: dict[str, str] = {}
+    found: list[str] = []
+    for file, published in PUBLISHED[name].files.items():
+        path = place(name) / file
+        expected = published or recorded.get(file)
+        try:
+            digest = digests[file] = sha256_of(path)
+        except OSError as error:
+            found.append(f"{path}: {error.strerror}.")
+            continue
+        if expected is None:
+            found.append(f"{path}: no sha256 was recorded for it; found {digest}.")
+        elif digest != expected:
+            whose = "published" if published else "recorded when it first arrived"
+            found.append(f"{path}: its sha256 is {digest}; {whose}: {expected}.")
+    if twin := _twin(name, digests):
+        found.append(f"{place(name)}: {twin}.")
+    return found
+
+
+@contextmanager
+def alone(name: str, waiting: Callable[[], None]) -> Generator[Path]:
+    """While no other process fetches `name`: the file for what arrives of it, which outlives the process.
+
+    `waiting` is called if that has to be waited for.
+    """
+    with _writable(name):
+        place(name).parent.mkdir(parents=True, exist_ok=True)
+        lock = _beside(name, "lock").open("w")
+    with lock:  # released by the system even if this process is killed
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            waiting()
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        _restore(name)
+        yield _beside(name, "part")
+
+
+def _swap(name: str) -> None:
+    """The new folder in the place of the one that is there, if one is."""
+    old = _beside(name, "old")
+    shutil.rmtree(old, ignore_errors=True)
+    try:
+        with contextlib.suppress(FileNotFoundError):
+            os.replace(place(name), old)
+        os.replace(_beside(name, "new"), place(name))
+    finally:
+        _restore(name)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _restore(name: str) -> None:
+    """Have the old folder back where nothing stands in its place: the swap was interrupted."""
+    if not place(name).exists() and (old := _beside(name, "old")).exists():
+        os.replace(old, place(name))
+
+
+def _beside(name: str, what: str) -> Path:
+    return place(name).with_name(f".{name}.{what}")
+
+
+def _twin(name: str, digests: Mapping[str, str]) -> str:
+    """That most of these files are those of a log other than `name`; nothing where they are not.
+
+    Most: logs of one room may share what is known of the room. A log whose every sha256 is known needs no such doubt.
+    """
+    if all(PUBLISHED[name].files.values()):
+        return ""
+    for other in (other for other in PUBLISHED if other != name):
+        known = _recorded(other) | {file: digest for file, digest in PUBLISHED[other].files.items() if digest}
+        same = sum(known.get(file) == digest for file, digest in digests.items())
+        if 2 * same > len(digests):
+            published = all(PUBLISHED[other].files.values())
+            source = "" if published else f" (as {place(other)} holds it; remove that if it is the wrong one)"
+            return f"{same} of its {len(digests)} files are those of {other}{source}"
+    return ""
+
+
+def _recorded(name: str) -> dict[str, str]:
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        lines = (place(name) / SUMS).read_text(encoding="utf-8").splitlines()
+        return {
+            file: digest for digest, _, file in (line.partition("  ") for line in lines) if not digest.startswith("#")
+        }
+    return {}
+
+
+@contextmanager
+def _writable(name: str) -> Generator[None]:
+    """Turn the disk's refusal into a sentence that names the cache and how to have another."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"{error.filename or place(name).parent}: {error.strerror or error}; {name} goes into the cache folder, "
+            "which the environment variable SLAMDUEL_CACHE moves."
+        ) from None

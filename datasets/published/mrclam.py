@@ -1,0 +1,199 @@
+"""The UTIAS Multi-Robot Cooperative Localization and Mapping logs, one robot of them at a time.
+
+K. Y. K. Leung, Y. Halpern, T. D. Barfoot and H. H. T. Liu, "The UTIAS multi-robot cooperative localization and mapping
+dataset", International Journal of Robotics Research 30(8):969-974, 2011. Nine datasets of five robots that drive about
+among fifteen barcodes, and see one another too.
+
+The log spans the time for which odometry and truth both exist, and starts at the true pose. Keyframes are the times of
+the sightings that are kept and every full second between; the motion up to each is one factor. The files have no
+covariances: those of the factors are made here, the motion's along the body before it.
+"""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.errors import InputError
+from ...frontend.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...frontend.options import option
+from ...frontend.se2 import Array, Ints, wrap
+from ...frontend.table import Table
+from ...frontend.wheels.encoder import Floors, compose, roll
+from ..registry import Source
+from .catalogue import fetched
+from .mrclam_files import LAST_ROBOT, NOBODY, Recorded, folder_of, read_files, since
+from .mrclam_noise import noise
+
+Flags = NDArray[np.bool_]
+
+SETS = 9
+"""How many datasets there are."""
+
+GAP = 0.15
+"""s. Between truth samples further apart than this, steps have no truth; they usually are 0.01 to 0.03 s apart."""
+
+LONGEST = 1e5
+"""s; dataset 6 lasts a quarter of an hour, and every second is a step."""
+
+START_SD = 1e-3
+"""The prior's standard deviation in x and y (m) and heading (rad): about what the Vicon system resolves."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which log, and one set of noise settings for all robots, so that no robot is tuned to its own truth.
+
+    The defaults are from the errors of dataset 6, its five robots together, rounded, and not from what any backend made
+    of them: 0.18 m and 0.0125 rad RMS without 9 gross sightings in 15,349; over 1 to 30 s of driving 0.01 to 0.03 m
+    forward and 0.03 to 0.05 rad of turn per root second. Across the body 0.003 m over a second; what comes later is the
+    turn's. The errors are not white, as a backend will take them to be: two ranges of one landmark within a second are
+    0.93 to 0.97 correlated. Beliefs on these logs are therefore too sure. Ranges grow less sure with distance (0.07 m
+    at 1 to 2 m, 0.3 m at 6 to 9 m), but a noise that grows so ends no more accurately.
+    """
+
+    dataset: int = option(6, "which of the nine datasets", minimum=1, maximum=SETS)
+    robot: int = option(1, "whose log", minimum=1, maximum=LAST_ROBOT)
+    path: str | None = option(
+        None, "the dataset's folder or the one that holds it; not given: the copy that bench fetch gets"
+    )
+    robots: str = option("drop", "other robots' sightings: left out, or kept as unknown", choices=("drop", "unknown"))
+    range_sd: float = option(0.2, "standard deviation of ranges, m", minimum=1e-6)
+    bearing_sd: float = option(0.012, "standard deviation of bearings, rad", minimum=1e-6)
+    forward: float = option(0.03, "motion noise along the body, m per root second", minimum=1e-6)
+    lateral: float = option(0.01, "motion noise across the body, m per root second", minimum=1e-6)
+    turn: float = option(0.05, "noise of the turn, rad per root second", minimum=1e-6)
+    rest: float = option(0.05, "share of the motion noise that is left where the command is to stand", minimum=1e-6)
+
+
+class Sightings(NamedTuple):
+    """What a robot sighted, sorted by time, and how many sightings were left out or kept unnamed, by reason."""
+
+    t: Array  # (s,)
+    ids: Ints  # (s,)
+    z: Array  # (s, 2)
+    dropped: dict[str, int]
+    unnamed: dict[str, int]
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+    """UTIAS MRCLAM: a small robot among barcodes, commanded speeds, Vicon truth: mrclam[dataset=6,robot=1]."""
+    number = options.dataset
+    given = f"mrclam[dataset={number},path=FOLDER]"
+    path = Path(options.path) if options.path else fetched(f"mrclam-{number}", given)
+    return read(folder_of(path, number), options)
+
+
+source = Source(make, Options)
+
+
+def read(folder: Path, options: Options) -> Dataset:
+    """The log and truth of one robot; InputError names the file and line of what cannot be used."""
+    recorded = read_files(folder, options.robot)
+    start, end = _span(recorded.odometry, recorded.truth)
+    seen = _sightings(recorded, start, end, options.robots == "unknown")
+    t = np.union1d(np.arange(np.floor(round(end - start, 6)) + 1), seen.t)
+    delta, delta_cov = _motions(t, since(recorded.odometry, start), recorded.odometry.rows[:, 1:], options)
+    poses, known = _interpolated(recorded.truth, start, t)
+    truth = Truth(t[known], poses[known], recorded.landmarks, None, "truth")
+    z_cov = np.diag([options.range_sd**2, options.bearing_sd**2])
+    log = Log.from_arrays(
+        f"mrclam-{options.dataset}-robot-{options.robot}",
+        Prior(poses[0], START_SD**2 * np.eye(3)),
+        t,
+        delta,
+        delta_cov,
+        sighting_step=np.searchsorted(t, seen.t),
+        ids=seen.ids,
+        z=seen.z,
+        z_cov=np.broadcast_to(z_cov, (len(seen.ids), 2, 2)),
+        notes=_notes(folder, options, start, seen),
+    )
+    return Dataset(replace(log, notes={**log.notes, "noise by the truth": noise(log, truth)}), truth)
+
+
+def _span(odometry: Table, truth: Table) -> tuple[float, float]:
+    """When the log starts, at a command for which there is a truth, and when either of the two ends."""
+    t = odometry.column("t")
+    tracked = np.flatnonzero(_tracked(truth.column("t"), t))
+    if not len(tracked):
+        raise InputError(f"{odometry.path}: no command falls into the time of {truth.path.name}.")
+    start, end = float(t[tracked[0]]), float(min(t[-1], truth.rows[-1, 0]))
+    if end - start > LONGEST:
+        expected = f"expected no more than {LONGEST:g}"
+        raise InputError(f"{odometry.path}: it spans {end - start:g} s of the time of {truth.path.name}, {expected}.")
+    return start, end
+
+
+def _tracked(samples: Array, t: Array) -> Flags:
+    """(n,) whether there is truth at `t`, given the times of its samples."""
+    after = np.clip(np.searchsorted(samples, t), 1, max(len(samples) - 1, 1))
+    near = np.diff(samples, append=np.inf)[after - 1] <= GAP
+    return (samples[0] <= t) & (t <= samples[-1]) & (near | np.isin(t, samples))
+
+
+def _interpolated(truth: Table, start: float, t: Array) -> tuple[Array, Flags]:
+    """Poses (n, 3) at `t` (n,), headings interpolated on the circle, and whether they are known, (n,)."""
+    samples, (x, y, heading) = since(truth, start), truth.rows[:, 1:].T
+    places = [np.interp(t, samples, column) for column in (x, y, np.unwrap(heading))]
+    places[2] = wrap(places[2])
+    return np.stack(places, axis=-1), _tracked(samples, t)
+
+
+def _motions(t: Array, commanded: Array, velocities: Array, options: Options) -> tuple[Array, Array]:
+    """(n, 3) and (n, 3, 3): the motion up to each keyframe, along exact arcs, and its covariance; row 0 is not used."""
+    inside = commanded[(commanded > t[0]) & (commanded < t[-1])]
+    edges = np.union1d(t, inside)
+    dt = np.diff(edges)
+    v, omega = velocities[np.searchsorted(commanded, edges[:-1], side="right") - 1].T
+    pieces, _ = roll(np.stack((v * dt, omega * dt), axis=-1), "arc")
+    share = np.where((v == 0) & (omega == 0), options.rest, 1.0)
+    variance = np.square([options.forward, options.lateral, options.turn])
+    cov = (share**2 * dt)[:, None, None] * np.diag(variance)
+    delta, delta_cov = np.zeros((len(t), 3)), np.zeros((len(t), 3, 3))
+    first = np.searchsorted(edges, t)
+    for k in range(1, len(t)):
+        between = slice(first[k - 1], first[k])
+        delta[k], delta_cov[k] = compose(pieces[between], cov[between], Floors(0.0, 0.0))
+    return delta, delta_cov
+
+
+def _sightings(recorded: Recorded, start: float, end: float, keep_robots: bool) -> Sightings:
+    """What was sighted from `start` to `end`, each subject once at a time: landmarks, and robots if they are kept.
+
+    Another robot moves, and in the log of one robot nothing says how: as a landmark it would be wrong, so its sightings
+    are UNKNOWN. A backend that finds landmarks for such sightings by itself has to turn them down.
+    """
+    table, subjects = recorded.sightings, recorded.subjects
+    t = since(table, start)
+    outside = (table.column("t") < start) | (table.column("t") > end)
+    robot, nobody = (subjects > NOBODY) & (subjects <= LAST_ROBOT), subjects == NOBODY
+    kept = np.flatnonzero(~(outside | nobody | (robot & (not keep_robots))))
+    _, first = np.unique(np.stack((t[kept], subjects[kept])), axis=1, return_index=True)
+    once = kept[np.sort(first)]
+    dropped = {
+        "of another robot": 0 if keep_robots else int(np.sum(robot & ~outside)),
+        "with an unknown barcode": int(np.sum(nobody & ~outside)),
+        "outside the log's time": int(np.sum(outside)),
+        "repeated at one time": len(kept) - len(once),
+    }
+    unnamed = {"of another robot": int(np.sum(robot[once]))}
+    return Sightings(t[once], np.where(robot, UNKNOWN, subjects)[once], table.rows[once, 2:], dropped, unnamed)
+
+
+def _notes(folder: Path, options: Options, start: float, seen: Sightings) -> dict[str, Any]:
+    settings = asdict(options)
+    del settings["path"]
+    return {
+        "source": f"UTIAS MRCLAM, {folder.name}; Leung, Halpern, Barfoot, Liu, IJRR 30(8):969-974, 2011",
+        "licence": "none stated with the files",
+        "start": start,
+        "time": "seconds since start, which is in seconds since 1970",
+        "truth": f"interpolated between samples up to {GAP} s apart",
+        "covariances": "none in the files; made of the settings, the motion's in the body frame before it",
+        "settings": settings,
+        "dropped": seen.dropped,
+        "kept as unknown": seen.unnamed,
+    }

@@ -1,0 +1,27 @@
+"""The Victoria Park log, from the copy in the gtsam wheel: a car with a laser scanner among the trees of a Sydney park.
+
+J. E. Guivant and E. M. Nebot, "Optimization of the simultaneous localization and map-building algorithm for real-time
+implementation", IEEE Trans. Robotics and Automation 17(3), 2001; prepared as relative motions and tree sightings with
+known ids for iSAM (M. Kaess et al., 2008). Pose and tree ids share one name space there, so pose ids skip.
+"""
+
+import numpy as np
+
+from ...frontend.factors import Dataset
+from ...frontend.options import NoOptions
+from ..formats import gtsam_text
+from ..registry import Source
+
+_NOTES = {
+    "source": "victoria_park.txt as shipped with GTSAM; Guivant and Nebot, University of Sydney, 2001",
+    "licence": "none stated for the recording; GTSAM's copy is distributed under GTSAM's BSD licence",
+    "sightings": "x, y with their covariance in the file; range and bearing by first-order propagation",
+}
+
+
+def make(options: NoOptions, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - the same log for everybody
+    """Victoria Park: a real car among trees, 6,969 steps, 3,640 sightings of 151 known trees, no truth."""
+    return gtsam_text.read(gtsam_text.shipped("victoria_park.txt"), "cov", "victoria-park", _NOTES)
+
+
+source = Source(make)

@@ -1,0 +1,1 @@
+"""Frames and wheel counts as files or bags, read and written."""

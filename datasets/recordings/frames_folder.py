@@ -1,0 +1,138 @@
+"""A folder of pictures, a file a frame.
+
+They are read as grey, which is all that markers have, and as they lie in the file: a camera's note on which way it was
+held does not turn them, for its calibration is of the sensor. frames.csv (`frame,t`: file name, seconds) says which
+there are and when they were taken. Without it they are all pictures in the folder, and the time is the file's name,
+
+    1403636579.763556.png              seconds, with a point
+    1403636579763555527.png            nanoseconds, microseconds or milliseconds since 1970: 19, 16 or 13 digits
+
+or they were taken at an even rate, in the order of the numbers in their names.
+"""
+
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Frame
+from ...frontend.table import text
+from .quiet_decoders import silenced
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")
+FRAMES = "frames.csv"
+
+_UNITS = {19: 1e-9, 16: 1e-6, 13: 1e-3}
+"""Digits of a whole number of units since 1970 -> s."""
+
+
+class Shot(NamedTuple):
+    """A file, and when its picture was taken."""
+
+    path: Path
+    t: float  # s
+
+
+@dataclass(frozen=True)
+class FramesFolder:
+    """Frames that are read as they are asked for, however often."""
+
+    shots: Sequence[Shot]
+
+    def __len__(self) -> int:
+        return len(self.shots)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (Frame(shot.t, load(shot.path)) for shot in self.shots)
+
+
+def pictures(folder: Path) -> list[Path]:
+    """The files in `folder` that are named as pictures are, in the order of the numbers in their names."""
+    found = (path for path in folder.iterdir() if path.suffix.lower() in PICTURES and not path.name.startswith("."))
+    return sorted(found, key=lambda path: [(part.isdigit(), int(part) if part.isdigit() else 0, part)
+                                           for part in re.split(r"(\d+)", path.name)])  # fmt: skip
+
+
+def read(folder: Path, home: Path, fps: float | None, start: float) -> FramesFolder:
+    """The pictures in `folder`, at the times that `home`/frames.csv, their names, or `fps` and `start` tell.
+
+    InputError where there are none, or their times are not known or not in order.
+    """
+    listed = home / FRAMES
+    if listed.exists():
+        return FramesFolder(_listed(listed, folder))
+    found = pictures(folder)
+    if not found:
+        raise InputError(f"{folder}: has no pictures, expected frames in files such as 000001.png.")
+    times = [_time(path.stem) for path in found]
+    if fps is not None:
+        return FramesFolder([Shot(path, start + number / fps) for number, path in enumerate(found)])
+    shots = [Shot(path, t) for path, t in zip(found, times, strict=True) if t is not None]
+    if len(shots) < len(found):
+        unnamed = found[times.index(None)]
+        raise InputError(
+            f"{folder}: nothing tells when {unnamed.name} was taken; expected {listed}, or file names that are times, "
+            "such as 12.25.png in seconds, or [frames] fps in robot.toml."
+        )
+    shots.sort(key=lambda shot: shot.t)
+    for before, shot in itertools.pairwise(shots):
+        if not shot.t > before.t:
+            raise InputError(f"{shot.path}: is of the same time as {before.path.name}, expected a later one.")
+    return FramesFolder(shots)
+
+
+def load(path: Path) -> Image | None:
+    """The picture in `path` as (height, width) grey, None where it cannot be read or is not whole."""
+    try:
+        content = np.frombuffer(path.read_bytes(), np.uint8)
+        with silenced():
+            image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    except (OSError, cv2.error):
+        return None
+    return None if image is None else np.asarray(image, np.uint8)
+
+
+def _listed(path: Path, folder: Path) -> list[Shot]:
+    """The frames that a frames.csv names."""
+    lines = text(path).split("\n")
+    if [cell.strip() for cell in lines[0].split(",")] != ["frame", "t"]:
+        raise InputError(f"{path}, line 1: found {lines[0]!r}, expected the columns frame,t.")
+    shots = list[Shot]()
+    for number, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        name, comma, cell = line.rpartition(",")
+        t = _seconds(cell)
+        if not comma or t is None:
+            raise InputError(f"{path}, line {number}: found {line!r}, expected a file's name and a time in seconds.")
+        shot = Shot(folder / name.strip(), t)
+        if not shot.path.is_file():
+            raise InputError(f"{path}, line {number}: there is no file {shot.path}.")
+        if shots and not t > shots[-1].t:
+            raise InputError(f"{path}, line {number}: t is {t!s}, expected later than {shots[-1].t!s}.")
+        shots.append(shot)
+    if not shots:
+        raise InputError(f"{path}: names no frame, expected at least one row.")
+    return shots
+
+
+def _time(stem: str) -> float | None:
+    """s, where a file's name is a time."""
+    if stem.isascii() and stem.isdigit():
+        return int(stem) * _UNITS[len(stem)] if len(stem) in _UNITS else None
+    return _seconds(stem) if re.fullmatch(r"-?\d+\.\d+", stem) else None
+
+
+def _seconds(cell: str) -> float | None:
+    try:
+        t = float(cell)
+    except ValueError:
+        return None
+    return t if np.isfinite(t) else None

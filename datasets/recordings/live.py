@@ -1,0 +1,79 @@
+"""A camera of this machine, frame after frame as they come.
+
+What drives the robot is not read along: without readings of the wheels the front end needs [drift] in robot.toml. A
+drive with wheel counters is recorded first, as frames or a video with ticks.csv.
+"""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.markers.pipeline import Frame
+from .quiet_decoders import silenced
+
+PREFIX = "camera:"
+
+
+@dataclass(frozen=True)
+class Live:
+    """The frames of an open camera, until `seconds` are over, or Ctrl-C is pressed; the camera is then let go."""
+
+    capture: Any  # cv2.VideoCapture, or what has its read and release
+    name: str
+    seconds: float | None  # None: until Ctrl-C
+
+    def __iter__(self) -> Iterator[Frame]:
+        stopped = threading.Event()
+        previous = _on_interrupt(stopped)
+        begin, missed = time.monotonic(), 0
+        try:
+            while not stopped.is_set() and missed < _PATIENCE:
+                t = time.monotonic() - begin
+                if self.seconds is not None and t >= self.seconds:
+                    break
+                with silenced():
+                    there, image = self.capture.read()
+                missed = 0 if there else missed + 1
+                yield Frame(t, np.asarray(image, np.uint8) if there else None)
+            if missed == _PATIENCE:
+                raise InputError(f"{self.name}: gave no picture {_PATIENCE} times in a row, expected a working camera.")
+        finally:
+            if previous is not None:
+                signal.signal(signal.SIGINT, previous)
+            self.capture.release()
+
+
+_PATIENCE = 30
+"""Frames in a row that a camera may fail to give."""
+
+
+def read(name: str, seconds: float | None) -> Live:
+    """The camera `name`, such as camera:0. InputError where there is none."""
+    number = name.removeprefix(PREFIX)
+    if not (number.isascii() and number.isdigit()):
+        raise InputError(f"{name}: found {number!r} for a camera's number, expected camera:0, camera:1 and so on.")
+    with silenced():
+        capture = cv2.VideoCapture(int(number))
+    if not capture.isOpened():
+        raise InputError(f"{name}: there is no such camera, or another program has it; expected one that can be read.")
+    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the latest frame, not the oldest
+    return Live(capture, name, seconds)
+
+
+def _on_interrupt(stopped: threading.Event) -> Any:
+    """Let Ctrl-C set `stopped` from now on; what it did before, None where it is not ours to change."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+
+    def stop(_: int, __: FrameType | None) -> None:
+        stopped.set()
+
+    return signal.signal(signal.SIGINT, stop)

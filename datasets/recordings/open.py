@@ -1,0 +1,79 @@
+"""Which kind of recording a path is, and the streams of it and of the files beside it."""
+
+from pathlib import Path
+
+from ...frontend.errors import InputError
+from ..truth import PLACES, POSES, read_truth
+from . import frames_folder, live, rosbag, video
+from .frames_folder import FRAMES, pictures
+from .readings import ODOMETRY, TICKS, read_readings
+from .robot import ROBOT, Robot
+from .streams import Streams
+from .video import VIDEOS
+
+BAGS = (".bag", ".mcap", ".db3")
+
+_KINDS = "a folder of frames, a video, or a ROS bag (.bag, .mcap, or a folder with metadata.yaml)"
+
+
+def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
+    """What the recording at `path` and the files beside it hold; a live camera, which has no end, for `seconds`.
+
+    InputError where there is no recording, or more than one, and for files that cannot be used.
+    """
+    if is_live(path):
+        return Streams(live.read(str(path), seconds), None, None, None, None)
+    found = _frames_of(path, robot)
+    home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
+    if _is_bag(found):
+        bag = rosbag.read(found, robot.topics, robot.counter_bits)
+        readings = bag.readings or read_readings(home, robot.counter_bits)
+        return bag._replace(readings=readings, truth=read_truth(home))
+    fps, start = robot.frames.fps, robot.frames.start
+    if found.is_dir():
+        frames = frames_folder.read(found, home, fps, start)
+        length = len(frames)
+    elif found.suffix.lower() in VIDEOS:
+        frames = video.read(found, home, fps, start)
+        length = frames.length
+    else:
+        raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
+    return Streams(frames, length, read_readings(home, robot.counter_bits), None, read_truth(home))
+
+
+def is_live(path: Path) -> bool:
+    """Whether `path` is no path but a camera of this machine."""
+    return str(path).startswith(live.PREFIX)
+
+
+def _frames_of(path: Path, robot: Robot) -> Path:
+    """The bag, video or folder of pictures that `path` is or holds; of many the one that robot.toml names."""
+    if not path.is_dir() or _is_bag(path):
+        return path
+    named = None if robot.frames.source is None else path / robot.frames.source
+    if named is not None and named.exists():
+        return named
+    found = sorted(
+        one
+        for one in path.iterdir()
+        if _is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
+    )
+    if not found and pictures(path):
+        return path
+    if named is not None:
+        raise InputError(f"{path}: there is no {named}, which is the [frames] source in {ROBOT}.")
+    if len(found) != 1:
+        names = ", ".join(one.name for one in found) or "none"
+        raise InputError(
+            f"{path}: found {names}, expected one recording: {_KINDS}. Of many, [frames] source in {ROBOT} names one."
+        )
+    return found[0]
+
+
+def _is_bag(path: Path) -> bool:
+    return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in BAGS
+
+
+def _has_words(folder: Path) -> bool:
+    """Whether what belongs to the frames in `folder` is in there with them."""
+    return any((folder / name).exists() for name in (ROBOT, FRAMES, TICKS, ODOMETRY, POSES, PLACES))

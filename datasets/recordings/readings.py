@@ -1,0 +1,46 @@
+"""What tells how a robot moved, as a file beside its frames.
+
+ticks.csv       t,left,right     the wheels' counters, cumulative
+odometry.csv    t,x,y,heading    poses that the robot summed up by itself
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.table import Table, read_csv
+from ...frontend.wheels.counters import unwrap
+from ...frontend.wheels.motion import Ticks
+from .streams import Poses
+
+TICKS = "ticks.csv"
+ODOMETRY = "odometry.csv"
+
+
+def read_readings(folder: Path, counter_bits: int | None) -> Ticks | Poses | None:
+    """The readings in `folder`, None where there is no file of them; InputError names the file and line of a fault.
+
+    Of counters `counter_bits` wide the wraps are undone.
+    """
+    ticks, odometry = folder / TICKS, folder / ODOMETRY
+    if ticks.exists() and odometry.exists():
+        raise InputError(f"{folder}: has {TICKS} as well as {ODOMETRY}, expected one of them.")
+    if ticks.exists():
+        table = _in_order(read_csv(ticks, ("t", "left", "right")))
+        counts = table.rows[:, 1:]
+        return Ticks(table.column("t"), counts if counter_bits is None else unwrap(counts, counter_bits))
+    if odometry.exists():
+        table = _in_order(read_csv(odometry, ("t", "x", "y", "heading")))
+        return Poses(table.column("t"), table.rows[:, 1:])
+    return None
+
+
+def _in_order(table: Table) -> Table:
+    """Itself; InputError where it is empty, not finite, or a time not later than the one before."""
+    t = table.finite().column("t")
+    if not len(t):
+        raise InputError(f"{table.path}: has no reading, expected at least one row.")
+    for row in np.flatnonzero(~(np.diff(t) > 0)) + 1:
+        raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
+    return table

@@ -1,0 +1,164 @@
+"""What a robot recorded, whatever kind of file that is in, opened for the front end.
+
+A recording's folder holds robot.toml and one of
+
+    frames/*.png|jpg   and frames.csv: frame,t, or file names that are times, or a frame rate in robot.toml
+    drive.mkv|avi|mp4  and frames.csv, or a frame rate, or the video's own time stamps
+    drive.bag, drive.mcap, or a ROS 2 folder with metadata.yaml
+
+With frames and videos go ticks.csv (t,left,right) or odometry.csv (t,x,y,heading), and with any, truth.tum and
+landmarks.csv, where they are known. `camera:0` is the first camera of this machine.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.camera.camera import Camera
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Truth
+from ...frontend.markers.aruco import Detector
+from ...frontend.markers.pipeline import Frame, Recording, build_log
+from ...frontend.options import option
+from ...frontend.wheels.motion import Motion, Ticks, Track, Wheels
+from ..registry import Source
+from ..truth import sample
+from .open import is_live, read_streams
+from .readings import ODOMETRY, TICKS
+from .robot import ROBOT, Robot, read_robot
+from .streams import Poses
+
+
+class Opened(NamedTuple):
+    """A recording, ready for `build`."""
+
+    recording: Recording
+    truth: Truth | None  # at whatever times it was measured; `sample` takes it to a log's
+    length: int | None  # number of frames, where it is known beforehand
+
+
+@dataclass(frozen=True)
+class Options:
+    """Which recording."""
+
+    path: str | None = option(None, "the folder of the recording, with its robot.toml; or a bag or video beside one")
+    robot: str | None = option(None, "another robot.toml to read it with")
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+    """A recording of your own, frames or a video or a ROS bag: recording[path=FOLDER]."""
+    if options.path is None:
+        raise InputError("option path of dataset recording is not given, expected its folder: recording[path=FOLDER].")
+    if is_live(Path(options.path)):
+        raise InputError(f"option path of dataset recording: found {options.path}, expected a recording, not a camera.")
+    robot = None if options.robot is None else read_robot(Path(options.robot))
+    return build(open_recording(Path(options.path), robot))
+
+
+source = Source(make, Options, portable=False)  # OpenCV's arithmetic
+
+
+def build(opened: Opened) -> Dataset:
+    """The recording's log, and its truth at the log's times; InputError as in `build_log`."""
+    log = build_log(opened.recording)
+    return Dataset(log, None if opened.truth is None else sample(opened.truth, log.t))
+
+
+def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
+    """The recording at `path`, read with `robot`, or else with the robot.toml in its folder or beside it.
+
+    `seconds` ends a live camera's; without it, Ctrl-C does. InputError says what is missing, ambiguous or does not fit,
+    and of frames it does so while they are gone through.
+    """
+    if not is_live(path) and not path.exists():
+        raise InputError(f"{path}: there is no such file or folder, expected a recording.")
+    if robot is None:
+        beside = [] if is_live(path) else [folder / ROBOT for folder in (path, path.absolute().parent)]
+        found = [file for file in beside if file.is_file()]
+        if not found:
+            raise InputError(f"{path}: there is no {ROBOT} with it, expected one, or --robot FILE.")
+        robot = read_robot(found[0])
+    streams = read_streams(path, robot, seconds)
+    camera = robot.camera
+    if camera is None and streams.camera is not None:
+        camera = replace(streams.camera, mounting=robot.mounting)
+    if camera is None:
+        raise InputError(
+            f"{path}: nothing tells the camera's calibration, expected {ROBOT} to name its file: "
+            '[camera] calibration = "calibration.yaml".'
+        )
+    motion = _motion(streams.readings, robot, path)
+    recording = Recording(
+        name=robot.name,
+        frames=_Frames(streams.frames, motion, robot, camera, path),
+        motion=motion,
+        detector=Detector(robot.markers, camera),
+        noise=robot.noise,
+        prior=robot.prior,
+        max_range=robot.max_range,
+        notes={
+            "source": path.name.encode("utf-8", "replace").decode(),
+            "time_offset": robot.time_offset,
+            "exposure": robot.exposure,
+        },
+    )
+    return Opened(recording, streams.truth, streams.length)
+
+
+def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:
+    """The readings with what is known of the robot that made them."""
+    if isinstance(readings, Ticks):
+        if robot.encoder is None:
+            raise InputError(f"{path}: has counts of the wheels, expected [encoder] in {ROBOT} to tell what they mean.")
+        return Wheels(readings, robot.encoder, robot.max_speed, f"{path}: encoder")
+    if readings is not None:
+        return Track(*readings, robot.track_noise, robot.max_speed, f"{path}: odometry")
+    if robot.drift is None:
+        raise InputError(
+            f"{path}: nothing tells how the robot moved; expected {TICKS} or {ODOMETRY} beside the frames, messages of "
+            f"them in a bag, or in {ROBOT} how far it may drift unmeasured: [drift] position = 0.5, turning = 0.5."
+        )
+    return robot.drift
+
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """The frames by the motion's clock; going through them, InputError where they do not fit the rest."""
+
+    frames: Iterable[Frame]
+    motion: Motion
+    robot: Robot
+    camera: Camera
+    path: Path
+
+    def __iter__(self) -> Iterator[Frame]:
+        first, last = self.motion.t[[0, -1]]
+        shift = self.robot.time_offset + self.robot.exposure / 2
+        number, decoded, inside, begin, end = 0, 0, 0, np.inf, -np.inf
+        for number, frame in enumerate(self.frames, start=1):
+            t = frame.t + shift
+            begin, end = min(begin, t), max(end, t)
+            inside += bool(first <= t <= last)
+            if frame.image is not None:
+                decoded += 1
+                self._check_size(number - 1, *frame.image.shape[:2])
+            yield Frame(t, frame.image)
+        if not number:
+            raise InputError(f"{self.path}: has no frame, expected at least one.")
+        if not decoded:
+            raise InputError(f"{self.path}: none of its {number} frames can be decoded, expected at least one.")
+        if not inside:
+            raise InputError(
+                f"{self.path}: no frame is within the time of the motion's readings: frames are from {begin} to {end} "
+                f"s, readings from {first} to {last} s; [camera] time_offset in {ROBOT} is added to the frames' times."
+            )
+
+    def _check_size(self, number: int, height: int, width: int) -> None:
+        if (width, height) != (self.camera.width, self.camera.height):
+            raise InputError(
+                f"{self.path}: frame {number} has {width}x{height} pixels, expected the {self.camera.width}x"
+                f"{self.camera.height} of the camera's calibration."
+            )

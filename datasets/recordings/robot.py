@@ -1,0 +1,269 @@
+"""robot.toml: what has to be known of a robot to read what it recorded.
+
+    name = "my robot"
+    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure
+    [markers]    dictionary, side, sides, max_range
+    [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
+    [odometry]   forward, turning, turning_by_turn, floors, max_speed
+    [drift]      position, turning, floors        how far it may have gone where nothing measured that
+    [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing
+                 model = "propagated": scale, floor_range, floor_bearing
+    [prior]      pose, sd
+    [topics]     image, encoder, odometry, camera_info
+    [frames]     source, fps, start
+
+Only [markers] has to be there. Lengths are in m, angles in rad, times in s.
+"""
+
+import shutil
+from collections.abc import Collection
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from ...frontend.camera.calibration import read, write_opencv
+from ...frontend.camera.camera import Camera
+from ...frontend.camera.mounting import from_matrix, from_rpy, mounting
+from ...frontend.errors import InputError
+from ...frontend.factors import Prior
+from ...frontend.files import write_whole
+from ...frontend.markers.markers import Markers
+from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
+from ...frontend.se2 import Array
+from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
+from ...frontend.wheels.encoder import Encoder, Floors
+from ...frontend.wheels.motion import Drift, TrackNoise
+from .rosbag import Topics
+from .settings import Settings
+
+ROBOT = "robot.toml"
+CALIBRATION = "calibration.yaml"
+"""What the file is called beside a recording."""
+
+START_SD = 1e-3
+"""m and rad: without [prior] a robot is at the origin because the origin is put where it stands."""
+
+NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
+"""[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
+
+_TRACK = ("forward", "turning", "turning_by_turn")
+
+
+@dataclass(frozen=True)
+class FrameSource:
+    """Where the frames are, and when they were taken, if no frames.csv says so."""
+
+    source: str | None = None  # the recording, relative to the folder of robot.toml; None: the only one there
+    fps: float | None = None  # frames a second
+    start: float = 0.0  # s, the time of the first frame where `fps` counts on from it
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot: its camera, how it measures its motion, and the markers around it."""
+
+    name: str
+    markers: Markers
+    camera: Camera | None = None  # None: the recording has to say it
+    # (4, 4) T_robot_camera, the camera's own where there is one; straight ahead from the robot's origin
+    mounting: Array = field(default_factory=lambda: mounting(0, 0, 0, 0))
+    time_offset: float = 0.0  # s, added to the frames' stamps to have the motion's clock
+    exposure: float = 0.0  # s; stamps are of its start
+    max_range: float = 3.0  # m
+    encoder: Encoder | None = None
+    counter_bits: int | None = None  # the width of the wheels' counters; None: they never wrap
+    max_speed: float = MAX_SPEED  # m/s; faster between two readings is a fault of the readings
+    track_noise: TrackNoise = field(default_factory=TrackNoise)
+    drift: Drift | None = None  # for recordings in which nothing tells how the robot moved
+    noise: Noise = field(default_factory=ProportionalNoise)
+    prior: Prior = field(default_factory=lambda: Prior(np.zeros(3), START_SD**2 * np.eye(3)))
+    topics: Topics = field(default_factory=Topics)
+    frames: FrameSource = field(default_factory=FrameSource)
+
+
+def read_robot(path: Path) -> Robot:
+    """The robot that `path`, a robot.toml, tells of; InputError names the file and key of what cannot be used."""
+    tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
+    file = Settings.load(path, ("name", *tables))
+    camera = file.table("camera", ("calibration", "size", "mounting", "time_offset", "exposure"))
+    markers = file.table("markers", ("dictionary", "side", "sides", "max_range"))
+    odometry = file.table("odometry", (*_TRACK, "floors", "max_speed"))
+    encoder = file.table("encoder", (*_names(Encoder), "counter_bits", "max_speed"))
+    frames = file.table("frames", _names(FrameSource))
+    topics = file.table("topics", Topics._fields)
+    placed = _placed(camera)
+    return Robot(
+        name=file.words("name", path.absolute().parent.name),
+        markers=_markers(markers),
+        camera=_camera(camera, placed),
+        mounting=placed,
+        time_offset=camera.number("time_offset", 0.0),
+        exposure=camera.number("exposure", 0.0, least=0),
+        max_range=markers.number("max_range", 3.0, above=0),
+        encoder=_encoder(encoder) if file.has("encoder") else None,
+        counter_bits=encoder.whole("counter_bits", COUNTER_BITS),
+        max_speed=_max_speed(encoder, odometry),
+        track_noise=_track_noise(odometry),
+        drift=_drift(file.table("drift", _names(Drift))) if file.has("drift") else None,
+        noise=_noise(file.table("noise", None)),
+        prior=_prior(file.table("prior", ("pose", "sd"))),
+        topics=Topics(**{key: topics.words(key) for key in topics.entries}),
+        frames=FrameSource(
+            source=frames.words("source") if frames.has("source") else None,
+            fps=frames.number("fps", above=0) if frames.has("fps") else None,
+            start=frames.number("start", 0.0),
+        ),
+    )
+
+
+def write_robot(path: Path, robot: Robot) -> None:
+    """Write `robot` to `path`, and beside it its camera, where it has one, and a marker dictionary that is a file.
+
+    What is written reads back the same. InputError where it cannot be written.
+    """
+    sides = {str(name): side for name, side in sorted(robot.markers.sides.items())}
+    encoder, odometry = {}, {} if robot.track_noise == TrackNoise() else asdict(robot.track_noise)
+    if robot.encoder is not None:
+        encoder = asdict(robot.encoder) | {"counter_bits": robot.counter_bits}
+    (odometry if robot.encoder is None else encoder)["max_speed"] = robot.max_speed
+    dictionary = (robot.markers.folder or Path()) / robot.markers.dictionary
+    words: dict[str, Any] = {
+        "name": robot.name,
+        "camera": {
+            "calibration": None if robot.camera is None else CALIBRATION,
+            "mounting": {"matrix": robot.mounting.tolist()},
+            "time_offset": robot.time_offset,
+            "exposure": robot.exposure,
+        },
+        "markers": {
+            "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
+            "side": robot.markers.side,
+            "sides": sides or None,
+            "max_range": robot.max_range,
+        },
+        "encoder": encoder,
+        "odometry": odometry,
+        "drift": {} if robot.drift is None else asdict(robot.drift),
+        "noise": dict(robot.noise.settings),
+        "prior": {"pose": robot.prior.pose.tolist(), "sd": np.sqrt(np.diag(robot.prior.cov)).tolist()},
+        "topics": robot.topics._asdict(),
+        "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
+    }
+    try:
+        if robot.camera is not None:
+            write_opencv(path.with_name(CALIBRATION), robot.camera)
+        if dictionary.is_file() and not path.with_name(dictionary.name).exists():
+            shutil.copyfile(dictionary, path.with_name(dictionary.name))
+        write_whole(path, tomli_w.dumps(_without_none(words)))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
+
+
+def _placed(camera: Settings) -> Array:
+    given = camera.table("mounting", ("xyz", "rpy", "matrix"))
+    if given.has("matrix"):
+        if given.has("xyz") or given.has("rpy"):
+            raise InputError(f"{given.where('matrix')}: is given beside xyz or rpy, expected one or the other.")
+        return from_matrix(given.entries["matrix"], given.where("matrix"))
+    zero = [0.0, 0.0, 0.0]
+    return from_rpy(given.numbers("xyz", 3, zero), given.numbers("rpy", 3, zero))
+
+
+def _camera(camera: Settings, placed: Array) -> Camera | None:
+    if not camera.has("calibration"):
+        return None
+    file = camera.path.parent / camera.words("calibration")
+    if not file.is_file():
+        raise InputError(f"{camera.where('calibration')}: there is no file {file}, expected a camera's calibration.")
+    size = camera.numbers("size", 2) if camera.has("size") else None
+    if size is not None and not all(side >= 1 and side == int(side) for side in size):
+        raise camera.fault("size", size, "width and height in whole px")
+    return read(file, placed, None if size is None else (int(size[0]), int(size[1])))
+
+
+def _markers(markers: Settings) -> Markers:
+    sides = markers.table("sides", None)
+    for key in sides.entries:
+        if not (key.isascii() and key.isdigit()):
+            raise InputError(f"{sides.where(key)}: is no marker's id, expected a whole number.")
+    known = Markers(
+        markers.words("dictionary"),
+        markers.number("side", above=0),
+        {int(key): sides.number(key, above=0) for key in sides.entries},
+        markers.path.parent,
+    )
+    try:
+        _ = known.opencv
+    except InputError as error:
+        raise InputError(f"{markers.where('dictionary')}: {error}") from None
+    known.check(f"{markers.path}: [markers]")
+    return known
+
+
+def _encoder(encoder: Settings) -> Encoder:
+    rolls: dict[str, Any] = {key: encoder.number(key) for key in ("left", "right")}
+    for key in ("left", "right"):
+        if rolls[key] == 0:
+            raise encoder.fault(key, rolls[key], "metres a count, a number other than 0")
+    for key, choices in {"noise": ("proportional", "distance"), "curve": ("midpoint", "arc")}.items():
+        if encoder.has(key):
+            rolls[key] = encoder.words(key, choices=choices)
+    rolls |= _given(encoder, ("interval",), above=0) | _floors(encoder)
+    return Encoder(**rolls, base=encoder.number("base", above=0), k=encoder.number("k", least=0))
+
+
+def _track_noise(odometry: Settings) -> TrackNoise:
+    given: dict[str, Any] = _given(odometry, _TRACK, least=0)
+    return TrackNoise(**given, **_floors(odometry))
+
+
+def _max_speed(encoder: Settings, odometry: Settings) -> float:
+    given = [table.number("max_speed", above=0) for table in (encoder, odometry) if table.has("max_speed")]
+    if len(set(given)) > 1:
+        raise odometry.fault("max_speed", given[1], f"[encoder]'s {given[0]:g}, or nothing")
+    return given[0] if given else MAX_SPEED
+
+
+def _drift(drift: Settings) -> Drift:
+    return Drift(drift.number("position", above=0), drift.number("turning", above=0), **_floors(drift))
+
+
+def _noise(noise: Settings) -> Noise:
+    model = NOISES[noise.words("model", "proportional", choices=tuple(NOISES))]
+    noise = Settings(noise.path, "", {"noise": noise.entries}).table("noise", ("model", *_names(model)))
+    built: Any = model
+    return built(**_given(noise, _names(model), least=0))
+
+
+def _prior(prior: Settings) -> Prior:
+    pose, sd = (prior.numbers(key, 3, default) for key, default in (("pose", [0.0] * 3), ("sd", [START_SD] * 3)))
+    if abs(pose[2]) > np.pi:
+        raise prior.fault("pose", pose, "a heading from -pi to pi, in radians")
+    if min(sd) <= 0:
+        raise prior.fault("sd", sd, "3 numbers above 0")
+    return Prior(np.array(pose), np.diag(np.square(sd)))
+
+
+def _floors(table: Settings) -> dict[str, Any]:
+    if not table.has("floors"):
+        return {}
+    floors = table.table("floors", _names(Floors))
+    return {"floors": Floors(**_given(floors, _names(Floors), above=0))}
+
+
+def _given(table: Settings, keys: Collection[str], **bounds: float) -> dict[str, Any]:
+    """The numbers among `keys` that are given; the others keep the default of what they are handed to."""
+    return {key: table.number(key, **bounds) for key in keys if table.has(key)}
+
+
+def _names(cls: Any) -> tuple[str, ...]:
+    return tuple(one.name for one in fields(cls))
+
+
+def _without_none(words: dict[str, Any]) -> dict[str, Any]:
+    """`words` without what is None and without tables left empty, at every depth."""
+    kept = {key: _without_none(value) if isinstance(value, dict) else value for key, value in words.items()}
+    return {key: value for key, value in kept.items() if value is not None and value != {}}

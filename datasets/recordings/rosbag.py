@@ -1,0 +1,247 @@
+"""Recordings in ROS bags: a ROS 1 .bag, a ROS 2 folder (sqlite3 or mcap), a lone .mcap or .db3.
+
+Frames are sensor_msgs/Image or CompressedImage. The motion is that of the original ArUco EKF system, a
+geometry_msgs/QuaternionStamped with four cumulative counts (x and y of the wheels on the left, z and w of those on the
+right, averaged a side), or a nav_msgs/Odometry. Messages are taken at the time of their headers, and where these have
+none, when the bag got them.
+"""
+
+import heapq
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.camera.camera import Camera
+from ...frontend.errors import InputError
+from ...frontend.markers.pipeline import Frame
+from ...frontend.se2 import Array
+from ...frontend.wheels.counters import unwrap
+from ...frontend.wheels.motion import Ticks
+from . import rosimage
+from .bag import Bag, Message, Topic
+from .streams import Poses, Streams
+
+IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+ENCODER, ODOMETRY, CAMERA_INFO = (
+    "geometry_msgs/msg/QuaternionStamped",
+    "nav_msgs/msg/Odometry",
+    "sensor_msgs/msg/CameraInfo",
+)
+
+WAITING = 4
+"""images, at most, that are kept back for one that the bag got late."""
+
+LEVEL = np.cos(np.deg2rad(30))
+"""The cosine of the largest angle between the robot's own z axis and the world's: tilted further, it is on no floor."""
+
+
+class Topics(NamedTuple):
+    """Where a bag's streams are; None: the only topic of a fitting type."""
+
+    image: str | None = None
+    encoder: str | None = None
+    odometry: str | None = None
+    camera_info: str | None = None
+
+
+def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams:
+    """The recording in the bag at `path`; its frames are read as they are asked for.
+
+    Of counters `counter_bits` wide the wraps are undone before those of one side are averaged. InputError for a bag
+    that is none, empty or damaged, a topic that is missing or not told apart from others, and for messages that cannot
+    be what they are taken for; of images, while they are gone through.
+    """
+    bag = Bag(path)
+    listed = bag.listed()
+    if not any(topic.messages for topic in listed):
+        raise InputError(f"{path}: holds no messages, expected a recording.")
+    image = _choose(path, listed, topics.image, "image", (IMAGE, COMPRESSED))
+    if image is None:
+        raise InputError(f"{path}: has no topic with images ({_plain(IMAGE)} or CompressedImage); {_found(listed)}")
+    info = _camera_info(path, listed, topics.camera_info, image)
+    return Streams(
+        frames=_Frames(bag, image),
+        length=image.messages,
+        readings=_readings(bag, listed, topics, counter_bits),
+        camera=None if info is None else _camera(bag, info),
+        truth=None,
+    )
+
+
+@dataclass(frozen=True)
+class _Frames:
+    """The images of a topic in the order of their headers' times."""
+
+    bag: Bag
+    topic: Topic
+
+    def __iter__(self) -> Iterator[Frame]:
+        decode = rosimage.raw if self.topic.type == IMAGE else rosimage.compressed
+        count, decoded, example, latest = 0, False, None, None
+        for message in _in_order(self.bag.messages(self.topic.name)):
+            if latest is not None and message.nanoseconds == latest.nanoseconds and _alike(message, latest):
+                continue  # recorded twice
+            latest = message
+            image = None if message.content is None else decode(message.content)
+            count, decoded, example = count + 1, decoded or image is not None, example or message.content
+            yield Frame(message.nanoseconds / 10**9, image)
+        if count and not decoded:
+            kind = getattr(example, "encoding", getattr(example, "format", "of no known layout"))
+            expected = "a format that OpenCV reads" if decode is rosimage.compressed else ", ".join(rosimage.ENCODINGS)
+            raise InputError(
+                f"{self.bag.path}: none of the {count} images of topic {self.topic.name} can be decoded; found "
+                f"{kind!r}, expected {expected}."
+            )
+
+
+def _in_order(messages: Iterator[Message]) -> Iterator[Message]:
+    """Messages in the order of their own times, where the bag got none later than after `WAITING` others."""
+    waiting = list[tuple[int, int, Message]]()
+    for number, message in enumerate(messages):
+        heapq.heappush(waiting, (message.nanoseconds, number, message))
+        if len(waiting) > WAITING:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
+def _alike(one: Message, other: Message) -> bool:
+    a, b = one.content, other.content
+    return a is not None and b is not None and np.array_equal(a.data, b.data)
+
+
+def _readings(bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: int | None) -> Ticks | Poses | None:
+    if topics.encoder is not None and topics.odometry is not None:
+        raise InputError(f"{bag.path}: [topics] names both encoder and odometry, expected the one to be read.")
+    encoder = None if topics.odometry else _choose(bag.path, listed, topics.encoder, "encoder", (ENCODER,))
+    odometry = None if topics.encoder else _choose(bag.path, listed, topics.odometry, "odometry", (ODOMETRY,))
+    if encoder is not None and odometry is not None:
+        raise InputError(
+            f"{bag.path}: both {_shown(encoder)} and {_shown(odometry)} tell how the robot moved, expected [topics] "
+            "encoder or odometry to name the one to be read."
+        )
+    if encoder is not None:
+        t, turned = _columns(bag, encoder, lambda m: (m.quaternion.x, m.quaternion.y, m.quaternion.z, m.quaternion.w))
+        if len(t) > 1 and np.allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-3):
+            raise InputError(
+                f"{bag.path}: topic {encoder.name} holds orientations, expected the wheels' cumulative counts."
+            )
+        if counter_bits is not None:
+            turned = unwrap(turned, counter_bits)
+        return Ticks(t, turned.reshape(-1, 2, 2).mean(axis=2))
+    if odometry is not None:
+        return _poses(bag, odometry)
+    return None
+
+
+def _poses(bag: Bag, topic: Topic) -> Poses:
+    def row(message: Any) -> tuple[float, ...]:
+        place, turn = message.pose.pose.position, message.pose.pose.orientation
+        return place.x, place.y, turn.x, turn.y, turn.z, turn.w
+
+    t, found = _columns(bag, topic, row)
+    x, y, z, w = found[:, 2:].T
+    norm = np.linalg.norm(found[:, 2:], axis=1)
+    for one in np.flatnonzero(np.abs(norm - 1) > 1e-2):
+        raise InputError(
+            f"{bag.path}: topic {topic.name} at {t[one]} s: the orientation's quaternion has length {norm[one]:.3g}, "
+            "expected 1."
+        )
+    upright = (w**2 + z**2 - x**2 - y**2) / norm**2
+    for one in np.flatnonzero(upright < LEVEL):
+        tilt = np.rad2deg(np.arccos(np.clip(upright[one], -1, 1)))
+        raise InputError(
+            f"{bag.path}: topic {topic.name} at {t[one]} s: the robot is tilted by {tilt:.0f} degrees, expected one "
+            "that drives on a floor."
+        )
+    heading = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)
+    return Poses(t, np.column_stack((found[:, :2], heading)))
+
+
+def _columns(bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]]) -> tuple[Array, Array]:
+    """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of one time the last stays."""
+    at = dict[int, tuple[float, ...]]()
+    messages = 0
+    for message in bag.messages(topic.name):
+        messages += 1
+        if message.content is None:
+            raise InputError(f"{bag.path}: message {messages} of topic {topic.name} cannot be read.")
+        at[message.nanoseconds] = row(message.content)
+    if not at:
+        raise InputError(f"{bag.path}: found none of the {topic.messages} messages of topic {topic.name}.")
+    if len(at) < messages / 2:
+        raise InputError(
+            f"{bag.path}: the {messages} messages of topic {topic.name} have only {len(at)} times among them, expected "
+            "headers with the time of each reading, or with none."
+        )
+    rows = np.array([at[time] for time in sorted(at)], float)
+    t = np.array([time / 10**9 for time in sorted(at)])
+    for one in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
+        raise InputError(f"{bag.path}: topic {topic.name} at {t[one]} s: found {rows[one]}, expected finite numbers.")
+    return t, rows
+
+
+def _camera_info(path: Path, listed: Sequence[Topic], named: str | None, image: Topic) -> Topic | None:
+    """The topic that tells of the camera: of several, the one beside the images."""
+    if named is None:
+        known = {topic.name for topic in listed if topic.type == CAMERA_INFO and topic.messages}
+        beside = (f"{folder}/camera_info" for folder in _folders(image.name))
+        named = next((name for name in beside if name in known), None)
+    return _choose(path, listed, named, "camera_info", (CAMERA_INFO,))
+
+
+def _folders(name: str) -> list[str]:
+    """/a/b of /a/b/image, then /a: the images of image_transport are one further down."""
+    parts = name.split("/")[:-1]
+    return ["/".join(parts[:length]) for length in range(len(parts), 0, -1)]
+
+
+def _camera(bag: Bag, topic: Topic) -> Camera | None:
+    """The camera, mounted at the robot's origin; None where the messages say that it was never calibrated."""
+    from ...frontend.camera.calibration import from_camera_info
+
+    message = next(bag.messages(topic.name)).content
+    if message is None:
+        raise InputError(f"{bag.path}: message 1 of topic {topic.name} cannot be read.")
+    old = hasattr(message, "K")
+    matrix, coefficients = (message.K, message.D) if old else (message.k, message.d)
+    if matrix[0] == 0:
+        return None
+    where = f"{bag.path}: topic {topic.name}"
+    return from_camera_info(
+        where, message.width, message.height, message.distortion_model, matrix, coefficients, np.eye(4)
+    )
+
+
+def _choose(
+    path: Path, listed: Sequence[Topic], named: str | None, setting: str, types: tuple[str, ...]
+) -> Topic | None:
+    """The topic `named`, or else the only one with messages of `types`; None where there is none."""
+    expected = " or ".join(map(_plain, types))
+    if named is not None:
+        topic = next((topic for topic in listed if topic.name.strip("/") == named.strip("/")), None)
+        if topic is None:
+            raise InputError(f"{path}: has no topic {named!r}, which [topics] {setting} names; {_found(listed)}")
+        if topic.type not in types or not topic.messages:
+            raise InputError(f"{path}: [topics] {setting}: found {_shown(topic)}, expected messages of {expected}.")
+        return topic
+    fitting = [topic for topic in listed if topic.type in types and topic.messages]
+    if len(fitting) > 1:
+        choices = ", ".join(map(_shown, fitting))
+        raise InputError(f"{path}: has {choices}, expected [topics] {setting} to name the one to be read.")
+    return fitting[0] if fitting else None
+
+
+def _found(listed: Sequence[Topic]) -> str:
+    return f"found {', '.join(map(_shown, listed))}."
+
+
+def _shown(topic: Topic) -> str:
+    return f"{topic.name} ({_plain(topic.type) or 'of several types'}, {topic.messages} messages)"
+
+
+def _plain(type_name: str) -> str:
+    return type_name.replace("/msg/", "/")

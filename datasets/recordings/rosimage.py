@@ -1,0 +1,103 @@
+"""Images in ROS messages -> grey or BGR frames.
+
+The encodings are those of sensor_msgs/image_encodings.h. Of 16 bits a value the upper 8 are kept, as cv_bridge does.
+"""
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from ...frontend.markers.aruco import Image
+from .quiet_decoders import silenced
+
+
+class _Layout(NamedTuple):
+    """How the pixels of an encoding lie in memory, and what makes them grey or BGR."""
+
+    depth: int  # bytes a value
+    values: int  # a pixel
+    conversion: int | None = None  # OpenCV's; None: nothing to be done
+
+
+# The two letters in OpenCV's older names of Bayer patterns are of the second row: these are its newer, ROS's own.
+_BAYER = {
+    "rggb": cv2.COLOR_BayerRGGB2BGR,
+    "bggr": cv2.COLOR_BayerBGGR2BGR,
+    "gbrg": cv2.COLOR_BayerGBRG2BGR,
+    "grbg": cv2.COLOR_BayerGRBG2BGR,
+}
+
+_LAYOUTS = {
+    "mono8": _Layout(1, 1),
+    "8UC1": _Layout(1, 1),
+    "mono16": _Layout(2, 1),
+    "16UC1": _Layout(2, 1),
+    "bgr8": _Layout(1, 3),
+    "8UC3": _Layout(1, 3),
+    "rgb8": _Layout(1, 3, cv2.COLOR_RGB2BGR),
+    "bgr16": _Layout(2, 3),
+    "rgb16": _Layout(2, 3, cv2.COLOR_RGB2BGR),
+    "bgra8": _Layout(1, 4, cv2.COLOR_BGRA2BGR),
+    "8UC4": _Layout(1, 4, cv2.COLOR_BGRA2BGR),
+    "rgba8": _Layout(1, 4, cv2.COLOR_RGBA2BGR),
+    **{f"bayer_{pattern}8": _Layout(1, 1, code) for pattern, code in _BAYER.items()},
+    **{f"bayer_{pattern}16": _Layout(2, 1, code) for pattern, code in _BAYER.items()},
+    "yuv422": _Layout(1, 2, cv2.COLOR_YUV2BGR_UYVY),
+    "uyvy": _Layout(1, 2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": _Layout(1, 2, cv2.COLOR_YUV2BGR_YUY2),
+    "yuyv": _Layout(1, 2, cv2.COLOR_YUV2BGR_YUY2),
+}
+
+ENCODINGS = tuple(_LAYOUTS)
+"""Of sensor_msgs/Image, those that can be read."""
+
+
+def raw(message: Any) -> Image | None:
+    """The (height, width) grey or (height, width, 3) BGR image of a sensor_msgs/Image; None: it cannot be decoded."""
+    layout = _LAYOUTS.get(message.encoding)
+    height, width, content = message.height, message.width, message.data
+    if layout is None or height == 0 or width == 0:
+        return None
+    row = width * layout.values * layout.depth
+    step = message.step or row
+    if step < row or len(content) < step * (height - 1) + row:
+        return None
+    kind = np.dtype("u1" if layout.depth == 1 else ">u2" if message.is_bigendian else "<u2")
+    strides = (step, layout.values * layout.depth, layout.depth)
+    pixels = np.ndarray((height, width, layout.values), kind, content, 0, strides)
+    return _frame(pixels, layout.conversion)
+
+
+def compressed(message: Any) -> Image | None:
+    """The image of a sensor_msgs/CompressedImage in any format that OpenCV reads; None: it cannot be decoded.
+
+    What stands before the format's semicolon, as in `bayer_rggb8; png compressed`, is how the pixels were meant, where
+    nothing that follows says that they were converted.
+    """
+    meant, _, how = message.format.partition(";")
+    try:
+        with silenced():
+            pixels = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        return None
+    if pixels is None or pixels.dtype.str[1:] not in ("u1", "u2"):
+        return None
+    mosaic = _LAYOUTS.get(meant.strip()) if pixels.ndim == 2 and how.strip().endswith("compressed") else None
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    conversion = {1: mosaic.conversion if mosaic else None, 4: cv2.COLOR_BGRA2BGR}.get(pixels.shape[2])
+    return _frame(pixels, conversion)
+
+
+def _frame(pixels: np.ndarray, conversion: int | None) -> Image | None:
+    """`pixels` (height, width, values) of 8 or 16 bits as a frame."""
+    if pixels.dtype.itemsize == 2:
+        pixels = pixels >> 8
+    image = np.ascontiguousarray(pixels, np.uint8)
+    if image.shape[2] == 1:
+        image = image[:, :, 0]
+    try:
+        # A pattern that wants an even number of rows or columns may not get it.
+        return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion), np.uint8)
+    except cv2.error:
+        return None

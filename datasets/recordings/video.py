@@ -1,0 +1,143 @@
+"""A video file, read by OpenCV's ffmpeg, frame after frame and never turned by what it says of its orientation.
+
+When the frames were taken is told by frames.csv (`frame,t`: the frame's number in the video from 0, seconds) if it is
+there, else by a frame rate and a start that the user states, else by the time stamps in the video. Only frames that
+frames.csv has are used. Where the video ends before it should, the frames that are missing are undecodable ones.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Frame
+from ...frontend.table import read_csv
+from .frames_folder import FRAMES
+from .quiet_decoders import silenced
+
+VIDEOS = (".mkv", ".avi", ".mp4", ".mov", ".m4v", ".webm", ".mpg", ".mpeg")
+
+
+@dataclass(frozen=True)
+class Video:
+    """Frames that are decoded as they are asked for, however often, from the video's beginning each time."""
+
+    path: Path
+    times: Sequence[tuple[int, float]] | None  # (number of the frame, s); None: all, `fps` or time stamps say when
+    fps: float | None  # frames a second; None: the video's own time stamps
+    start: float  # s, the time of frame 0 without `times`
+    length: int | None  # number of frames; None: not known
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self._timed() if self.times is None else self._listed(self.times)
+
+    def _listed(self, times: Sequence[tuple[int, float]]) -> Iterator[Frame]:
+        with _Reader(self.path) as reader:
+            for number, t in times:
+                yield Frame(t, reader.frame(number))
+
+    def _timed(self) -> Iterator[Frame]:
+        rate, t = self.fps, -np.inf
+        with _Reader(self.path) as reader:
+            number = 0
+            while reader.advance():
+                previous, t = t, self.start + (reader.stamp if self.fps is None else number / self.fps)
+                if not t > previous:
+                    raise InputError(
+                        f"{self.path}: frame {number} is stamped {t} s, expected later than {previous} s: expected "
+                        "frames.csv beside it, or [frames] fps in robot.toml."
+                    )
+                yield Frame(t, reader.image())
+                number += 1
+            rate = self.fps or reader.rate
+        # The number in a container's head may be one off; more than that, and the file is cut.
+        missing = (self.length or 0) - number
+        for late in range(1, missing + 1 if missing > 1 and rate else 1):
+            yield Frame(t + late / rate, None)
+
+
+def read(path: Path, home: Path, fps: float | None, start: float) -> Video:
+    """The video at `path`, at the times that `home`/frames.csv, `fps` and `start`, or the video itself tell.
+
+    InputError where it cannot be opened, and for a frames.csv that cannot be used.
+    """
+    if not path.stat().st_size:
+        raise InputError(f"{path}: the file is empty, expected a video.")
+    with _Reader(path) as reader:
+        length = reader.length
+    listed = home / FRAMES
+    if not listed.exists():
+        return Video(path, None, fps, start, length)
+    table = read_csv(listed, ("frame", "t")).finite()
+    numbers, t = table.whole("frame"), table.column("t")
+    if not len(t):
+        raise InputError(f"{listed}: names no frame, expected at least one row.")
+    for row in np.flatnonzero(np.diff(numbers, prepend=-1) < 1):
+        raise table.fault(row, f"frame is {numbers[row]}, expected numbers from 0 that increase")
+    for row in np.flatnonzero(~(np.diff(t) > 0)) + 1:
+        raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
+    return Video(path, list(zip(numbers.tolist(), t.tolist(), strict=True)), None, start, len(t))
+
+
+class _Reader:
+    """A video while it is open. InputError where it cannot be."""
+
+    def __init__(self, path: Path) -> None:
+        with silenced():
+            # One thread: others would go on, and complain, when nobody keeps them quiet.
+            self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+        if not self._capture.isOpened():
+            raise InputError(
+                f"{path}: cannot be opened as a video: it is cut off before its index, damaged, or of an unknown kind."
+            )
+        self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+        self._next = 0  # the number of the frame that comes next
+
+    def __enter__(self) -> "_Reader":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with silenced():
+            self._capture.release()
+
+    @property
+    def length(self) -> int | None:
+        """How many frames the video's head says there are."""
+        return max(int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0) or None
+
+    @property
+    def rate(self) -> float:
+        """Frames a second that the video's head says there are, 0 where it does not."""
+        return float(self._capture.get(cv2.CAP_PROP_FPS))
+
+    @property
+    def stamp(self) -> float:
+        """s, of the frame that was advanced to."""
+        return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
+
+    def advance(self) -> bool:
+        """Whether there is a next frame to go on to."""
+        with silenced():
+            self._next += 1
+            return bool(self._capture.grab())
+
+    def image(self) -> Image | None:
+        """The frame that was advanced to, (height, width) grey."""
+        with silenced():
+            there, image = self._capture.retrieve()
+        if not there:
+            return None
+        image = np.asarray(image, np.uint8)
+        return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+
+    def frame(self, number: int) -> Image | None:
+        """Frame `number`, not before the one that comes next; None where the video does not have it."""
+        while self._next <= number:
+            if not self.advance():
+                self._next = number  # the end: asked again, it is still the end
+                return None
+        return self.image()

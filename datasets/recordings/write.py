@@ -1,0 +1,214 @@
+"""A drive written as the kinds of recording that `recording` reads, each a folder with robot.toml.
+
+Frames as PNG files, the video with the FFV1 codec and the bags give back every pixel; MP4 does not. What is known of
+the truth goes beside it, in truth.tum and landmarks.csv. Frames without an image are left out.
+"""
+
+import os
+import shutil
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import Truth
+from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Recording
+from ...frontend.wheels.motion import Drift, Track, Wheels
+from ..truth import write_truth
+from .robot import Robot, write_robot
+from .write_bag import BagWriter, Kind
+
+FORMATS = {
+    "frames": "PNG files",
+    "video": "a lossless video (FFV1)",
+    "mp4": "a lossy video (MPEG-4)",
+    "ros1": "a ROS 1 bag",
+    "ros2": "a ROS 2 bag (sqlite3)",
+    "mcap": "an MCAP bag (ROS 2)",
+}
+"""What a drive can be written as."""
+
+_Add = Callable[[float, Image], None]
+"""Writes the next frame, taken at a time (s)."""
+
+
+def write(
+    places: Mapping[Path, str],
+    recording: Recording,
+    truth: Truth | None,
+) -> None:
+    """Write `recording`, whose frames are gone through once, to folders, each in one of `FORMATS`.
+
+    A folder must not exist or be empty, and appears complete or not at all. InputError where one cannot be written, or
+    the recording holds no image.
+    """
+    beside = {folder: folder.absolute().parent / f".{folder.absolute().name}.{os.getpid()}.part" for folder in places}
+    place = next(iter(places))
+    try:
+        for place in places:
+            if place.exists() and (not place.is_dir() or any(place.iterdir())):
+                raise InputError(f"{place}: exists and is not an empty folder; expected a new place for the recording.")
+            beside[place].mkdir(parents=True)
+        with ExitStack() as stack:
+            writers = [stack.enter_context(_writer(beside[folder], kind, recording)) for folder, kind in places.items()]
+            latest = -np.inf
+            for number, frame in enumerate(recording.frames):
+                if frame.image is None:
+                    continue
+                if not frame.t > latest:
+                    raise InputError(
+                        f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s."
+                    )
+                latest = frame.t
+                for add in writers:
+                    add(frame.t, frame.image)
+            if latest == -np.inf:
+                raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
+        for place in places:
+            _write_words(beside[place], recording, truth)
+        for place in places:
+            os.replace(beside[place], place)
+    except OSError as error:
+        raise InputError(f"{place}: cannot be written ({error.strerror or error}).") from error
+    finally:
+        for part in beside.values():
+            shutil.rmtree(part, ignore_errors=True)
+
+
+def _writer(folder: Path, kind: str, recording: Recording) -> AbstractContextManager[_Add]:
+    match kind:
+        case "frames":
+            return _files(folder, recording)
+        case "video":
+            return _video(folder, recording, "drive.mkv", "FFV1")
+        case "mp4":
+            return _video(folder, recording, "drive.mp4", "mp4v")
+        case "ros1" | "ros2" | "mcap":
+            return _bag(folder, recording, kind)
+        case _:
+            raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
+
+
+@contextmanager
+def _files(folder: Path, recording: Recording) -> Generator[_Add]:
+    """A picture a frame, and the tables that go with it."""
+    times = list[tuple[str, float]]()
+
+    def add(t: float, image: Image) -> None:
+        name = f"{len(times):06}.png"
+        _, content = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        (folder / "frames" / name).write_bytes(content.tobytes())
+        times.append((name, t))
+
+    (folder / "frames").mkdir()
+    yield add
+    _write_tables(folder, times, recording)
+
+
+@contextmanager
+def _video(folder: Path, recording: Recording, name: str, codec: str) -> Generator[_Add]:
+    """One file for all frames, and the tables that go with it."""
+    times = list[tuple[int, float]]()
+    first = list[Image]()  # kept back until the second one tells the frame rate
+    video = cv2.VideoWriter()
+
+    def start(rate: float) -> None:
+        (height, width), colour = first[0].shape[:2], first[0].ndim == 3
+        if width % 2 or height % 2:  # OpenCV would cut the last column or row off
+            raise InputError(f"{name}: found frames of {width}x{height} pixels, expected even numbers for a video.")
+        code = cv2.VideoWriter.fourcc(*codec)
+        if not video.open(str(folder / name), cv2.CAP_FFMPEG, code, rate, (width, height), colour):
+            raise InputError(f"{name}: this OpenCV cannot write videos of {width}x{height} pixels with codec {codec}.")
+        video.write(first[0])
+
+    def add(t: float, image: Image) -> None:
+        times.append((len(times), t))
+        if len(times) == 1:
+            first.append(image)
+            return
+        if len(times) == 2:
+            start(1 / (t - times[0][1]))
+        video.write(image)
+
+    try:
+        yield add
+        if len(times) == 1:
+            start(1.0)
+    finally:
+        video.release()
+    _write_tables(folder, times, recording)
+
+
+@contextmanager
+def _bag(folder: Path, recording: Recording, kind: Kind) -> Generator[_Add]:
+    """A bag, in which readings and frames take turns as they came."""
+    motion, camera = recording.motion, recording.detector.camera
+    times = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
+    written = 0
+
+    def catch_up(t: float) -> None:
+        nonlocal written
+        upto = int(np.searchsorted(times, t, "right"))
+        for row in range(written, upto):
+            bag.reading(motion, row)
+        written = upto
+
+    def add(t: float, image: Image) -> None:
+        catch_up(t)
+        bag.camera_info(t, camera)
+        bag.image(t, image)
+
+    with BagWriter(folder, kind) as bag:
+        yield add
+        catch_up(np.inf)
+
+
+def _write_tables(folder: Path, times: Sequence[tuple[object, float]], recording: Recording) -> None:
+    """frames.csv, and ticks.csv or odometry.csv."""
+    _write_rows(folder / "frames.csv", "frame,t", times)
+    motion = recording.motion
+    if isinstance(motion, Wheels):
+        rows = zip(motion.t.tolist(), *motion.ticks.counts.T.tolist(), strict=True)
+        _write_rows(folder / "ticks.csv", "t,left,right", rows)
+    if isinstance(motion, Track):
+        rows = zip(motion.t.tolist(), *motion.poses.T.tolist(), strict=True)
+        _write_rows(folder / "odometry.csv", "t,x,y,heading", rows)
+
+
+def _write_words(folder: Path, recording: Recording, truth: Truth | None) -> None:
+    """robot.toml, calibration.yaml, and the truth where it is known."""
+    write_robot(folder / "robot.toml", _robot(recording))
+    if truth is not None:
+        write_truth(folder, truth)
+
+
+def _robot(recording: Recording) -> Robot:
+    """What robot.toml says of the recording: frames are at the middle of their exposure, by the motion's clock."""
+    camera, motion = recording.detector.camera, recording.motion
+    robot = Robot(
+        name=recording.name,
+        markers=recording.detector.markers,
+        camera=camera,
+        mounting=camera.mounting,
+        max_range=recording.max_range,
+        noise=recording.noise,
+        prior=recording.prior,
+    )
+    if isinstance(motion, Wheels):
+        return replace(robot, encoder=motion.encoder, max_speed=motion.max_speed)
+    if isinstance(motion, Track):
+        return replace(robot, track_noise=motion.noise, max_speed=motion.max_speed)
+    if isinstance(motion, Drift):
+        return replace(robot, drift=motion)
+    raise InputError(f"{recording.name}: found {type(motion).__name__} readings, expected Wheels, Track or Drift.")
+
+
+def _write_rows(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(header + "\n")
+        file.writelines(",".join(map(str, row)) + "\n" for row in rows)

@@ -1,0 +1,129 @@
+"""A drive as a ROS bag: raw images, the camera's calibration with each, and the counters or poses of the robot.
+
+The topics and types are those that `rosbag` reads; a message's header has the time that the bag has for it.
+"""
+
+import shutil
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+import numpy as np
+
+from ...frontend.camera.camera import Camera
+from ...frontend.errors import InputError
+from ...frontend.markers.aruco import Image
+from ...frontend.se2 import Array
+from ...frontend.wheels.motion import Motion, Track, Wheels
+from .rosbag import CAMERA_INFO, ENCODER, IMAGE, ODOMETRY, Topics
+
+Kind = Literal["ros1", "ros2", "mcap"]
+
+NAMES: dict[Kind, str] = {"ros1": "drive.bag", "ros2": "drive", "mcap": "drive.mcap"}
+"""The bag's file, or folder, in that of the recording."""
+
+TOPICS = Topics(image="/camera/image_raw", encoder="/encoder", odometry="/odom", camera_info="/camera/camera_info")
+
+
+class BagWriter:
+    """Writes one bag; a context manager. Times are s; messages have to be written in their order."""
+
+    def __init__(self, folder: Path, kind: Kind) -> None:
+        from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.rosbag2 import StoragePlugin
+        from rosbags.rosbag2 import Writer as Writer2
+        from rosbags.typesys import Stores, get_typestore
+
+        self._folder, self._kind = folder, kind
+        self._types = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
+        self._connections = dict[str, Any]()
+        self._writer: Any
+        if kind == "ros1":
+            self._writer, self._encode = Writer1(folder / NAMES[kind]), self._types.serialize_ros1
+        else:
+            plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
+            self._writer = Writer2(folder / NAMES["ros2"], version=8, storage_plugin=plugin)
+            self._encode = self._types.serialize_cdr
+
+    def __enter__(self) -> "BagWriter":
+        self._writer.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.__exit__(kind, error, trace)
+        if self._kind == "mcap" and kind is None:
+            inside = self._folder / NAMES["ros2"]
+            (inside / NAMES["mcap"]).replace(self._folder / NAMES["mcap"])
+            shutil.rmtree(inside)
+
+    def image(self, t: float, image: Image) -> None:
+        """A frame, grey or BGR."""
+        height, width = image.shape[:2]
+        encoding = "mono8" if image.ndim == 2 else "bgr8"
+        pixels = np.ascontiguousarray(image).ravel()
+        self._write(
+            t, TOPICS.image, IMAGE, height=height, width=width, encoding=encoding, is_bigendian=0,
+            step=pixels.size // height, data=pixels,
+        )  # fmt: skip
+
+    def camera_info(self, t: float, camera: Camera) -> None:
+        """The camera's calibration."""
+        name, coefficients = _distortion(camera)
+        projection = np.column_stack((camera.matrix, np.zeros(3)))
+        numbers = {"d": coefficients, "k": camera.matrix.ravel(), "r": np.eye(3).ravel(), "p": projection.ravel()}
+        if self._kind == "ros1":
+            numbers = {letter.upper(): value for letter, value in numbers.items()}
+        whole = self._message("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+        self._write(
+            t, TOPICS.camera_info, CAMERA_INFO, height=camera.height, width=camera.width, distortion_model=name,
+            binning_x=0, binning_y=0, roi=whole, **numbers,
+        )  # fmt: skip
+
+    def reading(self, motion: Motion, row: int) -> None:
+        """One reading of wheel counters or summed up poses."""
+        if isinstance(motion, Wheels):
+            left, right = motion.ticks.counts[row].tolist()
+            counts = self._message("geometry_msgs/msg/Quaternion", left, left, right, right)
+            self._write(motion.t[row], TOPICS.encoder, ENCODER, quaternion=counts)
+        if isinstance(motion, Track):
+            x, y, heading = motion.poses[row].tolist()
+            place = self._message("geometry_msgs/msg/Point", x, y, 0.0)
+            turn = self._message("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2))
+            still = self._message("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+            unknown = np.zeros(36)
+            pose = self._message("geometry_msgs/msg/Pose", place, turn)
+            twist = self._message("geometry_msgs/msg/Twist", still, still)
+            self._write(
+                motion.t[row], TOPICS.odometry, ODOMETRY, child_frame_id="base_link",
+                pose=self._message("geometry_msgs/msg/PoseWithCovariance", pose, unknown),
+                twist=self._message("geometry_msgs/msg/TwistWithCovariance", twist, unknown),
+            )  # fmt: skip
+
+    def _message(self, type_name: str, *values: Any) -> Any:
+        return self._types.types[type_name](*values)
+
+    def _write(self, t: float, topic: str | None, type_name: str, **content: Any) -> None:
+        """The message of `content` and a header, at `t`."""
+        assert topic is not None
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(topic, type_name, typestore=self._types)
+        if not 0 <= t < 2**32:
+            raise InputError(f"found a time of {t} s, expected one from 0 to 2^32 s, as bags have them.")
+        nanoseconds = round(t * 1e9)
+        stamp = self._message("builtin_interfaces/msg/Time", *divmod(nanoseconds, 10**9))
+        count = {"seq": 0} if self._kind == "ros1" else {}
+        frame = "odom" if type_name == ODOMETRY else "camera" if type_name in (IMAGE, CAMERA_INFO) else "base_link"
+        header = self._types.types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame, **count)
+        message = self._types.types[type_name](header=header, **content)
+        self._writer.write(self._connections[topic], nanoseconds, self._encode(message, type_name))
+
+
+def _distortion(camera: Camera) -> tuple[str, Array]:
+    """ROS's name of the distortion model and the coefficients it wants: as many, those that are 0 as well."""
+    if camera.model == "fisheye":
+        name, length = "equidistant", 4
+    else:
+        name, length = ("plumb_bob", 5) if len(camera.distortion) <= 5 else ("rational_polynomial", 8)
+    return name, np.pad(np.array(camera.distortion, float), (0, max(length - len(camera.distortion), 0)))

@@ -1,0 +1,1 @@
+"""A room, a lens and light, as frames with true poses."""

@@ -1,0 +1,148 @@
+"""What is unlike from frame to frame: how the robot rocks, blur by its motion, brightness, shadows, covers."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...frontend.markers.pipeline import Frame
+from ...frontend.se2 import Array
+from .lens import Singles
+from .render import Conditions, Cover, Renderer
+
+GRID = 40
+"""px between the pixels whose streaks are measured."""
+
+STILL = 0.02
+"""px; a streak that is shorter is none."""
+
+SPREAD = 3.0
+"""px, standard deviation of the edge of what covers the view: it is far too near to be sharp."""
+
+DUSK = 45.0
+"""px, over which half of a shadow's edge falls."""
+
+BEATS = np.array([3.1, 5.3, 8.9, 15.7])
+"""s, the periods that the drift of the brightness is a sum of."""
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """How frames differ from those of a still camera in an even light."""
+
+    exposure: float = 0.0  # s
+    sway: float = 0.0  # rad, standard deviation of the body's pitch and of its roll
+    gain_drift: float = 0.0  # standard deviation over time of the logarithm of the brightness
+    shadow: float = 0.0  # of the light, that the darker side of each frame lacks
+    occlusion: float = 0.0  # share of the frames in which something covers a part of the view
+
+
+def take(
+    renderer: Renderer,
+    path: Callable[[Array], Array],
+    t: Array,
+    disturbances: Disturbances,
+    rng: np.random.Generator,
+) -> Iterator[Frame]:
+    """The frames taken at `t` (n,), s, the middles of their exposures, one at a time.
+
+    `path` gives the robot's poses (m, 3) at any times (m,). The same seed has the same grain, shadows and covers
+    whatever else is set.
+    """
+    sensor, light, covers, floor = rng.spawn(4)
+    phases = light.uniform(0, 2 * np.pi, len(BEATS))
+    for time, pose in zip(t.tolist(), raised(path(t)), strict=True):
+        mounting = rocked(*floor.normal(0, 1, 2) * disturbances.sway) @ renderer.camera.mounting
+        shade = _shadow(renderer, disturbances.shadow, light)
+        cover = _cover(renderer, disturbances.occlusion, covers)
+        swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phases).sum()
+        conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
+        exposure = disturbances.exposure
+        poses = views(renderer, path, time, exposure, mounting) if exposure else pose @ mounting
+        yield Frame(time, renderer.frame(poses, sensor, conditions))
+
+
+def views(renderer: Renderer, path: Callable[[Array], Array], t: float, exposure: float, mounting: Array) -> Array:
+    """(n, 4, 4) T_world_camera at the middles of n equal parts of the exposure around `t`, s.
+
+    `mounting` (4, 4) is that of the camera on the level robot.
+
+    There is one to each pixel of the longest streak of anything in view, and one more, so that streaks are ramps and
+    not steps.
+    """
+    start, end = (raised(path(np.array([t + part]))) @ mounting for part in (-exposure / 2, exposure / 2))
+    streak = _streak(renderer, start[0], end[0])
+    parts = int(np.ceil(streak)) + 1 if streak > STILL else 1
+    return raised(path(t + exposure * ((np.arange(parts) + 0.5) / parts - 0.5))) @ mounting
+
+
+def raised(poses: Array) -> Array:
+    """(n, 4, 4) T_world_robot of planar poses (n, 3)."""
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    full = np.zeros((len(poses), 4, 4))
+    full[:, 0, 0] = full[:, 1, 1] = c
+    full[:, 1, 0], full[:, 0, 1] = s, -s
+    full[:, :2, 3] = poses[:, :2]
+    full[:, 2, 2] = full[:, 3, 3] = 1
+    return full
+
+
+def rocked(pitch: float, roll: float) -> Array:
+    """(4, 4) T_level_robot of a body that leans by `pitch` to the front and by `roll` to the right, rad."""
+    (cp, sp), (cr, sr) = (np.cos(pitch), np.sin(pitch)), (np.cos(roll), np.sin(roll))
+    return np.array([[cp, sp * sr, sp * cr, 0], [0, cr, -sr, 0], [-sp, cp * sr, cp * cr, 0], [0, 0, 0, 1]])
+
+
+def _streak(renderer: Renderer, start: Array, end: Array) -> float:
+    """px, how far what is seen moves at the most, of all that can be seen from two poses (4, 4) T_world_camera."""
+    lens, room = renderer.lens, renderer.room
+    rays = lens.rays[:, ::GRID, ::GRID].reshape(3, -1).T[lens.open[::GRID, ::GRID].ravel()]
+    ahead = rays.astype(float) @ start[:3, :3].T
+    walls = np.array([room.length / 2, room.width / 2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = (np.copysign(walls, ahead[:, :2]) - start[:2, 3]) / ahead[:, :2]
+        to_floor = np.where(ahead[:, 2] < 0, -start[2, 3] / ahead[:, 2], np.inf)
+    points = start[:3, 3] + np.minimum(reach.min(axis=1), to_floor)[:, None] * ahead
+    corners = [face.outline for box in room.boxes for face in box.faces]
+    points = np.vstack((points, *(marker.pose[:3, 3] for marker in room.markers), *corners))
+    seen = [(points - pose[:3, 3]) @ pose[:3, :3] for pose in (start, end)]
+    # Beyond its reach a lens model turns back, and would put there what nobody can see.
+    known = [np.hypot(*of[:, :2].T) < renderer.camera.reach * of[:, 2] for of in seen]
+    front = (seen[0][:, 2] > 0.05) & (seen[1][:, 2] > 0.05) & known[0] & known[1]
+    before, after = (renderer.camera.project(of[front]) for of in seen)
+    size = np.array([renderer.camera.width, renderer.camera.height])
+    inside = ((before >= 0) & (before < size)).all(axis=1)
+    return float(np.linalg.norm(after - before, axis=1)[inside].max(initial=0.0))
+
+
+def _shadow(renderer: Renderer, depth: float, rng: np.random.Generator) -> Singles:
+    """(height, width) or one number: the light beside a soft edge that crosses the view anywhere."""
+    angle, place = rng.uniform(-np.pi, np.pi), rng.uniform(0.15, 0.85, 2)
+    if not depth:
+        return np.ones((), np.float32)
+    height, width = renderer.camera.height, renderer.camera.width
+    v, u = np.ogrid[:height, :width]
+    beyond = np.cos(angle) * (u - place[0] * width) + np.sin(angle) * (v - place[1] * height)
+    return (1 - depth / (1 + np.exp(-beyond / DUSK))).astype(np.float32)
+
+
+def _cover(renderer: Renderer, share: float, rng: np.random.Generator) -> Cover | None:
+    """In a `share` of the frames a blurred polygon, dark or grey: a pole across the view or a hand at its edge."""
+    chance, pole = rng.uniform(size=2)
+    grey, angle, breadth = rng.uniform([12, -np.pi, 0.08], [120, np.pi, 0.22])
+    middle, bumps = rng.uniform(0.2, 0.8, 2), rng.uniform(0.55, 1.0, 9)
+    if chance >= share:
+        return None
+    height, width = renderer.camera.height, renderer.camera.width
+    if pole < 0.5:
+        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        reach, half = 2.0 * width * along, breadth / 2 * width * across
+        outline = middle * [width, height] + np.array([-reach - half, reach - half, reach + half, -reach + half])
+    else:
+        around = angle + 2 * np.pi * np.arange(len(bumps)) / len(bumps)
+        rim = np.array([width, height]) * (0.5 + 0.55 * np.array([np.cos(angle), np.sin(angle)]))
+        outline = rim + 2.4 * breadth * width * bumps[:, None] * np.stack((np.cos(around), np.sin(around)), axis=-1)
+    mask = np.zeros((height, width), np.float32)
+    cv2.fillPoly(mask, [np.round(outline).astype(np.int32)], 1.0)
+    return Cover(np.asarray(cv2.GaussianBlur(mask, (0, 0), SPREAD), np.float32), float(grey))

@@ -1,0 +1,165 @@
+"""Where a camera's pixels look: their rays, and which part of a plane each of them covers."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.camera.camera import Camera
+from ...frontend.se2 import Array
+
+Singles = NDArray[np.float32]
+Part = tuple[slice, slice]
+"""Rows and columns of an image."""
+
+NEAR = 1e-6
+"""m; of an outline that reaches behind the lens, what is not this far in front of it cannot be seen."""
+
+BLOCK = 8
+"""px, the side of the blocks in which rays are looked up."""
+
+NOWHERE = np.float32(-1e6)
+"""px, a place on a plane that is on no texture: where rays go that meet the plane behind the camera only."""
+
+
+class Patch(NamedTuple):
+    """A part of an image as a plane is seen in it, and the plane's texture coordinates there."""
+
+    part: Part
+    at: Singles  # (2, h, w) column and row, in the texture's pixels, at the pixels' centres
+    by_u: Singles  # (2, h, w) how much they grow over a pixel to the right
+    by_v: Singles  # (2, h, w) and downwards
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """A camera's pixels as rays, followed once and kept."""
+
+    camera: Camera
+
+    @cached_property
+    def rays(self) -> Singles:
+        """(3, height, width) the direction of each pixel's ray in the camera frame, with z = 1.
+
+        A pixel that no ray leads to has the axis for one; `open` tells.
+        """
+        axis = np.array([0, 0, 1], np.float32)[:, None, None]
+        return np.where(self.open, self._flat, axis)
+
+    @cached_property
+    def open(self) -> NDArray[np.bool_]:
+        """(height, width) which pixels see anything."""
+        return np.asarray(np.isfinite(self._flat).all(axis=0))
+
+    @cached_property
+    def cosine(self) -> Singles:
+        """(height, width) of the angle between the axis and a pixel's ray."""
+        return 1 / np.sqrt((self.rays**2).sum(axis=0))
+
+    def transmission(self, vignetting: float) -> Singles:
+        """(height, width) the share of the light that the lens lets through.
+
+        It falls with the fourth power of the cosine, softened by an exponent `vignetting`: 0 is an even image. A
+        fisheye, built to have light at 90 degrees, loses as much there as another lens at half the angle.
+        """
+        cosine = np.sqrt((1 + self.cosine) / 2) if self.camera.model == "fisheye" else self.cosine
+        return np.where(self.open, cosine ** np.float32(4 * vignetting), np.float32(0))
+
+    def patch(self, part: Part, to_plane: Array) -> Patch:
+        """How a plane is seen in a part of the image.
+
+        `to_plane` (3, 3) takes rays to the texture's homogeneous (column, row, 1), positive multiples of it where the
+        ray meets the plane in front of the camera. Within a pixel the view is taken to be affine.
+        """
+        homography = to_plane.astype(np.float32)
+        at, by_u, by_v = (np.tensordot(homography, field[:, *part], axes=1) for field in (self.rays, *self._slopes))
+        # Less than a pixel from the plane's horizon the view is not affine, and too far away for anything to be there.
+        ahead = at[2] > np.abs(by_u[2]) + np.abs(by_v[2])
+        scale = 1 / np.where(ahead, at[2], np.float32(1))
+        place = at[:2] * scale
+        steps = ((by[:2] - place * by[2]) * scale for by in (by_u, by_v))
+        return Patch(part, np.where(ahead & self.open[part], place, NOWHERE), *steps)
+
+    def crop(self, outline: Array) -> Part | None:
+        """The rows and columns in which the convex `outline` (n, 3), m, in the camera frame, can show; None: nowhere.
+
+        Something thinner than a pixel may be missed.
+        """
+        outline = _in_front(outline)
+        if len(outline) == 0:
+            return None
+        rays = outline[:, :2] / outline[:, 2:]
+        low, high = rays.min(axis=0), rays.max(axis=0)
+        if (low > self._view[1]).any() or (high < self._view[0]).any():
+            return None
+        low, high = low[:, None, None], high[:, None, None]
+        least, most = self._blocks
+        rows, columns = _span(((least <= high) & (most >= low)).all(axis=0))
+        rough = slice(rows.start * BLOCK, rows.stop * BLOCK), slice(columns.start * BLOCK, columns.stop * BLOCK)
+        rays = self._flat[:2, *rough]
+        rows, columns = _span(((rays >= low) & (rays <= high)).all(axis=0))
+        if rows.start == rows.stop:
+            return None
+        # A pixel whose middle just misses the outline may still have a part of it.
+        top, left = rough[0].start + rows.start - 1, rough[1].start + columns.start - 1
+        bottom, right = rough[0].start + rows.stop + 1, rough[1].start + columns.stop + 1
+        height, width = self.camera.height, self.camera.width
+        return slice(max(top, 0), min(bottom, height)), slice(max(left, 0), min(right, width))
+
+    @cached_property
+    def _flat(self) -> Singles:
+        """(3, height, width) as `rays`, with NaN where there is none."""
+        x, y = np.moveaxis(self.camera.rays, -1, 0)
+        return np.stack((x, y, np.ones_like(x))).astype(np.float32)
+
+    @cached_property
+    def _view(self) -> Singles:
+        """(2, 2) the least and the largest x and y of all rays."""
+        return np.stack([np.asarray(end(self._flat[:2], axis=(1, 2))) for end in (np.nanmin, np.nanmax)])
+
+    @cached_property
+    def _slopes(self) -> tuple[Singles, Singles]:
+        """(3, height, width) d ray / du and d ray / dv: within a pixel the lens is straight."""
+        by_v, by_u = (np.nan_to_num(np.asarray(slope)) for slope in np.gradient(self._flat, axis=(1, 2)))
+        return by_u, by_v
+
+    @cached_property
+    def _blocks(self) -> tuple[Singles, Singles]:
+        """(2, rows, columns) the least and the largest x and y of the rays in each block, and one pixel around it."""
+        least, most = [], []
+        for top in range(0, self.camera.height, BLOCK):
+            rows = self._flat[:2, max(top - 1, 0) : top + BLOCK + 1]
+            lefts = range(0, self.camera.width, BLOCK)
+            blocks = [rows[:, :, max(left - 1, 0) : left + BLOCK + 1] for left in lefts]
+            least.append([np.fmin.reduce(block, axis=(1, 2)) for block in blocks])
+            most.append([np.fmax.reduce(block, axis=(1, 2)) for block in blocks])
+        return np.moveaxis(np.array(least), -1, 0), np.moveaxis(np.array(most), -1, 0)
+
+
+@lru_cache(maxsize=8)
+def through(camera: Camera) -> Lens:
+    """The camera's lens; the same one for whoever asks next."""
+    return Lens(camera)
+
+
+def _in_front(outline: Array) -> Array:
+    """What of a convex outline (n, 3) lies in front of the lens, (m, 3)."""
+    if (outline[:, 2] >= NEAR).all():
+        return outline
+    kept: list[Array] = []
+    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if a[2] >= NEAR:
+            kept.append(a)
+        if (a[2] >= NEAR) != (b[2] >= NEAR):
+            kept.append(a + (NEAR - a[2]) / (b[2] - a[2]) * (b - a))
+    return np.array(kept).reshape(-1, 3)
+
+
+def _span(found: NDArray[np.bool_]) -> Part:
+    """The rows and columns from the first to the last that has anything; empty where there is nothing."""
+    rows, columns = np.flatnonzero(found.any(axis=1)), np.flatnonzero(found.any(axis=0))
+    if len(rows) == 0:
+        return slice(0, 0), slice(0, 0)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)

@@ -1,0 +1,206 @@
+"""Frames of markers that hang free in a room, each exactly as far away as was asked for, with their true poses.
+
+What a front end makes of them is a measurement of the front end alone: there is no drive, and no marker is favoured by
+where the path happens to lead.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ...frontend.camera.camera import Camera
+from ...frontend.errors import InputError
+from ...frontend.markers.aruco import Image, square
+from ...frontend.markers.markers import find
+from ...frontend.se2 import Array
+from .clutter import BLUR, DICTIONARY, GRAIN
+from .render import Renderer
+from .room import Marker, Room
+from .surfaces import Surfaces, paint
+
+SIDE = 0.16
+"""m, of a marker."""
+
+HALL = Room(14.0, 5.0, 2.5, SIDE, ())
+"""Where the markers hang."""
+
+EYE = np.array([[0.0, 0.0, 1.0, -6.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.8], [0.0, 0.0, 0.0, 1.0]])
+"""T_world_camera: at one end of the hall, level, looking along it."""
+
+RIM = 2.0
+"""px of the frame around a sheet of paper."""
+
+TRIES = 2000
+
+SWAY = np.array([1.0, 1.0, 0.3])
+"""How fast the camera turns about its x, y and z axis, on the average, compared with each other."""
+
+ADVANCE = 0.3
+"""Distances to the marker that a moving camera covers while it turns by a radian, on the average."""
+
+
+class Placement(NamedTuple):
+    """A frame with one marker."""
+
+    id: int
+    pose: Array  # (4, 4) T_camera_marker, in the middle of the exposure
+    image: Image
+
+
+class Crowd(NamedTuple):
+    """A frame with several markers, none in front of another."""
+
+    ids: tuple[int, ...]
+    poses: tuple[Array, ...]  # (4, 4) T_camera_marker each
+    image: Image
+
+
+@dataclass(frozen=True, eq=False)
+class Studio:
+    """A camera in the hall, and the markers that are hung before it."""
+
+    camera: Camera
+    samples: int = 8
+    tilt: float = np.pi / 4  # rad, the most between a marker's normal and the line of sight
+
+    def hang(self, distance: float, rng: np.random.Generator) -> tuple[Array, Array]:
+        """T_camera_marker of a marker somewhere in view, turned at random, and its sheet's corners (4, 2) px.
+
+        Its centre is `distance` m from the camera, and its normal anywhere within the tilt of the line of sight, each
+        direction as likely. InputError where no sheet is found to fit into the frame.
+        """
+        size = np.array([self.camera.width, self.camera.height])
+        modules = find(DICTIONARY).markerSize + 2
+        outline = square(SIDE * (modules + 2) / modules)
+        for _ in range(TRIES):
+            ray = np.append(self.camera.undistort(rng.uniform(0, size - 1)[None])[0], 1.0)
+            toward, lean, roll = rng.uniform(-np.pi, np.pi), np.arccos(rng.uniform(np.cos(self.tilt), 1)), rng.uniform()
+            if not np.isfinite(ray).all():
+                continue
+            sight = ray / np.linalg.norm(ray)
+            across = np.cross([0.0, 1.0, 0.0], -sight)
+            across /= np.linalg.norm(across)
+            facing = np.column_stack((across, np.cross(-sight, across), -sight))
+            pose = np.eye(4)
+            axis = np.array([np.cos(toward), np.sin(toward), 0.0])
+            pose[:3, :3] = facing @ _turn(lean * axis) @ _turn(np.array([0, 0, 2 * np.pi * roll]))
+            pose[:3, 3] = distance * sight
+            corners = outline @ pose[:3, :3].T + pose[:3, 3]
+            if (np.hypot(*corners[:, :2].T) < self.camera.reach * corners[:, 2]).all():
+                seen = self.camera.project(corners)
+                if (seen >= RIM).all() and (seen <= size - 1 - RIM).all():
+                    return pose, seen
+        raise InputError(
+            f"placements: found no place in the frame for a marker {distance:g} m away, expected it to fit"
+        )
+
+    def take(self, markers: dict[int, Array], rng: np.random.Generator, motion: Array | None = None) -> Image:
+        """A frame of the markers (id -> T_camera_marker), while the camera moves through `motion` (n, 4, 4), if given.
+
+        Each of them is T_start_camera of one part of the exposure.
+        """
+        hung = tuple(Marker(name, EYE @ pose) for name, pose in markers.items())
+        renderer = replace(self._empty, room=replace(self._empty.room, markers=hung))
+        return renderer.frame(EYE if motion is None else EYE @ motion, rng)
+
+    def sway(self, pose: Array, streak: float, rng: np.random.Generator) -> Array:
+        """(n, 4, 4) T_middle_camera: an even motion, any turning and shift, that draws a marker out to `streak` px.
+
+        That is the mean of its corners' streaks. The middle of the motion is the identity.
+        """
+        turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
+        corners = square(SIDE) @ pose[:3, :3].T + pose[:3, 3]
+        little = 1e-4
+        ends = [self.camera.project((corners - by * shift) @ _turn(by * turn)) for by in (-little, little)]
+        amount = streak / (np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little))
+        parts = int(np.ceil(streak)) + 1
+        motion = np.tile(np.eye(4), (parts, 1, 1))
+        for part, by in zip(motion, amount * ((np.arange(parts) + 0.5) / parts - 0.5), strict=True):
+            part[:3, :3], part[:3, 3] = _turn(by * turn), by * shift
+        return motion
+
+    def any_id(self, rng: np.random.Generator, count: int = 1) -> tuple[int, ...]:
+        """So many different ids of the dictionary."""
+        return tuple(int(name) for name in rng.choice(len(find(DICTIONARY).bytesList), count, replace=False))
+
+    @cached_property
+    def _empty(self) -> Renderer:
+        return Renderer(
+            HALL,
+            self.camera,
+            DICTIONARY,
+            _walls(),
+            blur=BLUR,
+            grain=GRAIN,
+            samples=self.samples,
+        )
+
+
+def placements(
+    camera: Camera,
+    distance: float,
+    count: int,
+    rng: np.random.Generator,
+    samples: int = 8,
+    streak: float = 0.0,
+) -> Iterator[Placement]:
+    """`count` frames, each with a marker of any id anywhere in view, `distance` m from the camera.
+
+    With a `streak` the camera moves during the exposure, and draws the marker out to between 0 and that many px.
+    """
+    studio = Studio(camera, samples=samples)
+    for _ in range(count):
+        pose, _ = studio.hang(distance, rng)
+        (name,) = studio.any_id(rng)
+        motion = studio.sway(pose, rng.uniform(0, streak), rng) if streak else None
+        yield Placement(name, pose, studio.take({name: pose}, rng, motion))
+
+
+def crowds(
+    camera: Camera,
+    distances: tuple[float, float],
+    markers: int,
+    count: int,
+    rng: np.random.Generator,
+    samples: int = 8,
+) -> Iterator[Crowd]:
+    """`count` frames with that many markers of different ids, each anywhere between two distances, m, from the camera.
+
+    Their sheets' circles in the frame are apart. InputError where they find no room.
+    """
+    studio = Studio(camera, samples=samples)
+    for _ in range(count):
+        ids = studio.any_id(rng, markers)
+        poses = _apart(studio, distances, markers, rng)
+        yield Crowd(ids, poses, studio.take(dict(zip(ids, poses, strict=True)), rng))
+
+
+def _apart(studio: Studio, distances: tuple[float, float], markers: int, rng: np.random.Generator) -> tuple[Array, ...]:
+    """Poses whose sheets do not cover each other."""
+    poses, circles = list[Array](), list[Array]()
+    for _ in range(TRIES):
+        pose, corners = studio.hang(rng.uniform(*distances), rng)
+        middle = corners.mean(axis=0)
+        circle = np.append(middle, np.linalg.norm(corners - middle, axis=1).max())
+        if all(np.linalg.norm(circle[:2] - other[:2]) > circle[2] + other[2] for other in circles):
+            poses.append(pose)
+            circles.append(circle)
+        if len(poses) == markers:
+            return tuple(poses)
+    raise InputError(
+        f"placements: found no room in the frame for {markers} markers, expected fewer or {distances[0]:g} m and more"
+    )
+
+
+@cache
+def _walls() -> Surfaces:
+    return paint(HALL, np.random.default_rng(1))
+
+
+def _turn(vector: Array) -> Array:
+    """(3, 3) the rotation about `vector` (3,) by its length, rad."""
+    return np.asarray(cv2.Rodrigues(np.asarray(vector, float))[0], float)

@@ -1,0 +1,146 @@
+"""A room with ArUco markers on its floor and walls, and on boxes that stand in it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.elementary import sincos
+from ...frontend.factors import Map
+from ...frontend.se2 import Array
+from ...frontend.small_matrices import product
+from .boxes import Box, place_boxes
+
+
+class Marker(NamedTuple):
+    """A printed marker."""
+
+    id: int
+    pose: Array  # (4, 4) T_world_marker, m; the marker's frame: x right, y up, z out of its printed face
+    box: int | None = None  # the box it is glued to, by its index; None: it is on the floor or a wall
+
+
+@dataclass(frozen=True)
+class Room:
+    """A rectangular room, its centre at the world's origin, the floor at z = 0."""
+
+    length: float  # m, along x
+    width: float  # m, along y
+    height: float  # m
+    side: float  # m, of the markers' black squares
+    markers: tuple[Marker, ...]
+    boxes: tuple[Box, ...] = ()  # the circles around their footprints are apart
+
+    @property
+    def landmarks(self) -> Map:
+        """The markers' true centres in the plane."""
+        ids = np.array([marker.id for marker in self.markers], np.int64)
+        return Map(ids, np.array([marker.pose[:2, 3] for marker in self.markers]).reshape(-1, 2), None)
+
+    @property
+    def perimeter(self) -> float:
+        """The length of all walls, m."""
+        return 2 * (self.length + self.width)
+
+
+LOW, HIGH = 0.3, 0.75
+"""m, the heights on the walls between which markers hang: what a camera that looks down sees from across a room."""
+
+MARGIN = 0.3
+"""m, between a marker's centre and the next corner, or, on the floor, the next wall."""
+
+SHEET = 8 / 6
+"""The side of a marker's sheet of paper over that of its black square, for dictionaries of 4 x 4 bits."""
+
+
+def furnish(length: float, width: float, height: float, side: float, markers: int, rng: np.random.Generator) -> Room:
+    """A room with `markers` markers, ids from 0: every other one on the floor, the rest around the walls.
+
+    Along the walls they are spread evenly and then shifted at random; on the floor each new one is put at the best of
+    many random places, the one farthest from those already there.
+    """
+    room = Room(length, width, height, side, ())
+    on_floor, on_walls = markers // 2, markers - markers // 2
+    places = _scatter(on_floor, length / 2 - MARGIN, width / 2 - MARGIN, rng)
+    headings = rng.uniform(-np.pi, np.pi, on_floor)
+    slots = (np.arange(on_walls) + rng.uniform(0.15, 0.85, on_walls)) / on_walls
+    heights = rng.uniform(LOW, HIGH, on_walls)
+    poses = [_on_floor(place, heading) for place, heading in zip(places, headings, strict=True)]
+    poses += [_on_wall(room, along, up) for along, up in zip(_away_from_corners(room, slots), heights, strict=True)]
+    return Room(length, width, height, side, tuple(Marker(i, pose) for i, pose in enumerate(poses)))
+
+
+def furnish_with_boxes(bare: Room, boxes: int, path: Array, robot: float, rng: np.random.Generator) -> Room:
+    """The room with `boxes` boxes in it, and a third of its markers, no more than four a box, moved onto them.
+
+    The boxes stay off the markers on the floor, and at least `robot` m from every point of the `path` (n, 2). Every
+    third marker goes to a box: first one a box, on the side that looks most to the room's middle, then the tops, then
+    the next sides; somewhere on that face, upright. InputError where the boxes do not fit.
+    """
+    if not boxes:
+        return bare
+    moved = [marker.id for marker in bare.markers[2::3]][: 4 * boxes]
+    left = [marker for marker in bare.markers if marker.id not in moved]
+    on_floor = [[*marker.pose[:2, 3], SHEET * bare.side / np.sqrt(2)] for marker in left if marker.pose[2, 3] == 0]
+    keep_clear = np.vstack((np.array(on_floor).reshape(-1, 3), np.column_stack((path, np.full(len(path), robot)))))
+    placed = place_boxes(boxes, bare.length, bare.width, keep_clear, rng)
+    onto = [_on_box(placed, i, bare.side, rng) for i in range(len(moved))]
+    glued = [Marker(name, pose, i % boxes) for i, (name, pose) in enumerate(zip(moved, onto, strict=True))]
+    markers = sorted([*left, *glued], key=lambda marker: marker.id)
+    return replace(bare, markers=tuple(markers), boxes=tuple(placed))
+
+
+def wall_point(room: Room, along: Array) -> tuple[Array, Array]:
+    """The points (..., 2) `along` m counter-clockwise from the corner (-x, -y), and the normals there into the room."""
+    a, b = room.length, room.width
+    ends = np.array([0.0, a, a + b, 2 * a + b, 2 * (a + b)])
+    corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b], [-a, -b]]) / 2
+    x, y = np.interp(along, ends, corners[:, 0]), np.interp(along, ends, corners[:, 1])
+    wall = np.clip(np.searchsorted(ends, along, "right") - 1, 0, 3)
+    normals = np.array([[0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
+    return np.stack((x, y), axis=-1), normals[wall]
+
+
+def _scatter(count: int, half_length: float, half_width: float, rng: np.random.Generator) -> Array:
+    """(count, 2) points of the rectangle: Mitchell's best candidates."""
+    half = np.array([half_length, half_width])
+    points = np.zeros((0, 2))
+    for _ in range(count):
+        candidates = rng.uniform(-half, half, (60, 2))
+        gaps = np.linalg.norm(candidates[:, None] - points[None], axis=2)
+        best = np.argmax(gaps.min(axis=1, initial=np.inf))
+        points = np.vstack((points, candidates[best]))
+    return points
+
+
+def _on_floor(place: Array, heading: float) -> Array:
+    s, c = sincos(heading)
+    return np.array([[c, -s, 0, place[0]], [s, c, 0, place[1]], [0, 0, 1, 0], [0, 0, 0, 1]], float)
+
+
+def _away_from_corners(room: Room, slots: Array) -> Array:
+    """(n,) m along the walls, for `slots` (n,) in [0, 1) of what is left of them without MARGIN at either end."""
+    walls = np.array([room.length, room.width, room.length, room.width])
+    ends = np.concatenate(([0.0], np.cumsum(walls - 2 * MARGIN)))
+    place = slots * ends[-1]
+    wall = np.searchsorted(ends, place, "right") - 1
+    return place + MARGIN * (2 * wall + 1)
+
+
+def _on_wall(room: Room, along: float, up: float) -> Array:
+    """T_world_marker of a marker upright on the wall."""
+    (x, y), (nx, ny) = wall_point(room, np.asarray(along))
+    return np.array([[-ny, 0, nx, x], [nx, 0, ny, y], [0, 1, 0, up], [0, 0, 0, 1]], float)
+
+
+def _on_box(boxes: Sequence[Box], turn: int, side: float, rng: np.random.Generator) -> Array:
+    """T_world_marker of the marker whose `turn` it is to be glued to a box."""
+    box = boxes[turn % len(boxes)]
+    *sides, top = box.faces
+    sides.sort(key=lambda face: float(face.pose[:2, 2] @ box.place[:2]))
+    face = (sides[0], top, *sides[1:])[turn // len(boxes)]
+    free = (np.array([face.width, face.height]) - SHEET * side) / 2
+    shift = np.eye(4)
+    shift[:2, 3] = 0.8 * free * rng.uniform(-1, 1, 2)
+    return product(face.pose, shift)

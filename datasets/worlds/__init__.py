@@ -1,0 +1,1 @@
+"""Logs drawn from models that are known; no file is read."""

@@ -1,0 +1,139 @@
+"""The rendered ArUco drive: a robot with a camera and wheel encoders goes round a room with markers.
+
+The world is made up; the frames are not labels but images, and go through the same front end as a real recording.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Prior, Truth
+from ...frontend.markers.aruco import Detector
+from ...frontend.markers.markers import Markers
+from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
+from ...frontend.markers.pipeline import Recording, build_log
+from ...frontend.options import option
+from ...frontend.wheels.encoder import Encoder
+from ...frontend.wheels.motion import Wheels
+from ..registry import Source
+from ..rendering.cameras import CAMERAS
+from ..rendering.disturbances import Disturbances, take
+from ..rendering.render import Renderer
+from ..rendering.room import furnish, furnish_with_boxes
+from ..rendering.surfaces import paint
+from .outliers import swapped
+from .wheeled_robot import Loop, count, drive
+
+DICTIONARY = "4X4_50"
+SIDE = 0.16  # m, of a marker
+ROOM = (6.0, 5.0, 2.5)  # m
+TICK = 0.02  # s between encoder readings
+START_SD = 1e-3  # m and rad; the robot starts exactly where the prior says
+SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated with the noise that the encoder states"
+
+
+ENCODER = Encoder(left=1.6e-4, right=1.6e-4, base=0.36, k=0.01, noise="distance")
+
+LOOP = Loop(
+    cos=np.array([[1.4, 0.0], [0.0, 0.0], [0.25, 0.0]]),
+    sin=np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]),
+)
+"""A figure of eight of 11.3 m: as much turning left as right, and no bend tighter than 0.54 m."""
+
+BERTH = 0.3
+"""m, from the middle of the robot to the nearest box."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """The drive and the room."""
+
+    markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
+    seconds: float = option(60.0, "length of the drive, s", minimum=1.0, maximum=3600.0)
+    frame_rate: float = option(5.0, "camera frames a second, each a keyframe", minimum=0.5, maximum=30.0)
+    speed: float = option(0.4, "speed of the robot, m/s", minimum=0.05, maximum=1.0)
+    noise: str = option("proportional", "stated noise of the sightings", choices=("proportional", "propagated"))
+    k_range: float = option(0.002, "stated range noise, of the range", minimum=0.0, maximum=1.0)
+    k_bearing: float = option(0.002, "stated bearing noise, of the bearing", minimum=0.0, maximum=1.0)
+    floor_range: float = option(0.008, "stated range noise at no range, m", minimum=1e-4, maximum=1.0)
+    floor_bearing: float = option(0.003, "stated bearing noise straight ahead, rad", minimum=1e-4, maximum=1.0)
+    boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
+    camera: str = option("pinhole", "lens of the camera; cameras.py has the calibrations", choices=tuple(CAMERAS))
+    blur: float = option(0.6, "defocus, standard deviation in px", minimum=0.0, maximum=8.0)
+    grain: float = option(2.0, "standard deviation of the sensor's noise, grey levels", minimum=0.0, maximum=40.0)
+    vignetting: float = option(0.4, "darkness of the corners, 1 being cos^4", minimum=0.0, maximum=1.0)
+    exposure: float = option(0.0, "time of exposure, s, in which the robot's motion blurs", minimum=0.0, maximum=0.1)
+    sway: float = option(
+        0.02, "rocking of the body, standard deviation of pitch and roll, rad", minimum=0.0, maximum=0.2
+    )
+    gain_drift: float = option(0.0, "drift of the brightness, sd of its logarithm", minimum=0.0, maximum=1.0)
+    shadow: float = option(0.0, "share of the light that a soft shadow takes", minimum=0.0, maximum=0.9)
+    occlusion: float = option(0.0, "share of frames that something partly covers", minimum=0.0, maximum=1.0)
+    slip: float = option(0.0, "wheel slips a metre, which no noise states", minimum=0.0, maximum=5.0)
+    counts_per_metre: float = option(6250.0, "resolution of the wheel counters", minimum=10.0, maximum=1e7)
+    outliers: float = option(0.0, "share of sightings taken for another marker's", minimum=0.0, maximum=0.5)
+
+
+def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
+    """Rendered camera frames of a room with ArUco markers, and wheel encoders; another room a seed."""
+    recording, truth = record(options, rng)
+    log = build_log(recording)
+    if options.outliers == 0:
+        return Dataset(log, truth)
+    # Drawn after everything else, so that the log is the clean one but for its outliers.
+    return swapped(log, truth, options.outliers, rng.spawn(1)[0])
+
+
+def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
+    """What the robot's sensors give, frames rendered as they are asked for, and where it was.
+
+    InputError for an exposure that is not over when the next frame's begins, and for boxes that find no room.
+    """
+    if options.exposure * options.frame_rate > 1:
+        raise InputError(
+            f"dataset aruco-room: option exposure={options.exposure:g}: expected at most the time between frames, "
+            f"{1 / options.frame_rate:.4g} s at frame_rate={options.frame_rate:g}."
+        )
+    layout, wheels, sensor, decoration = rng.spawn(4)
+    room = furnish(*ROOM, SIDE, options.markers, layout)
+    path, _ = LOOP.at(np.linspace(0, 2 * np.pi, 200))
+    room = furnish_with_boxes(room, options.boxes, path, BERTH, layout)
+    # A little more, so that 2.3 s at 10 Hz are 23 frames after the first and not 22.
+    frame_times = np.arange(int(options.seconds * options.frame_rate + 1e-9) + 1) / options.frame_rate
+    tick_times = TICK * np.arange(int(np.ceil(frame_times[-1] / TICK)) + 2.0)
+    poses, _ = drive(LOOP, options.speed, frame_times)
+    encoder = replace(ENCODER, left=1 / options.counts_per_metre, right=1 / options.counts_per_metre)
+    ticks = count(*drive(LOOP, options.speed, tick_times), tick_times, encoder, wheels, options.slip)
+    camera = CAMERAS[options.camera]
+    renderer = Renderer(
+        room,
+        camera,
+        DICTIONARY,
+        paint(room, decoration),
+        blur=options.blur,
+        grain=options.grain,
+        vignetting=options.vignetting,
+    )
+    disturbances = Disturbances(options.exposure, options.sway, options.gain_drift, options.shadow, options.occlusion)
+    recording = Recording(
+        name="aruco-room",
+        frames=take(renderer, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
+        motion=Wheels(ticks, encoder),
+        detector=Detector(Markers(DICTIONARY, SIDE), camera),
+        noise=_noise(options),
+        prior=Prior(poses[0], START_SD**2 * np.eye(3)),
+        notes={"source": SOURCE},
+    )
+    return recording, Truth(frame_times, poses, room.landmarks, None, "truth")
+
+
+def _noise(options: Options) -> Noise:
+    """The noise that is stated for the sightings."""
+    if options.noise == "propagated":
+        # The corners do not know that the body rocks.
+        return PropagatedNoise(1.0, *((options.floor_range, options.floor_bearing) if options.sway else (0.0, 0.0)))
+    return ProportionalNoise(options.k_range, options.k_bearing, options.floor_range, options.floor_bearing)
+
+
+source = Source(aruco_room, options=Options, seeded=True, costly=True, portable=False)  # OpenCV's arithmetic

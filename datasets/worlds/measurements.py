@@ -1,0 +1,88 @@
+"""Measurements drawn from the very noise that they state: what the worlds without a camera are made with."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from ...frontend.elementary import hypot
+from ...frontend.factors import Prior
+from ...frontend.se2 import Array, Ints, between, wrap
+from ...frontend.small_matrices import cholesky, product
+from ...frontend.truth_errors import sighted_from
+from ...frontend.wheels.encoder import Encoder, Floors, roll
+from ...frontend.wheels.motion import Ticks, readings
+
+START_SD = 1e-3
+"""m and rad, of the prior; the belief at step 0 is off by as much."""
+
+FLOORS = Floors(1e-4, 1e-5)
+"""What a rolling robot's odometry lacks to be positive definite: it cannot slide sideways."""
+
+
+def prior(start: Array, rng: np.random.Generator) -> Prior:
+    """A belief about the pose `start` (3,), off by an error that it admits."""
+    pose = start + START_SD * rng.standard_normal(3)
+    pose[2] = wrap(pose[2])
+    return Prior(pose, START_SD**2 * np.eye(3))
+
+
+def odometry(poses: Array, rolling: Array, sd: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Odometry along the true `poses` (n, 3): deltas (n, 3) and covariances (n, 3, 3), row 0 for nothing before it.
+
+    `rolling` (n - 1, 2) is how far (m) the robot rolls and how much (rad) it turns from each pose to the next; the
+    readings of both are off by `sd` (2,) or (n - 1, 2), which an arc takes to the body frame: C = J diag(sd^2) J' plus
+    the floors. The errors are normal, of exactly that covariance.
+    """
+    _, by_rolling = roll(rolling, "arc")
+    by_noise = by_rolling * np.broadcast_to(sd, rolling.shape)[:, None, :]
+    cov = product(by_noise, by_noise.swapaxes(1, 2)) + FLOORS.cov
+    error = product(cholesky(cov), rng.standard_normal((len(rolling), 3, 1)))
+    delta = between(poses[:-1], poses[1:]) + error[..., 0]
+    delta[:, 2] = wrap(delta[:, 2])
+    return np.concatenate((np.zeros((1, 3)), delta)), np.concatenate((np.zeros((1, 3, 3)), cov))
+
+
+def counted(ticks: Ticks, encoder: Encoder, t: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """What a robot's wheel counters make of its way between the times `t` (n,): deltas (n, 3), covariances (n, 3, 3).
+
+    Row 0 is for nothing before it. The counters know nothing of the floors, whose errors are drawn here.
+    """
+    delta, cov = np.zeros((len(t), 3)), np.zeros((len(t), 3, 3))
+    for k, (start, end) in enumerate(pairwise(t.tolist()), start=1):
+        delta[k], cov[k] = encoder.odometry(*readings(ticks, start, end))
+    delta[1:] += np.sqrt(np.diag(encoder.floors.cov)) * rng.standard_normal((len(t) - 1, 3))
+    delta[:, 2] = wrap(delta[:, 2])
+    return delta, cov
+
+
+def in_reach(poses: Array, xy: Array, nearest: float, farthest: float) -> tuple[Ints, Ints]:
+    """Which of the landmarks `xy` (n, 2) are between two distances, m, of each pose: the steps and the rows of `xy`.
+
+    Sorted by step, then by row. A tree finds them, so that the cost is that of what is there, not of steps x landmarks.
+    """
+    from scipy.spatial import KDTree
+
+    found = KDTree(xy).query_ball_point(poses[:, :2], farthest, return_sorted=True)
+    step = np.repeat(np.arange(len(poses)), [len(rows) for rows in found])
+    row = np.concatenate([np.asarray(rows, np.int64) for rows in found])
+    far_enough = hypot(*(xy[row] - poses[step, :2]).T) >= nearest
+    return step[far_enough], row[far_enough]
+
+
+def sightings(poses: Array, xy: Array, sd: float, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Range and bearing (s, 2) of the landmarks `xy` (s, 2) from the true `poses` (s, 3), and covariances (s, 2, 2).
+
+    A landmark's place is off by `sd` m along the line of sight and across it: in bearing by sd / r.
+    """
+    r = hypot(*(xy - poses[:, :2]).T)
+    return polar(poses, xy, np.stack((np.full_like(r, sd), sd / r), axis=-1), rng)
+
+
+def polar(poses: Array, xy: Array, sd: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """As `sightings`, with the standard deviations `sd` (2,) or (s, 2) of range (m) and bearing (rad)."""
+    spread = np.broadcast_to(sd, xy.shape)
+    z = sighted_from(poses, xy) + spread * rng.standard_normal(xy.shape)
+    z[:, 1] = wrap(z[:, 1])
+    cov = np.zeros((len(xy), 2, 2))
+    cov[:, [0, 1], [0, 1]] = spread**2
+    return z, cov

@@ -1,0 +1,233 @@
+"""What goes wrong on real robots and no covariance admits: mishaps that befall a simulated log once it is made.
+
+The truth of such a log tells the error of every sighting, z - h(truth), and of every motion, delta - between(truth): it
+is taken off, made larger and put back, so that the log of before is found in the one after. What the log states of its
+noise stays as it was. Each kind of mishap draws from a generator of its own: one of them changes nothing of the others,
+and a larger share of lost sightings loses those that a smaller one does, and more.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.elementary import hypot
+from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
+from ...frontend.options import option
+from ...frontend.se2 import Array, Ints, between, wrap
+from ...frontend.truth_errors import difference, rows_of, sighted_from
+from .outliers import swapped
+from .wheeled_robot import SLIP_MOST, slip_lengths
+
+Bools = NDArray[np.bool_]
+Column = TypeVar("Column", Array, Ints)
+
+TRACK = 0.5
+"""m between the wheels of which one slips."""
+
+
+@dataclass(frozen=True)
+class Mishaps:
+    """What befalls a log, by default nothing; a simulated world's options inherit it."""
+
+    sensor_scale: float = option(1.0, "sd of a sighting's errors, of the stated sd", minimum=0.0, maximum=1000.0)
+    odometry_scale: float = option(1.0, "sd of the odometry's errors, of the stated sd", minimum=0.0, maximum=1000.0)
+    tails: float | None = option(
+        None,
+        "degrees of freedom of errors that are Student's t, of the covariance they had; none: normal",
+        minimum=2.1,
+        maximum=1e6,
+    )
+    slip: float = option(0.0, "wheel slips a metre, which no noise states", minimum=0.0, maximum=5.0)
+    missing: float = option(0.0, "share of the sightings that are lost", minimum=0.0, maximum=1.0)
+    gap: float = option(
+        0.0, "share of the steps, in the middle of the log, without sightings", minimum=0.0, maximum=1.0
+    )
+    wrong_ids: float = option(0.0, "share of the sightings taken for another landmark's", minimum=0.0, maximum=0.5)
+    clutter: float = option(0.0, "false sightings a step, on the average", minimum=0.0, maximum=100.0)
+    clutter_ids: str = option(
+        "unknown", "ids of false sightings: unknown, or a new one each", choices=("unknown", "nobody")
+    )
+    jitter: float = option(
+        0.0, "time by which the sightings of a step are off its moment, sd in s", minimum=0.0, maximum=60.0
+    )
+
+
+class _Draws(NamedTuple):
+    """A generator for each kind; which is whose depends on the order alone."""
+
+    motions: np.random.Generator
+    slips: np.random.Generator
+    sightings: np.random.Generator
+    moments: np.random.Generator
+    ids: np.random.Generator
+    missing: np.random.Generator
+    clutter: np.random.Generator
+
+
+def befallen(dataset: Dataset, mishaps: Mishaps, rng: np.random.Generator) -> Dataset:
+    """The simulated `dataset` after all `mishaps`; the very same where there are none, and every sighting has a range.
+
+    Its truth must have a pose a step, and the map. The new truth's `assigned` has the true ids where some have changed
+    or sightings are made up, whose true id is UNKNOWN. A sighting whose error leaves no range is lost, however small
+    the mishaps. The log's notes have what was asked for, and counts, under "mishaps".
+    """
+    wanted = {
+        field.name: value for field in fields(Mishaps) if (value := getattr(mishaps, field.name)) != field.default
+    }
+    log, truth = dataset
+    if not wanted and (log.z[:, 0] > 0).all():
+        return dataset
+    if truth is None or truth.map is None or len(truth.t) != len(log):
+        raise ValueError("mishaps befall logs whose truth is known at every step")
+    draws, counts = _Draws(*rng.spawn(len(_Draws._fields))), dict[str, int]()
+    view = log.z
+    if wanted.keys() & {"odometry_scale", "tails"}:
+        log = _off(log, truth, mishaps.odometry_scale, mishaps.tails, draws.motions)
+    if mishaps.slip:
+        log, counts["slips"] = _slipped(log, truth, mishaps.slip, draws.slips)
+    if wanted.keys() & {"sensor_scale", "tails", "jitter"}:
+        log = _missed(log, truth, mishaps, draws)
+    if mishaps.wrong_ids:
+        log, truth = swapped(log, truth, mishaps.wrong_ids, draws.ids)
+        assert truth is not None
+    kept = (draws.missing.uniform(size=len(log.ids)) >= mishaps.missing) & (log.z[:, 0] > 0)
+    false = _clutter(log, view, mishaps.clutter, draws.clutter)
+    blind = _gap(len(log), mishaps.gap)
+    kept, false = kept & ~blind[log.sighting_step], false.only(~blind[false.step])
+    if mishaps.clutter:
+        counts["false sightings"] = len(false.step)
+    if not kept.all():
+        counts["sightings lost"] = int((~kept).sum())
+    log, truth = _merged(log, truth, kept, false, mishaps.clutter_ids)
+    return Dataset(replace(log, notes={**log.notes, "mishaps": wanted | counts}), truth)
+
+
+def _scale(scale: float, tails: float | None, rows: int, rng: np.random.Generator) -> Array:
+    """(rows,) what normal errors are multiplied with: a t is normal over the root of a chi-square of its own."""
+    if tails is None:
+        return np.full(rows, scale)
+    return scale * np.sqrt((tails - 2) / rng.chisquare(tails, rows))
+
+
+def _off(log: Log, truth: Truth, scale: float, tails: float | None, rng: np.random.Generator) -> Log:
+    """With larger errors in its odometry."""
+    right = between(truth.poses[:-1], truth.poses[1:])
+    error = difference(log.delta[1:], right)
+    return _with_motions(log, right + error * _scale(scale, tails, len(right), rng)[:, None])
+
+
+def _slipped(log: Log, truth: Truth, rate: float, rng: np.random.Generator) -> tuple[Log, int]:
+    """With slips in its odometry, a Poisson process along the true path of `rate` a metre; and how many.
+
+    A wheel that spins or skids over some metres reads so much more or less than it rolled, and the robot that is
+    TRACK wide seems to have gone half of that and to have turned. How many metres, `wheeled_robot.slipped` says.
+    """
+    way = np.concatenate(([0.0], np.cumsum(hypot(*np.diff(truth.poses[:, :2], axis=0).T))))
+    slips = int(rng.poisson(rate * way[-1]))
+    step = np.minimum(np.searchsorted(way, rng.uniform(0, way[-1], slips), "right"), len(log) - 1)
+    metres = np.minimum(slip_lengths(rng, slips), SLIP_MOST) * rng.choice([-1.0, 1.0], slips)
+    side = rng.choice([-1.0, 1.0], slips)
+    delta = log.delta.copy()
+    delta[:, 0] += np.bincount(step, metres / 2, len(log))
+    delta[:, 2] += np.bincount(step, side * metres / TRACK, len(log))
+    return _with_motions(log, delta[1:]), slips
+
+
+def _missed(log: Log, truth: Truth, mishaps: Mishaps, draws: _Draws) -> Log:
+    """With larger errors in its sightings, and those of a step taken at another moment, which they share.
+
+    Between steps the robot is taken to move straight and evenly.
+    """
+    assert truth.map is not None
+    ids = log.ids if truth.assigned is None else truth.assigned
+    row = rows_of(truth.map.ids, ids)
+    xy, step = truth.map.xy[row], log.sighting_step
+    poses = truth.poses
+    right = sighted_from(poses[step], xy)
+    error = difference(log.z, right)
+    if mishaps.jitter:
+        moments = log.t + mishaps.jitter * draws.moments.standard_normal(len(log))
+        columns = (*poses.T[:2], np.unwrap(poses[:, 2]))
+        poses = np.stack([np.interp(moments, log.t, column) for column in columns], axis=-1)
+        right = sighted_from(poses[step], xy)
+    z = right + error * _scale(mishaps.sensor_scale, mishaps.tails, len(ids), draws.sightings)[:, None]
+    z[:, 1] = wrap(z[:, 1])
+    return replace(log, z=_frozen(np.where(row[:, None] >= 0, z, log.z)))
+
+
+def _gap(steps: int, share: float) -> Bools:
+    """(steps,) whether a step is in the gap: so many of them, in the middle."""
+    blind = np.zeros(steps, bool)
+    wide = round(share * steps)
+    first = (steps - wide) // 2
+    blind[first : first + wide] = True
+    return blind
+
+
+class _False(NamedTuple):
+    """Sightings of what is not there."""
+
+    step: Ints  # (m,) sorted
+    z: Array  # (m, 2)
+    cov: Array  # (m, 2, 2)
+
+    def only(self, which: Bools) -> "_False":
+        """Those of them."""
+        return _False(self.step[which], self.z[which], self.cov[which])
+
+
+def _clutter(log: Log, view: Array, rate: float, rng: np.random.Generator) -> _False:
+    """A Poisson number a step, of the mean `rate`, anywhere in the field of view: the ranges and bearings of `view`.
+
+    The places are uniform in the plane; each has the covariance of the sighting that comes nearest to its range.
+    """
+    ranged = view[:, 0] > 0
+    view, cov = view[ranged], log.z_cov[ranged]
+    step = np.repeat(np.arange(len(log)), rng.poisson(rate if len(view) else 0.0, len(log)))
+    if not len(step):
+        return _False(step, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    (nearest, right), (farthest, left) = view.min(axis=0), view.max(axis=0)
+    r = np.sqrt(rng.uniform(nearest**2, farthest**2, len(step)))
+    order = np.argsort(view[:, 0])
+    after = np.clip(np.searchsorted(view[order, 0], r), 1, len(view) - 1)
+    closer = r - view[order[after - 1], 0] < view[order[after], 0] - r
+    z = np.stack((r, rng.uniform(right, left, len(step))), axis=-1)
+    return _False(step, z, cov[order[after - closer]])
+
+
+def _merged(log: Log, truth: Truth, kept: Bools, false: _False, naming: str) -> tuple[Log, Truth]:
+    """The log with the sightings `kept`, and the false ones, which stand among them in the order of their bearing."""
+    if kept.all() and not len(false.step):
+        return log, truth
+    m = len(false.step)
+    assert truth.map is not None
+    nobody = 1 + max(log.ids.max(initial=0), truth.map.ids.max(initial=0)) + np.arange(m)
+    new_ids = np.full(m, UNKNOWN) if naming == "unknown" else nobody
+    step = np.concatenate((log.sighting_step[kept], false.step))
+    z = np.concatenate((log.z[kept], false.z))
+    order = np.lexsort((z[:, 1], step)) if m else np.arange(len(step))
+    first = np.searchsorted(step[order], np.arange(len(log) + 1))
+    if m or truth.assigned is not None:
+        assigned = log.ids if truth.assigned is None else truth.assigned
+        truth = truth._replace(assigned=_frozen(np.concatenate((assigned[kept], np.full(m, UNKNOWN)))[order]))
+    return replace(
+        log,
+        sighting_first=_frozen(first),
+        ids=_frozen(np.concatenate((log.ids[kept], new_ids))[order]),
+        z=_frozen(z[order]),
+        z_cov=_frozen(np.concatenate((log.z_cov[kept], false.cov))[order]),
+    ), truth
+
+
+def _with_motions(log: Log, delta: Array) -> Log:
+    """With these motions (n - 1, 3), not yet wrapped."""
+    moved = np.concatenate((log.delta[:1], delta))
+    moved[1:, 2] = wrap(moved[1:, 2])
+    return replace(log, delta=_frozen(moved))
+
+
+def _frozen(column: Column) -> Column:
+    column.flags.writeable = False
+    return column

@@ -1,0 +1,248 @@
+"""Calibration files: OpenCV's YAML, XML and JSON, and ROS's camera_info YAML, read and written.
+
+Read is what is found in the wild: OpenCV's names as its samples of several years spell them, and camera_info both as
+ROS's calibrator saves it and as a message is printed. What a file is, is told by what stands in it.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import YAMLError
+
+from ..errors import InputError
+from ..files import write_whole
+from ..se2 import Array
+from .camera import DISTORTION_LENGTHS, Camera, Model
+
+LARGEST = 1_000_000
+"""Bytes; what is larger is no calibration."""
+
+MODELS: dict[str, Model] = {
+    "": "pinhole",
+    "none": "pinhole",
+    "pinhole": "pinhole",
+    "plumb_bob": "pinhole",
+    "radtan": "pinhole",
+    "rational_polynomial": "pinhole",
+    "equidistant": "fisheye",
+    "fisheye": "fisheye",
+    "kannala_brandt": "fisheye",
+}
+"""What files and ROS messages call a lens model -> which it is."""
+
+_MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix")
+_LENS = ("distortioncoefficients", "distcoeffs", "distortion", "d", "d1")
+_WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size")
+_MODEL, _FISHEYE = ("distortionmodel", "cameramodel", "model"), ("fisheyemodel", "fisheye")
+"""Keys as they are found, in small letters and without underlines."""
+
+
+class _Entry(NamedTuple):
+    """A value, and the name under which it was found."""
+
+    key: str
+    value: Any
+
+
+def read(path: Path, mounting: Array, size: tuple[int, int] | None = None) -> Camera:
+    """The camera that a calibration file tells of, mounted as (4, 4) T_robot_camera says.
+
+    `size`, width and height in px, is taken where the file has none, as some of OpenCV's do not. InputError names the
+    file and key of what is missing or cannot be used.
+    """
+    entries = {key.lower().replace("_", ""): _Entry(key, value) for key, value in _contents(path).items()}
+
+    def find(names: Sequence[str], what: str | None = None) -> _Entry | None:
+        entry = next((entries[name] for name in names if name in entries), None)
+        if entry is None and what is not None:
+            raise InputError(f"{path}: found no {what}, expected a calibration's keys, {what} among them")
+        return entry
+
+    matrix, lens = find(_MATRIX, "camera_matrix"), find(_LENS, "distortion_coefficients")
+    assert matrix is not None
+    assert lens is not None
+    whole = find(_SIZE)
+    if whole is not None and isinstance(whole.value, list | tuple) and len(whole.value) == 2:
+        width, height = (_Entry(whole.key, side) for side in whole.value)
+    else:
+        width, height = find(_WIDTH), find(_HEIGHT)
+    if width is None or height is None:
+        if size is None:
+            raise InputError(f"{path}: found no image_width and image_height, expected the size of its images, px")
+        width, height = (_Entry("size", side) for side in size)
+    model, flag = find(_MODEL), find(_FISHEYE)
+    if model is None:
+        fisheye = flag is not None and str(flag.value).strip().lower() in ("1", "true", "yes")
+        model = _Entry("distortion_model", "fisheye" if fisheye else "pinhole")
+    return _camera(str(path), (width, height), model, matrix, lens, mounting)
+
+
+def from_camera_info(
+    where: str,
+    width: int,
+    height: int,
+    model: str,
+    k: Sequence[float] | Array,
+    d: Sequence[float] | Array,
+    mounting: Array,
+) -> Camera:
+    """The camera of a ROS sensor_msgs/CameraInfo, `k` its nine numbers row by row; InputError begins with `where`."""
+    size = _Entry("width", width), _Entry("height", height)
+    return _camera(where, size, _Entry("distortion_model", model), _Entry("k", k), _Entry("d", d), mounting)
+
+
+def write_opencv(path: Path, camera: Camera) -> None:
+    """The file that OpenCV's own calibration sample would have written: YAML, or XML or JSON if `path` ends so."""
+    suffix = path.suffix.lower() if path.suffix.lower() in (".xml", ".json") else ".yml"
+    storage = cv2.FileStorage(f"calibration{suffix}", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", camera.width)
+    storage.write("image_height", camera.height)
+    storage.write("fisheye_model", int(camera.model == "fisheye"))
+    storage.write("camera_matrix", camera.matrix)
+    storage.write("distortion_coefficients", camera.coefficients[None] if len(camera.distortion) else np.zeros((1, 5)))
+    write_whole(path, storage.releaseAndGetString())
+
+
+def write_camera_info(path: Path, camera: Camera) -> None:
+    """The YAML file that ROS's camera_info_manager loads.
+
+    ROS's plumb_bob has five coefficients: fewer are filled up with zeros. Twelve and fourteen are written under
+    rational_polynomial, which is how OpenCV's users in ROS read them.
+    """
+    (fx, fy), (cx, cy) = camera.focal, camera.centre
+    lens = [*camera.coefficients.tolist(), *[0.0] * (5 - len(camera.distortion))]
+    model = "plumb_bob" if len(lens) <= 5 else "rational_polynomial"
+    if camera.model == "fisheye":
+        lens, model = camera.coefficients.tolist(), "equidistant"
+    lines = [
+        f"image_width: {camera.width}",
+        f"image_height: {camera.height}",
+        'camera_name: "camera"',
+        *_matrix("camera_matrix", 3, [fx, 0, cx, 0, fy, cy, 0, 0, 1]),
+        f"distortion_model: {model}",
+        *_matrix("distortion_coefficients", 1, lens),
+        *_matrix("rectification_matrix", 3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
+        *_matrix("projection_matrix", 3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
+    ]
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _matrix(name: str, rows: int, numbers: Sequence[float]) -> list[str]:
+    texts = [repr(float(number)) for number in numbers]
+    texts = [text if "." in text else text.replace("e", ".0e") for text in texts]  # for readers of YAML 1.1
+    return [f"{name}:", f"  rows: {rows}", f"  cols: {len(texts) // rows}", f"  data: [{', '.join(texts)}]"]
+
+
+def _contents(path: Path) -> dict[str, Any]:
+    """The file as a mapping of texts, numbers, lists and mappings; a matrix is a mapping with rows, cols and data."""
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"{path}: found {path.stat().st_size} bytes, expected a calibration of a few hundred")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}; expected a calibration file") from None
+    except ValueError:
+        raise InputError(f"{path}: found bytes that are no text, expected a calibration file") from None
+    start = text.lstrip()
+    kind = "XML" if start.startswith("<") else "JSON" if start.startswith("{") else "YAML"
+    try:
+        document = {"XML": _xml, "JSON": json.loads, "YAML": _yaml}[kind](text)
+    except (YAMLError, ElementTree.ParseError, ValueError, RecursionError, TypeError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = getattr(error, "lineno", None) or getattr(error, "position", (None,))[0] or (mark and mark.line + 1)
+        at = f", line {line}" if line else ""
+        raise InputError(f"{path}{at}: found something that is no {kind}, expected a whole calibration file") from None
+    if not isinstance(document, dict) or not document:
+        raise InputError(f"{path}: found no keys in it, expected a calibration's, camera_matrix among them")
+    return {str(key): value for key, value in document.items()}
+
+
+class _Constructor(SafeConstructor):
+    """YAML's plain values, and OpenCV's matrices as the mappings they are."""
+
+
+for _tag in ("opencv-matrix", "opencv-nd-matrix"):
+    _Constructor.add_constructor(
+        f"tag:yaml.org,2002:{_tag}", lambda constructor, node: constructor.construct_mapping(node, deep=True)
+    )
+
+
+def _yaml(text: str) -> Any:
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Constructor = _Constructor
+    lines = text.split("\n")
+    if lines[0].startswith("%YAML:"):  # OpenCV's own spelling of a directive
+        lines[0] = ""
+    return next(iter(yaml.load_all("\n".join(lines))), None)  # a printed message ends with a separator
+
+
+def _xml(text: str) -> Any:
+    def value(element: ElementTree.Element) -> Any:
+        if len(element):
+            return {child.tag: value(child) for child in element}
+        words = (element.text or "").split()
+        return words[0] if len(words) == 1 else words
+
+    return value(ElementTree.fromstring(text))
+
+
+def _camera(
+    where: str, size: tuple[_Entry, _Entry], model: _Entry, matrix: _Entry, lens: _Entry, mounting: Array
+) -> Camera:
+    width, height = (_side(where, entry) for entry in size)
+    known = MODELS.get(str(model.value).strip(' "').lower())
+    if known is None:
+        names = ", ".join(name for name in MODELS if name)
+        raise InputError(f"{where}: {model.key}: found {model.value!r}, expected one of {names}")
+    k = _numbers(where, matrix)
+    if k.size != 9:
+        raise InputError(f"{where}: {matrix.key}: found {k.size} numbers, expected 3 x 3")
+    (fx, skew, cx), (low, fy, cy), last = k.reshape(3, 3)
+    if not (fx > 0 and fy > 0):
+        raise InputError(f"{where}: {matrix.key}: found the focal lengths {fx:g} and {fy:g} px, expected both above 0")
+    if skew or low or last.tolist() != [0, 0, 1]:
+        raise InputError(f"{where}: {matrix.key}: found {k.reshape(3, 3).tolist()}, expected fx 0 cx, 0 fy cy, 0 0 1")
+    d = _numbers(where, lens)
+    lengths = DISTORTION_LENGTHS[known]
+    if d.size not in lengths:
+        expected = f"{known} has {' or '.join(map(str, lengths))}"
+        raise InputError(f"{where}: {lens.key}: found {d.size} coefficients, expected as many as {expected}")
+    centre, focal = (float(cx), float(cy)), (float(fx), float(fy))
+    return Camera(width, height, focal, centre, tuple(d.tolist()), mounting, known)
+
+
+def _side(where: str, entry: _Entry) -> int:
+    try:
+        side = float(entry.value)
+    except (TypeError, ValueError, OverflowError):
+        side = math.nan
+    if not (side >= 1 and side.is_integer()):
+        raise InputError(f"{where}: {entry.key}: found {entry.value!r}, expected a whole number of px, at least 1")
+    return int(side)
+
+
+def _numbers(where: str, entry: _Entry) -> Array:
+    """The numbers of a matrix, however it is written, in one row; InputError for what is none or not finite."""
+    value, rows, cols = entry.value, None, None
+    if isinstance(value, Mapping):
+        if "data" not in value:
+            raise InputError(f"{where}: {entry.key}: found no data, expected a matrix with rows, cols and data")
+        value, rows, cols = value["data"], value.get("rows"), value.get("cols")
+    try:
+        numbers = np.array([] if value is None else value, float).ravel()
+        count = numbers.size if rows is None or cols is None else int(rows) * int(cols)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{where}: {entry.key}: found {str(value)[:60]!r}, expected numbers") from None
+    if numbers.size != count:
+        raise InputError(f"{where}: {entry.key}: found {numbers.size} numbers, expected its {rows} x {cols}")
+    if not np.isfinite(numbers).all():
+        raise InputError(f"{where}: {entry.key}: found a number that is not finite, expected finite ones")
+    return numbers

@@ -1,0 +1,215 @@
+"""A camera and its place on the robot.
+
+Pixels are OpenCV's: u to the right, v down, whole numbers at the pixels' centres. The camera frame is x right, y down,
+z forward. A ray is the point (x, y) at which it meets the plane z = 1 of the camera frame.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
+
+from ..errors import InputError
+from ..se2 import Array
+
+Model = Literal["pinhole", "fisheye"]
+
+DISTORTION_LENGTHS: dict[str, tuple[int, ...]] = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (4,)}
+"""The numbers of coefficients OpenCV takes: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]], and k1 k2 k3 k4."""
+
+_EXACT = 1e-8
+"""px; a ray that projects this close to its pixel is the pixel's."""
+
+_ROUNDS = 50
+"""of an iteration, at most; five to ten do where the lens is not about to turn back."""
+
+_SETTLED = 1e-14
+"""Steps of an iteration, in rays or angles, that are rounding."""
+
+_FAR = 1e3
+"""Where a ray's length is as good as infinite: a thousandth of a radian from 90 degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera with OpenCV's lens distortion, pinhole or fisheye, mounted on a robot.
+
+    A lens model describes a lens only out to some angle from its axis: farther out its polynomial turns back, and two
+    rays share a pixel. Such rays, and for the fisheye all from 90 degrees on, are no rays of the camera.
+    """
+
+    width: int  # px
+    height: int  # px
+    focal: tuple[float, float]  # fx, fy, px
+    centre: tuple[float, float]  # cx, cy, px
+    distortion: tuple[float, ...]  # in OpenCV's order
+    mounting: Array  # (4, 4) T_robot_camera: from the camera's frame to the robot's, m
+    model: Model = "pinhole"
+
+    @cached_property
+    def matrix(self) -> Array:
+        """(3, 3) K."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """(d,) the distortion, as OpenCV wants it. InputError for a model or a number of them it does not know."""
+        lengths = DISTORTION_LENGTHS.get(self.model)
+        if lengths is None:
+            raise InputError(f"camera model: found {self.model!r}, expected pinhole or fisheye")
+        if len(self.distortion) not in lengths:
+            known = ("one of " if len(lengths) > 1 else "") + ", ".join(map(str, lengths))
+            raise InputError(f"camera distortion: found {len(self.distortion)} coefficients, expected {known}")
+        return np.array(self.distortion, float)
+
+    @cached_property
+    def reach(self) -> float:
+        """The length |(x, y)| of rays from which on the lens model turns back; infinite where it does not.
+
+        Of the pinhole models this looks at the radial part, which outweighs the others far from the axis.
+        """
+        if self.model == "fisheye":
+            return float(np.tan(self._widest))
+        _, bottom, slope = self._radial
+        return float(np.sqrt(min(_first_root(slope), _first_root(bottom))))
+
+    @cached_property
+    def rays(self) -> Array:
+        """(height, width, 2) the ray of every pixel, found once; NaN for one that has none."""
+        v, u = np.mgrid[: self.height, : self.width]
+        rays = self.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
+        return np.ascontiguousarray(rays.reshape(*u.shape, 2))
+
+    def undistort(self, pixels: Array) -> Array:
+        """The rays of `pixels` (n, 2), as (n, 2); each projects to its pixel again to 1e-8 px.
+
+        NaN for a pixel that no ray within `reach` projects to, or none that the iteration finds: past the angle at
+        which the lens model turns back, and at 90 degrees and beyond.
+        """
+        if len(pixels) == 0:
+            return np.zeros((0, 2))
+        pixels = np.asarray(pixels, float)
+        if self.model == "fisheye":
+            return self._undistort_fisheye(pixels)
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, _ROUNDS, 1e-12)
+        points = np.ascontiguousarray(pixels).reshape(-1, 1, 2)
+        rays = np.asarray(cv2.undistortPoints(points, self.matrix, self.coefficients, criteria=criteria), float)
+        rays = rays.reshape(-1, 2)
+        if len(self.distortion) == 0:
+            return rays
+        wrong = ~self._explains(rays, pixels)
+        if wrong.any():
+            rays[wrong] = self._newton(pixels[wrong])
+        return rays
+
+    def project(self, points: Array) -> Array:
+        """The pixels (n, 2) of `points` (n, 3), m, in the camera frame; they have to lie in front of it.
+
+        Points beyond `reach` get pixels as well, those of OpenCV's formula, which other rays have, too.
+        """
+        if len(points) == 0:
+            return np.zeros((0, 2))
+        points = np.ascontiguousarray(points, float).reshape(-1, 1, 3)
+        take = cv2.fisheye.projectPoints if self.model == "fisheye" else cv2.projectPoints
+        pixels, _ = take(points, np.zeros(3), np.zeros(3), self.matrix, self.coefficients)
+        return np.asarray(pixels, float).reshape(-1, 2)
+
+    @cached_property
+    def _radial(self) -> tuple[Polynomial, Polynomial, Polynomial]:
+        """The pinhole models' radial part, in the ray's length squared: the factor's top and bottom, and a slope.
+
+        The slope is that of the ray's length times the factor, by the length, times the bottom squared.
+        """
+        k1, k2, _, _, k3, k4, k5, k6 = np.pad(self.coefficients, (0, 14))[:8]
+        top, bottom, squared = Polynomial([1.0, k1, k2, k3]), Polynomial([1.0, k4, k5, k6]), Polynomial([0.0, 1.0])
+        slope = (top + 2 * squared * top.deriv()) * bottom - 2 * squared * top * bottom.deriv()
+        return top, bottom, slope
+
+    @cached_property
+    def _angular(self) -> tuple[Polynomial, Polynomial]:
+        """The fisheye model's factor of the angle from the axis, in that squared, and the slope of their product."""
+        return Polynomial([1.0, *self.coefficients]), Polynomial([1.0, *(self.coefficients * [3, 5, 7, 9])])
+
+    @cached_property
+    def _widest(self) -> float:
+        """rad, the angle from the axis from which on the fisheye model turns back: 90 degrees at most."""
+        return float(min(np.sqrt(_first_root(self._angular[1])), np.pi / 2))
+
+    def _undistort_fisheye(self, pixels: Array) -> Array:
+        """The angle from the axis by its distorted value, then the ray at that angle."""
+        flat = (pixels - self.centre) / self.focal
+        distorted = np.hypot(flat[:, 0], flat[:, 1])
+        factor, slope = (part.coef for part in self._angular)
+        angle = _invert(
+            lambda a: (a * polyval(a**2, factor), np.asarray(polyval(a**2, slope), float)), distorted, self._widest
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            stretch = np.where(distorted > 0, np.tan(angle) / distorted, 1.0)
+        return flat * stretch[:, None]
+
+    def _newton(self, pixels: Array) -> Array:
+        """The rays of pixels where the fixed-point iteration did not settle, as it may not in the image's corners.
+
+        Newton's method from the ray that the radial part alone has there, which is the nearer the more it is needed.
+        """
+        flat = (pixels - self.centre) / self.focal
+        distorted = np.hypot(flat[:, 0], flat[:, 1])
+        top, bottom, slope = self._radial
+        farthest = min(self.reach, _FAR)
+        curve = lambda r: (r * top(r**2) / bottom(r**2), slope(r**2) / bottom(r**2) ** 2)  # noqa: E731
+        length = _invert(curve, distorted, farthest)
+        rays = flat * (length / np.maximum(distorted, 1e-300))[:, None]
+        still = np.zeros(3)
+        with np.errstate(all="ignore"):
+            for _ in range(_ROUNDS):
+                points = np.column_stack((rays, np.ones(len(rays)))).reshape(-1, 1, 3)
+                seen, slopes = cv2.projectPoints(points, still, still, self.matrix, self.coefficients)
+                (a, b), (c, d) = np.moveaxis(slopes[:, 3:5].reshape(-1, 2, 2), 0, -1)  # by the shift: d pixel / d ray
+                du, dv = (np.asarray(seen).reshape(-1, 2) - pixels).T
+                step = np.stack((d * du - b * dv, a * dv - c * du), axis=-1) / (a * d - b * c)[:, None]
+                if not (np.abs(step) > _SETTLED).any():
+                    break
+                rays = rays - np.nan_to_num(step, nan=0.0, posinf=0.0, neginf=0.0)
+            rays[~self._explains(rays, pixels)] = np.nan
+        return rays
+
+    def _explains(self, rays: Array, pixels: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """(n,) which rays project to their pixels, on this side of the lens's turning back."""
+        points = np.column_stack((rays, np.ones(len(rays))))
+        misses = np.abs(self.project(points) - pixels).max(axis=1)
+        return (misses < _EXACT) & (np.hypot(rays[:, 0], rays[:, 1]) < self.reach)
+
+
+def _first_root(polynomial: Polynomial) -> float:
+    """The smallest positive real root; infinity where there is none."""
+    roots = polynomial.roots()
+    real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)]
+    return float(real.min(initial=np.inf))
+
+
+def _invert(curve: Callable[[Array], tuple[Array, Array]], values: Array, farthest: float) -> Array:
+    """Where a `curve` from the origin, which gives its values and slopes and rises up to `farthest`, has `values` (n,).
+
+    Newton's method, kept between bounds that close in; NaN for values that the curve does not reach.
+    """
+    hopeless = ~(values < curve(np.array([farthest]))[0])
+    values = np.where(hopeless, 0.0, values)
+    low, high = np.zeros_like(values), np.full_like(values, farthest)
+    place = np.minimum(values, farthest / 2)
+    for _ in range(_ROUNDS):
+        reached, slope = curve(place)
+        beyond = reached > values
+        low, high = np.where(beyond, low, place), np.where(beyond, place, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            target = place - (reached - values) / slope
+        target = np.where((target >= low) & (target <= high), target, (low + high) / 2)
+        if (np.abs(target - place) <= _SETTLED * target).all():
+            break
+        place = target
+    return np.where(hopeless, np.nan, place)

@@ -1,0 +1,101 @@
+"""The inner loop of `square_pose`: Levenberg-Marquardt over a square's pose, compiled."""
+
+import math
+
+import numpy as np
+
+from ..compiled import compiled
+from ..se2 import Array
+
+ROUNDS = 30
+"""Levenberg-Marquardt steps at most; a handful do unless the square is tiny."""
+
+
+@compiled
+def settle(
+    outline: Array, rays: Array, weight: Array, rotation: Array, shift: Array
+) -> tuple[Array, Array, Array, float]:
+    """Levenberg-Marquardt: the pose, its (6, 6) information in (turn, shift), and the weighted square sum."""
+    misses = np.zeros(8)
+    jacobian = np.zeros((8, 6))
+    trial_misses = np.zeros(8)
+    trial_jacobian = np.zeros((8, 6))
+    information = np.zeros((6, 6))
+    if not _misses(outline, rays, rotation, shift, misses, jacobian):
+        return rotation, shift, information, np.inf
+    chi2 = _dot(misses, weight @ misses)
+    damping = 1e-6
+    for _ in range(ROUNDS):
+        information = jacobian.T @ (weight @ jacobian)
+        gradient = jacobian.T @ (weight @ misses)
+        damped = information.copy()
+        for k in range(6):
+            damped[k, k] += damping * information[k, k] + 1e-12
+        step: Array = np.linalg.solve(damped, gradient).astype(np.float64)
+        trial_rotation = _rotation(step[:3]) @ rotation
+        trial_shift = shift + step[3:]
+        better = False
+        if _misses(outline, rays, trial_rotation, trial_shift, trial_misses, trial_jacobian):
+            trial = _dot(trial_misses, weight @ trial_misses)
+            if trial <= chi2:
+                better = True
+                done = chi2 - trial <= 1e-9 * chi2 + 1e-9
+                rotation, shift, chi2 = trial_rotation, trial_shift, trial
+                misses[:] = trial_misses
+                jacobian[:] = trial_jacobian
+                damping = max(damping * 0.1, 1e-12)
+                if done:
+                    break
+        if not better:
+            damping = max(damping * 10.0, 1e-6)
+            if damping > 1e8:
+                break
+    return rotation, shift, jacobian.T @ (weight @ jacobian), chi2
+
+
+@compiled
+def _misses(outline: Array, rays: Array, rotation: Array, shift: Array, misses: Array, jacobian: Array) -> bool:
+    """The corners' misses (8,), seen less expected, and d expected / d (turn, shift), (8, 6). False: behind the camera.
+
+    The turn is a small rotation about the camera's axes, after the rotation.
+    """
+    for k in range(4):
+        a = rotation[0, 0] * outline[k, 0] + rotation[0, 1] * outline[k, 1]
+        b = rotation[1, 0] * outline[k, 0] + rotation[1, 1] * outline[k, 1]
+        c = rotation[2, 0] * outline[k, 0] + rotation[2, 1] * outline[k, 1]
+        z = c + shift[2]
+        if not z > 1e-9:
+            return False
+        x = (a + shift[0]) / z
+        y = (b + shift[1]) / z
+        misses[2 * k] = rays[k, 0] - x
+        misses[2 * k + 1] = rays[k, 1] - y
+        # d (X, Y, Z) / d turn = -[a b c]x, and of x = X / Z: (dX - x dZ) / Z
+        jacobian[2 * k, 0] = -x * b / z
+        jacobian[2 * k, 1] = (c + x * a) / z
+        jacobian[2 * k, 2] = -b / z
+        jacobian[2 * k, 3] = 1 / z
+        jacobian[2 * k, 4] = 0.0
+        jacobian[2 * k, 5] = -x / z
+        jacobian[2 * k + 1, 0] = (-c - y * b) / z
+        jacobian[2 * k + 1, 1] = y * a / z
+        jacobian[2 * k + 1, 2] = a / z
+        jacobian[2 * k + 1, 3] = 0.0
+        jacobian[2 * k + 1, 4] = 1 / z
+        jacobian[2 * k + 1, 5] = -y / z
+    return True
+
+
+@compiled
+def _rotation(turn: Array) -> Array:
+    """Rodrigues' formula, (3, 3)."""
+    angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+    cross = np.array([[0.0, -turn[2], turn[1]], [turn[2], 0.0, -turn[0]], [-turn[1], turn[0], 0.0]])
+    if angle < 1e-12:
+        return np.eye(3) + cross
+    return np.eye(3) + math.sin(angle) / angle * cross + (1 - math.cos(angle)) / angle**2 * (cross @ cross)
+
+
+@compiled
+def _dot(a: Array, b: Array) -> float:
+    return (a * b).sum()

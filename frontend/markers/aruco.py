@@ -1,0 +1,208 @@
+"""A camera frame -> the ArUco markers in it, and where their centres are from the robot."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera.camera import Camera
+from ..errors import InputError
+from ..se2 import Array
+from . import template
+from .markers import Markers
+from .square_pose import SquarePose, square, square_poses
+
+Image = NDArray[np.uint8]
+
+Refinement = Literal["template", "none", "subpix", "contour", "apriltag"]
+
+OPENCV = {
+    "none": cv2.aruco.CORNER_REFINE_NONE,
+    "subpix": cv2.aruco.CORNER_REFINE_SUBPIX,
+    "contour": cv2.aruco.CORNER_REFINE_CONTOUR,
+    "apriltag": cv2.aruco.CORNER_REFINE_APRILTAG,
+}
+"""OpenCV's own refinements; what is not among them starts from none."""
+
+ROUGH_SD = 0.3
+"""px, of each corner along each axis, as OpenCV leaves it."""
+
+CELL = 8
+"""px of a module when a square is straightened to be read; OpenCV's 4 loses one in ten markers of 15 px."""
+
+
+FARTHEST, LARGEST_SHARE = 2.0, 0.04
+"""px, and share of a marker's size, that a refined corner may be from where it was found; most are within a pixel."""
+
+
+class Sighting(NamedTuple):
+    """A marker found in a frame."""
+
+    id: int
+    corners: Array  # (4, 2) px, clockwise from the marker's own top left one
+    corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
+    pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
+    centre: Array  # (3,) m, the marker's centre in the camera frame, over all poses that explain the corners
+    centre_cov: Array  # (3, 3) m^2
+    error: float  # px, RMS distance of the corners from where `pose` puts them
+    ambiguity: float  # likelihood of the other pose that explains a square over that of `pose`; 1: cannot be told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Detector:
+    """Finds the square markers of one dictionary."""
+
+    markers: Markers
+    camera: Camera
+    refinement: Refinement = "template"
+
+    @cached_property
+    def _opencv(self) -> cv2.aruco.ArucoDetector:
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.cornerRefinementMethod = OPENCV.get(self.refinement, cv2.aruco.CORNER_REFINE_NONE)
+        parameters.perspectiveRemovePixelPerCell = CELL
+        return cv2.aruco.ArucoDetector(self.markers.opencv, parameters)
+
+    @cached_property
+    def _patterns(self) -> dict[int, NDArray[np.bool_]]:
+        return {}
+
+    def _pattern(self, name: int) -> NDArray[np.bool_]:
+        """What marker `name` looks like."""
+        if name not in self._patterns:
+            dictionary = self.markers.opencv
+            modules = dictionary.markerSize + 2
+            drawn = np.asarray(dictionary.generateImageMarker(name, modules, borderBits=1))
+            self._patterns[name] = template.pattern(drawn[1:-1, 1:-1] > 0)
+        return self._patterns[name]
+
+    def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
+        """The markers of a grey or BGR `image`, in the order of their ids, and how many were turned down and why.
+
+        Of several with one id the largest in the image stays. InputError for an image that is not of the camera's size.
+        """
+        height, width = image.shape[:2]
+        if (width, height) != (self.camera.width, self.camera.height):
+            expected = f"{self.camera.width}x{self.camera.height}"
+            raise InputError(f"frame: found {width}x{height} pixels, expected the camera's {expected}")
+        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        found, ids, _ = self._opencv.detectMarkers(grey)
+        corners = np.asarray(found, float).reshape(-1, 4, 2)
+        names = np.asarray(ids, int).ravel() if len(found) else np.zeros(0, int)
+        rejected = Counter[str]()
+        sightings: list[Sighting] = []
+        for index in np.lexsort((-_area(corners), names)):
+            name = int(names[index])
+            refined = self._refine(grey, name, corners[index])
+            if refined is None:
+                rejected["the printed pattern is not there"] += 1
+                continue
+            sighting = self.locate(name, *refined)
+            if sighting is None:
+                rejected["no pose explains the corners"] += 1
+            elif sightings and sightings[-1].id == name:
+                rejected["same id twice in a frame"] += 1
+            else:
+                sightings.append(sighting)
+        alone = [one for one in sightings if not any(_within(one, other) for other in sightings)]
+        if len(alone) < len(sightings):
+            rejected["inside another marker"] += len(sightings) - len(alone)
+        return alone, rejected
+
+    def _refine(self, grey: Image, name: int, corners: Array) -> tuple[Array, Array] | None:
+        """The corners' rays (4, 2) and their covariance (8, 8); None where the marker is not in the frame after all."""
+        rays = self.camera.undistort(corners)
+        if not np.isfinite(rays).all():
+            return None
+        if self.refinement != "template":
+            return rays, self._cov_of_rays(rays, ROUGH_SD)
+        fit = template.fit(grey, self.camera.rays, self._pattern(name), rays, corners)
+        if fit is None:
+            return None
+        moved = self.camera.project(np.column_stack((fit.rays, np.ones(4)))) - corners
+        if not np.abs(moved).max() < FARTHEST + LARGEST_SHARE * np.ptp(corners, axis=0).max():
+            return None
+        # What the model leaves out is in the image; in the middle of it a pixel is one over the focal length.
+        return fit.rays, fit.cov + (template.MODEL_SD / self.camera.focal[0]) ** 2 * np.eye(8)
+
+    def _cov_of_rays(self, rays: Array, sd: float) -> Array:
+        """(8, 8) the covariance of the `rays` (4, 2) of corners that have `sd` px along both axes of the image."""
+        by_pixel = np.linalg.inv(_by_ray(self.camera, rays))
+        return sd**2 * by_pixel @ by_pixel.T
+
+    def locate(self, name: int, rays: Array, cov: Array) -> Sighting | None:
+        """The pose of the marker whose four corners have the `rays` (4, 2) with covariance (8, 8); None: there is none.
+
+        A small square has two poses that put its corners almost alike. `pose` is the likelier one; `centre` and its
+        covariance are those of both, each with its likelihood, so that they hold whichever it is.
+        """
+        poses = square_poses(rays, cov, self.markers.side_of(name))
+        if not poses:
+            return None
+        best = poses[0]
+        likelihood = np.exp([(best.chi2 - solution.chi2) / 2 for solution in poses])
+        centre, centre_cov = _mixture(poses, likelihood / likelihood.sum())
+        corners = self.camera.project(np.column_stack((rays, np.ones(4))))
+        by_ray = _by_ray(self.camera, rays)
+        outline = square(self.markers.side_of(name)) @ best.pose[:3, :3].T + best.pose[:3, 3]
+        misses = self.camera.project(outline) - corners
+        return Sighting(
+            id=name,
+            corners=corners,
+            corner_cov=by_ray @ cov @ by_ray.T,
+            pose=best.pose,
+            centre=centre,
+            centre_cov=centre_cov,
+            error=float(np.sqrt((misses**2).sum(axis=1).mean())),
+            ambiguity=float(likelihood[1]) if len(poses) > 1 else 0.0,
+        )
+
+
+def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:
+    """(k, 2) range (m) and bearing (rad) of the markers' centres in the robot's plane.
+
+    ArUco EKF SLAM: T_r_m = T_r_c T_c_m, range = |(x, y)|, bearing = atan2(y, x); `mounting` is T_robot_camera. The
+    Matlab report's eq. (3-8), positive to the right, is minus this bearing for a camera that looks ahead.
+    """
+    centres = np.array([mounting[:2, :3] @ sighting.centre + mounting[:2, 3] for sighting in sightings]).reshape(-1, 2)
+    x, y = centres[:, 0], centres[:, 1]
+    return np.stack((np.hypot(x, y), np.arctan2(y, x)), axis=-1)
+
+
+def _mixture(poses: Sequence[SquarePose], weights: Array) -> tuple[Array, Array]:
+    """The mean (3,) and the covariance (3, 3) of the centre, which is that of pose k with probability weights[k]."""
+    centres = np.array([solution.pose[:3, 3] for solution in poses])
+    mean = weights @ centres
+    apart = centres - mean
+    covs = np.array([solution.centre_cov for solution in poses])
+    return mean, np.einsum("k,kij->ij", weights, covs + apart[:, :, None] * apart[:, None, :])
+
+
+def _by_ray(camera: Camera, rays: Array) -> Array:
+    """(8, 8) d pixels / d rays, of the four `rays` (4, 2)."""
+    step = 1e-5
+    sides = np.concatenate([rays + step * np.array(way) for way in ((1, 0), (-1, 0), (0, 1), (0, -1))])
+    pixels = camera.project(np.column_stack((sides, np.ones(16)))).reshape(4, 4, 2)
+    by_x, by_y = (pixels[0] - pixels[1]) / (2 * step), (pixels[2] - pixels[3]) / (2 * step)
+    blocks = np.zeros((8, 8))
+    for k in range(4):
+        blocks[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.stack((by_x[k], by_y[k]), axis=-1)
+    return blocks
+
+
+def _within(one: Sighting, other: Sighting) -> bool:
+    """Whether `one` lies in the larger `other`, where nothing but the other's own pattern is printed."""
+    if one is other or _area(one.corners[None])[0] > _area(other.corners[None])[0]:
+        return False
+    return cv2.pointPolygonTest(other.corners.astype(np.float32), one.corners.mean(axis=0), False) > 0
+
+
+def _area(corners: Array) -> Array:
+    """(n,) px^2, of the quadrilaterals (n, 4, 2)."""
+    across, along = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+    return np.abs(across[:, 0] * along[:, 1] - across[:, 1] * along[:, 0]) / 2

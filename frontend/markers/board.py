@@ -1,0 +1,123 @@
+"""A ChArUco board, a chessboard with markers in its white squares, and its corners in an image."""
+
+import re
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+
+from ..errors import InputError
+from ..options import option
+from ..se2 import Array, Ints
+from .aruco import Image
+from .markers import find
+
+FEWEST_CORNERS = 8
+"""of an image that is used; they must not be on one line."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A printed ChArUco board: `charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250]`."""
+
+    columns: int = option(5, "squares across", minimum=2)
+    rows: int = option(7, "squares down", minimum=2)
+    square: float = option(0.04, "side of a square, m", minimum=1e-6)
+    marker: float = option(0.02, "side of a marker, m", minimum=1e-6)
+    dictionary: str = option("6X6_250", "the markers' dictionary")
+    legacy: bool = option(False, "printed with OpenCV before 4.6: a marker, not a black square, in the first corner")
+
+    @cached_property
+    def opencv(self) -> cv2.aruco.CharucoBoard:
+        """OpenCV's; InputError for measures that no board has."""
+        if not 0 < self.marker < self.square < np.inf:
+            raise InputError(
+                f"board: found markers of {self.marker:g} m in squares of {self.square:g} m, expected them smaller"
+            )
+        words = find(self.dictionary)
+        needed, there = self.columns * self.rows // 2, len(words.bytesList)
+        if self.columns < 2 or self.rows < 2 or needed > there:
+            raise InputError(
+                f"board: found {self.columns} x {self.rows} squares, expected at least 2 x 2 and at most as many as "
+                f"the {there} markers of {self.dictionary} fill"
+            )
+        board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square, self.marker, words)
+        board.setLegacyPattern(self.legacy)
+        return board
+
+
+class View(NamedTuple):
+    """An image and the board's corners in it."""
+
+    name: str
+    ids: Ints  # (n,) of the corners
+    corners: Array  # (n, 2) px
+    points: Array  # (n, 3) m, on the board
+
+
+def read_board(text: str) -> Board:
+    """The board that `text`, such as charuco[columns=5,rows=7], tells of; InputError for what cannot be one."""
+    form = re.fullmatch(r"\s*charuco\s*(?:\[(.*)\])?\s*", text)
+    if form is None:
+        raise InputError(f"--board: found {text!r}, expected charuco[columns=5,rows=7,square=0.04,marker=0.02,...]")
+    pairs = re.split(r",(?![^\[]*\])", form[1]) if form[1] else []  # a dictionary may have brackets of its own
+    given: dict[str, str] = {}
+    for pair in pairs:
+        name, equals, value = (part.strip() for part in pair.partition("="))
+        if not equals or name not in _READERS:
+            raise InputError(f"--board: found {pair.strip()!r}, expected one of {', '.join(_READERS)}, as name=value")
+        given[name] = value
+    values = {}
+    for name, value in given.items():
+        read, expected = _READERS[name]
+        try:
+            values[name] = read(value)
+        except (KeyError, ValueError):
+            raise InputError(f"--board: {name}: found {value!r}, expected {expected}") from None
+    board = Board(**values)
+    try:
+        _ = board.opencv
+    except InputError as error:
+        raise InputError(f"--board: {error}") from None
+    return board
+
+
+_TRUTH = {"true": True, "false": False}
+_READERS = {
+    "columns": (int, "a whole number"),
+    "rows": (int, "a whole number"),
+    "square": (float, "a length in m"),
+    "marker": (float, "a length in m"),
+    "dictionary": (str, "a name"),
+    "legacy": (lambda text: _TRUTH[text.lower()], "true or false"),
+}
+
+
+def find_corners(board: Board, name: str, image: Image) -> View | str:
+    """The board's corners in a grey or BGR `image`, or in a few words why it is of no use."""
+    corners, ids, markers = _detect(board, image)
+    found = len(ids)
+    if found == 0 and markers:
+        other = replace(board, legacy=not board.legacy)
+        if len(_detect(other, image)[1]):
+            return f"only fits a board with legacy={str(other.legacy).lower()}"
+        return f"{markers} of the dictionary's markers but no corner between them"
+    if found == 0:
+        return f"no marker of {board.dictionary}"
+    order = np.argsort(ids)
+    numbers = ids[order]
+    points = np.asarray(board.opencv.getChessboardCorners(), float)[numbers]
+    if found < FEWEST_CORNERS:
+        return f"{found} corners, fewer than {FEWEST_CORNERS}"
+    if np.linalg.matrix_rank(points[:, :2] - points[0, :2]) < 2:
+        return "all corners on one line"
+    return View(name, numbers, corners[order], points)
+
+
+def _detect(board: Board, image: Image) -> tuple[Array, Ints, int]:
+    """Corners (n, 2), px, their ids (n,), and how many markers were found; OpenCV has None for nothing."""
+    parts: tuple[Any, ...] = cv2.aruco.CharucoDetector(board.opencv).detectBoard(image)
+    corners, ids, markers = (np.zeros(0) if part is None else np.asarray(part) for part in (*parts[:2], parts[3]))
+    return corners.reshape(-1, 2).astype(float), ids.ravel().astype(np.int64), markers.size

@@ -1,0 +1,174 @@
+"""Which dictionary would read the squares in some frames: every one known is tried, mirrored and as a negative too.
+
+A detector decides on the dictionary first. Here each square outline is sampled once for every number of bits, and only
+a clean sample counts: a border of one colour, and hardly a cell that is half black and half white. A marker read with
+another number of bits than its own, and clutter, hardly ever pass; how often they would by chance is worked out.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from functools import cache
+from itertools import product
+from math import factorial
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..se2 import Array
+from .aruco import Image
+from .markers import find
+
+FAMILIES = {
+    "4X4_1000": ("4X4_50", "4X4_100", "4X4_250"),
+    "5X5_1000": ("5X5_50", "5X5_100", "5X5_250"),
+    "6X6_1000": ("6X6_50", "6X6_100", "6X6_250"),
+    "7X7_1000": ("7X7_50", "7X7_100", "7X7_250"),
+    "ARUCO_ORIGINAL": (),
+    "ARUCO_MIP_36H12": (),
+    "APRILTAG_16H5": (),
+    "APRILTAG_25H9": (),
+    "APRILTAG_36H11": (),
+    "APRILTAG_36H10": (),
+}
+"""Dictionaries none of which holds another, and the smaller ones that each begins with."""
+
+CLEAN = 0.9
+"""The share of a sample's cells whose points agree, all but one."""
+
+BY_CHANCE = 0.004
+"""Readings that chance explains as often as this are not believed."""
+
+READ = 0.5
+"""The least share of the clean squares with its number of bits that a dictionary reads which is believed."""
+
+_POINTS = (0.3, 0.5, 0.7)
+"""Where a cell is sampled, across and down."""
+
+RIM = 0.4
+"""Cells outside the black border at which the rim has to be white."""
+
+LEAST_CONTRAST = 8.0
+"""Grey levels; OpenCV wants 7 between a square and its surroundings."""
+
+
+class Reading(NamedTuple):
+    """What one dictionary makes of the frames."""
+
+    dictionary: str  # the smallest with all `ids`
+    mirrored: bool  # as if seen in a mirror
+    inverted: bool  # white for black
+    ids: list[int]  # that were read, each once
+    frames: int  # that hold one of them
+    sightings: int
+
+
+class Decoded(NamedTuple):
+    """What the frames hold."""
+
+    readings: list[Reading]  # that chance does not explain; the one with the most sightings first
+    framed: int  # frames with a black square that looks like a marker
+
+
+def decode(images: Sequence[Image], own: str, words: cv2.aruco.Dictionary) -> Decoded:
+    """The markers in `images` by every dictionary known, and by `words`, the one that is called `own`."""
+    tables = {name: _table(name) for name in FAMILIES}
+    if own not in {name for family, smaller in FAMILIES.items() for name in (family, *smaller)}:
+        tables[own] = _words(words)
+    sizes = sorted({size for size, _ in tables.values()})
+    found: dict[tuple[str, bool, bool], list[tuple[int, int]]] = defaultdict(list)  # frame, id
+    crowds: dict[tuple[int, bool], list[int]] = defaultdict(list)  # size, negative or not -> squares in each frame
+    framed = 0
+    finder = cv2.aruco.ArucoDetector(words)
+    for frame, image in enumerate(images):
+        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8) if image.ndim == 3 else image
+        for inverted in (False, True):
+            patterns = list(_patterns(255 - grey if inverted else grey, finder, sizes))
+            framed += bool(patterns) and not inverted
+            for size, there in Counter(len(bits) for bits in patterns).items():
+                crowds[size, inverted].append(there)
+            for bits, (name, (size, table)), mirrored in product(patterns, tables.items(), (False, True)):
+                index = _look_up(table, bits, mirrored) if size == len(bits) else None
+                if index is not None:
+                    found[name, mirrored, inverted].append((frame, index))
+    readings: list[Reading] = []
+    for (name, mirrored, inverted), pairs in found.items():
+        size, table = tables[name]
+        ids = sorted({index for _, index in pairs})
+        smallest, count = _smallest(name, len(table), ids)
+        if _believed(len(ids), len(pairs), crowds[size, inverted], 4 * count / 2 ** (size * size)):
+            frames = len({frame for frame, _ in pairs})
+            readings.append(Reading(smallest, mirrored, inverted, ids, frames, len(pairs)))
+    return Decoded(sorted(readings, key=lambda reading: -reading.sightings), framed)
+
+
+def _believed(ids: int, sightings: int, crowd: Sequence[int], rate: float) -> bool:
+    """Whether chance does not explain what a dictionary reads in `crowd` squares a frame, each by chance at `rate`.
+
+    The same square in several frames is one piece of evidence, so only distinct ids count: that there are as many is
+    about as likely as Poisson's law has it.
+    """
+    chance = (max(crowd) * min(1.0, rate)) ** ids / factorial(ids)
+    return chance < (BY_CHANCE if sightings > 1 else BY_CHANCE**2) and sightings >= READ * sum(crowd)
+
+
+@cache
+def _table(name: str) -> tuple[int, dict[bytes, int]]:
+    return _words(find(name))
+
+
+def _words(dictionary: cv2.aruco.Dictionary) -> tuple[int, dict[bytes, int]]:
+    """The bits along a side, and each marker's bits -> its id."""
+    size, count = dictionary.markerSize, len(dictionary.bytesList)
+    turned = np.asarray(dictionary.bytesList).reshape(count, -1)[:, : -(-size * size // 8)]  # as it is; not its turns
+    table: dict[bytes, int] = {}
+    for index, packed in enumerate(turned):
+        bits = np.unpackbits(packed)
+        whole = size * size // 8 * 8
+        tail = bits[whole:][-(size * size - whole) :] if whole < size * size else bits[:0]
+        table.setdefault(np.concatenate((bits[:whole], tail)).astype(bool).tobytes(), index)
+    return size, table
+
+
+def _look_up(table: dict[bytes, int], bits: NDArray[np.bool_], mirrored: bool) -> int | None:
+    seen = bits[:, ::-1] if mirrored else bits
+    return next((table[key] for turns in range(4) if (key := np.rot90(seen, turns).tobytes()) in table), None)
+
+
+def _smallest(name: str, count: int, ids: Sequence[int]) -> tuple[str, int]:
+    """The smallest dictionary of a family that has all of `ids`, and how many markers it has."""
+    sizes = [(small, int(small.rpartition("_")[2])) for small in FAMILIES.get(name, ())]
+    return next(((small, size) for small, size in sizes if max(ids) < size), (name, count))
+
+
+def _patterns(grey: Image, finder: cv2.aruco.ArucoDetector, sizes: Sequence[int]) -> Iterator[NDArray[np.bool_]]:
+    """The bits (n, n) of every black square in `grey` that is clean for one of the `sizes` n, whoever can read them."""
+    decoded, _, others = finder.detectMarkers(grey)
+    for quad in np.array([*decoded, *others], float).reshape(-1, 4, 2):
+        for size in sizes:
+            bits = _sample(grey, quad, size)
+            if bits is not None:
+                yield bits
+
+
+def _sample(grey: Image, quad: Array, size: int) -> NDArray[np.bool_] | None:
+    """(size, size) the bits in a square outline (4, 2) px, if border, white rim and all cells are clean."""
+    cells, points = size + 2, len(_POINTS)
+    at = np.concatenate(([-RIM], (np.arange(cells)[:, None] + _POINTS).ravel(), [cells + RIM]))
+    x, y = np.meshgrid(at, at)
+    corners = np.array([[0, 0], [cells, 0], [cells, cells], [0, cells]], np.float32)
+    to_image = cv2.getPerspectiveTransform(corners, np.asarray(quad, np.float32))
+    u, v, w = to_image @ np.stack((x.ravel(), y.ravel(), np.ones(x.size)))
+    column, row = ((c / w).reshape(x.shape).astype(np.float32) for c in (u, v))
+    seen = np.asarray(cv2.remap(grey, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), float)
+    low, high = np.percentile(seen, (5, 95))
+    bright = seen > (low + high) / 2
+    rim = np.concatenate((bright[0], bright[-1], bright[:, 0], bright[:, -1]))
+    white = bright[1:-1, 1:-1].reshape(cells, points, cells, points).sum(axis=(1, 3))
+    clean = ((white <= 1) | (white >= points**2 - 1)).mean()
+    bits = white > points**2 / 2
+    inside = bits[1:-1, 1:-1]
+    if high - low < LEAST_CONTRAST or clean < CLEAN or rim.mean() < CLEAN or bits.sum() > inside.sum():
+        return None
+    return inside if 0.1 < inside.mean() < 0.9 else None

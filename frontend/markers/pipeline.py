@@ -1,0 +1,121 @@
+"""A recording, camera frames and encoder readings, -> the log every backend is given."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..check import check
+from ..errors import InputError
+from ..factors import Log, Prior, RangeBearing, RelativePoses, Step
+from ..se2 import Array
+from ..wheels.motion import Motion
+from .aruco import Detector, Image, Sighting
+from .noise import Noise
+
+
+class Frame(NamedTuple):
+    """One image, and when it was taken."""
+
+    t: float  # s, the middle of the exposure, by the clock of the motion's readings
+    image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: it could not be decoded
+
+
+class Seen(NamedTuple):
+    """What the front end made of one frame."""
+
+    frame: Frame
+    sightings: list[Sighting]  # all that were found, those too far away as well
+    z: Array  # (k, 2) their ranges (m) and bearings (rad)
+    cov: Array  # (k, 2, 2)
+    kept: NDArray[np.bool_]  # (k,) near enough to be in the log
+    rejected: Counter[str]  # why others were turned down
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What a robot recorded, and what has to be known of it to read it.
+
+    `frames` is gone through once, in order, and may be lazy: no more than one image need be in memory.
+    """
+
+    name: str
+    frames: Iterable[Frame]
+    motion: Motion
+    detector: Detector
+    noise: Noise
+    prior: Prior
+    max_range: float = 3.0  # m; ArUco EKF SLAM drops what is farther
+    notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+def build_log(recording: Recording, observe: Callable[[Seen], None] | None = None) -> Log:
+    """The recording as a log with a step a frame; what was left out is counted in `notes["counts"]`.
+
+    Frames outside the time of the motion's readings and frames that could not be decoded are left out. `observe` is
+    called with what was found in each of the others. InputError for frames or readings out of order, where no frame is
+    left, and for numbers that no log may have.
+    """
+    recording.motion.check()
+    first, last = recording.motion.t[[0, -1]]
+    counts = Counter[str]()
+    steps: list[Step] = []
+    latest = -np.inf
+    for number, frame in enumerate(recording.frames):
+        if not frame.t > latest:
+            raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s")
+        latest = frame.t
+        counts["frames"] += 1
+        if not first <= frame.t <= last:
+            counts["frames without encoder readings"] += 1
+            continue
+        if frame.image is None:
+            counts["frames that could not be decoded"] += 1
+            continue
+        odometry = recording.motion.odometry(steps[-1].t, frame.t) if steps else None
+        seen = see(recording, frame)
+        counts.update(seen.rejected)
+        counts[f"sightings beyond {recording.max_range:g} m"] += int((~seen.kept).sum())
+        counts["sightings"] += int(seen.kept.sum())
+        if observe is not None:
+            observe(seen)
+        ids = np.array([sighting.id for sighting in seen.sightings], np.int64)
+        near = RangeBearing(ids[seen.kept], seen.z[seen.kept], seen.cov[seen.kept])
+        steps.append(Step(frame.t, odometry, near, _NO_LOOPS))
+    if not steps:
+        raise InputError(f"{recording.name}: found no frame within the time of the encoder's readings, expected one")
+    notes = {**_settings(recording), "counts": dict(counts)}
+    log = Log.from_steps(recording.name, recording.prior, steps, notes)
+    check(log, recording.name)
+    return log
+
+
+def see(recording: Recording, frame: Frame) -> Seen:
+    """The markers in one frame, which has an image."""
+    assert frame.image is not None
+    found, rejected = recording.detector.detect(frame.image)
+    z, cov = recording.noise.measure(found, recording.detector.camera.mounting)
+    return Seen(frame, found, z, cov, z[:, 0] <= recording.max_range, rejected)
+
+
+def _settings(recording: Recording) -> dict[str, Any]:
+    camera, markers = recording.detector.camera, recording.detector.markers
+    sizes = {"sides": {str(name): side for name, side in markers.sides.items()}} if markers.sides else {}
+    return {
+        **recording.notes,
+        **recording.motion.settings,
+        "noise": recording.noise.settings,
+        "camera": {**asdict(camera), "mounting": camera.mounting.tolist()},
+        "markers": {
+            "dictionary": markers.dictionary,
+            "side": markers.side,
+            **sizes,
+            "max_range": recording.max_range,
+        },
+    }
+
+
+_NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))

@@ -1,0 +1,61 @@
+"""The pose of a square from its four corners and their covariance."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ..se2 import Array
+from ._square_pose import settle
+
+SAME = 1e-3
+"""Two rotations that differ by less in every element are one."""
+
+
+class SquarePose(NamedTuple):
+    """One of the poses that explain a square's corners."""
+
+    pose: Array  # (4, 4) T_camera_square
+    centre_cov: Array  # (3, 3) m^2, of the centre in the camera frame
+    chi2: float  # of the corners' misses, weighed with their covariance; 2 degrees of freedom
+
+
+def square(side: float) -> Array:
+    """(4, 3) the corners of a marker in its own frame, in the order they are detected and IPPE wants them."""
+    return side / 2 * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
+
+
+def square_poses(rays: Array, cov: Array, side: float) -> list[SquarePose]:
+    """The poses in front of the camera and facing it that explain the corners, the likeliest first; there may be none.
+
+    `rays` (4, 2) are the corners on the plane z = 1 of the camera frame and `cov` (8, 8) their covariance. A small
+    square has two poses that put its corners almost alike, mirrored about the line of sight: IPPE (Collins and Bartoli
+    2014) names both, and each is then moved to where the weighted misses are smallest.
+    """
+    outline = square(side)
+    _, turns, shifts, _ = cv2.solvePnPGeneric(outline, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    try:
+        weight = np.asarray(np.linalg.inv(cov), np.float64)
+    except np.linalg.LinAlgError:
+        return []
+    found: list[SquarePose] = []
+    for turn, shift in zip(turns, shifts, strict=True):
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], float)
+        start = np.ravel(shift).astype(float)
+        if not (np.isfinite(rotation).all() and np.isfinite(start).all()):
+            continue
+        rotation, centre, information, chi2 = settle(outline, rays, weight, rotation, start)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, centre
+        depths = outline @ rotation[2] + centre[2]
+        if not (np.isfinite(pose).all() and (depths > 0).all() and rotation[:, 2] @ centre < 0):
+            continue
+        try:
+            spread = np.linalg.inv(information)[3:, 3:]
+        except np.linalg.LinAlgError:
+            continue
+        # A square seen large has one best pose, and both starts lead there.
+        if any(np.abs(other.pose[:3, :3] - rotation).max() < SAME for other in found):
+            continue
+        found.append(SquarePose(pose, (spread + spread.T) / 2, float(chi2)))
+    return sorted(found, key=lambda solution: solution.chi2)

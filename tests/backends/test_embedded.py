@@ -1,0 +1,69 @@
+"""The two datasets that come along: what is promised of them, and evo's word on the figures."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evo_cli import evo
+from room_drives import room_drive
+from slamduel.backends.registry import find
+from slamduel.bench.cli import main
+from slamduel.bench.measure.metrics import align, aligned, ate
+from slamduel.bench.record.schema import label
+from slamduel.frontend.factors import Log, Truth
+
+LOGS = 5
+
+
+@pytest.mark.usefixtures("no_report")
+@pytest.mark.parametrize(
+    ("dataset", "backends", "kind"),
+    [
+        ("aruco-room[seconds=10,frame_rate=2]", ["dead-reckoning", "ekf"], "truth"),
+        ("victoria-park", ["dead-reckoning"], "reference"),
+    ],
+)
+def test_evo_prints_the_figures_of_the_table(tmp_path: Path, dataset: str, backends: list[str], kind: str) -> None:
+    words = ["--backend", ",".join(backends), "--dataset", dataset, "--seeds", "1"]
+    assert main(["run", *words, "--jobs", "2", "--quiet", "--out", str(tmp_path)]) == 0
+    folders = json.loads((tmp_path / "run.json").read_text())["folders"]
+    with (tmp_path / "cells.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["status"] for row in rows] == ["done"] * len(backends)
+    commands: list[tuple[str, ...]] = []
+    for row in rows:
+        place = f"{folders[label(row['dataset'], row['dataset_options'])]}/{row['seed']}"
+        files = (f"{place}/truth.tum", f"{place}/{folders[row['backend']]}/online.tum", "--project_to_plane", "xy")
+        commands += [("ape", *files, "-a"), ("ape", *files)]
+    table = [float(row[name]) for row in rows for name in ("ate_m", "ate_origin_m")]
+    assert evo(tmp_path, *commands) == pytest.approx(table, abs=1e-6)
+    assert {row["truth_kind"] for row in rows} == {kind}
+    assert all((row["nees"] == "") == (kind == "reference") for row in rows)
+
+
+def test_fastslam_keeps_up_with_the_ekf_in_the_room() -> None:
+    """1,000 particles, the median over 5 logs of the ratio of the aligned online errors; and both beat odometry.
+
+    This is FastSLAM 2.0: 1.0 draws its particles without a look at the sightings, and the finer these are the more it
+    falls behind.
+    """
+    errors = {name: np.zeros(LOGS) for name in ("dead-reckoning", "ekf", "fastslam")}
+    for seed in range(LOGS):
+        made, truth = room_drive(seed)
+        for name, found in errors.items():
+            options = {"particles": 1000, "version": 2} if name == "fastslam" else {}
+            found[seed] = error(name, made.log, truth, seed, **options)
+    assert np.median(errors["fastslam"] / errors["ekf"]) <= 1.3
+    assert np.median(errors["ekf"] / errors["dead-reckoning"]) < 0.25
+
+
+def error(name: str, log: Log, truth: Truth, seed: int, **options: Any) -> float:
+    """ATE, m, of the online path."""
+    builder = find(name)
+    backend = builder.make(log.prior, builder.options(**options), np.random.default_rng(seed))
+    path = np.array([backend.step(step) for step in log])
+    return ate(aligned(align(path, truth.poses), path), truth.poses)

@@ -1,0 +1,187 @@
+"""The yardstick is itself measured: against differences, against batch least squares, against the linear filter."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from random_logs import TextbookKalman, moved, random_log
+from slamduel.bench.speed.textbook_ekf import TextbookEkf, wrapped
+from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from slamduel.frontend.se2 import Array, between
+
+
+def differences(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:
+    """Central differences, (m, n): error about step^2 times the third derivative plus 1e-16 / step."""
+    columns = [(function(at + e) - function(at - e)) / (2 * step) for e in step * np.eye(len(at))]
+    return np.array(columns).T
+
+
+def batch_covariance(log: Log, path: Array, ids: list[int], xy: Array) -> Array:
+    """The covariance of (last pose, landmarks in the order of ids) by inverting the whole log's information matrix.
+
+    Linearised at `path` and `xy`, with difference Jacobians of the residuals: no line is shared with a filter's.
+    """
+    n = len(path)
+    place = {landmark: 3 * n + 2 * i for i, landmark in enumerate(ids)}
+    at = np.concatenate((path.ravel(), xy.ravel()))
+    information = np.zeros((len(at), len(at)))
+    information[:3, :3] = np.linalg.inv(log.prior.cov)
+
+    def add(residual: Callable[[Array], Array], variables: list[int], cov: Array) -> None:
+        J = np.zeros((len(cov), len(at)))
+        J[:, variables] = differences(residual, at[variables])
+        nonlocal information
+        information = information + J.T @ np.linalg.inv(cov) @ J
+
+    for k, step in enumerate(log):
+        pose = list(range(3 * k, 3 * k + 3))
+        if step.odometry is not None:
+            before = list(range(3 * k - 3, 3 * k))
+            add(lambda v: between(v[:3], v[3:]), before + pose, step.odometry.cov)
+        for landmark, cov in zip(step.sightings.ids.tolist(), step.sightings.cov, strict=True):
+            j = place[landmark]
+            # near the cut the bearing itself would jump, so the residual is taken from where it is
+            middle = np.arctan2(at[j + 1] - path[k, 1], at[j] - path[k, 0])
+            add(lambda v, m=middle: sighting(v, m), [*pose, j, j + 1], cov)
+    covariance = np.asarray(np.linalg.inv(information), np.float64)
+    wanted = [*range(3 * n - 3, 3 * n), *range(3 * n, len(at))]
+    return covariance[np.ix_(wanted, wanted)]
+
+
+def sighting(v: Array, middle: float) -> Array:
+    x, y, theta, m_x, m_y = v
+    bearing = middle + wrapped(np.arctan2(m_y - y, m_x - x) - middle) - theta
+    return np.array([np.hypot(m_x - x, m_y - y), bearing], np.float64)
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_on_an_exact_log_the_filter_is_batch_least_squares(together: bool) -> None:
+    log, truth = random_log(np.random.default_rng(1), 40, 8, errors=0.0)
+    assert truth is not None
+    assert truth.map is not None
+    ekf = TextbookEkf(log.prior, together=together)
+    path = np.array([ekf.step(step) for step in log])
+    np.testing.assert_allclose(between(path, truth.poses), 0, atol=1e-11)
+    xy = dict(zip(truth.map.ids.tolist(), truth.map.xy, strict=True))
+    assert sorted(xy) == sorted(ekf.ids)
+    assert np.diff(log.sighting_first).min() == 0
+    true_xy = np.array([xy[i] for i in ekf.ids])
+    np.testing.assert_allclose(ekf.mean[3:].reshape(-1, 2), true_xy, atol=1e-11)
+    expected = batch_covariance(log, truth.poses, ekf.ids, true_xy)
+    np.testing.assert_allclose(ekf.cov, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_both_orders_of_update_agree_as_the_noise_goes_to_zero() -> None:
+    gaps = []
+    for noise in (1e-2, 1e-3):
+        log, _ = random_log(np.random.default_rng(2), 60, 10, noise=noise)
+        one, all_ = TextbookEkf(log.prior), TextbookEkf(log.prior, together=True)
+        paths = [np.array([ekf.step(step) for step in log]) for ekf in (one, all_)]
+        gaps.append(np.abs(between(*paths)).max())
+        assert gaps[-1] > 0
+    assert gaps[1] < gaps[0] / 50  # the difference is of second order: a hundredth, with room for the constants
+
+
+def test_jacobians_are_the_differences() -> None:
+    log, _ = random_log(np.random.default_rng(3), 30, 6)
+    ekf = TextbookEkf(log.prior)
+    for step in log:
+        ekf.step(step)
+    mean = ekf.mean.copy()
+    for landmark in ekf.ids:
+        _, H = ekf.expected(landmark)
+
+        def at(state: Array, landmark: int = landmark) -> Array:
+            ekf.mean = state
+            return ekf.expected(landmark)[0]
+
+        np.testing.assert_allclose(H, differences(at, mean), atol=1e-8)
+        ekf.mean = mean
+    odometry = Odometry(np.array([0.3, 0.1, 0.2]), np.diag([1e-4, 2e-4, 3e-4]))
+    before = ekf.cov
+    ekf.predict(odometry)
+    G = np.eye(len(mean))
+    G[:3, :3] = differences(lambda pose: moved(pose, odometry.delta), mean[:3])
+    V = differences(lambda delta: moved(mean[:3], delta), odometry.delta)
+    expected = G @ before @ G.T
+    expected[:3, :3] += V @ odometry.cov @ V.T
+    np.testing.assert_allclose(ekf.cov, expected, atol=1e-9)
+
+
+def test_the_kalman_filter_is_regression() -> None:
+    """A constant seen n times through rows of H: the filter must give the least squares answer."""
+    rng = np.random.default_rng(4)
+    H, R, cov = rng.standard_normal((20, 3)), rng.uniform(0.5, 2, 20), np.diag([4.0, 5.0, 6.0])
+    z = H @ np.array([1.0, -2.0, 3.0]) + np.sqrt(R) * rng.standard_normal(20)
+    kalman = TextbookKalman(np.zeros(3), cov)
+    for row, value, variance in zip(H, z, R, strict=True):
+        kalman.predict(np.eye(3), np.zeros((3, 3)))
+        kalman.update(np.array([value]), row[None], np.array([[variance]]))
+    information = np.linalg.inv(cov) + H.T @ np.diag(1 / R) @ H
+    np.testing.assert_allclose(kalman.cov, np.linalg.inv(information), rtol=1e-10, atol=1e-14)
+    np.testing.assert_allclose(kalman.mean, np.linalg.solve(information, H.T @ (z / R)), rtol=1e-10)
+
+
+def test_with_one_landmark_dead_ahead_it_is_the_kalman_filter_of_the_line() -> None:
+    """Straight towards a landmark, with exact bearings, the range is linear in (x, m_x) and the rest does not move."""
+    rng = np.random.default_rng(5)
+    noise, q, r = 1e-4, 1e-3, 2e-3
+    prior = Prior(np.zeros(3), np.diag([1e-2, noise, noise]))
+    ekf = TextbookEkf(prior)
+    none = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    z = [10 - 0.2 * k + np.sqrt(r) * rng.standard_normal() for k in range(30)]
+    kalman = TextbookKalman(np.array([0.0, z[0]]), 1e-2 * np.ones((2, 2)) + np.diag([0, r]))
+    for k in range(30):
+        odometry = None if k == 0 else Odometry(np.array([0.2, 0, 0]), np.diag([q, noise, noise]))
+        seen = RangeBearing(np.array([3]), np.array([[z[k], 0.0]]), np.diag([r, noise])[None])
+        ekf.step(Step(float(k), odometry, seen, none))
+        if k > 0:
+            kalman.predict(np.eye(2), np.diag([q, 0]), np.array([0.2, 0]))
+            kalman.update(np.array([z[k]]), np.array([[-1.0, 1.0]]), np.array([[r]]))
+    np.testing.assert_allclose(ekf.mean[[0, 3]], kalman.mean, atol=1e-12)
+    np.testing.assert_allclose(ekf.mean[[1, 2, 4]], 0, atol=1e-12)
+    np.testing.assert_allclose(ekf.cov[np.ix_([0, 3], [0, 3])], kalman.cov, atol=1e-12)
+
+
+def test_a_map_without_covariance_stays_and_one_with_it_moves() -> None:
+    log, truth = random_log(np.random.default_rng(6), 60, 8)
+    assert truth is not None
+    assert truth.map is not None
+    ids, xy, _ = truth.map
+    fixed = TextbookEkf(log.prior._replace(map=Map(ids, xy, None)))
+    loose = TextbookEkf(log.prior._replace(map=Map(ids, xy, 1e-2 * np.eye(2 * len(ids)))))
+    for step in log:
+        fixed.step(step)
+        loose.step(step)
+    np.testing.assert_array_equal(fixed.mean[3:], xy.ravel())
+    assert not fixed.cov[3:].any()
+    assert np.abs(loose.mean[3:] - xy.ravel()).min() > 0
+    assert (np.diag(loose.cov)[3:] < 1e-2).all()
+    # knowing the map can only help, up to the two being linearised at slightly different places
+    assert np.linalg.eigvalsh(loose.cov - fixed.cov).min() > -1e-2 * np.linalg.eigvalsh(fixed.cov[:3, :3]).min()
+
+
+def test_random_logs_are_honest_and_odd_enough() -> None:
+    log, truth = random_log(np.random.default_rng(7), 400, 30)
+    assert truth is not None
+    assert truth.map is not None
+    counts = np.diff(log.sighting_first)
+    assert counts.min() == 0
+    assert counts.max() >= 3
+    assert (np.diff(truth.map.ids) < 0).any()
+    assert np.linalg.eigvalsh(log.delta_cov[1:]).min() > 0
+    assert np.linalg.eigvalsh(log.z_cov).min() > 0
+    motions = np.array([between(a, b) for a, b in pairwise(truth.poses)])
+    errors = log.delta[1:] - motions
+    squares = np.einsum("ki,kij,kj->k", errors, np.linalg.inv(log.delta_cov[1:]), errors)
+    # chi-square with 3 degrees of freedom: variance 6, so six standard errors of the mean of n are 6 sqrt(6 / n)
+    assert abs(squares.mean() - 3) < 6 * np.sqrt(6 / len(squares))
+    ekf = TextbookEkf(log.prior)
+    nis = dof = 0.0
+    for step in log:
+        ekf.step(step)
+        nis, dof = nis + ekf.nis, dof + ekf.nis_dof
+    # chi-square with `dof` degrees of freedom has variance 2 dof; a tenth is left to the linearisation
+    assert abs(nis / dof - 1) < 6 * np.sqrt(2 / dof) + 0.1

@@ -1,0 +1,300 @@
+"""The square-root UKF against a dense one that samples the whole state, its root's algebra against plain matrices."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from random_logs import random_log
+from slamduel.backends.api import Diverged
+from slamduel.backends.gaussian import _root, _ukf
+from slamduel.backends.gaussian.ukf import Options, Ukf
+from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.frontend.factors import Log, Map, Odometry, Prior, Step
+from slamduel.frontend.se2 import Array, compose, wrap
+
+
+class DenseUkf:
+    """The scaled UKF as Wan and van der Merwe print it, over the whole state (x, y, heading, landmarks) and the noise.
+
+    The whole has more dimensions than a model touches, so kappa is made smaller by as many: then alpha^2 (dims +
+    kappa), and with it how far out the points lie, is that of a filter which samples the touched dimensions alone. With
+    the touched dimensions first in the Cholesky factor the other points see nothing of the model's curvature.
+    """
+
+    def __init__(self, prior: Prior, options: Options) -> None:
+        self.options = options
+        self.mean, self.cov, self.ids = np.array(prior.pose), np.array(prior.cov), list[int]()
+        if prior.map is not None:
+            assert prior.map.cov is not None
+            n = 3 + 2 * len(prior.map.ids)
+            cov = np.zeros((n, n))
+            cov[:3, :3], cov[3:, 3:] = prior.cov, prior.map.cov
+            self.mean, self.cov, self.ids = (
+                np.concatenate((prior.pose, prior.map.xy.ravel())),
+                cov,
+                prior.map.ids.tolist(),
+            )
+        self.nis = 0.0
+
+    def transform(
+        self, model: Callable[[Array], Array], angle: int, mean: Array, cov: Array, touched: list[int]
+    ) -> tuple[Array, Array, Array]:
+        """Mean, covariance and cross-covariance with x of model(x) (points, .), whose column `angle` is one."""
+        alpha, beta, kappa = self.options.alpha, self.options.beta, self.options.kappa
+        n = len(mean)
+        lam = alpha**2 * (n + (len(touched) + kappa - n)) - n
+        order = touched + [i for i in range(n) if i not in touched]
+        root = np.empty((n, n))
+        root[order] = np.linalg.cholesky(cov[np.ix_(order, order)])
+        off = np.sqrt(n + lam) * np.concatenate((np.zeros((1, n)), root.T, -root.T))
+        first = np.full(2 * n + 1, 1 / (2 * (n + lam)))
+        first[0] = lam / (n + lam)
+        second = first.copy()
+        second[0] += 1 - alpha**2 + beta
+        y = model(mean + off)
+        away = y - y[0]
+        away[:, angle] = wrap(away[:, angle])
+        shift = first @ away
+        away -= shift
+        out = y[0] + shift
+        out[angle] = wrap(out[angle])
+        return out, (away.T * second) @ away, (off.T * second) @ away
+
+    def step(self, step: Step) -> Array:
+        if step.odometry is not None:
+            self.move(step.odometry)
+        self.nis = 0.0
+        for landmark, z, R in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
+            if landmark in self.ids:
+                self.correct(landmark, z, R)
+            else:
+                self.add(landmark, z, R)
+        return self.mean[:3].copy()
+
+    def widened(self, cov: Array) -> Array:
+        n, m = len(self.mean), len(cov)
+        both = np.zeros((n + m, n + m))
+        both[:n, :n], both[n:, n:] = self.cov, cov
+        return both
+
+    def move(self, odometry: Odometry) -> None:
+        n = len(self.mean)
+        mean = np.concatenate((self.mean, odometry.delta))
+
+        def model(x: Array) -> Array:
+            return np.hstack((compose(x[:, :3], x[:, n:]), x[:, 3:n]))
+
+        touched = [0, 1, 2, n, n + 1, n + 2]
+        self.mean, self.cov, _ = self.transform(model, 2, mean, self.widened(odometry.cov), touched)
+
+    def correct(self, landmark: int, z: Array, R: Array) -> None:
+        j = 3 + 2 * self.ids.index(landmark)
+
+        def model(x: Array) -> Array:
+            dx, dy = x[:, j] - x[:, 0], x[:, j + 1] - x[:, 1]
+            return np.stack((np.hypot(dx, dy), np.arctan2(dy, dx) - x[:, 2]), axis=1)
+
+        expected, spread, cross = self.transform(model, 1, self.mean, self.cov, [0, 1, 2, j, j + 1])
+        S = spread + R
+        nu = z - expected
+        nu[1] = wrap(nu[1])
+        K = cross @ np.linalg.inv(S)
+        self.mean = self.mean + K @ nu
+        self.mean[2] = wrap(self.mean[2])
+        self.cov = self.cov - K @ S @ K.T
+        self.nis += nu @ np.linalg.inv(S) @ nu
+
+    def add(self, landmark: int, z: Array, R: Array) -> None:
+        n = len(self.mean)
+
+        def model(x: Array) -> Array:
+            r, angle = x[:, n], x[:, 2] + x[:, n + 1]
+            xy = np.stack((x[:, 0] + r * np.cos(angle), x[:, 1] + r * np.sin(angle)), axis=1)
+            return np.hstack((x[:, :n], xy))
+
+        mean = np.concatenate((self.mean, z))
+        self.mean, self.cov, _ = self.transform(model, 2, mean, self.widened(R), [0, 1, 2, n, n + 1])
+        self.ids.append(landmark)
+
+
+def make(prior: Prior, options: Options | None = None) -> Ukf:
+    return Ukf(prior, options or Options(), np.random.default_rng(0))
+
+
+def with_map(log: Log, cov: float, rng: np.random.Generator) -> Log:
+    """The log with a given map of half of its landmarks, off by the covariance it claims."""
+    ids = np.unique(log.ids)[::2]
+    filtered = make(log.prior)
+    for step in log:
+        filtered.step(step)
+    found = filtered.map()
+    xy = np.array([found.xy[found.ids.tolist().index(i)] for i in ids.tolist()])
+    xy = xy + np.sqrt(cov) * rng.standard_normal(xy.shape)
+    return Log.from_steps("given", log.prior._replace(map=Map(ids, xy, cov * np.eye(xy.size))), list(log))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [Options(), Options(beta=0.0), Options(alpha=0.5, kappa=1.0), Options(alpha=0.03), Options(alpha=1.4)],
+    ids=str,
+)
+@pytest.mark.parametrize("given", [False, True])
+def test_touched_sigma_points_are_as_good_as_all(options: Options, given: bool) -> None:
+    log = random_log(np.random.default_rng(2), 120, 6, radius=8.0, blind=0.1).log
+    log = with_map(log, 0.1**2, np.random.default_rng(3)) if given else log
+    ukf, dense = make(log.prior, options), DenseUkf(log.prior, options)
+    for step in log:
+        pose, expected = ukf.step(step), dense.step(step)
+        belief = ukf.belief()
+        assert pose[:2] == pytest.approx(expected[:2], abs=1e-9)
+        assert abs(wrap(pose[2] - expected[2])) < 1e-9
+        assert belief.cov == pytest.approx(dense.cov[:3, :3], abs=1e-11, rel=1e-7)
+        assert (belief.nis or 0.0) == pytest.approx(dense.nis, abs=1e-7, rel=1e-7)
+    found = ukf.map()
+    assert found.ids.tolist() == dense.ids
+    assert found.xy.ravel() == pytest.approx(dense.mean[3:], abs=1e-9)
+    assert found.cov == pytest.approx(dense.cov[3:, 3:], abs=1e-10, rel=1e-7)
+
+
+def test_a_map_that_outgrows_its_room_and_frames_that_outgrow_what_may_be_owed() -> None:
+    log = random_log(np.random.default_rng(4), 25, 50, radius=30.0).log
+    assert max(len(step.sightings.ids) for step in log) > _root.OWED / 2
+    ukf, dense = make(log.prior), DenseUkf(log.prior, Options())
+    for step in log:
+        assert ukf.step(step)[:2] == pytest.approx(dense.step(step)[:2], abs=1e-9)
+    assert ukf.map().cov == pytest.approx(dense.cov[3:, 3:], abs=1e-10, rel=1e-7)
+
+
+def test_it_is_the_ekf_where_models_are_straight_enough() -> None:
+    """What the transform adds is of second order in the noise: a tenth of it leaves a hundredth of the difference."""
+    apart: list[float] = []
+    for noise in (1e-2, 1e-3):
+        log = random_log(np.random.default_rng(5), 80, 8, noise=noise, errors=1.0).log
+        ukf, ekf = make(log.prior), TextbookEkf(log.prior)
+        apart.append(max(float(np.abs(ukf.step(step) - ekf.step(step))[:2].max()) for step in log))
+    assert 0 < apart[1] < apart[0] / 30
+    assert apart[0] < 1e-4
+
+
+def test_covariances_stay_positive_definite_over_a_long_log() -> None:
+    log = random_log(np.random.default_rng(6), 1500, 12, noise=3.0, blind=0.4).log
+    ukf = make(log.prior)
+    for k, step in enumerate(log):
+        ukf.step(step)
+        cov = ukf.belief().cov
+        assert cov is not None
+        assert np.array_equal(cov, cov.T)
+        if k % 50 == 0:
+            landmarks = ukf.map().cov
+            assert landmarks is not None
+            assert np.array_equal(landmarks, landmarks.T)
+            assert np.linalg.eigvalsh(cov)[0] > 0
+            assert not landmarks.size or np.linalg.eigvalsh(landmarks)[0] > 0
+
+
+def test_a_map_held_fixed_is_the_limit_of_a_certain_one() -> None:
+    log = random_log(np.random.default_rng(7), 100, 8, radius=8.0).log
+    sure = with_map(log, 1e-14, np.random.default_rng(8))
+    given = sure.prior.map
+    assert given is not None
+    held = make(sure.prior._replace(map=given._replace(cov=None)))
+    limit = make(sure.prior)
+    for step in sure:
+        assert held.step(step) == pytest.approx(limit.step(step), abs=1e-7)
+        assert held.belief().cov == pytest.approx(limit.belief().cov, abs=1e-9)
+    found, m = held.map(), len(given.ids)
+    assert np.array_equal(found.ids[:m], given.ids)
+    assert np.array_equal(found.xy[:m], given.xy)
+    assert found.ids.tolist()[m:] == limit.map().ids.tolist()[m:]
+    assert found.cov is not None
+    assert not found.cov[: 2 * m].any()
+    assert np.linalg.eigvalsh(found.cov[2 * m :, 2 * m :])[0] > 0
+
+
+def test_no_options_make_a_covariance_indefinite() -> None:
+    """What a line leaves over has a covariance for any curvature, at the ends of the options' ranges and between."""
+    rng = np.random.default_rng(9)
+    for _ in range(300):
+        dims, outs = int(rng.integers(1, 7)), int(rng.integers(1, 4))
+        alpha, beta, kappa = (
+            rng.choice([1e-3, 0.1, 1.0, 2.0]),
+            rng.choice([0.0, 0.3, 2.0, 10.0]),
+            rng.choice([0.0, 3.0]),
+        )
+        spread, excess = alpha**2 * (dims + kappa), beta - alpha**2
+        bend = np.ones((dims, 1)) * rng.standard_normal(outs)  # the same in all directions: the worst there is
+        bend = spread * (bend + rng.choice([0.0, 1.0]) * rng.standard_normal((dims, outs)))
+        slant = rng.standard_normal((dims, outs))
+        _, shift, rest = _ukf.regress(bend + slant, bend - slant, dims, outs, spread, excess)
+        assert np.linalg.eigvalsh(rest)[0] >= -1e-11 * (1 + np.abs(rest).max() + abs(excess) * (shift**2).max())
+
+
+def packed(root: Array) -> Array:
+    n = len(root)
+    out = np.zeros(_root.first(-(-n // _root.LANES)))
+    for i in range(n):
+        for j in range(i + 1):
+            out[_root.entry(i, j)] = root[i, j]
+    return out
+
+
+@pytest.mark.parametrize("n", [1, 15, 16, 17, 50])
+@pytest.mark.parametrize("scans", [1, 4, 11, 16])
+def test_carlsons_scans_are_kalman_updates(n: int, scans: int) -> None:
+    """Rows scanned at once, those scanned when the rest is folded in, and (I - K h') P agree."""
+    rng = np.random.default_rng(n + 100 * scans)
+    root = np.tril(rng.standard_normal((n, n)))
+    cov, mean = root @ root.T, rng.standard_normal(n)
+    folded, folded_mean = packed(root), mean.copy()
+    rows = root.copy()
+    table, gains = np.full((n, _root.OWED, 3), np.nan), np.full(_root.OWED, np.nan)
+    for m in range(scans):
+        h, nu = rng.standard_normal(n), rng.standard_normal()
+        variance = _root.plan(rows.T @ h, n, table, m)
+        S = h @ cov @ h + 1.0
+        assert variance == pytest.approx(S, rel=1e-11)
+        K = cov @ h / S
+        gains[m] = nu / variance
+        seen = np.array([_root.scan(rows[i], n, table, m) for i in range(n)])
+        assert seen / variance == pytest.approx(K, abs=1e-11)
+        cov, mean = (np.eye(n) - np.outer(K, h)) @ cov, mean + K * nu
+    _root.fold(folded, folded_mean, n, table, gains, scans)
+    assert np.array_equal(rows, np.tril(rows))
+    assert rows @ rows.T == pytest.approx(cov, abs=1e-10)
+    assert folded == pytest.approx(packed(rows), abs=1e-12)
+    assert folded_mean == pytest.approx(mean, abs=1e-10)
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_rows_are_a_triangle_times_a_rotation(count: int) -> None:
+    rng = np.random.default_rng(count)
+    for width in (count, count + 1, 40):
+        rows = rng.standard_normal((count, width))
+        rows[count // 2] = 0.0  # a landmark held fixed
+        turned, scale, root = rows.copy(), np.empty(count), np.full((count, count), np.nan)
+        _root.triangularise(turned, count, width, scale, root)
+        Q = np.zeros((count, width))
+        for i in range(count):
+            Q[i, i] = 1.0
+            _root.unturn(Q[i], turned, count, width, scale)
+        assert np.array_equal(root, np.tril(root))
+        assert root @ Q == pytest.approx(rows, abs=1e-13)
+        assert np.abs(Q @ Q.T - np.eye(count)).max() < 1e-13
+
+
+def test_numbers_that_left_their_domain_end_it() -> None:
+    log = random_log(np.random.default_rng(10), 5, 8, radius=8.0, blind=0.0).log
+    odometry, sightings = log[1].odometry, log[1].sightings
+    assert odometry is not None
+    bad = {
+        "predicted pose": log[1]._replace(odometry=odometry._replace(cov=-odometry.cov)),
+        "innovation": log[1]._replace(sightings=sightings._replace(cov=-1e3 * sightings.cov)),
+    }
+    for reason, step in bad.items():
+        ukf = make(log.prior)
+        ukf.step(log[0])
+        with pytest.raises(Diverged, match=reason):
+            ukf.step(step)
+    with pytest.raises(Diverged, match="new landmark"):
+        make(log.prior).step(log[0]._replace(sightings=log[0].sightings._replace(cov=-log[0].sightings.cov)))

@@ -1,0 +1,99 @@
+"""Frames with what was found drawn on them: the contact sheet, the preview, and the frames kept to find out why."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from slamduel.bench.camera.empty_frames import MOST, EmptyFrames
+from slamduel.bench.camera.kept_frames import PICTURES, STRETCHES, Contact, sheet
+from slamduel.bench.camera.preview import Preview
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.markers.pipeline import Frame, Seen, build_log
+from small_recording import picture, sighting, small_recording
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".avi", ".mkv", ".webm"])
+def test_the_preview_is_a_video_of_every_frame(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"preview{suffix}"
+    recording, _ = small_recording(np.random.default_rng(0))
+    with Preview(path) as preview:
+        preview.check()
+        build_log(recording, preview.observe)
+        assert not path.exists()
+    video = cv2.VideoCapture(str(path))
+    frames = 0
+    while video.read()[0]:
+        frames += 1
+    assert frames == 60
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(5, rel=0.01)
+    video.release()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_preview_is_whole_or_not_there(tmp_path: Path) -> None:
+    recording, _ = small_recording(np.random.default_rng(0), 1)
+    with Preview(tmp_path / "one.mp4") as preview:
+        build_log(recording, preview.observe)
+    assert (tmp_path / "one.mp4").stat().st_size > 0
+    late = replace(
+        small_recording(np.random.default_rng(0))[0],
+        frames=[Frame(0.0, picture(0)), Frame(0.5, picture(1)), Frame(0.1, picture(2))],
+    )
+    with pytest.raises(InputError, match="expected later"), Preview(tmp_path / "two.mp4") as preview:
+        build_log(late, preview.observe)
+    assert [one.name for one in tmp_path.iterdir()] == ["one.mp4"]
+    for name in ("x.gif", "x", "nowhere/x.mp4"):
+        with pytest.raises(InputError, match="--preview"):
+            Preview(tmp_path / name).check()
+
+
+def seen_of(number: int, kept: int, rejected: int) -> Seen:
+    sightings = [sighting(name, 1.0, 0.0) for name in range(kept)]
+    z = np.tile([1.0, 0.0], (kept, 1))
+    frame = Frame(0.1 * number, picture(number))
+    return Seen(frame, sightings, z, np.tile(np.eye(2), (kept, 1, 1)), np.ones(kept, bool), Counter(why=rejected))
+
+
+@pytest.mark.parametrize("frames", [1, 5, 12, 100, 1000])
+def test_the_contact_sheet_is_spread_and_varied(frames: int) -> None:
+    contact = Contact()
+    for k in range(frames):
+        contact.observe(seen_of(k, 0 if k % 50 == 20 else 1 + k % 3, int(k % 70 == 30)))
+        assert len(contact) <= 4 * STRETCHES
+    chosen = contact.pictures()
+    numbers = [one.number for one in chosen]
+    assert numbers == sorted(set(numbers))
+    assert len(chosen) == min(frames, PICTURES) or frames == 12
+    assert max(np.diff([-1, *numbers, frames])) <= max(2, frames / 3)
+    if frames >= 100:
+        assert any(one.rejected for one in chosen)
+        assert any(not one.kept for one in chosen)
+        assert sum(one.kept == 3 for one in chosen) >= 4
+    height, width = sheet(chosen).shape[:2]
+    assert width <= 4 * 490
+    assert height <= 3 * 370 + 10
+
+
+def test_outlines_are_where_the_corners_are() -> None:
+    contact = Contact()
+    contact.observe(seen_of(0, 1, 0))
+    (chosen,) = contact.pictures()
+    corners = (sighting(0, 1.0, 0.0).corners + 0.5) * 1.5 - 0.5  # 320 px become 480
+    colourful = np.ptp(chosen.image.astype(int), axis=2) > 60
+    v, u = np.nonzero(colourful)
+    np.testing.assert_allclose([u.min(), v.min()], corners.min(axis=0), atol=6)
+    np.testing.assert_allclose([u.max(), v.max()], corners.max(axis=0), atol=6)
+
+
+def test_empty_frames_stay_few_and_spread() -> None:
+    empty = EmptyFrames()
+    for k in range(3000):
+        empty.observe(seen_of(k, k % 2, 0))
+    numbers = [256 * int(image[0, 0]) + int(image[0, 1]) for image in empty.images]
+    assert MOST // 2 <= len(numbers) <= MOST
+    assert all(number % 2 == 0 for number in numbers)
+    assert max(np.diff([*numbers, 3000])) < 3000 / 5

@@ -1,0 +1,181 @@
+"""The suite behind `bench check`: a sound backend passes, and each fault is caught by the check that is meant to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from broken_backends import BROKEN, Sound
+from slamduel.backends import registry
+from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Solution, Step, option
+from slamduel.bench.check.candidate import Candidate, Failed, stays_near
+from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
+from slamduel.bench.check.suite import CHECKS, QUICK, Outcome, check_backend, examine
+from slamduel.frontend.se2 import Array, compose
+
+
+@dataclass(frozen=True)
+class Undescribed:
+    gain: float = 1.0
+
+
+def build(make: Callable[..., Backend], **how: Any) -> Builder:
+    return Builder(make, **how)
+
+
+def outcome(builder: Builder, name: str) -> Outcome:
+    check = next(check for check in CHECKS if check.name == name)
+    return examine(check, Candidate(builder, builder.options()))
+
+
+def test_a_sound_backend_passes_everything() -> None:
+    outcomes = check_backend(build(Sound))
+    assert [found for found in outcomes if found.status == "failed"] == []
+    assert {found.name for found in outcomes if found.status == "not applicable"} == {
+        "unknown-landmarks-are-told-apart",
+        "loop-closures-are-used",
+    }
+    assert len({found.name for found in outcomes}) == len(QUICK) == len(outcomes)
+    assert all(found.title.endswith(".") and found.found for found in outcomes)
+
+
+@pytest.mark.parametrize(("broken", "name", "found"), BROKEN, ids=lambda value: getattr(value, "__name__", None))
+def test_each_fault_is_caught_where_it_should_be(broken: type[Sound], name: str, found: str) -> None:
+    result = outcome(build(broken), name)
+    assert (result.status, found in result.found) == ("failed", True), result
+
+
+def test_a_maker_without_help_is_caught() -> None:
+    class Undocumented(Sound):
+        pass
+
+    assert "summary" in outcome(build(Sound, options=Undescribed), "options-are-described").found
+    assert "frozen dataclass" in outcome(build(Sound, options=dict), "options-are-described").found
+    assert "docstring" in outcome(build(Undocumented), "options-are-described").found
+
+
+def test_a_smoother_that_loses_a_landmark_is_caught() -> None:
+    class Forgetful(Sound):
+        """Gives a final map with one landmark less."""
+
+        def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
+            super().__init__(prior, options, rng)
+            self.path: list[Array] = []
+
+        def step(self, step: Step) -> Pose | None:
+            self.path.append(self.ekf.step(step))
+            return self.path[-1].copy()
+
+        def finish(self) -> Solution | None:
+            ids, xy, _ = self.map()
+            return Solution(np.array(self.path), Map(ids[1:], xy[1:], None))
+
+    assert "different landmarks" in outcome(build(Forgetful), "answers-have-their-types").found
+    assert "lacks ids [" in outcome(build(Forgetful), "the-map-holds-what-was-seen").found
+
+
+def test_loops_and_unknown_landmarks_are_asked_of_those_that_promise_them() -> None:
+    assert outcome(build(Sound, loops=True), "loop-closures-are-used").status == "failed"
+    assert outcome(build(Sound, associates=True), "unknown-landmarks-are-told-apart").status == "failed"
+
+
+def test_a_random_backend_may_sample() -> None:
+    """Wandering as far as one particle would must pass; a tenfold of it must not."""
+
+    class Particle(Sound):
+        """One particle: every motion is drawn from its noise."""
+
+        wild = 1.0
+
+        def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
+            super().__init__(prior, options, rng)
+            self.pose = prior.pose + self.wild * rng.multivariate_normal(np.zeros(3), prior.cov)
+
+        def step(self, step: Step) -> Pose | None:
+            if step.odometry is not None:
+                delta, cov = step.odometry
+                self.pose = compose(self.pose, delta + self.wild * self.rng.multivariate_normal(np.zeros(3), cov))
+            return self.pose.copy()
+
+        def belief(self) -> Belief | None:
+            return Belief(self.pose.copy())
+
+        def map(self) -> Map:
+            return Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
+
+    class Wild(Particle):
+        """The same with ten times the noise."""
+
+        wild = 10.0
+
+    exact = {"it-starts-at-the-prior", "without-sightings-it-is-dead-reckoning", "an-exact-log-is-followed"}
+    for name in exact:
+        assert outcome(build(Particle, random=True), name).status == "passed"
+    assert {name for name in exact if outcome(build(Wild, random=True), name).status == "failed"}
+    assert outcome(build(Particle, random=True), "chance-comes-from-its-generator").status == "passed"
+    assert outcome(build(Particle, random=True), "the-map-holds-what-was-seen").status == "not applicable"
+
+
+def test_options_are_handed_on() -> None:
+    @dataclass(frozen=True)
+    class Options:
+        off: float = option(0.0, "distance to be off by (m)")
+
+    class Off(Sound):
+        """Off by an option."""
+
+        def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+            super().__init__(prior, options, rng)
+            self.off = options.off
+
+        def step(self, step: Step) -> Pose | None:
+            return self.ekf.step(step) + np.array([self.off, 0, 0])
+
+    assert outcome(build(Off, options=Options), "it-starts-at-the-prior").status == "passed"
+    outcomes = check_backend(build(Off, options=Options), Options(0.1))
+    failed = {found.name for found in outcomes if found.status == "failed"}
+    assert {"an-exact-log-is-followed", "it-starts-at-the-prior"} <= failed
+
+
+def test_the_logs_are_what_the_checks_take_them_for() -> None:
+    exact = drive(np.random.default_rng(0), around(90), errors=0.0)
+    np.testing.assert_allclose(dead_reckoned(exact.log)[0], exact.path, atol=1e-13)
+    assert set(exact.log.ids.tolist()) == set(IDS.tolist())
+    honest = drive(np.random.default_rng(1), around(400))
+    errors = honest.log.delta[1:] - around(400)
+    # the mean of n chi-square values with 3 degrees of freedom is 3, six of its standard errors 6 sqrt(6 / n)
+    squares = np.einsum("ki,kij,kj->k", errors, np.linalg.inv(honest.log.delta_cov[1:]), errors)
+    assert abs(squares.mean() - 3) < 6 * np.sqrt(6 / len(squares))
+    fixed, drawn = (with_map(honest, cov, np.random.default_rng(2)).log.prior.map for cov in (None, 1e-2 * np.eye(24)))
+    assert fixed is not None
+    assert drawn is not None
+    np.testing.assert_array_equal(fixed.xy, honest.map.xy)
+    assert 0.05 < np.std(drawn.xy - fixed.xy) < 0.2
+    log = behind(np.random.default_rng(3), 0.0, errors=0.0).log
+    assert (log.z[log.ids == IDS[0], 1] == np.pi).all()
+    log = behind(np.random.default_rng(3), np.pi).log
+    assert set(np.sign(log.z[log.ids == IDS[0], 1])) == {-1, 1}
+    assert np.abs(log.z[log.ids == IDS[0], 1]).min() > 3
+    loop = with_loop(exact, 10).log
+    np.testing.assert_allclose(compose(exact.path[10], loop.loop_delta[0]), exact.path[-1], atol=1e-12)
+    assert len(loop.ids) == 0
+
+
+def test_distances_are_told_with_their_step() -> None:
+    path = np.zeros((4, 3))
+    bounds = (np.full(4, 0.1), np.full(4, 0.1))
+    assert stays_near(path, path + np.array([0.05, 0, 2 * np.pi]), bounds, "it") == pytest.approx(0.05)
+    path[2, 0] = 0.2
+    with pytest.raises(Failed, match=r"it is 0\.2 m off at step 2, expected at most 0\.1 m"):
+        stays_near(path, np.zeros((4, 3)), bounds, "it")
+    with pytest.raises(Failed, match=r"it is 0\.2 rad off at step 0"):
+        stays_near(path, path + np.array([0, 0, 0.2]), bounds, "it")
+
+
+@pytest.mark.parametrize("name", sorted(registry.BUILTIN))
+def test_what_comes_with_slamduel_conforms(name: str) -> None:
+    outcomes = check_backend(registry.find(name), checks=CHECKS)
+    assert [found for found in outcomes if found.status == "failed"] == []
+    assert {found.status for found in outcomes[len(QUICK) :]} <= {"passed", "gave up"}

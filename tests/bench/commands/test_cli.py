@@ -1,0 +1,348 @@
+"""The command as a user meets it: exit statuses, sentences, and nothing left where nothing came of it."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from random_logs import random_log
+from slamduel.bench.cli import main
+from slamduel.bench.record.reader import Store
+from slamduel.datasets.formats import log_folder as logfile
+
+
+@pytest.fixture(scope="module")
+def log_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("logs") / "wander"
+    logfile.write(folder, *random_log(np.random.default_rng(1), 40, 8))
+    return folder
+
+
+def bench(*words: str | Path, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    """The installed command, as a process of its own."""
+    command = [sys.executable, "-m", "slamduel.bench.cli", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, env={**os.environ, **(env or {})}, check=False)
+
+
+def test_run_prints_a_table_and_where_the_report_is(tmp_path: Path, log_folder: Path) -> None:
+    done = bench("run", "--backend", "dead-reckoning,ekf", "--dataset", log_folder, "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert "dead-reckoning" in done.stdout
+    assert "ekf" in done.stdout
+    assert str(tmp_path / "run" / "report.html") in done.stdout
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert done.stderr == ""
+
+
+def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Nor do its workers, which have the same streams."""
+    words = ["--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / "run")]
+    assert main(["run", "--quiet", *words]) == 0
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("no_report")
+def test_json_is_all_of_standard_output(tmp_path: Path, log_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / "run"), "--json"]
+    assert main(["run", *words]) == 0
+    said = capfd.readouterr()
+    found = json.loads(said.out)
+    assert (found["status"], found["report"]) == (0, str(tmp_path / "run" / "report.html"))
+    assert [dataset["name"] for dataset in found["datasets"]] == [log_folder.name]
+    assert "1 of 1 done wander · ekf" in said.err
+    assert main(["run", *words, "--quiet"]) == 0
+    again = capfd.readouterr()
+    assert (json.loads(again.out), again.err) == (found, "")
+
+
+@pytest.mark.usefixtures("no_report")
+def test_a_cell_that_fails_is_exit_status_1(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--backend", "ekf,misbehaving:raises", "--dataset", str(log_folder), "--out", str(tmp_path / "run")]
+    assert main(["run", *words]) == 1
+    assert "ValueError: the [brackets] of this" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("no_report")  # of the runs: it is `bench report` that has to write one
+def test_out_alone_goes_on_and_report_writes_the_files_again(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(out)]) == 0
+    cells = (out / "cells.csv").read_text()
+    capsys.readouterr()
+    assert main(["run", "--out", str(out)]) == 0
+    assert "1 cell in the record already, 0 to be run" in capsys.readouterr().out
+    assert (out / "cells.csv").read_text() == cells
+    for path in out.iterdir():
+        if path.name != "results.sqlite":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert main(["report", str(out)]) == 0
+    assert (out / "cells.csv").read_text() == cells
+    assert (out / "report.html").is_file()
+    assert (out / "report.md").is_file()
+
+
+@pytest.mark.usefixtures("no_report")
+def test_another_plan_into_the_same_folder_is_refused(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "run")
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", out]) == 0
+    capsys.readouterr()
+    assert main(["run", "--backend", "isam2", "--out", out]) == 2
+    assert "holds a run with backend ekf, found backend isam2" in capsys.readouterr().err
+    with Store(tmp_path / "run") as store:
+        assert [row.columns["backend"] for row in store.cells()] == ["ekf"]
+
+
+BAD = [
+    (["--backend", "efk"], "there is no backend 'efk'; did you mean 'ekf'?"),
+    (["--dataset", "aruco-rom"], "there is no dataset 'aruco-rom'; did you mean 'aruco-room'?"),
+    (["--backend", "fastslam[particles=many]"], "found 'many', expected a whole number"),
+    (["--backend", "fastslam[particles=0]"], "out of range"),
+    (["--dataset", "mrclam"], "path"),
+    (["--dataset", "mrclam[path=/no/such/folder]"], "/no/such/folder"),
+    (["--dataset", "mrclam[path=/tmp,robot=9]"], "robot=9 is out of range; expected a whole number from 1 to 5"),
+    (["--dataset", "./no/such/log"], "no/such/log"),
+]
+
+
+@pytest.mark.parametrize(("words", "sentence"), BAD)
+def test_bad_input_is_a_sentence_and_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    given = {"--backend": "ekf", "--dataset": "victoria-park"} | dict(zip(words[::2], words[1::2], strict=True))
+    flat = [word for pair in given.items() for word in pair]
+    assert main(["run", *flat, "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr()
+    assert sentence in said.err
+    assert said.err.startswith("bench: ")
+    assert said.err.count("\n") == 1
+    assert "Traceback" not in said.err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [["--seeds", "0"], ["--seeds", "x"], ["--jobs", "-1"], ["--timeout", "nan"], ["--memory", "0"], ["--no"]]
+)
+def test_bad_flags_are_refused_with_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["run", *words, "--out", str(tmp_path / "run")])
+    assert stop.value.code == 2
+    assert words[0] in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def damaged(log_folder: Path, folder: Path, file: str, line: int, text: str | None) -> Path:
+    """A copy of the log with one line (1 is the header) replaced, or the file cut off there."""
+    shutil.copytree(log_folder, folder)
+    lines = (folder / file).read_text().splitlines()
+    lines[line - 1 :] = [text, *lines[line:]] if text is not None else [lines[line - 1][:7]]
+    (folder / file).write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("file", "line", "text", "sentence"),
+    [
+        ("odometry.csv", 9, None, "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.7,x,0,0,1,0,0,1,0,1", "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.7,nan,0,0,1,0,0,1,0,1", "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.1,0,0,0,1,0,0,1,0,1", "odometry.csv, line 9"),
+        ("odometry.csv", 9, "0.7,0,0,0,1,2,0,1,0,1", "odometry.csv, line 9"),
+        ("sightings.csv", 3, "0,7,-1,0,1,0,1", "sightings.csv, line 3"),
+    ],
+)
+def test_a_damaged_log_is_named_by_file_and_line(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str], file: str, line: int, text: str, sentence: str
+) -> None:
+    folder = damaged(log_folder, tmp_path / "log", file, line, text)
+    assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert "expected" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_repeated_id_in_one_frame_is_named(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (log_folder / "sightings.csv").read_text().splitlines()
+    folder = damaged(log_folder, tmp_path / "log", "sightings.csv", 3, lines[1])
+    assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert "sightings.csv, line 3" in said
+    assert "id" in said
+
+
+@pytest.mark.parametrize("place", ["a-file/run", "a-file"])
+def test_a_place_that_cannot_be_written_to_is_named(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    (tmp_path / "a-file").write_text("precious")
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / place)]) == 2
+    assert f"--out {tmp_path / place}: " in capsys.readouterr().err
+    assert (tmp_path / "a-file").read_text() == "precious"
+
+
+def test_a_folder_with_other_things_in_it_is_left_alone(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path)]) == 2
+    assert "found no run; expected a new or empty folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.parametrize("content", [None, b"not a database", b""])
+def test_report_of_what_is_no_run_is_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes | None
+) -> None:
+    if content is not None:
+        (tmp_path / "results.sqlite").write_bytes(content)
+    assert main(["report", str(tmp_path)]) == 2
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+def test_list_names_everything_with_its_options(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for words in ("dead-reckoning", "ekf", "isam2", "graph", "particles=100", "victoria-park", "markers=24", "robot=1"):
+        assert words in said
+
+
+def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    (fastslam,) = [entry for entry in found["backends"] if entry["name"] == "fastslam"]
+    assert {option["name"]: option["default"] for option in fastslam["options"]}["particles"] == "100"
+    assert "victoria-park" in [entry["name"] for entry in found["datasets"]]
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["check", "efk"], "bench check: there is no backend 'efk'"),
+        (["render", "aruco-rom", "--out", "x"], "bench render: there is no dataset 'aruco-rom'"),
+    ],
+)
+def test_a_name_that_is_no_option_is_not_refused_as_one(
+    capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    assert main(words) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_check_holds_a_backend_to_the_contract(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "dead-reckoning", "--only", "contract,estimates"]) == 0
+    assert "passed" in capsys.readouterr().out
+    assert main(["check", "misbehaving:not_a_number", "--only", "contract,estimates"]) == 1
+    assert "failed" in capsys.readouterr().out
+    assert main(["check", "misbehaving:not_there"]) == 2
+    assert "cannot be imported" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["--help"], ["run", "--help"]])
+def test_help_is_printed(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert stop.value.code == 0
+    assert "bench" in capsys.readouterr().out
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    command = f"{sys.executable} -m slamduel.bench.cli list | head -1"
+    done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_without_the_letters_is_no_error(tmp_path: Path, log_folder: Path) -> None:
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = ("run", "--backend", "ekf", "--dataset", log_folder, "--out", tmp_path / "run")
+    done = bench(*words, env=ascii_only)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_name_that_no_file_can_have_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / ("x" * 400)
+    assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
+    assert "expected files that can be read" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_report")
+def test_brackets_in_a_place_are_no_markup(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for out in ("m[/x]", "c[x]"):
+        assert main(["run", "--backend", "dead-reckoning", "--dataset", str(log_folder), "--out", out]) == 0
+        assert f"report: {out}/report.html" in capsys.readouterr().out
+    for out in ("m[/x]", "c[x]"):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("slamduel.bench.report.report.write_report", lambda store, figures: None)
+            assert main(["report", out]) == 0
+        assert capsys.readouterr().out == f"report: {out}/report.html\n"
+        assert main(["export", str(log_folder), "--as", "log", "--out", f"{out}-log"]) == 0
+        assert f"{out}-log/log: " in capsys.readouterr().out
+
+
+def test_an_interrupt_before_anything_is_there_is_a_sentence(tmp_path: Path, log_folder: Path) -> None:
+    """The fork server gets Ctrl-C too, while it still imports, and says nothing; nor is there a run to go on with."""
+    out = tmp_path / "run"
+    words = ["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(out)]
+    command = [sys.executable, "-m", "slamduel.bench.cli", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0)
+    deadline = time.monotonic() + 60
+    while not importing(process.pid):
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGINT)
+    said, err = process.communicate(timeout=60)
+    assert (process.returncode, said) == (130, "")
+    assert err == f"bench: interrupted; no cell was begun, and {out} holds nothing of this run.\n"
+    assert not out.exists()
+
+
+def importing(group: int) -> bool:
+    """Whether the fork server in a group of processes is in the midst of its imports."""
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            member = int((entry / "stat").read_text().rpartition(")")[2].split()[2]) == group
+            if member and b"multiprocessing.forkserver" in (entry / "cmdline").read_bytes():
+                return "numpy" in (entry / "maps").read_text()
+    return False
+
+
+@pytest.mark.parametrize("command", ["show", "validate"])
+def test_a_name_is_refused_in_the_name_of_its_command(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    assert main([command, "victoria-prak"]) == 2
+    said = capsys.readouterr()
+    assert f"bench {command}: there is no dataset 'victoria-prak'" in said.out + said.err
+
+
+def test_a_quoted_path_is_validated(tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(log_folder, tmp_path / "x,y" / "br[1]")
+    assert main(["validate", f'"{tmp_path}/x,y/br[1]"']) == 0
+    assert "good; 40 steps" in capsys.readouterr().out
+
+
+def test_a_picture_goes_to_where_a_link_leads(tmp_path: Path, log_folder: Path) -> None:
+    (tmp_path / "far").mkdir()
+    link = tmp_path / "link.png"
+    link.symlink_to(tmp_path / "far" / "picture.png")
+    assert main(["show", str(log_folder), "--out", str(link), "--quiet"]) == 0
+    assert link.is_symlink()
+    assert (tmp_path / "far" / "picture.png").read_bytes().startswith(b"\x89PNG")

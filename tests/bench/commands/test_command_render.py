@@ -1,0 +1,60 @@
+"""`bench render`: the drive that bench run sees, as recordings."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.bench.commands import render as command_render
+from slamduel.datasets.cache import generator
+from slamduel.datasets.recordings.recording import build, open_recording
+from slamduel.datasets.worlds.aruco_room import Options, aruco_room
+from slamduel.frontend.errors import InputError
+
+SHORT = "aruco-room[seconds=1,frame_rate=2]"
+
+
+def render(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    command_render.arguments(parser)
+    return command_render.main(parser.parse_args(words))
+
+
+def test_the_drive_is_the_one_that_bench_run_sees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert render(SHORT, "--seed", "7", "--out", str(tmp_path / "drive"), "--as", "mcap") == 0
+    assert capsys.readouterr().out == f"an MCAP bag (ROS 2): {tmp_path / 'drive'}\n"
+    found, truth = build(open_recording(tmp_path / "drive"))
+    expected = aruco_room(Options(seconds=1.0, frame_rate=2.0), generator("aruco-room", 7))
+    np.testing.assert_array_equal(found.ids, expected.log.ids)
+    np.testing.assert_allclose(found.z, expected.log.z, rtol=0, atol=1e-9)
+    assert truth is not None
+    assert expected.truth is not None
+    np.testing.assert_array_equal(truth.poses, expected.truth.poses)
+
+
+def test_several_formats_get_a_folder_each(tmp_path: Path) -> None:
+    assert render(SHORT, "--out", str(tmp_path / "out"), "--as", "frames, ros1,video", "--quiet") == 0
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["frames", "ros1", "video"]
+    logs = [build(open_recording(tmp_path / "out" / name)).log for name in ("frames", "ros1", "video")]
+    for log in logs[1:]:
+        np.testing.assert_allclose(log.z, logs[0].z, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["aruco-rom"], "no dataset 'aruco-rom'"),
+        (["victoria-park"], "found 'victoria-park', expected aruco-room"),
+        (["aruco-room,aruco-room[seconds=2]"], "expected aruco-room"),
+        (["aruco-room[seconds=0]"], "option seconds=0 is out of range"),
+        ([SHORT, "--as", "gif"], "--as: found 'gif', expected one of frames, video, mp4, ros1, ros2, mcap"),
+        ([SHORT, "--as", "frames,frames"], "--as frames,frames: a format is named twice"),
+        ([SHORT, "--seed", "-1"], "--seed -1: expected a whole number, at least 0"),
+    ],
+)
+def test_what_cannot_be_rendered(tmp_path: Path, words: list[str], message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        render(*words, "--out", str(tmp_path / "out"))
+    assert message in str(refused.value)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,202 @@
+"""bench validate: all problems of a folder, the first of another dataset, and remarks on what is odd."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.bench.cli import main
+from slamduel.bench.commands.validate import SHOWN
+from slamduel.bench.logs.remarks import remarks
+from slamduel.datasets.formats import log_folder
+from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Prior
+from small_log import small_dataset
+
+Change = Callable[[dict[str, Any]], Any]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    log_folder.write(tmp_path / "log", *small_dataset())
+    return tmp_path / "log"
+
+
+def test_a_good_log_is_counted(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["validate", str(folder)]) == 0
+    *_, line = capsys.readouterr().out.splitlines()
+    digest = small_dataset().log.digest[:12]
+    counts = "6 steps, 6 sightings of 3 landmarks, truth of 5 steps and of 3 landmarks"
+    assert line == f"{folder}: good; {counts}; digest {digest}."
+
+
+def test_every_problem_is_a_line(folder: Path, capsys: pytest.CaptureFixture[str]):
+    for name, old, new in (("odometry.csv", "t,dx", "t,x"), ("landmarks.csv", "\n3,", "\nthree,")):
+        text = (folder / name).read_text(encoding="utf-8")
+        (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    assert main(["validate", str(folder)]) == 2
+    first, second, total = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"{folder / 'odometry.csv'}, line 1: column 'x' where 'dx' is missing")
+    assert second == f"{folder / 'landmarks.csv'}, line 2: id is 'three', expected a number."
+    assert total == f"{folder}: 2 problems."
+
+
+@pytest.mark.parametrize(("flags", "shown"), [([], SHOWN), (["--all"], 50)])
+def test_many_problems_are_counted_and_shown_when_asked_for(
+    folder: Path, capsys: pytest.CaptureFixture[str], flags: list[str], shown: int
+):
+    (folder / "landmarks.csv").write_text("id,x,y\n" + "1,2,far\n" * 50, encoding="utf-8")
+    assert main(["validate", *flags, str(folder)]) == 2
+    *lines, total = capsys.readouterr().out.splitlines()
+    assert len(lines) == shown
+    assert total.startswith(f"{folder}: 50 problems")
+    assert ("--all shows" in total) == (not flags)
+
+
+def test_several_logs_and_one_bad(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    log_folder.write(tmp_path / "bad", small_dataset().log, None)
+    (tmp_path / "bad" / "sightings.csv").unlink()
+    assert main(["validate", str(tmp_path / "bad"), str(folder), "city[landmarks=40,steps=50]"]) == 2
+    bad, total, *others = capsys.readouterr().out.splitlines()
+    assert bad == f"{tmp_path / 'bad' / 'sightings.csv'}: there is no such file."
+    assert total == f"{tmp_path / 'bad'}: 1 problem."
+    good = [line for line in others if not line.startswith("remark: ")]
+    assert good[0].startswith(f"{folder}: good; 6 steps")
+    assert good[1].startswith("city[landmarks=40,steps=50]: good; 50 steps")
+
+
+def test_what_another_reader_says_is_the_problem(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["validate", f"log[path={tmp_path / 'nowhere'}]", "log"]) == 2
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{tmp_path / 'nowhere'}: there is no such folder, expected that of a log."
+    assert lines[2].startswith("option path of dataset log is not given")
+
+
+def test_every_name_is_looked_up(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    names = ["missing", str(folder), str(tmp_path / "nowhere"), "city[landmarks=0]", str(folder)]
+    assert main(["validate", *names]) == 2
+    captured = capsys.readouterr()
+    first, good, nowhere, total, option, again = (
+        line for line in captured.out.splitlines() if not line.startswith("remark: ")
+    )
+    assert "there is no dataset 'missing'" in first
+    assert good == again
+    assert good.startswith(f"{folder}: good; ")
+    assert nowhere == f"{tmp_path / 'nowhere'}: there is no such folder, expected that of a log."
+    assert total == f"{tmp_path / 'nowhere'}: 1 problem."
+    assert "option landmarks=0 is out of range" in option
+    assert not captured.err
+    assert main(["validate", "missing"]) == 2
+
+
+def drive(change: Change | None = None) -> Dataset:
+    """Thirty even steps with the same four landmarks sighted at each, in all directions."""
+    n, rng = 30, np.random.default_rng(3)
+    step = np.repeat(np.arange(n), 4)
+    parts: dict[str, Any] = {
+        "name": "drive",
+        "prior": Prior(np.zeros(3), np.eye(3)),
+        "t": 0.5 * np.arange(n),
+        "delta": np.array([1.0, 0.0, 0.1]) + 0.01 * rng.standard_normal((n, 3)),
+        "delta_cov": np.tile(np.eye(3), (n, 1, 1)),
+        "sighting_step": step,
+        "ids": np.arange(len(step)) % 4,
+        "z": np.stack((rng.uniform(1, 5, len(step)), rng.uniform(-3, 3, len(step))), axis=-1),
+        "z_cov": np.tile(np.eye(2), (len(step), 1, 1)),
+    }
+    if change is not None:
+        change(parts)
+    return Dataset(Log.from_arrays(**parts), None)
+
+
+def put(name: str, place: Any, value: Any) -> Change:
+    return lambda parts: parts[name].__setitem__(place, value)
+
+
+def times(name: str, factor: Any) -> Change:
+    return lambda parts: parts.update({name: parts[name] * factor})
+
+
+def later(parts: dict[str, Any]) -> None:
+    parts["t"][20:] += 30.0
+
+
+ODD: dict[str, tuple[Change, str]] = {
+    "a gap": (later, "1 gap in time of more than 10 times the median of 0.5 s, the longest of 30.5 s before step 20"),
+    "milliseconds": (
+        times("t", 1000.0),
+        "the median time between steps is 500 s: perhaps the times are in milliseconds",
+    ),
+    "a jump": (put("delta", (7, 0), 9.0), "1 jump of the odometry's dx, 20 standard deviations of the other steps"),
+    "a jerk": (put("delta", (7, 2), -2.0), "the first of -2 at step 7"),
+    "turns in degrees": (
+        times("delta", np.array([1.0, 1.0, 30.0])),
+        "rad/s: perhaps it was in degrees a second",
+    ),
+    "strides in millimetres": (
+        times("delta", np.array([2000.0, 2000.0, 1.0])),
+        "perhaps the motions are in millimetres",
+    ),
+    "ranges in millimetres": (times("z", np.array([1000.0, 1.0])), "perhaps the ranges are in millimetres"),
+    "bearings divided by 57": (times("z", np.array([1.0, np.pi / 180])), "perhaps it is in other units than radians"),
+    "steps of another count": (
+        lambda parts: parts.update(sighting_step=parts["sighting_step"] // 3, ids=np.arange(120) % 12),
+        "the last sighting is of step 9, the log has 30",
+    ),
+    "no id": (put("ids", slice(0, 2), UNKNOWN), "2 of 120 sightings have no id"),
+    "never met again": (
+        lambda parts: parts.update(ids=np.arange(120)),
+        "120 of 120 landmarks are sighted once only",
+    ),
+    "blind": (
+        lambda parts: parts.update(
+            sighting_step=np.zeros(0, int), ids=np.zeros(0, int), z=np.zeros((0, 2)), z_cov=np.zeros((0, 2, 2))
+        ),
+        "there is no sighting",
+    ),
+}
+
+
+def test_an_ordinary_drive_needs_no_remark():
+    assert list(remarks(drive())) == []
+
+
+@pytest.mark.parametrize(("change", "words"), ODD.values(), ids=ODD.keys())
+def test_what_is_odd_is_remarked(change: Change, words: str):
+    (remark,) = remarks(drive(change))
+    assert words in remark
+    assert not remark.endswith((".", "?"))  # the command ends it
+
+
+@pytest.mark.parametrize("huge", [1e10, 1e200, 1.7e308])
+def test_what_is_huge_is_remarked_whatever_its_square(huge: float):
+    """Warnings would be errors here."""
+    size, jump = remarks(drive(put("delta", (7, 0), -huge)))
+    assert size == f"1 motion of more than 1e+09 m, the largest of {huge:.3g} m, the first at step 7"
+    assert jump.startswith("1 jump of the odometry's dx")
+    assert f"the first of {-huge:.3g} at step 7" in jump
+    found = remarks(drive(times("delta", np.array([huge, huge, 1.0]))))
+    assert any("perhaps the motions are in millimetres" in remark for remark in found)
+    found = remarks(drive(times("z", np.array([huge / 10, 1.0]))))
+    assert any("perhaps the ranges are in millimetres" in remark for remark in found)
+    assert found[0].startswith("120 ranges of more than 1e+09 m")
+
+
+def test_a_robot_that_bends_at_some_steps_does_not_jump():
+    """Or that stands still most of the time; only what is unlike all others is a jump."""
+    assert list(remarks(drive(put("delta", (slice(None, None, 6), 2), 1.5)))) == []
+    assert list(remarks(drive(put("delta", (slice(3, None), slice(None)), 0.0)))) == []
+
+
+def test_a_log_of_two_steps_needs_no_remark():
+    log, _ = drive()
+    assert list(remarks(Dataset(log.head(2), None))) == []
+
+
+def test_remarks_are_printed_and_do_not_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    log_folder.write(tmp_path / "log", drive(later).log, None)
+    assert main(["validate", str(tmp_path / "log")]) == 0
+    remark, good = capsys.readouterr().out.splitlines()
+    assert remark.startswith(f"remark: {tmp_path / 'log'}: 1 gap in time")
+    assert ": good; 30 steps, 120 sightings of 4 landmarks, no truth; " in good

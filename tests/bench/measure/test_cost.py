@@ -1,0 +1,153 @@
+"""J, the survey's cost, term by term: against plain sums over plain numbers, against GTSAM, and who has the least."""
+
+import math
+
+import gtsam
+import numpy as np
+import pytest
+
+from random_logs import random_covariance, random_log
+from slamduel.backends.registry import find
+from slamduel.bench.measure.drive import drive
+from slamduel.bench.measure.misfit import Cost, cost
+from slamduel.bench.measure.score import score
+from slamduel.frontend.factors import Log, Map, RelativePoses
+from slamduel.frontend.se2 import Array, Ints
+
+
+def turned(angle: float) -> float:
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+def weighed(error: list[float], cov: Array) -> float:
+    """e' C^-1 e."""
+    e = np.array(error)
+    return float(e @ np.linalg.inv(cov) @ e)
+
+
+def motion(a: Array, b: Array) -> tuple[float, float, float]:
+    """From pose a to pose b, as somebody in a measures it with a ruler along his own axes."""
+    far, way = math.hypot(b[0] - a[0], b[1] - a[1]), math.atan2(b[1] - a[1], b[0] - a[0]) - a[2]
+    return far * math.cos(way), far * math.sin(way), turned(b[2] - a[2])
+
+
+def summed_by_hand(log: Log, path: Array, landmarks: Map) -> Cost:
+    """The survey's J_GraphSLAM, each of its sums in a loop."""
+    place = dict(zip(landmarks.ids.tolist(), landmarks.xy.tolist(), strict=True))
+    start = path[0] - log.prior.pose
+    prior = weighed([start[0], start[1], turned(start[2])], log.prior.cov)
+    given = log.prior.map
+    if given is not None and given.cov is not None:
+        moved = [place[i][axis] - given.xy[k, axis] for k, i in enumerate(given.ids.tolist()) for axis in (0, 1)]
+        prior += weighed(moved, given.cov)
+    odometry = sightings = loops = 0.0
+    for k, step in enumerate(log):
+        if step.odometry is not None:
+            x, y, turn = motion(path[k - 1], path[k])
+            dx, dy, dtheta = step.odometry.delta
+            odometry += weighed([x - dx, y - dy, turned(turn - dtheta)], step.odometry.cov)
+        for i, (r, phi), cov in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
+            east, north = place[i][0] - path[k, 0], place[i][1] - path[k, 1]
+            off = [r - math.hypot(east, north), turned(phi - math.atan2(north, east) + path[k, 2])]
+            sightings += weighed(off, cov)
+        for to, (dx, dy, dtheta), cov in zip(step.loops.to, step.loops.delta, step.loops.cov, strict=True):
+            x, y, turn = motion(path[to], path[k])
+            loops += weighed([x - dx, y - dy, turned(turn - dtheta)], cov)
+    return Cost(prior, odometry, sightings, loops)
+
+
+def with_everything(seed: int) -> tuple[Log, Array, Map]:
+    """A log with two loop closures and a given map; a path and a map that are off by centimetres."""
+    rng = np.random.default_rng(seed)
+    log, truth = random_log(rng, 30, 6)
+    assert truth is not None
+    assert truth.map is not None
+    given = Map(truth.map.ids[1:4], truth.map.xy[1:4] + 0.05, random_covariance(rng, [0.1] * 6))
+    steps = list(log)
+    for k, to in ((12, 3), (25, 0)):
+        delta = np.array(motion(truth.poses[to], truth.poses[k])) + rng.normal(0, 0.02, 3)
+        loop = RelativePoses(np.array([to]), delta[None], random_covariance(rng, [0.1, 0.1, 0.05])[None])
+        steps[k] = steps[k]._replace(loops=loop)
+    path = truth.poses + rng.normal(0, 0.03, truth.poses.shape)
+    landmarks = truth.map._replace(xy=truth.map.xy + rng.normal(0, 0.03, truth.map.xy.shape))
+    return Log.from_steps("everything", log.prior._replace(map=given), steps), path, landmarks
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_term_is_the_surveys_sum(seed: int) -> None:
+    log, path, landmarks = with_everything(seed)
+    found = cost(log, path, landmarks)
+    assert found is not None
+    assert min(found) > 0
+    np.testing.assert_allclose(found, summed_by_hand(log, path, landmarks), rtol=1e-9)
+    assert found.total == pytest.approx(sum(found), rel=1e-15)
+
+
+def test_it_is_twice_gtsams_error_where_no_residual_turns() -> None:
+    """GTSAM measures the misfit of a motion along the arc that leads from one pose to the other: where headings fit, as
+    here, that is the straight line; elsewhere the two differ by the product of the misfits in heading and in place."""
+    log, path, landmarks = with_everything(7)
+    assert log.prior.map is not None
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    names = {i: gtsam.symbol("l", k) for k, i in enumerate(landmarks.ids.tolist())}
+    for i, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
+        values.insert(names[i], xy)
+    path[0, 2] = log.prior.pose[2]
+    path[:, 2] = path[0, 2] + np.concatenate(([0.0], np.cumsum(log.delta[1:, 2])))
+    path[:, 2] = np.arctan2(np.sin(path[:, 2]), np.cos(path[:, 2]))
+    for k, step in enumerate(log):
+        values.insert(k, gtsam.Pose2(*path[k]))
+        if step.odometry is None:
+            graph.add(gtsam.PriorFactorPose2(k, gtsam.Pose2(*log.prior.pose), behind(log.prior.pose, log.prior.cov)))
+        else:
+            delta, cov = step.odometry
+            graph.add(gtsam.BetweenFactorPose2(k - 1, k, gtsam.Pose2(*delta), behind(delta, cov)))
+        for i, (r, phi), cov in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
+            noise = gtsam.noiseModel.Gaussian.Covariance(cov[::-1, ::-1])
+            graph.add(gtsam.BearingRangeFactor2D(k, names[i], gtsam.Rot2(phi), r, noise))
+    found = cost(log, path, landmarks)
+    bare = cost(Log.from_steps("without", log.prior._replace(map=None), list(log)), path, landmarks)
+    assert found is not None
+    assert bare is not None
+    assert found.prior > bare.prior
+    assert bare.total - bare.loops == pytest.approx(2 * graph.error(values), rel=1e-9)
+
+
+def behind(pose: Array, cov: Array) -> gtsam.noiseModel.Gaussian:
+    """A covariance given in the axes before a motion, or in the world's, in those of the pose after it."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return gtsam.noiseModel.Gaussian.Covariance(R @ cov @ R.T)
+
+
+def test_the_batch_optimum_has_the_least_and_an_online_path_pays_in_odometry() -> None:
+    log = random_log(np.random.default_rng(3), 80, 10).log
+    terms: dict[str, Array | Ints] = {}
+    for name in ("ekf", "fastslam", "isam2", "graph"):
+        builder = find(name)
+        outcome = drive(builder, builder.options(), log, lambda: np.random.default_rng(0))
+        judged = score(log, outcome, None)
+        terms[name] = judged.arrays["cost_terms"]
+        assert judged.row["cost_j"] == pytest.approx(terms[name].sum(), rel=1e-12)
+    least = terms["graph"].sum()
+    assert all(found.sum() > least for name, found in terms.items() if name != "graph")
+    assert terms["isam2"].sum() == pytest.approx(least, rel=1e-2)
+    assert terms["ekf"][1] > terms["graph"][1] + 6 * np.sqrt(2 * terms["graph"][1])
+
+
+def test_it_is_not_defined_where_a_given_landmark_was_lost() -> None:
+    log, path, landmarks = with_everything(1)
+    given = log.prior.map
+    assert given is not None
+    kept = landmarks.ids != given.ids[0]
+    blind = [
+        step._replace(
+            sightings=step.sightings._replace(
+                ids=step.sightings.ids[:0], z=step.sightings.z[:0], cov=step.sightings.cov[:0]
+            )
+        )
+        for step in log
+    ]
+    unseen = Log.from_steps("unseen", log.prior, blind)
+    assert cost(unseen, path, landmarks) is not None
+    assert cost(unseen, path, Map(landmarks.ids[kept], landmarks.xy[kept], None)) is None

@@ -1,0 +1,137 @@
+"""Growth exponents: those put in, through noise, spikes and a constant part, and none where there is no telling."""
+
+import numpy as np
+import pytest
+
+from random_logs import random_log
+from slamduel.bench.measure.growth import MOST_ERROR, growth, mapped
+from slamduel.frontend.factors import Log, Map
+from slamduel.frontend.se2 import Array, Ints
+
+STEPS = 3000
+
+
+def costs(rng: np.random.Generator, x: Ints, exponent: float, constant: float = 0.0, spikes: float = 1.0) -> Ints:
+    """ns of each step: a constant share and a power of x, scattered by a quarter, 1 % of all steps `spikes` times."""
+    mean = 1e5 * (constant + (x / x[-1]) ** exponent)
+    scatter = rng.lognormal(0, 0.25, len(x)) * np.where(rng.random(len(x)) < 0.01, spikes, 1.0)
+    return np.rint(mean * scatter).astype(np.int64)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0, 2.0])
+@pytest.mark.parametrize("constant", [0.0, 0.1])
+def test_the_exponent_is_found_to_five_hundredths(exponent: float, constant: float) -> None:
+    x = np.arange(1, STEPS + 1)
+    for seed in range(5):
+        found = growth(x, costs(np.random.default_rng(seed), x, exponent, constant))
+        assert found is not None
+        assert found.exponent == pytest.approx(exponent, abs=0.05)
+        assert found.error < 0.1
+
+
+def test_with_spikes_of_twenty_times_the_error_that_is_stated_holds() -> None:
+    x = np.arange(1, STEPS + 1)
+    off = list[float]()
+    for exponent in (0.5, 1.0, 2.0):
+        for seed in range(20):
+            found = growth(x, costs(np.random.default_rng(100 + seed), x, exponent, 0.1, spikes=20))
+            if found is not None:
+                assert found.exponent == pytest.approx(exponent, abs=0.5)
+                off.append(abs(found.exponent - exponent) / found.error)
+    assert len(off) >= 40
+    assert np.mean(np.array(off) < 2) >= 0.85  # 95 % of them, were errors normal: at most 51 of 60 in one case of 500
+
+
+def test_a_constant_part_as_large_as_what_grows_is_told_apart() -> None:
+    x = np.arange(1, STEPS + 1)
+    for exponent in (1.0, 2.0):
+        found = growth(x, costs(np.random.default_rng(1), x, exponent, 0.5))
+        assert found is not None
+        assert found.exponent == pytest.approx(exponent, abs=0.2)
+        slope = np.polyfit(np.log(x), np.log(costs(np.random.default_rng(1), x, exponent, 0.5)), 1)[0]
+        assert slope < 0.7 * exponent  # what a straight line through the logarithms makes of it
+
+
+def test_rare_steps_that_grow_count_though_half_of_all_steps_cost_the_same() -> None:
+    """As iSAM2's: where it closes a loop it pays for the whole past, elsewhere nothing."""
+    rng = np.random.default_rng(2)
+    x = np.arange(1, STEPS + 1)
+    cost = np.where(np.arange(STEPS) % 4 == 0, costs(rng, x, 1.0), costs(rng, x, 0.0) // 1000)
+    found = growth(x, cost)
+    assert found is not None
+    assert found.exponent == pytest.approx(1, abs=0.1)
+    medians = [np.median(part) for part in np.array_split(cost, 10)]
+    assert max(medians) < 2 * min(medians)
+
+
+def test_a_disturbance_of_the_machine_changes_little() -> None:
+    x = np.arange(1, STEPS + 1)
+    cost = costs(np.random.default_rng(3), x, 1.0)
+    cost[400:430] += 1_000_000  # ten times the most expensive step, thirty times over
+    found = growth(x, cost)
+    assert found is None or found.exponent == pytest.approx(1, abs=0.1)
+
+
+def test_an_exact_power_is_found_exactly() -> None:
+    x = np.arange(1, STEPS + 1)
+    found = growth(x, 1000 * x**2)
+    assert found is not None
+    assert found.exponent == pytest.approx(2, abs=0.02)  # a bin's mean is not at its mean x
+    assert growth(x, np.full(STEPS, 70)) == pytest.approx((0, 0), abs=0.01)
+
+
+def test_against_a_map_that_grows_in_leaps() -> None:
+    rng = np.random.default_rng(4)
+    x = np.minimum(1 + np.cumsum(rng.random(STEPS) < 0.05), 100)
+    found = growth(x, costs(rng, x, 2.0, 0.02))
+    assert found is not None
+    assert found.exponent == pytest.approx(2, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("x", "cost"),
+    [
+        (np.arange(1, 31), np.arange(1, 31)),  # few steps
+        (np.full(500, 12), np.arange(500)),  # a map that does not grow
+        (np.arange(100, 300), np.arange(100, 300)),  # over less than a factor of four
+        (np.zeros(500, np.int64), np.arange(500)),  # no map at all
+        (np.arange(1, 501), np.zeros(500, np.int64)),  # costs below the clock's own
+        (np.arange(1, 501), np.random.default_rng(0).pareto(0.4, 500).astype(np.int64)),  # spikes alone
+        (np.ones(1, np.int64), np.ones(1, np.int64)),
+    ],
+)
+def test_without_grounds_for_a_fit_there_is_no_exponent(x: Ints, cost: Ints) -> None:
+    assert growth(x, cost) is None
+
+
+def test_an_error_that_says_nothing_is_not_stated() -> None:
+    rng = np.random.default_rng(5)
+    x = np.arange(1, 201)
+    for spikes in (1.0, 100.0, 1000.0):
+        found = [growth(x, costs(rng, x, 1.0, 1.0, spikes)) for _ in range(10)]
+        assert all(one.error <= MOST_ERROR for one in found if one is not None)
+    assert None in found
+
+
+def counted(log: Log) -> list[int]:
+    known = set[int]() if log.prior.map is None else set(log.prior.map.ids.tolist())
+    sizes = list[int]()
+    for step in log:
+        known |= set(step.sightings.ids.tolist()) - {-1}
+        sizes.append(len(known))
+    return sizes
+
+
+def test_the_size_of_the_map_is_what_was_sighted_or_given_by_then() -> None:
+    log, truth = random_log(np.random.default_rng(6), 40, 12, radius=3.0)
+    assert truth is not None
+    assert truth.map is not None
+    steps = list(log)
+    steps[0] = steps[0]._replace(
+        sightings=steps[0].sightings._replace(ids=np.full(len(steps[0].sightings.ids), -1, np.int64))
+    )
+    given: Array = truth.map.xy[:3]
+    prior = log.prior._replace(map=Map(truth.map.ids[:3], given, None))
+    for one in (log, Log.from_steps("some", log.prior, steps), Log.from_steps("given", prior, steps)):
+        assert mapped(one).tolist() == counted(one)
+    assert 0 < counted(log)[0] < counted(log)[-1]

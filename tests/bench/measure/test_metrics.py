@@ -1,0 +1,209 @@
+"""The judges: closed forms against brute force and evo, consistency against what chi-square promises."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.special import chdtri
+
+from random_logs import random_covariance, random_log
+from slamduel.backends.registry import find
+from slamduel.bench.measure import metrics
+from slamduel.bench.measure.misfit import cost
+from slamduel.frontend.factors import Log, Map
+from slamduel.frontend.se2 import Array, compose
+
+
+def wander(rng: np.random.Generator, n: int = 60) -> Array:
+    poses = np.cumsum(rng.normal(size=(n, 3)), axis=0)
+    poses[:, 2] = rng.uniform(-np.pi, np.pi, n)
+    return poses
+
+
+def moved(motion: Array, poses: Array) -> Array:
+    return compose(np.broadcast_to(motion, poses.shape), poses)
+
+
+def test_alignment_undoes_a_rigid_motion() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        truth = wander(rng)
+        estimate = moved(rng.normal(size=3) * 2, truth)
+        alignment = metrics.align(estimate, truth)
+        assert not alignment.translation_only
+        assert metrics.ate(metrics.aligned(alignment, estimate), truth) == pytest.approx(0, abs=1e-12)
+
+
+def test_no_proper_motion_of_the_plane_is_better_than_the_alignment() -> None:
+    """Also for a mirrored path, which a flip out of the plane would lay on the truth: a plane has no such motion."""
+    rng = np.random.default_rng(2)
+    truth = wander(rng)
+    for estimate in (truth + rng.normal(size=truth.shape), truth * (1, -1, 1)):
+        ours = metrics.ate(metrics.aligned(metrics.align(estimate, truth), estimate), truth)
+        starts = [(0, 0, a) for a in np.linspace(-3, 3, 7)]
+        best = min(minimize(lambda m, e=estimate: metrics.ate(moved(m, e), truth), x0=start).fun for start in starts)
+        assert ours == pytest.approx(best, abs=1e-5)
+    assert ours > 1  # the mirrored one keeps its error
+
+
+def test_a_straight_and_a_standing_path_are_only_shifted() -> None:
+    rng = np.random.default_rng(3)
+    line = np.zeros((30, 3))
+    line[:, 0] = np.linspace(0, 10, 30)
+    for truth in (line, moved(np.array([1.0, 2.0, 0.3]), line), np.zeros((30, 3))):
+        estimate = truth + 0.1 * rng.normal(size=truth.shape)
+        alignment = metrics.align(estimate, truth)
+        assert alignment.translation_only
+        assert alignment.motion == pytest.approx([*(truth - estimate).mean(axis=0)[:2], 0])
+
+
+def test_heading_error_goes_the_short_way_round() -> None:
+    a, b = np.zeros((2, 3)), np.zeros((2, 3))
+    a[:, 2], b[:, 2] = np.pi - 0.1, -np.pi + 0.1
+    assert metrics.heading_error(a, b) == pytest.approx(0.2)
+
+
+def test_map_error_is_of_the_shared_landmarks_after_the_alignment() -> None:
+    truth = Map(np.array([1, 2, 3]), np.array([[0.0, 0], [1, 0], [0, 1]]), None)
+    quarter = metrics.Alignment(np.array([0.0, 0.0, np.pi / 2]), False)
+    estimate = Map(np.array([3, 9, 2]), np.array([[1.0, 0.3], [5, 5], [0.0, -1.4]]), None)
+    assert metrics.map_rmse(estimate, truth, quarter) == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2))
+    assert metrics.map_rmse(estimate._replace(ids=np.array([7, 8, 9])), truth, quarter) is None
+
+
+def test_nees_of_true_covariances_is_chi_square() -> None:
+    rng = np.random.default_rng(5)
+    n = 4000
+    truth = wander(rng, n)
+    covs = np.array([random_covariance(rng, (0.1, 0.2, 0.05)) for _ in range(n)])
+    estimate = np.array([rng.multivariate_normal(p, c) for p, c in zip(truth, covs, strict=True)])
+    values = metrics.nees(estimate, covs, truth)
+    assert values.mean() == pytest.approx(3, abs=6 * np.sqrt(6 / n))  # 6 sigma: the variance of chi-square(3) is 6
+    inside = (values <= metrics.INSIDE_95[3]).mean()
+    assert inside == pytest.approx(0.95, abs=6 * np.sqrt(0.95 * 0.05 / n))
+
+
+def test_the_bounds_are_chi_squares() -> None:
+    dof = np.array(list(metrics.INSIDE_95))
+    np.testing.assert_allclose(list(metrics.INSIDE_95.values()), chdtri(dof, 0.05), rtol=1e-14)
+
+
+def test_nees_is_blank_where_there_is_no_covariance_to_divide_by() -> None:
+    covs = np.array([np.eye(3), np.full((3, 3), np.nan), np.diag([1.0, 1, 0])])
+    values = metrics.nees(np.ones((3, 3)), covs, np.zeros((3, 3)))
+    assert values[0] == pytest.approx(3)
+    assert np.isnan(values[1:]).all()
+
+
+def test_nees_is_never_negative_however_thin_the_covariance() -> None:
+    rng = np.random.default_rng(10)
+    cloud = rng.normal(size=(200, 2, 3)) * (1e-3, 1e-3, 1e-5)  # two particles: rank one, but for rounding
+    covs = np.einsum("npi,npj->nij", cloud, cloud)
+    values = metrics.nees(rng.normal(size=(200, 3)), covs, np.zeros((200, 3)))
+    assert not (values < 0).any()
+
+
+def test_a_map_alone_is_aligned_by_its_landmarks() -> None:
+    rng = np.random.default_rng(11)
+    truth = Map(np.arange(6), rng.normal(size=(6, 2)), None)
+    turned = moved(np.array([3.0, -2.0, 1.0]), np.column_stack((truth.xy, np.zeros(6))))[:, :2]
+    assert metrics.own_map_rmse(Map(np.arange(6)[::-1], turned[::-1], None), truth) == pytest.approx(0, abs=1e-12)
+    assert metrics.own_map_rmse(Map(np.arange(2), turned[:2], None), truth) is None
+
+
+def test_landmarks_missed_are_those_sighted_and_spurious_those_unknown() -> None:
+    known = Map(np.array([1, 2, 3, 4]), np.zeros((4, 2)), None)
+    found = Map(np.array([2, 9, 8, 7]), np.zeros((4, 2)), None)
+    assert metrics.missed(found, known, np.array([1, 1, -1, 2, 3, 3, 5])) == 2  # 1 and 3; 4 was never sighted
+    assert metrics.spurious(found, known) == 3
+    assert metrics.missed(known, known, known.ids) == metrics.spurious(known, known) == 0
+
+
+def test_landmark_nees_of_true_covariances_is_chi_square() -> None:
+    """The correlations between landmarks do not matter: each is judged by its own block."""
+    rng = np.random.default_rng(12)
+    n = 300
+    mixed = rng.normal(size=(2 * n, 2 * n)) / np.sqrt(2 * n)
+    joint = mixed @ mixed.T + 0.01 * np.eye(2 * n)
+    truth = Map(np.arange(n), rng.normal(0, 30, (n, 2)), None)
+    order = rng.permutation(n)
+    values = list[float]()
+    for _ in range(10):
+        xy = truth.xy + (mixed @ rng.normal(size=2 * n) + 0.1 * rng.normal(size=2 * n)).reshape(n, 2)
+        pick = (2 * order[:, None] + np.arange(2)).ravel()
+        values += metrics.landmark_nees(Map(order, xy[order], joint[np.ix_(pick, pick)]), truth, order[:0]).tolist()
+    assert len(values) == 10 * n
+    found = metrics.consistency(np.array(values), 2)
+    assert found is not None
+    assert found.mean == pytest.approx(1, abs=6 / np.sqrt(10 * n))  # the variance of chi-square(2) / 2 is 1
+    assert found.inside == pytest.approx(0.95, abs=6 * np.sqrt(0.95 * 0.05 / (10 * n)))
+
+
+def test_landmark_nees_leaves_out_what_was_given_as_exact_and_counts_the_collapsed_as_outside() -> None:
+    truth = Map(np.array([1, 2, 3]), np.zeros((3, 2)), None)
+    found = Map(np.array([3, 1, 2]), np.full((3, 2), 0.1), np.diag([0.01, 0.01, 0, 0, 0, 0]))
+    values = metrics.landmark_nees(found, truth, np.array([1]))
+    np.testing.assert_allclose(values, [np.nan, 2.0])
+    assert metrics.consistency(values, 2) == pytest.approx((1.0, 0.5))
+    assert not len(metrics.landmark_nees(found._replace(cov=None), truth, np.array([1])))
+    assert metrics.consistency(np.zeros(0), 2) is None
+    assert metrics.consistency(np.full(4, np.nan), 3) is None
+
+
+def batch_on(log: Log) -> tuple[Array, Map]:
+    graph = find("graph")
+    backend = graph.make(log.prior, graph.options(), np.random.default_rng(0))
+    for step in log:
+        backend.step(step)
+    solution = backend.finish()
+    assert solution is not None
+    return solution.path, solution.map
+
+
+def test_cost_is_twice_gtsams_error_and_least_at_the_optimum() -> None:
+    rng = np.random.default_rng(6)
+    log = random_log(rng, 60, 10).log
+    path, landmarks = batch_on(log)
+    least = cost(log, path, landmarks)
+    assert least is not None
+    dof = 2 * len(log.ids) - 2 * len(landmarks.ids)  # 3 a step cancel: prior and odometry against poses
+    assert abs(least.total - dof) < 6 * np.sqrt(2 * dof)
+    for _ in range(20):
+        other = cost(log, path + 1e-3 * rng.normal(size=path.shape), landmarks)
+        assert other is not None
+        assert other.total > least.total
+
+
+def test_cost_of_an_exact_answer_is_nothing_and_of_a_known_error_what_it_should_be() -> None:
+    log, truth = random_log(np.random.default_rng(7), 30, 6, errors=0.0)
+    assert truth is not None
+    assert truth.map is not None
+    exact = cost(log, truth.poses, truth.map)
+    assert exact is not None
+    assert exact.total == pytest.approx(0, abs=1e-15)
+    moved_start = truth.poses.copy()
+    moved_start[0, 0] += 0.01
+    found = cost(log, moved_start, truth.map)
+    assert found is not None
+    e = np.array([0.01, 0, 0])
+    assert found.prior == pytest.approx(e @ np.linalg.solve(log.prior.cov, e))
+    assert found.odometry > 0
+
+
+def test_cost_is_not_defined_without_every_sighted_landmark() -> None:
+    log, truth = random_log(np.random.default_rng(8), 30, 6)
+    assert truth is not None
+    assert truth.map is not None
+    assert cost(log, truth.poses, Map(truth.map.ids[1:], truth.map.xy[1:], None)) is None
+    assert cost(log, truth.poses, Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)) is None
+
+
+def test_cost_counts_a_given_map_with_covariance() -> None:
+    log, truth = random_log(np.random.default_rng(9), 20, 4, errors=0.0)
+    assert truth is not None
+    assert truth.map is not None
+    n = len(truth.map.ids)
+    given = truth.map._replace(xy=truth.map.xy + 0.1, cov=0.04 * np.eye(2 * n))
+    known = Log.from_steps("known", log.prior._replace(map=given), list(log))
+    found = cost(known, truth.poses, truth.map)
+    assert found is not None
+    assert found.prior == pytest.approx(2 * n * 0.1**2 / 0.04)

@@ -1,0 +1,224 @@
+"""A cell's columns: online and final apart, nothing where nothing is known, and every log scored without a warning."""
+
+import csv
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from random_logs import random_log
+from slamduel.backends.api import Solution
+from slamduel.bench.measure.drive import Outcome
+from slamduel.bench.measure.metrics import Alignment, aligned, ate
+from slamduel.bench.measure.score import TRANSLATION_ONLY, score
+from slamduel.bench.record.files import export
+from slamduel.bench.record.schema import COLUMNS, MORE
+from slamduel.bench.words import columns
+from slamduel.frontend.factors import Log, Map, Truth
+from slamduel.frontend.se2 import Array, compose
+from small_record import Record
+
+NO_MAP = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
+
+
+def uncertain(landmarks: Map) -> Map:
+    return landmarks._replace(cov=0.04 * np.eye(2 * len(landmarks.ids)))
+
+
+def outcome(online: Array | None, landmarks: Map, solution: Solution | None = None) -> Outcome:
+    """Of a backend that is sure to 0.2 m and 0.1 rad, took 1 ms and 1 µs more every step, and 2 s to finish."""
+    path = online if solution is None else solution.path
+    assert path is not None
+    n = len(path)
+    ns = 1_000_000 + 1000 * np.arange(n)
+    cov = np.tile(np.diag([0.04, 0.04, 0.01]), (n, 1, 1)) if online is not None else np.full((n, 3, 3), np.nan)
+    unknown, none = np.full(n, np.nan), np.zeros(n, np.int64)
+    return Outcome(
+        online, cov, nis=unknown, nis_dof=none, n_eff=unknown, ancestors=unknown, refused=none, map=landmarks,
+        solution=solution, step_ns=ns, wall_ns=ns, belief_ns=ns, map_ns=0, setup_ns=0, finish_ns=2_000_000_000,
+        clock_ns=0, told=False,
+    )  # fmt: skip
+
+
+@cache
+def drive(seed: int = 1, steps: int = 400, dt: float = 0.1) -> tuple[Log, Truth, Map]:
+    log, truth = random_log(np.random.default_rng(seed), steps, 12)
+    assert truth is not None
+    assert truth.map is not None
+    t = dt * np.arange(steps)
+    again = Log.from_steps("drive", log.prior, [step._replace(t=at) for step, at in zip(log, t, strict=True)])
+    return again, truth._replace(t=again.t), truth.map
+
+
+def all_known(row: dict[str, Any]) -> bool:
+    return all(value is None or np.isfinite(value) for value in row.values())
+
+
+def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
+    log, truth, known = drive()
+    seen = np.isin(known.ids, log.ids)
+    found = uncertain(Map(known.ids[seen], known.xy[seen], None))
+    cov = np.tile(0.01 * np.eye(3), (len(log), 1, 1))
+    row = score(log, outcome(truth.poses, found, Solution(truth.poses, found, cov)), truth).row
+    assert all_known(row)
+    ones = {name for name in row if name.endswith("nees_inside")}
+    errors = {"ate_m", "ate_origin_m", "heading_rad", "map_rmse_m", "nees", "landmark_nees", "landmarks_missed"}
+    errors |= {"landmarks_spurious", "align_x_m", "align_y_m", "align_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m"}
+    errors |= {"rpe_1s_m", "rpe_10s_m", "rpe_rad"}
+    for name in errors | {f"final_{name}" for name in errors}:
+        assert row[name] == pytest.approx(0, abs=1e-12), name
+    assert len(ones) == 4
+    assert all(row[name] == 1 for name in ones)
+    assert set(row) <= {*COLUMNS, *MORE}
+    untold = {"n_eff_least", "ancestors_left", "refused_share", "j_loops", "j_online"}
+    few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
+    assert {*MORE} - set(row) == untold | few
+
+
+def test_online_and_final_are_never_mixed() -> None:
+    log, truth, known = drive()
+    rng = np.random.default_rng(2)
+    off = truth.poses + rng.normal(0, 0.3, truth.poses.shape)
+    good = truth.poses + rng.normal(0, 0.01, truth.poses.shape)
+    rough, fine = uncertain(known._replace(xy=known.xy + 0.5)), uncertain(known._replace(xy=known.xy + 0.1))
+    cov = np.tile(1e-4 * np.eye(3), (len(log), 1, 1))
+    both = score(log, outcome(off, rough, Solution(good, fine, cov)), truth)
+    online = score(log, outcome(off, rough), truth)
+    batch = score(log, outcome(None, NO_MAP, Solution(good, fine, cov)), truth)
+    apart = {"cost_j", "landmarks", "j_online", "j_final", "j_prior", "j_odometry", "j_sightings"}  # of the final alone
+    for name in (*COLUMNS, *MORE):
+        if name in apart:
+            continue
+        whole, alone = (batch, online) if name.startswith("final_") else (online, batch)
+        assert both.row.get(name) == whole.row.get(name)
+        accuracy = name.removeprefix("final_") in {*columns.ONLINE, "ate_m", "nees", "heading_rad", "map_rmse_m"}
+        assert not accuracy or alone.row.get(name) is None, name
+    assert both.row["landmark_nees"] == pytest.approx(0.5**2 / 0.04)
+    assert both.row["final_landmark_nees"] == pytest.approx(0.1**2 / 0.04)
+    assert both.row["final_nees"] == pytest.approx(1, abs=6 * np.sqrt(2 / 3 / len(log)))
+    assert both.row["final_rpe_m"] < 0.1 * both.row["rpe_m"]
+    assert both.arrays["final_nees"].mean() == pytest.approx(3 * both.row["final_nees"])
+
+
+def test_the_alignment_that_is_recorded_is_the_one_that_was_used() -> None:
+    log, truth, known = drive()
+    turned = compose(np.broadcast_to((3.0, -2.0, 0.5), truth.poses.shape), truth.poses)
+    turned[:, :2] += np.random.default_rng(3).normal(0, 0.1, (len(log), 2))
+    row = score(log, outcome(turned, known, Solution(truth.poses, known)), truth).row
+    motion = np.array([row["align_x_m"], row["align_y_m"], row["align_rad"]])
+    assert ate(aligned(Alignment(motion, False), turned), truth.poses) == pytest.approx(row["ate_m"], rel=1e-12)
+    assert row["align_rad"] == pytest.approx(-0.5, abs=0.02)
+    assert [row[f"final_align_{name}"] for name in ("x_m", "y_m", "rad")] == pytest.approx([0, 0, 0], abs=1e-12)
+    assert "final_nees" not in row  # the smoother gives no covariances
+
+
+def test_costs_by_fifths_and_against_the_time_of_the_log() -> None:
+    log, truth, known = drive(steps=400, dt=0.1)
+    row = score(log, outcome(truth.poses, known), truth).row
+    fifths = [row[f"step_us_fifth{k}"] for k in range(1, 6)]
+    assert fifths == pytest.approx(1000 + 39.5 + 80 * np.arange(5))
+    assert np.mean(fifths) == pytest.approx(row["step_us_mean"])
+    assert row["length_s"] == pytest.approx(39.9)
+    assert row["real_time"] == pytest.approx(1e-6 * row["step_us_mean"] * 400 / 39.9)
+
+
+def test_where_times_are_step_numbers_nothing_is_told_over_seconds() -> None:
+    log, truth, known = drive(dt=1.0)
+    row = score(log, outcome(truth.poses, known), truth).row
+    assert {"length_s", "real_time", "rpe_1s_m", "rpe_10s_m"}.isdisjoint(row)
+    assert row["rpe_10m_m"] == pytest.approx(0, abs=1e-12)
+
+
+def test_what_goes_on_inside_is_told_where_it_is_known() -> None:
+    log, truth, known = drive()
+    n = len(log)
+    telling = replace(
+        outcome(truth.poses, known),
+        n_eff=np.concatenate(([np.nan, 7.5], np.full(n - 2, 90.0))),
+        ancestors=np.append(np.arange(n - 1, 0, -1.0) + 3, 2.0),
+        refused=np.where(np.arange(n) == 5, 4, 0),
+    )
+    row = score(log, telling, truth).row
+    assert (row["n_eff_least"], row["ancestors_left"]) == (7.5, 2.0)
+    assert row["refused_share"] == 4 / len(log.ids)
+    assert row["j_online"] == row["cost_j"] == row["j_prior"] + row["j_odometry"] + row["j_sightings"]
+    assert "j_final" not in row
+
+
+def test_a_batch_method_has_no_pace() -> None:
+    log, truth, known = drive()
+    row = score(log, outcome(None, NO_MAP, Solution(truth.poses, known)), truth).row
+    assert "length_s" in row
+    assert {"real_time", "growth_steps", "growth_landmarks"}.isdisjoint(row)
+
+
+def standing(steps: int) -> tuple[Log, Truth, Map]:
+    log, truth, known = drive(steps=steps)
+    return log, truth._replace(poses=np.tile(truth.poses[:1], (steps, 1))), known
+
+
+ODD = {
+    "one step": drive(steps=1),
+    "two steps": drive(steps=2),
+    "standing": standing(30),
+    "landmarks unknown": (drive()[0], drive()[1]._replace(map=None), drive()[2]),
+    "part of the truth": (
+        drive()[0],
+        drive()[1]._replace(t=drive()[0].t[:50], poses=drive()[1].poses[:50]),
+        drive()[2],
+    ),
+    "another frame": (drive()[0], drive()[1]._replace(kind="reference", places="truth"), drive()[2]),
+    "a map alone": (drive()[0], drive()[1]._replace(t=np.zeros(0), poses=np.zeros((0, 3))), drive()[2]),
+    "no truth": (drive()[0], None, drive()[2]),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+@pytest.mark.parametrize("mapping", [True, False])
+def test_every_log_is_scored(case: str, mapping: bool) -> None:
+    log, truth, known = ODD[case]
+    rng = np.random.default_rng(4)
+    path = rng.normal(0, 1, (len(log), 3))
+    landmarks = uncertain(known) if mapping else NO_MAP
+    cov = np.tile(np.eye(3), (len(log), 1, 1))
+    for one in (outcome(path, landmarks), outcome(None, NO_MAP, Solution(path, landmarks, cov))):
+        judged = score(log, one, truth)
+        assert all_known(judged.row)
+        assert set(judged.row) <= {*COLUMNS, *MORE}
+        assert (TRANSLATION_ONLY in judged.remark) == (case in ("one step", "two steps", "standing"))
+        prefix = "" if one.solution is None else "final_"
+        if case == "another frame":
+            assert f"{prefix}landmark_nees" not in judged.row
+            assert f"{prefix}nees" not in judged.row
+        if case == "a map alone":
+            assert f"{prefix}ate_m" not in judged.row
+            assert judged.row[f"{prefix}landmarks_spurious"] == 0
+        if case == "no truth":
+            assert not any(name in judged.row for name in (*columns.ONLINE, *columns.FINAL))
+
+
+def test_every_column_has_a_definition() -> None:
+    assert list(columns.COLUMNS) == list(COLUMNS)
+    assert list(columns.MORE) == list(MORE)
+    assert all(column.heading and column.meaning for column in columns.MORE.values())
+
+
+def test_metrics_csv_names_the_cell_and_has_every_column(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    record = Record(out)
+    record.cell("room", "truth", "ekf", seed=3, paths=("final",), rpe_10m_m=0.25, landmarks_missed=2)
+    record.failed("room", "truth", "isam2", "diverged", "lost", seed=3)
+    export(record.store)
+    with (out / "metrics.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    key = ("dataset", "dataset_options", "backend", "options", "seed")
+    assert tuple(rows[0]) == (*key, *MORE)
+    assert [(row["backend"], row["seed"], row["rpe_10m_m"], row["landmarks_missed"]) for row in rows] == [
+        ("ekf", "3", "0.25", "2"),
+        ("isam2", "3", "", ""),
+    ]
+    with (out / "cells.csv").open(newline="") as file:
+        assert tuple(next(csv.reader(file))) == COLUMNS

@@ -1,0 +1,199 @@
+"""Names and options as a user types them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slamduel.bench.plan.plan import Plan
+from slamduel.bench.plan.spec import backend_variants, dataset_at, dataset_variants, describe, read_options
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.options import option
+
+
+@dataclass(frozen=True)
+class Options:
+    """One of each kind."""
+
+    count: int = option(10, "how many", minimum=1, maximum=1_000_000)
+    share: float = option(0.5, "how much", minimum=0, maximum=1)
+    loud: bool = option(False, "whether")
+    shape: str = option("round", "which", choices=("round", "square"))
+    path: str | None = option(None, "where")
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ([], Options()),
+        ([("count", "1_000"), ("share", "1e-3")], Options(1000, 0.001)),
+        ([("loud", "True"), ("shape", "square")], Options(loud=True, shape="square")),
+        ([("path", "none")], Options(path=None)),
+        ([("path", "a b/c")], Options(path="a b/c")),
+    ],
+)
+def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expected: Options) -> None:
+    assert read_options(Options, given, "backend x") == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ([("cuont", "3")], "backend x: there is no option 'cuont'; did you mean 'count'?"),
+        ([("zzz", "3")], "there is no option 'zzz'; expected one of count, loud, path, shape, share."),
+        ([("count", "3.5")], "option count=3.5: found '3.5', expected a whole number from 1 to 1000000."),
+        ([("count", "0")], "option count=0 is out of range; expected a whole number from 1 to 1000000."),
+        ([("share", "nan")], "option share=nan is out of range; expected a number from 0 to 1."),
+        ([("share", "inf")], "option share=inf is out of range; expected a number from 0 to 1."),
+        ([("loud", "maybe")], "option loud=maybe: found 'maybe', expected true or false."),
+        ([("shape", "oval")], "option shape=oval is out of range; expected one of round, square."),
+        ([("path", "")], "option path is empty, expected text."),
+        ([("count", "3"), ("count", "4")], "option count is given twice, expected once."),
+    ],
+)
+def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_options(Options, given, "backend x")
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("efk", "there is no backend 'efk'; did you mean 'ekf'?"),
+        ("ekf,,isam2", "found an empty name"),
+        ("", "found an empty name"),
+        ("ekf,ekf", "ekf is named twice"),
+        ("fastslam[particles=7],fastslam[particles=7]", "fastslam[particles=7] is named twice"),
+        ("dead-reckoning[particles=3]", "backend dead-reckoning: there is no option 'particles'; it has none."),
+        ("fastslam[particles]", "found 'particles', expected option=value"),
+        ("fastslam[particles=3", "expected every bracket and quote to be closed"),
+        ("fastslam[particles=3]x", "expected the brackets to close at the end"),
+        ("fastslam]particles=3[", "expected"),
+        ('fast"slam"', "expected double quotes around the whole"),
+        ("fastslam[particles=-3]", "out of range; expected a whole number from 1 to"),
+    ],
+)
+def test_wrong_names_get_a_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        backend_variants(text)
+    assert sentence in str(caught.value)
+
+
+def test_wrong_dataset_names_get_a_sentence() -> None:
+    with pytest.raises(InputError, match="did you mean 'victoria-park'"):
+        dataset_variants("victoria-prak")
+
+
+def test_labels_are_what_the_command_line_takes() -> None:
+    for text in ("fastslam[particles=1000,resample_below=0.3]", "isam2[factorization=cholesky]", "ekf"):
+        (variant,) = backend_variants(text)
+        assert variant.label == text
+    (dataset,) = dataset_variants('log[path="a,[b]/c"]')
+    assert dataset.options.path == "a,[b]/c"
+    assert dataset_variants(dataset.label)[0].options == dataset.options
+
+
+@pytest.mark.parametrize("path", ["a,b", "a[1]/c", " a ", "none", "city", "a=b"])
+def test_a_path_comes_back_from_its_label(path: str) -> None:
+    variant = dataset_at(Path(path), "test")
+    (again,) = dataset_variants(variant.label)
+    assert (again.name, again.options) == (variant.name, variant.options)
+    assert Path(again.options.path) == Path(path)
+
+
+def test_a_path_with_a_double_quote_is_refused() -> None:
+    for named in (lambda: dataset_at(Path('a"b'), "test"), lambda: dataset_variants('log[path=a"b"c]')):
+        with pytest.raises(InputError, match="double quote"):
+            named()
+
+
+def test_quotes_stand_round_a_whole_name(tmp_path: Any) -> None:
+    for name in ("x,y", "br[1]"):
+        (tmp_path / name).mkdir()
+        (variant,) = dataset_variants(f'"{tmp_path}/{name}"')
+        assert (variant.name, variant.options.path) == ("log", f"{tmp_path}/{name}")
+    (variant,) = backend_variants('"fastslam"[particles=7]')
+    assert variant.label == "fastslam[particles=7]"
+
+
+def test_an_option_at_its_default_is_the_plain_backend() -> None:
+    assert backend_variants("fastslam[particles=100]")[0].label == "fastslam"
+
+
+def test_a_path_is_short_for_a_log(tmp_path: Any) -> None:
+    (variant,) = dataset_variants(str(tmp_path))
+    assert (variant.name, variant.options.path) == ("log", str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("file", "rows", "kind"),
+    [
+        ("a.g2o", "VERTEX_SE2 0 0 0 0", "g2o"),
+        ("a.G2O", "# by hand\n\nEDGE_SE2 0 1", "g2o"),
+        ("a.g2o", "VERTEX2 0 0 0 0\nEDGE2 0 1", "gtsam"),
+        ("a.g2o", "EDGE_SE2 0 1\nLANDMARK2 0 1", "gtsam"),
+        ("a.graph", "VERTEX2 0 0 0 0\nEDGE2 0 1", "toro"),
+        ("a.graph", "VERTEX2 0 0 0 0\nEDGE2 0 1\nBR 0 1", "gtsam"),
+        ("a.graph", "ODOMETRY 0 1", "gtsam"),
+        ("a.graph", "EDGE_SE2 0 1", "g2o"),
+        ("a.toro", "EDGE2 0 1", "toro"),
+    ],
+)
+def test_a_graph_s_path_is_short_for_its_reader(file: str, rows: str, kind: str, tmp_path: Any) -> None:
+    (tmp_path / file).write_text(rows)
+    (variant,) = dataset_variants(str(tmp_path / file))
+    assert (variant.name, variant.options.path) == (kind, str(tmp_path / file))
+
+
+def test_a_graph_that_is_not_there_is_a_sentence(tmp_path: Any) -> None:
+    with pytest.raises(InputError, match=r"none\.g2o: there is no such file"):
+        dataset_variants(str(tmp_path / "none.g2o"))
+    with pytest.raises(InputError, match=r"none\.g2o: there is no such file"):
+        dataset_variants("none.g2o")
+    (tmp_path / "folder.g2o").mkdir()
+    assert dataset_variants(str(tmp_path / "folder.g2o"))[0].name == "log"
+
+
+def test_variants_of_one_backend_have_folders_of_their_own() -> None:
+    plain, many, more = backend_variants("fastslam,fastslam[particles=200],fastslam[particles=300]")
+    assert plain.slug == "fastslam"
+    assert len({plain.slug, many.slug, more.slug}) == 3
+    assert many.slug.startswith("fastslam-")
+    assert all(c.isalnum() or c in "-_." for v in backend_variants("pack.mod:build") for c in v.slug)
+
+
+def test_a_plugin_that_cannot_be_imported_is_kept_with_the_reason() -> None:
+    (variant,) = backend_variants("no_such_package.module:build")
+    assert variant.builder is None
+    assert "no_such_package" in variant.missing
+
+
+def test_a_plan_comes_back_from_its_words() -> None:
+    words = {
+        "backend": "ekf,fastslam[particles=7]",
+        "dataset": "aruco-room[markers=12],victoria-park",
+        "seeds": 2,
+        "timeout_s": 5.0,
+        "memory_mb": 100,
+    }
+    plan = Plan.from_words(words)
+    assert plan.words() == words | {"map": None, "map_fixed": False, "map_digest": None, "oracle": False}
+    cells = [(c.dataset.name, c.backend.name, c.seed) for c in plan.cells()]
+    assert sorted(cells) == [
+        ("aruco-room", "ekf", 0),
+        ("aruco-room", "ekf", 1),
+        ("aruco-room", "fastslam", 0),
+        ("aruco-room", "fastslam", 1),
+        ("victoria-park", "ekf", 0),  # neither draws: once
+        ("victoria-park", "fastslam", 0),
+        ("victoria-park", "fastslam", 1),
+    ]
+
+
+def test_every_option_is_described_with_its_range() -> None:
+    described = {name: (default, summary) for name, default, summary in describe(Options)}
+    assert described["count"] == ("10", "how many (a whole number from 1 to 1000000)")
+    assert described["shape"] == ("round", "which (one of round, square)")
+    assert described["path"] == ("none", "where (text)")

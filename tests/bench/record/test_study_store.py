@@ -1,0 +1,342 @@
+"""The store of a study: what is in it stays, whatever happens to who writes it."""
+
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from slamduel.bench.record.lock import claimed
+from slamduel.bench.record.schema import FILE as RUN
+from slamduel.bench.record.study_store import Known, StudyStore
+from slamduel.frontend.errors import InputError
+
+FILE = "study.sqlite"
+ARRAYS = {"t": np.array([0.0, 0.1]), "online": np.array([[0.1, 0.2, 0.3]])}
+
+
+def result(seed: int = 0, status: str = "done", **more: Any) -> dict[str, Any]:
+    """A row as the runner makes it."""
+    row = {"dataset": "circle", "dataset_options": "", "backend": "ekf", "options": "", "seed": seed, "status": status}
+    return row | {"reason": "", "digest": f"d{seed}", "ate_m": 0.1 + seed, "steps": 500, "host": "here"} | more
+
+
+def database(store: StudyStore) -> sqlite3.Connection:
+    return store._db  # pyright: ignore[reportPrivateUsage]
+
+
+def cell(seed: int, key: str | None, **swept: Any) -> tuple[Any, ...]:
+    """A row of the plan."""
+    return "circle", "", "ekf", "", seed, {"dataset": "circle", "backend": "ekf", "seed": seed, **swept}, key
+
+
+def filled(folder: Path, count: int = 3) -> None:
+    """A store of so many results."""
+    with StudyStore(folder, writing=True) as store:
+        store.put_plan([cell(k, f"k{k}") for k in range(count)])
+        for k in range(count):
+            store.put_result(f"k{k}", result(k), {})
+
+
+def test_the_table_is_the_plan_with_its_results(tmp_path: Path) -> None:
+    tenth = 0.1 + 0.2  # no short decimal
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_plan(
+            [
+                cell(1, "a", tags=6, gate=None, robust=True),
+                cell(0, None, tags=tenth, gate="none", robust=False),
+                cell(2, None, tags=12, gate=None, robust=None),
+                cell(3, "nobody ran it", tags=12, gate=None, robust=None),
+            ]
+        )
+        assert store.put_result("a", result(1, ate_m=tenth, nees=None), {})
+        assert store.put_result("of an option that is swept no more", result(9), {})
+        store.settle(1, None, "the log could not be made: no such file")
+    with StudyStore(tmp_path) as store:
+        table = store.table(["ate_m", "nees", "seconds", "host", "steps"])
+    columns = {name: column.tolist() for name, column in table.columns.items()}
+    assert list(columns)[:6] == ["dataset", "backend", "seed", "tags", "gate", "robust"]
+    assert columns["seed"] == [1, 0, 2, 3]
+    assert columns["tags"] == [6, tenth, 12, 12]
+    assert [type(value) for value in columns["tags"][:2]] == [int, float]
+    assert columns["gate"] == [None, "none", None, None]
+    assert columns["robust"] == [True, False, None, None]
+    assert columns["status"] == ["done", "error", "waiting", "waiting"]
+    assert columns["reason"] == ["", "the log could not be made: no such file", None, None]
+    assert columns["digest"] == ["d1", None, None, None]
+    assert columns["host"] == ["here", None, None, None]
+    np.testing.assert_array_equal(table.columns["ate_m"], [tenth, np.nan, np.nan, np.nan])
+    assert table.columns["nees"].dtype == float
+    assert np.isnan(table.columns["nees"]).all()
+    assert table.rows({"tags": 12, "gate": None}).tolist() == [2, 3]
+
+
+def test_an_empty_study_is_a_table_without_rows(tmp_path: Path) -> None:
+    StudyStore(tmp_path, writing=True).close()
+    with StudyStore(tmp_path) as store:
+        assert len(store.table(["ate_m"])) == 0
+        assert store.statuses() == store.logs() == store.words() == {}
+
+
+def test_a_parameter_keeps_its_name_beside_a_measure(tmp_path: Path) -> None:
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_plan([cell(0, "a", steps=50)])
+        store.put_result("a", result(steps=49), {})
+        assert store.table(["steps", "ate_m"]).columns["steps"].tolist() == [50]
+
+
+def test_a_plan_that_stays_is_not_written_again(tmp_path: Path) -> None:
+    plan = [cell(seed, f"k{seed}", tags=6) for seed in range(20)]
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_plan(plan)
+        store.settle(3, "k3", "as it was")
+
+        def written(rows: list[tuple[Any, ...]]) -> int:
+            before = database(store).total_changes
+            store.put_plan(rows)
+            return database(store).total_changes - before
+
+        assert written(plan) == 0
+        assert written([*plan[:7], cell(7, "other", tags=6), *plan[8:]]) == 1
+        assert written([*plan[:7], cell(7, "other", tags=6.0), *plan[8:]]) == 1
+        assert written(plan[:5]) == 15
+        table = store.table([])
+        assert len(table) == 5
+
+
+def test_the_first_result_of_a_key_stays_but_for_a_failure(tmp_path: Path) -> None:
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_plan([cell(0, "a")])
+
+        def found() -> tuple[str, float]:
+            columns = store.table(["ate_m"]).columns
+            return columns["status"][0], columns["ate_m"][0]
+
+        assert store.put_result("a", result(status="timeout", ate_m=None), {})
+        assert store.put_result("a", result(ate_m=1.0), {})
+        assert found() == ("done", 1.0)
+        assert not store.put_result("a", result(ate_m=2.0), {})
+        assert not store.put_result("a", result(status="error", ate_m=None), {})
+        assert found() == ("done", 1.0)
+        assert store.statuses() == {"a": "done"}
+
+
+def test_arrays_that_are_wanted_later_are_got_later(tmp_path: Path) -> None:
+    known = Known("d", "t", "truth")
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_log("log", ("circle", "", 0), known, {})
+        store.put_log("blind", ("log", "", 0), Known("d", "", ""), {})
+        store.put_result("a", result(), {})
+        store.put_result("b", result(status="diverged"), {})
+        assert store.statuses(arrays=True) == {"b": "diverged"}
+        assert list(store.logs(arrays=True)) == ["blind"]
+        assert store.put_result("a", result(), ARRAYS)
+        store.put_log("log", ("circle", "", 0), known, {"t": ARRAYS["t"]})
+        assert not store.put_result("a", result(), ARRAYS)
+        store.put_log("log", ("circle", "", 0), known, {})
+        assert store.statuses(arrays=True) == {"a": "done", "b": "diverged"}
+        assert set(store.logs(arrays=True)) == {"log", "blind"}
+        assert set(store.logs_made()) == {("circle", "", 0), ("log", "", 0)}
+    with StudyStore(tmp_path) as store:
+        for name, array in store.arrays("a").items():
+            np.testing.assert_array_equal(array, ARRAYS[name])
+        assert store.arrays("log")["t"].tolist() == [0.0, 0.1]
+        assert store.arrays("b") == {}
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_log("log", ("circle", "", 0), known._replace(truth_digest="another"), {})
+        assert store.arrays("log") == {}
+
+
+def test_other_programs_read_it_while_it_is_written(tmp_path: Path) -> None:
+    with StudyStore(tmp_path, writing=True) as store:
+        store.put_plan([cell(k, f"k{k}", tags=6) for k in range(3)])
+        reader = sqlite3.connect(f"file:{tmp_path / FILE}?mode=ro", uri=True)
+        frame = pd.DataFrame()
+        for k in range(3):
+            store.put_result(f"k{k}", result(k), {})
+            with StudyStore(tmp_path) as other:
+                assert other.table([]).columns["status"].tolist() == ["done"] * (k + 1) + ["waiting"] * (2 - k)
+            frame = pd.read_sql("SELECT * FROM cells", reader)
+            assert frame["ate_m"].tolist()[: k + 1] == [0.1 + seed for seed in range(k + 1)]
+            assert frame["status"].tolist() == ["done"] * (k + 1) + ["waiting"] * (2 - k)
+        assert [json.loads(words)["tags"] for words in frame["parameters"]] == [6, 6, 6]
+        types = {row[1]: row[2] for row in reader.execute("PRAGMA table_info(cells)")}
+        reader.close()
+    assert set(types.values()) == {"TEXT", "INTEGER", "REAL"}
+    assert (types["status"], types["seed"], types["ate_m"]) == ("TEXT", "INTEGER", "REAL")
+
+
+def test_nothing_that_was_kept_goes_with_a_writer_that_is_killed(tmp_path: Path) -> None:
+    script = f"""
+from pathlib import Path
+from slamduel.bench.record.study_store import StudyStore
+store = StudyStore(Path({str(tmp_path)!r}), writing=True)
+for k in range(10**6):
+    store.put_result(f"k{{k}}", {{"status": "done", "seed": k}}, {{}})
+    print(k, flush=True)
+"""
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as writer:
+        assert writer.stdout is not None
+        said = [writer.stdout.readline() for _ in range(50)]
+        writer.send_signal(signal.SIGKILL)
+        said += writer.stdout.readlines()
+    last = max(int(word) for word in said if word.endswith("\n"))
+    with StudyStore(tmp_path) as store:
+        assert len(store.statuses()) > last >= 49
+    with StudyStore(tmp_path, writing=True) as store:
+        assert len(store.statuses()) - 1 in (last, last + 1)
+        assert store.put_result("after", result(), {})
+
+
+def test_a_full_disk_is_a_sentence_and_costs_nothing_that_was_written(tmp_path: Path) -> None:
+    with StudyStore(tmp_path, writing=True) as store:
+        pages = database(store).execute("PRAGMA page_count").fetchone()[0]
+        database(store).execute(f"PRAGMA max_page_count = {pages + 2}")
+        kept: list[str] = []
+
+        def fill() -> None:
+            for k in range(1000):
+                store.put_result(f"k{k}", result(k, reason="x" * 500), {})
+                kept.append(f"k{k}")
+
+        with pytest.raises(InputError, match=r"study\.sqlite: cannot be written to: database or disk is full"):
+            fill()
+        assert kept
+        assert list(store.statuses()) == kept
+        database(store).execute(f"PRAGMA max_page_count = {pages + 1000}")
+        assert store.put_result("more", result(), ARRAYS)
+    with StudyStore(tmp_path, writing=True) as store:
+        assert list(store.statuses()) == [*kept, "more"]
+
+
+def test_a_store_that_cannot_be_written_to_is_a_sentence(tmp_path: Path) -> None:
+    filled(tmp_path)
+    with StudyStore(tmp_path, writing=True) as store:
+        database(store).execute("PRAGMA query_only = ON")
+        with pytest.raises(InputError, match=r"study\.sqlite: cannot be written to: attempt to write a readonly"):
+            store.put_words({"finished": 1})
+        assert len(store.statuses()) == 3
+    with pytest.raises(InputError, match=r"study\.sqlite: cannot be written to: unable to open"):
+        StudyStore(tmp_path / "nowhere", writing=True)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
+def test_a_store_in_a_folder_that_cannot_be_written_to_is_read(tmp_path: Path) -> None:
+    filled(tmp_path)
+    os.chmod(tmp_path, 0o555)
+    try:
+        with StudyStore(tmp_path) as store:
+            assert len(store.statuses()) == 3
+        with pytest.raises(InputError, match="cannot be written to"), StudyStore(tmp_path, writing=True) as store:
+            store.put_words({"finished": 1})
+    finally:
+        os.chmod(tmp_path, 0o755)
+
+
+def _no_database(path: Path) -> None:
+    path.write_bytes(b"a line of text, and no database\n" * 100)
+
+
+def _other_tables(path: Path) -> None:
+    path.unlink()
+    db = sqlite3.connect(path)
+    db.execute("CREATE TABLE cells (x)")
+    db.close()
+
+
+def _later_version(path: Path) -> None:
+    db = sqlite3.connect(path)
+    db.execute("PRAGMA user_version = 99")
+    db.close()
+
+
+def _damaged(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[4096 * 2 :: 7] = b"\xff" * len(content[4096 * 2 :: 7])
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        (_no_database, "file is not a database; expected the store of a study, whole. Nothing was changed."),
+        (_other_tables, "found other tables, expected a study's store."),
+        (_later_version, "found a store of format 99, expected 1: another version of slamduel wrote it."),
+        (_damaged, "expected the store of a study, whole. Nothing was changed."),
+    ],
+)
+def test_what_is_no_sound_store_is_named_and_left_alone(tmp_path: Path, spoil: Any, sentence: str) -> None:
+    filled(tmp_path, 40)
+    spoil(tmp_path / FILE)
+    before = (tmp_path / FILE).read_bytes()
+    for writing in (False, True):
+        with pytest.raises(InputError) as caught, StudyStore(tmp_path, writing=writing) as store:
+            store.table(["ate_m"])
+        assert str(caught.value).startswith(f"{tmp_path / FILE}: ")
+        assert str(caught.value).endswith(sentence)
+        assert (tmp_path / FILE).read_bytes() == before
+
+
+def test_a_folder_of_something_else_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"study\.sqlite is not here; expected the folder of a study\."):
+        StudyStore(tmp_path)
+    (tmp_path / RUN).touch()
+    with pytest.raises(InputError, match=r"holds a run, results\.sqlite, and no study; expected the folder of a study"):
+        StudyStore(tmp_path)
+    with pytest.raises(InputError, match=r"holds a run, results\.sqlite; expected a new folder, or a study's\."):
+        StudyStore(tmp_path, writing=True)
+    assert [path.name for path in tmp_path.iterdir()] == [RUN]
+
+
+def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> None:
+    filled(tmp_path)
+    db = sqlite3.connect(tmp_path / FILE)
+    db.executescript("DROP VIEW cells; ALTER TABLE results DROP COLUMN n_eff_least;")
+    db.close()
+    with StudyStore(tmp_path) as store:
+        table = store.table(["n_eff_least", "ate_m"])
+    assert np.isnan(table.columns["n_eff_least"]).all()
+    np.testing.assert_array_equal(table.columns["ate_m"], [0.1, 1.1, 2.1])
+    with StudyStore(tmp_path, writing=True) as store:
+        assert store.put_result("new", result(n_eff_least=5.0), {})
+        store.put_plan([cell(0, "new"), cell(1, "k1")])
+        np.testing.assert_array_equal(store.table(["n_eff_least"]).columns["n_eff_least"], [5.0, np.nan])
+
+
+def test_a_second_runner_is_refused(tmp_path: Path) -> None:
+    with (
+        claimed(tmp_path),
+        pytest.raises(InputError, match="another run or study is writing to this folder"),
+        claimed(tmp_path),
+    ):
+        pass
+    with claimed(tmp_path):
+        pass
+
+
+def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:
+    filled(tmp_path, 1)
+
+    def put(name: str, *, fails: bool) -> None:
+        with store.together():
+            store.put_log(name, ("city", "", 0), Known("d", "t", "truth"), {})
+            store.put_result(name, result(0), {})
+            assert not reader.logs()
+            if fails:
+                raise KeyboardInterrupt
+            store.settle(0, name, None)
+
+    with StudyStore(tmp_path, writing=True) as store, StudyStore(tmp_path) as reader:
+        with pytest.raises(KeyboardInterrupt):
+            put("lost", fails=True)
+        assert store.statuses() == {"k0": "done"}
+        put("kept", fails=False)
+        assert reader.logs().keys() == {"kept"}
+        assert reader.statuses().keys() == {"k0", "kept"}

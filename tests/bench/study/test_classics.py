@@ -1,0 +1,91 @@
+"""The studies that come along: each says what it asks and whom it follows, and its cells run to what it measures."""
+
+from collections.abc import Generator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.bench.study import file
+from slamduel.bench.study.runner import Wanted, run
+from slamduel.bench.study.study import Study, StudyCell
+from slamduel.bench.study_report.evidence import evidence
+from slamduel.bench.workers.local_executor import Local
+
+STUDIES = file.packaged()
+
+
+@pytest.fixture(scope="module")
+def pool() -> Generator[Local]:
+    found = Local(1)  # a second process would load all of it, and make each log, once more
+    yield found
+    found.close()
+
+
+class Watched:
+    """Which cells ended otherwise than they should."""
+
+    def __init__(self) -> None:
+        self.amiss: list[tuple[object, ...]] = []
+
+    def looking(self, logs: int) -> None:
+        """Nobody asks."""
+
+    def looked(self) -> None:
+        """Nobody asks."""
+
+    def say(self, sentence: str) -> None:
+        """Nobody asks."""
+
+    def running(self, cells: int, done: int, slots: int) -> None:
+        """Nobody asks."""
+
+    def finished(self, cell: StudyCell, status: str, reason: str, seconds: float) -> None:
+        del seconds
+        if status != "done":
+            self.amiss.append((cell.cell.dataset.label, cell.cell.backend.label, status, reason))
+
+
+def few(study: Study) -> list[StudyCell]:
+    """Of every backend, as the file writes it, the first and the last it is swept to, on the first log of either."""
+    by: dict[str, dict[str, StudyCell]] = {}
+    for cell in study.cells:
+        by.setdefault(cell.parameters["backend"], {}).setdefault(cell.cell.backend.label, cell)
+    variants = [list(swept.values()) for swept in by.values()]
+    return [cell for swept in variants for cell in (swept[:1] if len(swept) == 1 else [swept[0], swept[-1]])]
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("name", STUDIES)
+def test_it_says_what_it_asks_and_whom_it_follows(name: str, full: bool) -> None:
+    study = file.read(name, full=full)
+    assert study.question.endswith("?")
+    assert study.source
+    assert study.finding.endswith(".")
+    assert study.claims
+    assert study.figures
+    for figure in study.figures:
+        assert figure.title, figure
+        assert not figure.title.endswith("."), figure
+        assert figure.caption.endswith("."), figure
+    for claim in study.claims:
+        assert not claim.says.endswith("."), claim
+    says = [claim.says for claim in study.claims]
+    assert len(set(says)) == len(says)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_its_cells_run_and_have_what_it_measures(name: str, pool: Local, tmp_path: Path) -> None:
+    study = file.read(name, full=False)
+    chosen = {(cell.cell.key, cell.cell.seed) for cell in few(study)}
+    watched = Watched()
+    wanted = Wanted(lambda cell: (cell.cell.key, cell.cell.seed) in chosen, None, False)
+    tally = run(study, tmp_path, pool, wanted, ["bench", "ablate", name], watched)
+    assert not watched.amiss
+    assert tally.done == len(chosen)
+    found = evidence(tmp_path)
+    for name in {claim.measure for claim in study.claims} | {figure.y for figure in study.figures}:
+        assert np.isfinite(found.table.columns[name].astype(float)).any(), name
+    for answer in found.answers:  # no log is whole yet; a claim that no result could answer would not be waiting
+        assert answer.verdict == "open"
+        assert answer.waiting, answer.sentence

@@ -1,0 +1,288 @@
+"""Logs that are made once and kept with a study: one for all its cells, whatever becomes of files and processes."""
+
+import pickle
+import re
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from slamduel.bench.measure.cell import Result
+from slamduel.bench.record.study_store import Known, StudyStore
+from slamduel.bench.study import logs as study_logs
+from slamduel.bench.study import runner
+from slamduel.bench.study.estimate import estimate
+from slamduel.bench.study.file import made
+from slamduel.bench.study.key import log_key
+from slamduel.bench.study.log_files import FOLDER, LogFiles, same
+from slamduel.bench.study.runner import Tally, Wanted, run
+from slamduel.bench.workers import batch as work
+from slamduel.bench.workers import dask_task
+from slamduel.bench.workers.batch import Batch, Finished, facts_of, unmade
+from slamduel.bench.workers.here_executor import Here
+from slamduel.bench.workers.local_executor import Local
+from slamduel.datasets import archive
+from slamduel.datasets.formats import log_folder
+from slamduel.datasets.worlds import linear as worlds
+from slamduel.datasets.worlds.linear import Options, linear
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Dataset, Truth
+from small_log import small_dataset
+from small_study import silent
+
+STUDY = """
+[[cells]]
+dataset = "linear[steps=8]"
+backend = ["ekf", "ukf", "dead-reckoning"]
+seeds = 2
+"""
+FASTSLAM = STUDY.replace('"ukf"', '"fastslam"')
+ROOM = """
+[[cells]]
+dataset = "aruco-room[markers=8,seconds=1,frame_rate=2]"
+backend = ["dead-reckoning", "ekf", "ukf"]
+seeds = 2
+"""
+EVERYTHING = Wanted(lambda _: True, None, False)
+
+
+class Workshop:
+    """A source that is not portable: how often it has made a log, and by how much that is off on its processor."""
+
+    def __init__(self) -> None:
+        self.makings, self.off, self.drift = 0, 0.0, 0.0
+
+    def make(self, options: Any, rng: np.random.Generator) -> Dataset:
+        self.makings += 1
+        self.off += self.drift
+        log, truth = linear(options, rng)
+        return Dataset(replace(log, z=log.z + self.off), truth)
+
+
+@pytest.fixture
+def workshop(monkeypatch: pytest.MonkeyPatch) -> Workshop:
+    """In place of the dataset `linear`."""
+    opened = Workshop()
+    monkeypatch.setattr(worlds, "source", replace(worlds.source, make=opened.make, portable=False))
+    return opened
+
+
+class Several(Here):
+    """A worker a batch, none of which knows what another has made."""
+
+    slots = 4
+
+    def __init__(self, lost: bool = False) -> None:
+        self.lost, self.ran = lost, 0
+
+    def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
+        for batch in batches:
+            self.ran += len(batch.jobs)
+            if self.lost:
+                yield from unmade(batch, Result("error", "the log could not be made: it rains"), 0.1)
+            else:
+                yield from super().run([batch], alone=alone)
+
+
+class Asked(NamedTuple):
+    """What came of a study."""
+
+    ran: int  # cells
+    tally: Tally
+    said: list[str]
+
+
+def go(folder: Path, text: str = STUDY, wanted: Wanted = EVERYTHING, *, lost: bool = False) -> Asked:
+    """Go on with the study."""
+    executor, watcher = Several(lost), silent()
+    tally = run(made("study.toml", text, full=False), folder, executor, wanted, [], watcher)
+    return Asked(executor.ran, tally, [call.args[0] for call in watcher.say.call_args_list])  # type: ignore[attr-defined]
+
+
+def digests(folder: Path) -> set[str]:
+    """Of the logs that the study's results are on."""
+    with StudyStore(folder) as store:
+        return set(store.table([]).columns["digest"].tolist())
+
+
+def kept(folder: Path) -> list[Path]:
+    return sorted((folder / FOLDER).iterdir())
+
+
+def test_a_log_is_made_once_whoever_runs_on_it(tmp_path: Path, workshop: Workshop) -> None:
+    workshop.drift = 1e-12
+    assert go(tmp_path) == Asked(6, Tally(6, 6, 0), [])
+    assert workshop.makings == len(digests(tmp_path)) == len(kept(tmp_path)) == 2
+    assert go(tmp_path).ran == 0
+    assert go(tmp_path, FASTSLAM) == Asked(2, Tally(6, 6, 0), [])
+    assert workshop.makings == len(digests(tmp_path)) == len(kept(tmp_path)) == 2
+
+
+def test_only_what_is_to_be_run_is_made(tmp_path: Path, workshop: Workshop) -> None:
+    assert go(tmp_path, wanted=Wanted(lambda cell: cell.cell.seed == 1, None, False)).ran == 3
+    assert workshop.makings == 1
+    assert go(tmp_path, wanted=Wanted(lambda _: True, 1, False)).ran == 1
+    assert workshop.makings == 2
+
+
+@pytest.mark.parametrize("damage", ["gone", "empty", "cut", "another"])
+def test_a_lost_copy_is_made_anew_once_it_is_needed(tmp_path: Path, workshop: Workshop, damage: str) -> None:
+    go(tmp_path)
+    before, files = digests(tmp_path), kept(tmp_path)
+    contents = [file.read_bytes() for file in files]
+    for file, other in zip(files, reversed(contents), strict=True):
+        file.write_bytes({"gone": b"", "empty": b"", "cut": other[:-9], "another": other}[damage])
+        if damage == "gone":
+            file.unlink()
+    assert go(tmp_path).ran == 0
+    assert workshop.makings == 2
+    assert go(tmp_path, FASTSLAM) == Asked(2, Tally(6, 6, 0), [])
+    assert workshop.makings == 4
+    assert digests(tmp_path) == before
+    assert [file.read_bytes() for file in files] == contents
+
+
+def test_where_it_is_another_one_by_then_that_is_said_and_all_runs_on_that(tmp_path: Path, workshop: Workshop) -> None:
+    go(tmp_path)
+    before, workshop.off = digests(tmp_path), 1e-12
+    for file in kept(tmp_path):
+        file.unlink()
+    assert go(tmp_path).ran == 0
+    ran, tally, said = go(tmp_path, FASTSLAM)
+    assert (ran, tally) == (6, Tally(6, 6, 0))
+    assert len(digests(tmp_path) - before) == 2
+    assert [sentence[:24] for sentence in said] == ["linear[steps=8], seed 0:", "linear[steps=8], seed 1:"]
+    assert all(sentence.endswith("is another one: what had run on it runs again.") for sentence in said)
+    assert go(tmp_path).ran == 2  # of ukf, on the new ones
+
+
+def test_a_log_that_cannot_be_made_fails_its_cells_with_the_reason(tmp_path: Path, workshop: Workshop) -> None:
+    assert go(tmp_path, lost=True) == Asked(0, Tally(6, 6, 6), [])
+    with StudyStore(tmp_path) as store:
+        assert set(store.table([]).columns["reason"].tolist()) == {"the log could not be made: it rains"}
+    assert go(tmp_path).ran == 0
+    assert workshop.makings == 0
+    assert go(tmp_path, wanted=Wanted(lambda _: True, None, True)) == Asked(6, Tally(6, 6, 0), [])
+    assert workshop.makings == 2
+
+
+def test_other_code_makes_it_anew(tmp_path: Path, workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
+    def edit(word: str) -> None:
+        for module in (runner, study_logs):
+            monkeypatch.setattr(module, "log_key", lambda cell: f"{word} {log_key(cell)}")
+
+    go(tmp_path)
+    edit("new")
+    assert go(tmp_path) == Asked(0, Tally(6, 6, 0), [])
+    assert (workshop.makings, len(kept(tmp_path))) == (4, 2)
+    edit("newer")
+    workshop.off = 1e-12
+    assert go(tmp_path) == Asked(6, Tally(6, 6, 0), [])
+    assert len(kept(tmp_path)) == 4
+
+
+@pytest.fixture
+def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[float], str]:
+    """A study of a log without truth in files, whose reference is off by so much; its text."""
+    log, _ = linear(Options(steps=8), np.random.default_rng(0))
+    log_folder.write(tmp_path / "log", log, None)
+
+    def study(off: float) -> str:
+        poses = np.zeros((len(log), 3)) + off
+        path = Truth(log.t, poses, None, None, "reference", "reference")
+        monkeypatch.setattr(work, "known", lambda log, truth: path)
+        return f'cells = [{{dataset = "{tmp_path}/log", backend = ["ekf", "ukf"]}}]\n'
+
+    return study
+
+
+def test_a_reference_of_other_last_bits_is_not_taken(tmp_path: Path, recorded: Callable[[float], str]) -> None:
+    folder = tmp_path / "out"
+    assert go(folder, recorded(0.0)).ran == 2
+    assert go(folder, recorded(1e-9)).ran == 0
+    assert go(folder, recorded(1e-9).replace('"ukf"', '"fastslam"')).ran == 1
+    assert len(kept(folder)) == 1
+    assert go(folder, recorded(1e-3)) == Asked(2, Tally(2, 2, 0), [])
+    assert len(kept(folder)) == 2
+
+
+def test_two_makings_differ_by_rounding_or_by_more() -> None:
+    log, truth = small_dataset()
+    assert truth is not None
+    reference = truth._replace(kind="reference")
+    assert same(Dataset(log, truth), small_dataset())
+    assert same(Dataset(log, None), Dataset(replace(log, z=log.z + 1e-12), None))
+    assert not same(Dataset(log, None), Dataset(replace(log, z=log.z + 1e-3), None))
+    assert not same(Dataset(log, None), Dataset(log.identified(), None))
+    assert not same(Dataset(log, truth), Dataset(log, truth._replace(poses=truth.poses + 1e-12)))
+    assert same(Dataset(log, reference), Dataset(log, reference._replace(poses=reference.poses + 1e-12)))
+    assert not same(Dataset(log, reference), Dataset(log, reference._replace(poses=reference.poses + 1e-3)))
+    assert not same(Dataset(log, reference), Dataset(log, reference._replace(t=reference.t + 1.0)))
+    assert not same(Dataset(log, reference), Dataset(log, truth))
+    assert not same(Dataset(log, reference), Dataset(log, None))
+
+
+def test_rendered_logs_reach_processes_of_this_machine(tmp_path: Path) -> None:
+    pool = Local(2)
+    try:
+        assert run(made("study.toml", ROOM, full=False), tmp_path, pool, EVERYTHING, [], silent()) == Tally(6, 6, 0)
+        assert len(kept(tmp_path)) == len(digests(tmp_path)) == 2
+        for file in kept(tmp_path):
+            file.unlink()
+        room = ROOM.replace('"ukf"', '"invariant-ekf"')
+        assert run(made("study.toml", room, full=False), tmp_path, pool, EVERYTHING, [], silent()) == Tally(6, 6, 0)
+        assert len(kept(tmp_path)) == len(digests(tmp_path)) == 2
+    finally:
+        pool.close()
+
+
+def test_a_copy_that_is_not_what_it_should_be_is_not_run_on(tmp_path: Path) -> None:
+    dataset, logs = small_dataset(), LogFiles(tmp_path)
+    known = Known(*facts_of(dataset)[:3])
+    logs.keep("linear", known, archive.packed(small_dataset(seed=2)))
+    assert logs.read("linear", known) is None
+    one = Batch("linear", Options(), 0, (), 60.0, False, logs.entry("linear", known))
+    (ended,) = Here().run([one], alone=False)
+    assert ended.log is None
+    assert re.fullmatch(r"the log could not be made: .*\.npz: holds another log or truth: .*", ended.result.reason)
+
+
+def test_it_reaches_a_machine_that_has_no_such_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_task, "_ended", lambda batch, alone: Here().run([batch], alone=alone))
+    dataset, files = small_dataset(), LogFiles(tmp_path)
+    known = Known(*facts_of(dataset)[:3])
+    files.keep("linear", known, archive.packed(dataset))
+    one = Batch("linear", Options(), 0, (), 60.0, False, files.entry("linear", known))
+    task = dask_task.order(one, {}, alone=False)
+    files.entry("linear", known).path.unlink()
+    (ended,) = pickle.loads(pickle.loads(task))
+    assert ended.log.digests == (known.digest, known.truth_digest)
+    assert len(pickle.dumps(ended)) < len(task) / 2
+    with pytest.raises(InputError, match=r"npz: No such file or directory; expected the study's copy of a log"):
+        dask_task.order(one, {}, alone=False)
+
+
+def test_a_folder_that_cannot_be_written_to_is_said_in_a_sentence(tmp_path: Path, workshop: Workshop) -> None:
+    (tmp_path / FOLDER).write_text("")
+    with pytest.raises(InputError, match=r"logs/linear-\w+.npz: cannot be written: .*\. What was written before"):
+        go(tmp_path)
+
+
+def test_what_a_killed_writer_has_left_goes(tmp_path: Path, workshop: Workshop) -> None:
+    go(tmp_path)
+    part = tmp_path / FOLDER / ".linear.0123.part"
+    part.write_bytes(b"half")
+    go(tmp_path)
+    assert not part.exists()
+
+
+def test_an_estimate_runs_on_the_copies(tmp_path: Path, workshop: Workshop) -> None:
+    go(tmp_path)
+    with StudyStore(tmp_path) as store:
+        study = made("study.toml", FASTSLAM, full=False)
+        found = estimate(study, store, Several(), EVERYTHING)
+    assert (found.todo, found.timed_now > 0) == (2, True)
+    assert workshop.makings == 2

@@ -1,0 +1,121 @@
+"""NEES averaged over independent logs, beside its band: a textbook Kalman filter on a linear problem is the measure."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from slamduel.bench.verdict.bands import averaged, band, flagged
+from slamduel.frontend.se2 import Array
+
+RUNS = 20
+STEPS = 150
+REPLICATIONS = 150
+
+# A cart whose place is measured: place, speed and a drag on it that comes and goes.
+A = np.array([[1, 0.1, 0], [0, 1, 0.1], [0, 0, 0.95]])
+H = np.array([[1.0, 0, 0]])
+Q = np.diag([1e-4, 1e-3, 1e-1])
+R = np.array([[0.04]])
+START = np.diag([0.1, 0.1, 0.1])
+
+
+def simulated(rng: np.random.Generator, stated: float = 1.0, sightings: bool = True) -> Array:
+    """NEES (REPLICATIONS, RUNS, STEPS) of a Kalman filter that takes all variances for `stated` times what they are."""
+
+    def normal(cov: Array) -> Array:
+        return rng.standard_normal((REPLICATIONS, RUNS, len(cov))) @ np.linalg.cholesky(cov).T
+
+    truth, mean, cov = normal(START), np.zeros((REPLICATIONS, RUNS, 3)), stated * START
+    found = np.empty((STEPS, REPLICATIONS, RUNS))
+    for k in range(STEPS):
+        truth, mean, cov = truth @ A.T + normal(Q), mean @ A.T, A @ cov @ A.T + stated * Q
+        if sightings:
+            z = truth @ H.T + normal(R)
+            gain = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + stated * R)
+            mean, cov = mean + (z - mean @ H.T) @ gain.T, (np.eye(3) - gain @ H) @ cov
+        error = truth - mean
+        found[k] = np.einsum("rni,ij,rnj->rn", error, np.linalg.inv(cov), error)
+    return np.moveaxis(found, 0, 2)
+
+
+def studied(nees: Array) -> tuple[Array, list[str]]:
+    """The share inside and the flag of every replication."""
+    t = np.arange(nees.shape[2], dtype=float)
+    found = [averaged([(t, run) for run in runs]) for runs in nees]
+    assert all(f is not None for f in found)
+    return np.array([f.inside for f in found if f]), [flagged(f) for f in found if f]
+
+
+def test_a_filter_with_true_noise_is_inside_its_band_95_percent_of_the_time() -> None:
+    inside, flags = studied(simulated(np.random.default_rng(1)))
+    assert 0.94 < inside.mean() < 0.96
+    assert flags.count("") == REPLICATIONS
+
+
+@pytest.mark.parametrize(
+    ("stated", "flag"), [(2, "cautious"), (4, "cautious"), (1 / 2, "overconfident"), (1 / 4, "overconfident")]
+)
+def test_noise_misstated_by_2_as_variance_or_sd_is_flagged(stated: float, flag: str) -> None:
+    inside, flags = studied(simulated(np.random.default_rng(2), stated))
+    assert inside.mean() < 0.25
+    assert flags.count(flag) > 0.98 * REPLICATIONS
+
+
+def test_errors_that_last_for_ever_are_flagged_as_seldom_as_the_band_says() -> None:
+    """The worst case: every run's NEES stays what it is, so that the averages are outside all along or never."""
+    once = np.random.default_rng(3).chisquare(3, (1000, RUNS, 1))
+    inside, flags = studied(np.repeat(once, 2, 2))
+    wrong = 1 - flags.count("") / len(flags)
+    assert set(inside) == {0, 1}
+    assert wrong == pytest.approx(0.05, abs=4 * (0.05 * 0.95 / 1000) ** 0.5)
+
+
+def test_dead_reckoning_whose_errors_add_up_is_hardly_ever_flagged() -> None:
+    _, flags = studied(simulated(np.random.default_rng(4), sightings=False))
+    assert flags.count("") > 0.93 * REPLICATIONS
+
+
+def test_the_band_is_chi_squares() -> None:
+    low, high = band(np.array([2, 10, 50]))
+    for n, ends in zip((2, 10, 50), zip(low, high, strict=True), strict=True):
+        assert ends == pytest.approx([stats.chi2.ppf(q, 3 * n) / (3 * n) for q in (0.025, 0.975)], rel=1e-9)
+
+
+def test_averages_are_over_degrees_of_freedom_at_each_time() -> None:
+    t = np.array([0.0, 1, 2])
+    found = averaged([(t, np.array([3.0, 0, 9])), (t, np.array([3.0, 0, np.inf]))])
+    assert found is not None
+    np.testing.assert_array_equal(found.t, t)
+    np.testing.assert_array_equal(found.mean, [1, 0, np.inf])
+    np.testing.assert_array_equal(found.n, [2, 2, 2])
+    assert found.inside == pytest.approx(1 / 3)
+
+
+def test_runs_of_other_lengths_and_rates_are_read_at_the_nearest_earlier_step() -> None:
+    slow = np.array([0.5, 1.5, 2.5, 9.5]), np.array([3.0, 3, 3, 3])
+    fast = np.arange(0, 3.01, 0.2), np.arange(16.0)
+    found = averaged([slow, fast])
+    assert found is not None
+    np.testing.assert_array_equal(found.t, [0.5, 1.5, 2.5])
+    np.testing.assert_allclose(found.mean, [(3 + 2) / 6, (3 + 7) / 6, (3 + 12) / 6])
+
+
+def test_a_missing_covariance_counts_at_its_times_only() -> None:
+    t = np.arange(4.0)
+    missing = np.array([np.nan, np.nan, 6, np.nan])
+    found = averaged([(t, np.full(4, 3.0)), (t, missing), (t, np.array([np.nan, 3, 3, 3]))])
+    assert found is not None
+    np.testing.assert_array_equal(found.n, [1, 2, 3, 2])
+    np.testing.assert_array_equal(found.mean, [np.nan, 1, 4 / 3, 1])
+    np.testing.assert_array_equal(np.isnan(found.low), [True, False, False, False])
+    assert found.low[2] > found.low[1]
+    assert found.inside == 1
+
+
+def test_fewer_than_two_runs_have_no_average() -> None:
+    t, none = np.arange(3.0), np.full(3, np.nan)
+    assert averaged([]) is None
+    assert averaged([(t, t)]) is None
+    assert averaged([(t, t), (t, none)]) is None
+    assert averaged([(t, t), (t[:0], t[:0])]) is None
+    assert averaged([(t, t), (t + 10, t)]) is None

@@ -1,0 +1,344 @@
+"""`bench compare`: what has become worse or better, how sure that is, and what is not to be compared."""
+
+import json
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.bench.cli import main
+from slamduel.bench.verdict.changes import (
+    FEW,
+    GAIN,
+    GONE,
+    NEW,
+    NOTHING,
+    REGRESSION,
+    ROUNDED,
+    SAME,
+    Change,
+    by_how_much,
+    changes,
+    summary,
+)
+from slamduel.bench.verdict.pairing import facing, side
+from slamduel.bench.verdict.statistics import holm, signed_rank
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.sketch import SUMS, Sketch
+from small_record import RUN, Record
+
+LOGS = 8
+
+
+def run(
+    folder: Path,
+    logs: int = LOGS,
+    backend: str = "ekf",
+    random: bool = False,
+    digest: Callable[[int], str] = lambda seed: f"d{seed}",
+    failing: tuple[int, ...] = (),
+    **factors: Any,
+) -> Path:
+    """A run whose values are those of every other, times a factor a log; a backend that fails on some logs."""
+    record = Record(folder)
+    rng = np.random.default_rng(3)
+    base: dict[str, float] = {"ate_m": 0.1, "map_rmse_m": 0.2, "nees": 1.5, "cpu_s": 2.0, "step_us_p50": 9.0}
+    base |= {"step_us_p99": 50.0, "peak_mb": 30.0}
+    for seed in range(logs):
+        columns: dict[str, Any] = {name: value * rng.uniform(0.8, 1.2) for name, value in base.items()}
+        for name, factor in factors.items():
+            columns[name] *= factor(seed) if callable(factor) else factor
+        record.cell("room", "truth", backend, seed=seed, digest=digest(seed), **columns)
+        if seed in failing:
+            failed: dict[str, Any] = dict.fromkeys(columns) | {
+                "status": "diverged",
+                "reason": "lost its way",
+                "digest": digest(seed),
+            }
+            record.cell("room", "truth", backend, seed=seed, **failed)
+    record.store.put_run("random", [backend] * random)
+    record.store.put_run("cells", logs)
+    record.store.close()
+    return folder
+
+
+def told(old: Path, new: Path, least: float | None = None, **allowed: bool) -> dict[str, Change]:
+    """The changes by quantity."""
+    return {change.quantity: change for change in changes(facing(side(old), side(new), **allowed), least)}
+
+
+def test_the_same_twice_is_the_same_to_the_last_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new")
+    assert {change.verdict for change in told(old, new).values()} == {SAME}
+    assert main(["compare", str(old), str(new)]) == 0
+    assert "7 comparisons: 7 the same to the last bit." in capsys.readouterr().out
+
+
+def test_a_path_that_is_further_off_on_every_log_is_a_regression_and_a_gain_the_other_way(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", ate_m=lambda seed: 1.3 + 0.02 * seed)
+    ate = told(old, new)["ATE online, m"]
+    assert (ate.verdict, ate.n) == (REGRESSION, LOGS)
+    assert ate.low <= ate.ratio <= ate.high
+    assert 1.3 <= ate.ratio <= 1.44
+    assert ate.adjusted == pytest.approx(2 * 0.5**LOGS)  # all of one sign; the map is the same, and counts for nothing
+    assert summary(list(told(old, new).values())) == "1 regression, no gain"
+    assert told(new, old)["ATE online, m"].verdict == GAIN
+
+
+def test_the_exit_status_is_1_with_a_regression_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", ate_m=1.3)
+    assert main(["compare", str(old), str(new)]) == 1
+    assert "regression" in capsys.readouterr().out
+    assert main(["compare", str(new), str(old), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    assert main(["compare", str(old), str(new), "--least", "40"]) == 0
+
+
+def test_a_change_of_either_sign_is_no_difference(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", ate_m=lambda seed: 1.5 if seed % 2 else 0.6)
+    assert told(old, new)["ATE online, m"].verdict == NOTHING
+
+
+def test_a_real_change_that_is_too_small_to_count_says_so(tmp_path: Path) -> None:
+    ate = told(run(tmp_path / "old"), run(tmp_path / "new", ate_m=1.03))["ATE online, m"]
+    assert (ate.verdict, ate.beyond) == (NOTHING, False)
+    assert "real, but less than the 5 % that count" in ate.words
+    assert told(tmp_path / "old", tmp_path / "new", 0.02)["ATE online, m"].verdict == REGRESSION
+
+
+def test_every_cost_that_differs_by_a_few_per_cent_is_no_regression(tmp_path: Path) -> None:
+    """Two runs of one thing: every log agrees that the second was slower."""
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", cpu_s=1.2, step_us_p50=1.2, peak_mb=1.02)
+    assert all(change.verdict in (SAME, NOTHING) for change in told(old, new).values())
+    slow = run(tmp_path / "slow", cpu_s=1.8)
+    assert told(old, slow)["CPU time, s"].verdict == REGRESSION
+
+
+def test_the_correction_is_holms_over_all_of_a_kind(tmp_path: Path) -> None:
+    """ATE and map are both accuracy; their p values are corrected together, those of NEES apart."""
+    up, mixed = (lambda seed: 1.3 + 0.01 * seed), (lambda seed: 1.3 + 0.01 * seed if seed else 0.7)
+    found = told(run(tmp_path / "old"), run(tmp_path / "new", ate_m=up, map_rmse_m=mixed, nees=up))
+    p = [signed_rank(np.log([f(seed) for seed in range(LOGS)]))[0] for f in (up, mixed)]
+    assert [found[name].adjusted for name in ("ATE online, m", "map, m")] == pytest.approx(list(holm(p)))
+    assert found["NEES"].adjusted < found["ATE online, m"].adjusted * 1.01
+
+
+@pytest.mark.parametrize("logs", [1, 3])
+def test_on_few_logs_what_draws_nothing_needs_no_test(tmp_path: Path, logs: int) -> None:
+    old, new = run(tmp_path / "old", logs), run(tmp_path / "new", logs, ate_m=1.2, cpu_s=3.0)
+    found = told(old, new)
+    assert found["ATE online, m"].verdict == REGRESSION
+    assert ("on this log" if logs == 1 else "on these 3 logs") in found["ATE online, m"].words
+    assert found["CPU time, s"].verdict == FEW
+    assert found["CPU time, s"].beyond
+    assert found["CPU time, s"].ratio == pytest.approx(3)
+    assert told(new, old)["ATE online, m"].verdict == GAIN
+
+
+def test_on_few_logs_chance_cannot_be_told_from_change(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", 3, random=True), run(tmp_path / "new", 3, random=True, ate_m=1.2)
+    ate = told(old, new)["ATE online, m"]
+    assert (ate.verdict, ate.words) == (FEW, "3 logs, a test of so many comparisons takes 6")
+
+
+def test_nees_is_judged_by_how_far_it_is_from_1(tmp_path: Path) -> None:
+    """1.5 and 1 / 1.5 are as bad; 1.2 is better than either."""
+    old, sure = run(tmp_path / "old"), run(tmp_path / "new", nees=1 / 1.5)
+    assert told(old, sure)["NEES"].verdict == GAIN  # 0.8 to 1.2
+    assert told(old, run(tmp_path / "worse", nees=2.0))["NEES"].verdict == REGRESSION
+    assert told(old, run(tmp_path / "lower", nees=1 / 4))["NEES"].verdict == REGRESSION
+
+
+def test_a_cell_that_was_done_and_fails_is_a_regression_whatever_the_statistics(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", failing=(2,))
+    failures = told(old, new)["failures"]
+    assert (failures.verdict, failures.old, failures.new) == (REGRESSION, 0, 1)
+    assert "seed 2 (diverged: lost its way)" in failures.words
+    assert told(old, new)["ATE online, m"].verdict == NOTHING
+    assert told(new, old)["failures"].verdict == GAIN
+    assert told(new, run(tmp_path / "again", failing=(2,)))["ATE online, m"].verdict == SAME
+
+
+def test_new_and_gone_backends_are_named(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new")
+    for folder, backend in ((old, "ukf"), (new, "isam2")):
+        run(folder.with_name(f"{folder.name}-more"), backend=backend)
+    found = facing(side(old), side(new))
+    more = facing(side(old), side(new))._replace(added=[("room", "isam2")], gone=[("room", "ukf")])
+    assert {change.backend: change.verdict for change in changes(more)[-2:]} == {"isam2": NEW, "ukf": GONE}
+    assert len(changes(more)) == len(changes(found)) + 2
+    with pytest.raises(InputError, match="no backend on any dataset in common"):
+        facing(side(old), side(tmp_path / "new-more"))
+
+
+@pytest.mark.parametrize(("name", "value"), [("processor", "slide rule"), ("cores", 64), ("memory_gb", 3.0)])
+def test_times_from_another_machine_are_left_out(tmp_path: Path, name: str, value: Any) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", ate_m=1.3, cpu_s=3.0)
+    elsewhere(new, **{name: value})
+    found = facing(side(old), side(new))
+    assert any("different machines" in note and "--any-machine" in note for note in found.notes)
+    assert {change.kind for change in changes(found)} == {"accuracy", "consistency"}
+    assert told(old, new)["ATE online, m"].verdict == REGRESSION
+    assert told(old, new, any_machine=True)["CPU time, s"].verdict == REGRESSION
+
+
+def elsewhere(folder: Path, **environment: Any) -> None:
+    from slamduel.bench.record.writer import Recorder
+
+    with Recorder(folder) as store:
+        store.put_run("environment", RUN["environment"] | environment)
+
+
+def test_what_differs_between_the_runs_is_listed(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new")
+    elsewhere(new, revision="abc", packages={"numpy": "3.0", "gtsam": None})
+    found = facing(side(old), side(new))
+    assert set(found.differences) == {("numpy", "2.0", "3.0"), ("revision", "none", "abc")}
+
+
+def test_other_logs_are_left_out_unless_told_otherwise(tmp_path: Path) -> None:
+    old = run(tmp_path / "old", ate_m=1.0)
+    new = run(tmp_path / "new", ate_m=1.3, digest=lambda seed: f"{'x' if seed < 1 else 'd'}{seed}")
+    assert told(old, new)["ATE online, m"].n == LOGS - 1
+    assert any("room, seed 0: not the same log" in note for note in facing(side(old), side(new)).notes)
+    assert told(old, new, any_log=True)["ATE online, m"].n == LOGS
+    other = run(tmp_path / "other", digest=lambda seed: f"x{seed}")
+    with pytest.raises(InputError, match="no cell ran on the same log"):
+        facing(side(old), side(other))
+    assert main(["compare", str(old), str(other)]) == 2
+
+
+def sketched(folder: Path, seeds: int, off: float, frame: str = "f") -> Path:
+    """With sketches of its logs, all `off` standard deviations from those of `off` = 0."""
+    from slamduel.bench.record.writer import Recorder
+
+    words = {f"room, seed {seed}": Sketch(frame, np.full(SUMS, seed + off)).words() for seed in range(seeds)}
+    with Recorder(folder) as store:
+        store.put_run("sketches", words)
+    return folder
+
+
+def test_logs_that_are_the_same_to_rounding_are_compared_and_named(tmp_path: Path) -> None:
+    old = sketched(run(tmp_path / "old"), LOGS, 0.0)
+    new = sketched(run(tmp_path / "new", ate_m=1.3, nees=1 + 1e-9, digest=lambda seed: f"x{seed}"), LOGS, 0.01)
+    notes = facing(side(old), side(new)).notes
+    assert any("the same in both runs to rounding" in note and "0.01 of a standard" in note for note in notes)
+    assert any("within 1e-06 of their size" in note for note in notes)
+    changed = told(old, new)
+    assert (changed["ATE online, m"].verdict, changed["ATE online, m"].n) == (REGRESSION, LOGS)
+    assert changed["NEES"].verdict == ROUNDED
+    for off, frame in ((0.2, "f"), (0.0, "another")):
+        with pytest.raises(InputError, match="no cell ran on the same log"):
+            facing(side(old), side(sketched(new, LOGS, off, frame)))
+
+
+def test_on_few_logs_that_differ_by_rounding_nothing_is_called_a_change(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", 2), run(tmp_path / "new", 2, ate_m=1.3, digest=lambda seed: f"x{seed}")
+    assert told(sketched(old, 2, 0.0), sketched(new, 2, 0.01))["ATE online, m"].verdict == FEW
+
+
+def test_other_instructions_allow_for_rounding_and_one_processor_allows_for_none(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", nees=1 + 1e-9)
+    assert told(old, new)["NEES"].verdict == NOTHING
+    elsewhere(old, instructions="avx2")
+    elsewhere(new, instructions="avx2 avx512f")
+    found = facing(side(old), side(new))
+    assert any("within 1e-06 of their size" in note for note in found.notes)
+    assert any("(avx2)" in note and "(avx2 avx512f)" in note and "--any-machine" in note for note in found.notes)
+    assert told(old, new)["NEES"].verdict == ROUNDED
+
+
+def test_a_damaged_sketch_is_none(tmp_path: Path) -> None:
+    from slamduel.bench.record.writer import Recorder
+
+    old = sketched(run(tmp_path / "old"), LOGS, 0.0)
+    new = run(tmp_path / "new", digest=lambda seed: f"{'x' if seed < 1 else 'd'}{seed}")
+    for words in ({}, {"room, seed 0": None}, {"room, seed 0": {"frame": "f", "sums": "none"}}):
+        with Recorder(new) as store:
+            store.put_run("sketches", words)
+        assert told(old, new)["ATE online, m"].n == LOGS - 1
+
+
+def test_a_record_without_newer_columns_is_compared(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new")
+    from slamduel.bench.record.writer import Recorder
+
+    with Recorder(old) as store:
+        store.put_run("truths", None)
+        store._db.execute("ALTER TABLE cells DROP COLUMN peak_mb")  # type: ignore[union-attr]
+    assert "memory, MB" not in told(old, new)
+    assert told(old, new)["ATE online, m"].verdict == SAME
+
+
+def test_markdown_and_json_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = run(tmp_path / "old"), run(tmp_path / "new", ate_m=1.3, map_rmse_m=0.5)
+    words = ["compare", str(old), str(new), "--out", str(tmp_path / "deep" / "pr.md"), "--json"]
+    assert main(words) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["status"], found["summary"]) == (1, "1 regression, 1 gain")
+    assert [change["verdict"] for change in found["changes"]][:2] == [REGRESSION, GAIN]
+    text = (tmp_path / "deep" / "pr.md").read_text()
+    assert text.startswith("### 1 regression, 1 gain\n")
+    assert text.count("<details>") == text.count("</details>") == 3
+    lines = text.splitlines()
+    first = lines[: next(k for k, line in enumerate(lines) if "<details>" in line)]
+    assert [line.count("|") for line in first if line.startswith("|")] == [9, 9, 9, 9]
+    assert any("regression" in line and "+30 %" in line and "ATE online" in line for line in first)
+
+
+@pytest.mark.parametrize("words", [["a"], ["a", "b", "--least", "0"], ["a", "b", "--least", "much"]])
+def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["compare", *words])
+    assert ended.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_what_is_no_run_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", str(run(tmp_path / "old")), str(tmp_path / "nowhere")]) == 2
+    assert f"{tmp_path / 'nowhere'}: results.sqlite is not here" in capsys.readouterr().err
+
+
+# What must not hide
+
+
+@pytest.mark.parametrize("value", [None, float("nan")])
+def test_a_value_that_is_there_no_more_is_a_regression_though_the_cell_is_done(tmp_path: Path, value: Any) -> None:
+    old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "ate_m", value)
+    assert told(old, new)["ATE online, m"].verdict == REGRESSION
+    assert "none now: seeds 0, 1" in told(old, new)["ATE online, m"].words
+    assert not [change for change in told(new, old).values() if change.verdict in (REGRESSION, GAIN)]
+
+
+def test_a_cell_that_was_done_and_is_skipped_is_a_regression(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "status", "skipped")
+    assert (told(old, new)["failures"].verdict, told(new, old)["failures"].verdict) == (REGRESSION, GAIN)
+
+
+def test_a_distance_from_a_reference_is_not_compared_with_an_error(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "truth_kind", "reference")
+    assert "ATE online, m" not in told(old, new)
+    assert any("the truth is another one now" in note for note in facing(side(old), side(new)).notes)
+
+
+def test_an_error_of_nothing_is_no_failure_and_rounding_no_change(tmp_path: Path) -> None:
+    runs = [run(tmp_path / name, ate_m=factor) for name, factor in (("none", 0), ("hardly", 1e-14), ("some", 1))]
+    assert told(runs[0], runs[1])["ATE online, m"].verdict == NOTHING
+    assert "failing" not in by_how_much(told(runs[0], runs[2])["ATE online, m"])
+
+
+def test_from_failing_has_no_interval(tmp_path: Path) -> None:
+    old, new = run(tmp_path / "old", failing=tuple(range(LOGS))), run(tmp_path / "new")
+    assert by_how_much(told(old, new)["ATE online, m"]) == "from failing"
+    assert by_how_much(told(new, old)["ATE online, m"]) == "to failing"
+
+
+def changed(folder: Path, column: str, value: Any) -> Path:
+    """The run with another value in every cell."""
+    with sqlite3.connect(folder / "results.sqlite") as record:
+        record.execute(f"UPDATE cells SET {column} = ?", (value,))
+    record.close()
+    return folder

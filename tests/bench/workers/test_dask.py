@@ -1,0 +1,235 @@
+import re
+import shutil
+import signal
+import socket
+from collections.abc import Generator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("distributed", reason="Dask is not installed")
+
+import older_machine
+import slamduel
+from dask_processes import WITHOUT, Processes
+from slamduel.bench.measure.cell import Job
+from slamduel.bench.plan import spec
+from slamduel.bench.study.file import made
+from slamduel.bench.study.runner import Tally, Wanted, run
+from slamduel.bench.workers import dask_cluster
+from slamduel.bench.workers.batch import Batch, Finished
+from slamduel.bench.workers.dask_cluster import Cluster
+from slamduel.bench.workers.dask_executor import Dask
+from slamduel.bench.workers.here_executor import Here
+from slamduel.datasets.formats.gtsam_text import shipped
+from slamduel.frontend.errors import InputError
+from small_study import silent
+
+TIMED = re.compile(r".*(_us|_us_\w+|_s|_mb|_ns)|real_time|growth_\w+")
+"""The columns and arrays that say how long something took, or how much memory."""
+
+
+def batches(seeds: int, backends: str = "ekf,dead-reckoning") -> list[Batch]:
+    """Small cells: two backends on each of so many logs."""
+    (dataset,) = spec.dataset_variants("matlab-report")
+    variants = spec.backend_variants(backends)
+    jobs = [
+        [(k * len(variants) + i, Job(v.label, v.name, v.options, k, 4000)) for i, v in enumerate(variants)]
+        for k in range(seeds)
+    ]
+    return [Batch(dataset.name, dataset.options, k, tuple(jobs[k]), 60.0, True) for k in range(seeds)]
+
+
+def untimed(found: Sequence[Finished]) -> dict[int | None, tuple[Any, ...]]:
+    """What must be the same wherever a cell ran, by its place."""
+    assert len({one.index for one in found}) == len(found), "a cell ended twice"
+    return {
+        one.index: (
+            one.log[:3] if one.log else None,
+            one.result.status,
+            one.result.reason,
+            {name: repr(value) for name, value in one.result.row.items() if not TIMED.fullmatch(name)},
+            {name: repr(value) for name, value in one.result.arrays.items() if not TIMED.fullmatch(name)},
+            {name: value.tobytes() for name, value in one.result.arrays.items() if name in ("online", "map_xy")},
+        )
+        for one in found
+    }
+
+
+@pytest.fixture(scope="module")
+def processes(tmp_path_factory: pytest.TempPathFactory) -> Generator[Processes]:
+    started = Processes(tmp_path_factory.mktemp("dask"))
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="module")
+def workers(processes: Processes) -> list[Any]:
+    """Three, of which the last may run timed cells."""
+    return [processes.worker(), processes.worker(), processes.worker("--resources", "MACHINE=1")]
+
+
+@pytest.fixture
+def executor(processes: Processes) -> Generator[tuple[Dask, list[str]]]:
+    said: list[str] = []
+    made = Dask(str(processes.file), patience_s=60, silence_s=4, say=said.append)
+    yield made, said
+    made.close()
+
+
+def test_one_worker_killed_one_hung_and_a_late_one_change_nothing(
+    processes: Processes, workers: list[Any], executor: tuple[Dask, list[str]]
+) -> None:
+    dask, said = executor
+    wanted = batches(16)
+    processes.until(lambda: dask.slots == 3)
+    found: list[Finished] = []
+    for finished in dask.run(wanted, alone=False):
+        found.append(finished)
+        if len(found) == 3:
+            workers[0].kill()
+        elif len(found) == 9:
+            workers[1].send_signal(signal.SIGSTOP)
+        elif len(found) == 30:  # it goes on with what others are at by now
+            workers[1].send_signal(signal.SIGCONT)
+    workers[1].send_signal(signal.SIGCONT)
+    assert untimed(found) == untimed(list(Here().run(wanted, alone=False)))
+    assert not any(finished.alone for finished in found)
+    assert not any("not used" in sentence for sentence in said), said
+    processes.until(lambda: dask.slots == 2)  # the one that hung is asked again
+
+
+def test_what_a_backend_does_to_its_process_does_not_reach_the_worker(
+    workers: list[Any], executor: tuple[Dask, list[str]]
+) -> None:
+    dask, said = executor
+    found = list(dask.run(batches(2, "misbehaving:kills_itself,ekf"), alone=False))
+    assert {one.result.status for one in found if one.index in (1, 3)} == {"done"}
+    failed = [one.result for one in found if one.index in (0, 2)]
+    assert all(result.status == "error" and "SIGKILL" in result.reason for result in failed), failed
+    assert workers[2].poll() is None
+    assert not said
+
+
+def test_timed_cells_run_where_the_resource_is(workers: list[Any], executor: tuple[Dask, list[str]]) -> None:
+    dask, _ = executor
+    found = list(dask.run(batches(2), alone=True))
+    assert len(found) == 4
+    assert all(one.alone and one.result.status == "done" for one in found)
+
+
+def test_workers_with_other_code_or_none_are_named_and_not_used(tmp_path: Path) -> None:
+    package = Path(slamduel.__file__).parent
+    for layer in ("frontend", "backends", "datasets", "bench"):
+        shutil.copytree(package / layer, tmp_path / "slamduel" / layer)
+    shutil.copy(package / "__init__.py", tmp_path / "slamduel")
+    with (tmp_path / "slamduel" / "backends" / "gaussian" / "ekf.py").open("a") as code:
+        code.write("# another version\n")
+    there = Processes(tmp_path)
+    said: list[str] = []
+    dask = Dask(there.address, say=said.append)
+    try:
+        there.worker(before=WITHOUT)
+        there.worker(path=tmp_path)
+        there.until(lambda: len(dask.cluster.workers() or []) == 2)
+        with pytest.raises(InputError, match=r"none of its 2 workers can be used.*same command"):
+            list(dask.run(batches(4), alone=False))
+    finally:
+        dask.close()
+        there.close()
+    assert any("module slamduel.backends.gaussian.ekf is not the same" in sentence for sentence in said), said
+    assert any("cannot run slamduel: ModuleNotFoundError" in sentence for sentence in said), said
+
+
+MIXED = """
+[[cells]]
+dataset = [
+    "aruco-room[markers=8,seconds=2,frame_rate=2]", "linear[steps=40]", "circle[steps=40,landmarks=20]", "VICTORIA"
+]
+backend = ["dead-reckoning", "ekf", "ukf"]
+seeds = 2
+"""
+"""Rendered, simulated and read logs; of the last the truth is unknown."""
+
+
+def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None:
+    victoria = tmp_path / "victoria.txt"
+    victoria.write_text("\n".join(shipped("victoria_park.txt").read_text().splitlines()[:400]) + "\n")
+    study = made("study.toml", MIXED.replace("VICTORIA", f"gtsam[path={victoria},noise=cov]"), full=False)
+    there = Processes(tmp_path)
+    said, found = list[str](), list[Finished]()
+
+    class Listening(Dask):
+        def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
+            for finished in super().run(batches, alone=alone):
+                found.append(finished)
+                yield finished
+
+    dask = Listening(there.address, say=said.append)
+    try:
+        there.worker()
+        there.worker(environment=older_machine.environment("nehalem"))
+        there.until(lambda: dask.slots == 2)
+        wanted = Wanted(lambda _: True, None, False)
+        assert run(study, tmp_path / "out", dask, wanted, [], silent()) == Tally(21, 21, 0)
+    finally:
+        dask.close()
+        there.close()
+    assert not said
+    logs: dict[Any, set[tuple[str, str]]] = {}
+    for finished in found:
+        assert finished.log is not None
+        logs.setdefault(finished.batch.log[:3], set()).add(finished.log.digests)
+    assert len(logs) == 7
+    assert {len(digests) for digests in logs.values()} == {1}, logs
+
+
+def test_a_worker_is_no_scheduler(workers: list[Any], executor: tuple[Dask, list[str]]) -> None:
+    seen = executor[0].cluster.workers()
+    assert seen
+    with pytest.raises(InputError, match="found a Dask Worker there"):
+        Cluster(seen[0].address)
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("nonsense", "expected tcp://HOST:PORT"),
+        ("tcp://somewhere:99999", "expected tcp://HOST:PORT"),
+        ("http://login:8787/status", r"address of a dashboard; .*tcp://login:8786"),
+        ("absent.json", "No such file or directory; expected a scheduler file"),
+    ],
+)
+def test_what_is_no_address(address: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Cluster(address)
+
+
+def test_nobody_or_somebody_else_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_cluster, "ANSWER_S", 1)
+    with socket.socket() as free, socket.socket() as deaf:
+        free.bind(("127.0.0.1", 0))
+        deaf.bind(("127.0.0.1", 0))
+        deaf.listen()
+        for somebody in (free, deaf):
+            with pytest.raises(InputError, match="no Dask scheduler answers there"):
+                Cluster(f"127.0.0.1:{somebody.getsockname()[1]}")
+
+
+def test_the_scheduler_dies(
+    processes: Processes,
+    workers: list[Any],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Last of those that use it."""
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 2)
+    dask = Dask(processes.address)
+    running = dask.run(batches(30), alone=False)
+    next(running)
+    processes.scheduler.kill()
+    with pytest.raises(InputError, match=r"scheduler has ended.*in the store: the same command goes on"):
+        list(running)
+    dask.close()
+    assert capfd.readouterr() == ("", "")

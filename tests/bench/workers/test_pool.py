@@ -1,0 +1,339 @@
+"""A pool of processes that each do many cells: the same numbers as in a process each, whatever becomes of one."""
+
+import dataclasses
+import multiprocessing
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Generator, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from places import SUPPORT
+from random_logs import random_log
+from slamduel.backends import registry as backends
+from slamduel.bench.measure import cell
+from slamduel.bench.measure.cell import Job, Result
+from slamduel.bench.measure.memory import limited
+from slamduel.bench.plan import prepare
+from slamduel.bench.workers import local_executor
+from slamduel.bench.workers.batch import Batch, Finished
+from slamduel.bench.workers.batch_queue import BatchQueue
+from slamduel.bench.workers.here_executor import Here
+from slamduel.bench.workers.local_executor import Local
+from slamduel.bench.workers.tasks import execute
+from slamduel.datasets import registry as datasets
+from slamduel.datasets.formats import log_folder
+from slamduel.frontend.factors import Log
+from small_run import TIMES
+
+MANY = ("ekf", "fastslam", "isam2", "ukf")
+
+
+def batch(
+    jobs: Sequence[str], *, seed: int = 0, first: int = 0, timeout_s: float = 60.0, keep: bool = False, **options: Any
+) -> Batch:
+    """Those backends on a small city; `options` are of backends, by their names."""
+    city = dataclasses.replace(datasets.find("city").options(), steps=60, landmarks=40)
+    return Batch("city", city, seed, tuple(numbered(jobs, seed, first, options)), timeout_s, keep)
+
+
+def numbered(jobs: Sequence[str], seed: int, first: int, options: dict[str, Any]) -> Iterable[tuple[int, Job]]:
+    for k, name in enumerate(jobs, first):
+        builder = backends.find(name)
+        chosen = dataclasses.replace(builder.options(), **options.get(name, {}))
+        yield k, Job(name, name, chosen, seed, 300 if name.endswith("eats_memory") else 1000)
+
+
+def children() -> set[int]:
+    return {process.pid or 0 for process in multiprocessing.active_children()}
+
+
+def exists(pid: int) -> bool:
+    """Whether it runs; one that has ended and that nobody has waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def by_index(ended: Iterable[Finished]) -> dict[int, Result]:
+    found: dict[int, Result] = {}
+    for finished in ended:
+        assert finished.index is not None
+        assert finished.index not in found
+        found[finished.index] = finished.result
+    return found
+
+
+def numbers(result: Result) -> dict[str, Any]:
+    """All of a result that must be the same every time, to the last bit."""
+    timed = (*TIMES, "real_time", "growth", "step_us")
+    row = {name: value for name, value in result.row.items() if not name.startswith(timed)}
+    arrays = {name: value for name, value in result.arrays.items() if not name.endswith("_ns")}
+    return {"status": result.status, "reason": result.reason, **row} | {
+        name: (value.dtype, value.shape, value.tobytes()) for name, value in arrays.items()
+    }
+
+
+@pytest.fixture
+def pool() -> Generator[Local]:
+    made = Local(2)
+    yield made
+    made.close()
+    assert not children()
+
+
+def test_numbers_are_those_of_a_process_each_in_any_order(pool: Local, tmp_path: Path) -> None:
+    batches = [batch(MANY, seed=seed, first=10 * seed, keep=True) for seed in (0, 1)]
+    here = by_index(Here().run(batches, alone=False))
+    single = [dataclasses.replace(one, jobs=(job,)) for one in batches for job in one.jobs]
+    random.Random(5).shuffle(single)
+    pooled = by_index(pool.run(single, alone=False))
+    assert here.keys() == pooled.keys()
+    for index, result in here.items():
+        assert result.status == "done"
+        assert numbers(result) == numbers(pooled[index])
+    first, archive = batches[0], tmp_path / "log.npz"
+    prepare.run(prepare.Task(first.dataset, first.options, first.seed, archive))
+    tasks = [cell.Task(**vars(job), log=archive) for _, job in first.jobs]
+    for ended in execute(cell.run, tasks, workers=2):
+        assert numbers(ended.value) == numbers(pooled[first.jobs[ended.task][0]])
+
+
+def test_whatever_a_backend_does_it_is_one_result(pool: Local) -> None:
+    expected = {
+        "dead-reckoning": ("done", ""),
+        "misbehaving:raises": ("error", "ValueError: the [brackets]"),
+        "misbehaving:exits": ("error", "SystemExit: had enough"),
+        "misbehaving:crashes": ("error", "was killed by SIGSEGV; its last words: reading address zero now"),
+        "ekf": ("done", ""),
+        "misbehaving:kills_itself": ("error", "the process was killed by SIGKILL"),
+        "misbehaving:eats_memory": ("error", "needed more than the memory limit of 300 MB"),
+        "misbehaving:gives_up": ("diverged", "no longer positive definite"),
+        "misbehaving:talks": ("done", ""),
+        "misbehaving:sleeps_for_ever": ("timeout", "was not finished after 1.5 s of wall time and was stopped"),
+        "fastslam": ("done", ""),
+    }
+    several = batch(list(expected))
+    hasty = dataclasses.replace(several, timeout_s=1.5, jobs=several.jobs[-2:-1])
+    patient = dataclasses.replace(several, jobs=(*several.jobs[:-2], several.jobs[-1]))
+    ended = by_index(pool.run([patient, hasty], alone=False))
+    assert sorted(ended) == list(range(len(expected)))
+    for (name, (status, reason)), (_, result) in zip(expected.items(), sorted(ended.items()), strict=True):
+        assert result.status == status, (name, result)
+        assert reason in result.reason, (name, result)
+    calm = by_index(Here().run([batch(["dead-reckoning", "ekf"])], alone=False))
+    assert numbers(ended[0]) == numbers(calm[0])
+
+
+def test_a_log_that_cannot_be_made_in_time_or_at_all_is_said_of_all_its_jobs(pool: Local) -> None:
+    great = dataclasses.replace(datasets.find("city").options(), steps=1_000_000, landmarks=1_000_000)
+    slow = dataclasses.replace(batch(["ekf", "ukf"], timeout_s=0.5), options=great)
+    absent = dataclasses.replace(batch(["ekf"], first=7), dataset="log", options=log_folder.Options("not/there"))
+    ended = list(pool.run([slow, absent, batch([], seed=3)], alone=False))
+    found = {finished.index: finished for finished in ended}
+    assert sorted(map(str, found)) == ["0", "1", "7", "None"]
+    assert found[0].result.status == found[1].result.status == "timeout"
+    assert found[7].result.status == "error"
+    assert "not/there" in found[7].result.reason
+    assert all(found[index].result.reason.startswith("the log could not be made: ") for index in (0, 1, 7))
+    looked = found[None]
+    assert looked.log is not None
+    assert (looked.result.status, len(looked.log.digest)) == ("done", 64)
+
+
+def test_a_worker_that_somebody_kills_costs_no_result(pool: Local) -> None:
+    pace: dict[str, Any] = {"misbehaving:slow": {"seconds": 0.15}}
+    batches = [batch(["misbehaving:slow"] * 3, seed=seed, first=10 * seed, **pace) for seed in range(2)]
+    results, killed = dict[int, Result](), 0
+    for finished in pool.run(batches, alone=False):
+        assert finished.index is not None
+        results[finished.index] = finished.result
+        if len(results) in (1, 3):
+            os.kill(min(children()), signal.SIGKILL)
+            killed += 1
+    assert killed == 2
+    assert {index: result.status for index, result in results.items()} == dict.fromkeys((0, 1, 2, 10, 11, 12), "done")
+
+
+def test_an_idle_worker_that_is_gone_is_replaced(pool: Local) -> None:
+    assert len(by_index(pool.run([batch(["ekf"])], alone=False))) == 1
+    for pid in children():
+        os.kill(pid, signal.SIGKILL)
+    assert by_index(pool.run([batch(["ekf"])], alone=False))[0].status == "done"
+
+
+def test_workers_are_replaced_after_many_cells_and_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_executor, "MOST_JOBS", 3)
+    pool, seen = Local(1), list[set[int]]()
+    jobs = ["dead-reckoning"] * 6
+    for finished in pool.run([batch([name], first=k) for k, name in enumerate(jobs)], alone=True):
+        assert finished.alone
+        seen.append(children())
+    assert all(len(pids) == 1 for pids in seen)
+    assert [seen[k] == seen[k + 1] for k in range(5)] == [True, True, False, True, True]
+    before = children()
+    assert [f.result.status for f in pool.run([batch(["misbehaving:raises"])], alone=True)] == ["error"]
+    assert not before & children()
+    pool.close()
+
+
+def test_alone_is_one_process(pool: Local) -> None:
+    list(pool.run([batch(["ekf"], seed=seed, first=seed) for seed in range(3)], alone=False))
+    assert len(children()) == 2
+    for finished in pool.run([batch(["ekf", "ekf"], seed=seed, first=10 * seed) for seed in range(2)], alone=True):
+        assert finished.alone
+        assert len(children()) == 1
+
+
+def test_who_stops_listening_leaves_nothing_at_work(pool: Local) -> None:
+    ended = pool.run([batch(["dead-reckoning", "misbehaving:sleeps_for_ever"])], alone=False)
+    next(ended)
+    assert children()
+    ended.close()  # type: ignore[attr-defined]
+    assert not children()
+    assert by_index(pool.run([batch(["ekf"])], alone=False))[0].status == "done"
+
+
+def test_an_interrupt_leaves_nothing_at_work(pool: Local) -> None:
+    ended = pool.run([batch(["dead-reckoning", "misbehaving:sleeps_for_ever"])], alone=False)
+    next(ended)
+    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        next(ended)
+    timer.join()
+    assert not children()
+
+
+RUNNER = """
+import multiprocessing
+from slamduel.backends import registry as backends
+from slamduel.bench.workers.batch import Batch
+from slamduel.bench.measure.cell import Job
+from slamduel.bench.workers.local_executor import Local
+from slamduel.datasets import registry as datasets
+city = datasets.find("city").options(steps=60, landmarks=40)
+names = ["dead-reckoning", "misbehaving:loops_for_ever"]
+jobs = tuple((k, Job(name, name, backends.find(name).options(), 0, 1000)) for k, name in enumerate(names))
+pool = Local(2)
+for finished in pool.run([Batch("city", city, seed, jobs, 60.0, False) for seed in (0, 1)], alone=False):
+    print(*(process.pid for process in multiprocessing.active_children()), flush=True)
+"""
+
+
+def test_nobody_outlives_the_runner() -> None:
+    environment = os.environ | {"PYTHONPATH": str(SUPPORT)}
+    command = [sys.executable, "-c", RUNNER]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, text=True
+    ) as runner:
+        assert runner.stdout is not None
+        pids = {int(pid) for _ in range(2) for pid in runner.stdout.readline().split()}
+        assert len(pids) == 2
+        assert all(map(exists, pids))
+        runner.kill()
+        runner.wait(timeout=60)
+    until = time.monotonic() + 10
+    while any(map(exists, pids)) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not any(map(exists, pids))
+
+
+def test_pools_of_several_threads_inside_of_somebody_elses_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
+    found: dict[int, dict[int, Result]] = {}
+
+    def run(seed: int) -> None:
+        mine = Local(1)
+        for k in range(2):
+            found.setdefault(seed, {}).update(by_index(mine.run([batch(["ekf"], seed=seed, first=k)], alone=True)))
+        mine.close()
+
+    threads = [threading.Thread(target=run, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert {seed: [result.status for result in ended.values()] for seed, ended in found.items()} == {
+        seed: ["done", "done"] for seed in range(3)
+    }
+    assert not children()
+
+
+def test_a_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
+    pool, digests = Local(1), list[str]()
+    for steps in (20, 20, 21):
+        log, truth = random_log(np.random.default_rng(1), steps, 8)
+        assert isinstance(log, Log)
+        shutil.rmtree(tmp_path / "log", ignore_errors=True)
+        log_folder.write(tmp_path / "log", log, truth)
+        on_file = dataclasses.replace(batch(["dead-reckoning"]), dataset="log",
+                                      options=log_folder.Options(str(tmp_path / "log")))  # fmt: skip
+        (ended,) = pool.run([on_file], alone=False)
+        assert ended.log is not None
+        assert ended.log.digest == ended.result.row["digest"]
+        digests.append(ended.log.digest)
+    pool.close()
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_batches_on_one_log_go_to_one_worker() -> None:
+    batches = [batch(["ekf"], seed=seed, first=10 * seed + k) for k in range(2) for seed in range(3)]
+    queue = BatchQueue(batches)
+    logs = [one.log for one in batches[:3]]
+    assert len(queue) == 6
+    first = queue.take([], set(), fresh=True)
+    assert first == batches[0]
+    assert queue.take([], {logs[0]}, fresh=True) == batches[1]  # the other worker has log 0
+    assert queue.take([logs[0]], {logs[1]}, fresh=False) == batches[3]  # of log 0
+    assert first is not None
+    assert queue.try_again(first)
+    assert not queue.try_again(first)
+    assert queue.take([logs[0]], {logs[1]}, fresh=False) == batches[2]  # what is tried again is for another process
+    assert queue.take([], set(), fresh=True) == first
+    queue.put_back([batches[2]])
+    assert [queue.take([], set(), fresh=False) for _ in range(3)] == [batches[4], batches[2], batches[5]]
+    assert queue.take([], set(), fresh=True) is None
+    assert len(queue) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no other kernel keeps the limit")
+def test_a_limit_of_memory_is_put_back() -> None:
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    for _ in range(2):
+        with pytest.raises(MemoryError), limited(200):
+            np.ones(50_000_000)
+        assert resource.getrlimit(resource.RLIMIT_AS) == before
+    assert len(np.ones(50_000_000)) == 50_000_000
+    (ended,) = Here().run([batch(["misbehaving:eats_memory"])], alone=False)
+    assert "memory limit" in ended.result.reason
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+PEAKS = """
+import numpy as np
+from slamduel.bench.measure.memory import Peak
+for megabytes in (80, 24, 48):
+    peak = Peak()
+    held = np.ones(megabytes << 17)
+    del held
+    print(peak.mb())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no other kernel forgets a peak")
+def test_a_peak_is_that_of_the_latest() -> None:
+    """In a process of its own: what other tests have left behind may be freed meanwhile."""
+    said = subprocess.run([sys.executable, "-c", PEAKS], capture_output=True, text=True, check=True).stdout
+    assert [float(line) for line in said.split()] == pytest.approx([80, 24, 48], abs=4)

@@ -1,0 +1,224 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fuzzing import survivors
+from slamduel.datasets.formats import csv_tables
+from slamduel.frontend.check import problems
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Dataset
+from slamduel.frontend.se2 import Array, between, wrap
+from slamduel.frontend.tum import write_tum
+
+DT = 0.1
+
+
+def csv(path: Path, header: str, rows: Array) -> str:
+    path.write_text(header + "\n" + "".join(",".join(repr(float(x)) for x in row) + "\n" for row in rows))
+    return str(path)
+
+
+def drive() -> tuple[Array, Array]:
+    """The times (n,) and poses (n, 3) of a robot that goes round twice at 0.5 m/s and 0.4 rad/s."""
+    t = DT * np.arange(300.0)
+    heading = 0.4 * t
+    return t, np.column_stack((1.25 * np.sin(heading), 1.25 * (1 - np.cos(heading)), wrap(heading)))
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, Any]:
+    """The options of a log of exact files: odometry, detections of two landmarks each second, truth and landmarks."""
+    t, poses = drive()
+    xy = np.array([[3.0, 1.0], [-2.0, 2.0]])
+    rows = list[tuple[float, float, float, float]]()
+    for k in range(5, 300, 10):
+        for name, place in enumerate(xy):
+            x, y = place - poses[k, :2]
+            rows.append((t[k], name, np.hypot(x, y), float(wrap(np.arctan2(y, x) - poses[k, 2]))))
+    write_tum(tmp_path / "truth.tum", t, poses)
+    return {
+        "odometry": csv(tmp_path / "odometry.csv", "t,x,y,heading", np.column_stack((t, poses))),
+        "detections": csv(tmp_path / "detections.csv", "t,id,range,bearing", np.array(rows)),
+        "truth": str(tmp_path / "truth.tum"),
+        "landmarks": csv(tmp_path / "landmarks.csv", "id,x,y", np.column_stack((np.arange(2.0), xy))),
+    }
+
+
+def made(options: dict[str, Any]) -> Dataset:
+    return csv_tables.make(csv_tables.Options(**options), np.random.default_rng(0))
+
+
+def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
+    log, truth = made(files)
+    assert truth is not None
+    assert not list(problems(log))
+    assert log.name == "odometry"
+    np.testing.assert_array_equal(truth.t, log.t)
+    np.testing.assert_allclose(log.delta[1:], between(truth.poses[:-1], truth.poses[1:]), atol=1e-12)
+    np.testing.assert_array_equal(log.prior.pose, truth.poses[0])
+    assert np.diff(log.t).max() <= 1 + 1e-9
+    assert (len(log.ids), len(log)) == (60, 32)  # 30 times of detections, the start and the end
+    assert truth.map is not None
+    x, y = (truth.map.xy[log.ids] - truth.poses[log.sighting_step, :2]).T
+    np.testing.assert_allclose(log.z[:, 0], np.hypot(x, y), atol=1e-12)
+
+
+@pytest.mark.parametrize("form", ["t,dx,dy,dtheta", "t,v,omega", "heading,comment,y,x,t", "degrees"])
+def test_every_form_of_odometry_is_the_same_motion(files: dict[str, Any], tmp_path: Path, form: str) -> None:
+    expected = made(files).log
+    t, poses = drive()
+    rows = np.column_stack((t, poses))
+    if form == "t,dx,dy,dtheta":
+        rows[1:, 1:] = between(poses[:-1], poses[1:])
+        rows[0, 1:] = 7.0  # what came before the first row is nobody's business
+    elif form == "t,v,omega":
+        rows = np.column_stack((t, np.full_like(t, 0.5), np.full_like(t, 0.4)))
+    elif form == "heading,comment,y,x,t":
+        rows = np.column_stack((poses[:, 2], t, poses[:, 1], poses[:, 0], t))
+    else:
+        form, files["angles"] = "t,x,y,heading", "degrees"
+        rows[:, 3] = np.degrees(rows[:, 3])
+        seen = np.loadtxt(files["detections"], delimiter=",", skiprows=1)
+        seen[:, 3] = np.degrees(seen[:, 3])
+        csv(Path(files["detections"]), "t,id,range,bearing", seen)
+    log = made(files | {"odometry": csv(tmp_path / "other.csv", form, rows)}).log
+    np.testing.assert_allclose(log.delta[1:], expected.delta[1:], atol=1e-9)
+    np.testing.assert_allclose(log.delta_cov[1:], expected.delta_cov[1:], atol=1e-12)
+    np.testing.assert_allclose(log.z, expected.z, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", ["t,x,y,heading", "t,dx,dy,dtheta", "t,v,omega"])
+def test_a_clock_that_stamps_rows_alike_changes_no_motion(files: dict[str, Any], tmp_path: Path, form: str) -> None:
+    t, poses = drive()
+    motions = np.vstack((np.zeros(3), between(poses[:-1], poses[1:])))
+    rows = {"t,x,y,heading": poses, "t,dx,dy,dtheta": motions, "t,v,omega": np.full((len(t), 2), (0.5, 0.4))}[form]
+    twice = np.column_stack((t, rows))[np.repeat(np.arange(300), np.where(np.arange(300) % 7 == 3, 2, 1))]
+    if form == "t,dx,dy,dtheta":
+        again = np.flatnonzero(np.diff(twice[:, 0]) == 0)
+        twice[again, 1:] = 0  # the motion comes in two rows, of which one has none
+    log = made(files | {"odometry": csv(tmp_path / "twice.csv", form, twice)}).log
+    np.testing.assert_allclose(log.delta[1:], made(files).log.delta[1:], atol=1e-9)
+
+
+def test_points_ahead_and_to_the_left_are_ranges_and_bearings(files: dict[str, Any], tmp_path: Path) -> None:
+    expected = made(files).log
+    t, ids, r, b = np.loadtxt(files["detections"], delimiter=",", skiprows=1).T
+    rows = np.column_stack((t, ids, r * np.cos(b), r * np.sin(b)))
+    log = made(files | {"detections": csv(tmp_path / "points.csv", "t,id,x,y", rows)}).log
+    np.testing.assert_allclose(log.z, expected.z, atol=1e-12)
+
+
+def test_noise_is_as_stated_and_composes(files: dict[str, Any]) -> None:
+    stated = {"range_sd": 0.2, "range_share": 0.1, "bearing_sd": 0.3, "forward": 0.04, "turning": 0.0}
+    log = made(files | stated | {"turning_by_turn": 0.0, "floor_position": 1e-5, "floor_heading": 1e-5}).log
+    np.testing.assert_allclose(log.z_cov[:, 0, 0], (0.2 + 0.1 * log.z[:, 0]) ** 2)
+    np.testing.assert_allclose(log.z_cov[:, 1, 1], 0.09)
+    whole = np.sqrt(sum(np.trace(cov[:2, :2]) for cov in log.delta_cov[1:]))
+    assert whole == pytest.approx(0.04 * np.sqrt(0.5 * 29.9), rel=1e-3)  # 0.04 m per root metre
+
+
+def test_where_the_robot_starts(files: dict[str, Any]) -> None:
+    without = {name: value for name, value in files.items() if name != "truth"}
+    np.testing.assert_array_equal(made(without).log.prior.pose, 0)
+    started = made(without | {"start_x": 1.0, "start_y": 2.0, "start_heading": 0.5, "start_sd": 0.2}).log.prior
+    np.testing.assert_array_equal(started.pose, [1, 2, 0.5])
+    np.testing.assert_allclose(started.cov, 0.04 * np.eye(3))
+    alone = made(without).truth  # the landmarks are known, the path is not
+    assert alone is not None
+    assert alone.map is not None
+    assert len(alone.t) == 0
+
+
+def test_detections_without_odometry_are_left_out_and_counted(files: dict[str, Any]) -> None:
+    path = Path(files["detections"])
+    path.write_text(path.read_text() + "99.0,0,1.0,0.1\n")
+    log = made(files).log
+    assert len(log.ids) == 60
+    assert log.notes["dropped"] == {"detections before or after the odometry": 1, "of ignored ids": 0}
+
+
+def test_ids_that_move_can_be_left_out(files: dict[str, Any]) -> None:
+    log = made(files | {"ignore": "1; 77"}).log
+    assert set(log.ids.tolist()) == {0}
+    assert log.notes["dropped"]["of ignored ids"] == 30
+    with pytest.raises(InputError, match="option ignore=1;x of dataset csv: found 'x'"):
+        made(files | {"ignore": "1;x"})
+
+
+def changed(name: str, line: int, row: str) -> Callable[[dict[str, Any]], None]:
+    def change(files: dict[str, Any]) -> None:
+        lines = Path(files[name]).read_text().splitlines()
+        lines[line - 1] = row
+        Path(files[name]).write_text("\n".join(lines) + "\n")
+
+    return change
+
+
+FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
+    "header": (changed("odometry", 1, "time,x,y,heading"), "odometry.csv, line 1: found the columns time,x,y,heading,"),
+    "twice": (changed("odometry", 1, "t,t,x,y"), "expected t,x,y,heading, or t,dx,dy,dtheta, or t,v,omega among them"),
+    "word": (changed("odometry", 7, "0.5,a,0,0"), "odometry.csv, line 7: x is 'a', expected a number"),
+    "width": (changed("odometry", 7, "0.5,0,0"), "odometry.csv, line 7: found 3 columns, expected 4"),
+    "nan": (changed("odometry", 7, "0.5,nan,0,0"), "odometry.csv, line 7: x is nan, expected a finite number"),
+    "time": (changed("odometry", 7, "0.3,0,0,0"), "odometry.csv, line 7: t is 0.3, expected no earlier than 0.4"),
+    "same": (changed("odometry", 7, "0.4,0,0,0"), "odometry.csv, line 7: t is 0.4 as in the row before, with another"),
+    "id": (changed("detections", 3, "0.5,1.5,1,0"), "detections.csv, line 3: id is 1.5, expected a whole number"),
+    "negative": (changed("detections", 3, "0.5,-2,1,0"), "detections.csv, line 3: id is -2, expected 0 to"),
+    "again": (changed("detections", 3, "0.5,0,1,0"), "detections.csv, line 3: id 0 is there twice at t 0.5"),
+    "range": (changed("detections", 3, "0.5,1,0,0"), "detections.csv, line 3: the range is 0.0, expected more than 0"),
+    "degrees": (
+        changed("detections", 3, "0.5,1,1,90"),
+        "line 3: bearing is 90.0 radians, expected half a turn",
+    ),
+    "back": (changed("detections", 4, "0.4,1,1,0"), "detections.csv, line 4: t is 0.4, expected no earlier than 0.5"),
+    "place": (changed("landmarks", 3, "0,1,1"), "landmarks.csv, line 3: id 0 is there twice, expected once"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_its_line(files: dict[str, Any], fault: str) -> None:
+    change, sentence = FAULTS[fault]
+    change(files)
+    with pytest.raises(InputError) as caught:
+        made(files)
+    assert sentence in str(caught.value)
+
+
+def test_clocks_without_a_moment_in_common_are_said_so(files: dict[str, Any]) -> None:
+    path = Path(files["detections"])
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows[:, 0] += 1.7e9
+    csv(path, "t,id,range,bearing", rows)
+    with pytest.raises(InputError, match="expected the same clock"):
+        made(files)
+
+
+def test_times_in_nanoseconds_do_not_eat_the_memory(files: dict[str, Any]) -> None:
+    for name in ("odometry", "detections"):
+        path = Path(files[name])
+        header = path.read_text().splitlines()[0]
+        rows = np.loadtxt(path, delimiter=",", skiprows=1)
+        rows[:, 0] *= 1e9
+        csv(path, header, rows)
+    with pytest.raises(InputError, match="are the times in seconds"):
+        made(files)
+
+
+@pytest.mark.parametrize("name", ["odometry", "detections", "truth", "landmarks"])
+def test_damaged_files_are_read_or_turned_down(files: dict[str, Any], name: str) -> None:
+    def fit(found: Dataset) -> None:
+        assert not list(problems(found.log))
+
+    read, refused = survivors(
+        lambda _: made(files), Path(files[name]), 150 if name in ("odometry", "detections") else 60, 3, fit
+    )
+    assert read
+    assert refused
+
+
+def test_without_files_it_says_what_to_give() -> None:
+    with pytest.raises(InputError, match="option odometry of dataset csv is not given"):
+        made({})

@@ -1,0 +1,288 @@
+"""`bench fetch`: published logs are put in place whole, checked and at once, or not at all with a sentence."""
+
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import publishers
+import toy_log
+from publishers import Http
+from slamduel.bench.cli import main
+from slamduel.datasets.published.catalogue import PUBLISHED, fetched, place
+from slamduel.datasets.published.download import Watcher
+from slamduel.datasets.published.fetch import fetch
+from slamduel.frontend.errors import InputError
+from toy_log import FILES, LOG, assert_files, assert_in_place, entry, ranges, refusal, sha256, zipped
+
+quick = pytest.fixture(autouse=True)(toy_log.quick)
+serve = pytest.fixture(toy_log.serve)
+
+MOVED = b"<!doctype html>We have moved."
+
+
+def test_the_addresses_are_tried_in_order(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+    gone, page, good = serve(publishers.answers(404)), serve(publishers.sends(MOVED)), serve()
+    PUBLISHED["toy"] = entry(gone.url, page.url, good.url)
+    assert main(["fetch", "toy"]) == 0
+    assert_in_place()
+    assert f"# from {good.url}\n" in (place("toy") / "SHA256SUMS").read_text()
+    PUBLISHED["toy"] = entry(gone.url, page.url)
+    gone.bad_days, page.bad_days = [publishers.answers(404)], [publishers.sends(MOVED)]
+    text = refusal(capsys, "toy", "--again")
+    assert f"  {gone.url}: 404 Not Found.\n  {page.url}: a web page, not the published file.\n" in text
+    assert "About these addresses: made up.\nBy hand: open " in text
+
+
+def test_the_links_on_a_page_are_tried(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+    archives = serve()
+    archives.bad_days = [publishers.answers(404)]
+    base = archives.url.removesuffix("log.zip")
+    links = (
+        f"<a href=\"{base}sheet04.pdf\">4</a> <A HREF='{base}EKF_1.tar.gz'>x</A> <a href={base}a/ekf&amp;2.zip>y</a>"
+    )
+    page = serve(publishers.sends(b"<!doctype html>" + links.encode()))
+    PUBLISHED["toy"] = entry(page.url, link=PUBLISHED["freiburg"].link)
+    assert main(["fetch", "toy", "--quiet"]) == 0
+    assert [path for path, _ in archives.requests] == ["/EKF_1.tar.gz", "/a/ekf&2.zip"]
+    assert_in_place()
+    page.bad_days = [publishers.sends(b"<!doctype html> moved")]
+    assert f"{page.url}: no link to the archive was recognised on it.\n" in refusal(capsys, "toy", "--again")
+
+
+def test_check_finds_what_has_changed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "toy is not on this machine: bench fetch toy gets it" in refusal(capsys, "toy", "--check")
+    (source := tmp_path / "log.zip").write_bytes(LOG)
+    assert main(["fetch", "toy", "--from", str(source)]) == 0
+    assert main(["fetch", "--check"]) == 0
+    assert "toy: as published" in capsys.readouterr().out
+    (place("toy") / "path.dat").write_bytes(b"touched")
+    text = refusal(capsys, "toy", "--check")
+    assert f"path.dat: its sha256 is {sha256(b'touched')}; published: {sha256(FILES['path.dat'])}" in text
+    assert "bench fetch toy --again gets toy anew" in text
+    (place("toy") / "path.dat").unlink()
+    assert "path.dat: No such file" in refusal(capsys, "toy", "--check")
+
+
+def test_digests_that_nobody_knows_are_recorded_printed_and_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    PUBLISHED["toy"] = entry(files=dict.fromkeys(FILES))
+    (source := tmp_path / "log.zip").write_bytes(LOG)
+    assert main(["fetch", "toy", "--from", str(source)]) == 0
+    printed = capsys.readouterr().out
+    assert "not known here" in printed
+    assert all(f"{sha256(content)}  {name}" in printed for name, content in FILES.items())
+    assert_in_place()
+    assert main(["fetch", "toy", "--check"]) == 0
+    assert "toy: as it first arrived" in capsys.readouterr().out
+    (place("toy") / "path.dat").write_bytes(b"touched")
+    assert "recorded when it first arrived" in refusal(capsys, "toy", "--check")
+    (place("toy") / "SHA256SUMS").unlink()
+    assert "no sha256 was recorded for it" in refusal(capsys, "toy", "--check")
+
+
+def test_a_log_is_not_taken_for_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two files in three tell; one may be of the room, which they share."""
+    kinds = ("path.dat", "marks.dat", "room.dat")
+    logs = {f"toy-{n}": {kind: f"{kind} of {n}".encode() for kind in kinds} for n in (1, 2, 3)}
+    unknown = entry(files=dict.fromkeys(kinds))
+    monkeypatch.setitem(PUBLISHED, "toy-1", entry(files={kind: sha256(logs["toy-1"][kind]) for kind in kinds}))
+    for name in ("toy-2", "toy-3"):
+        monkeypatch.setitem(PUBLISHED, name, unknown)
+    source = tmp_path / "log.zip"
+
+    def given(name: str, files: dict[str, bytes]) -> str:
+        source.write_bytes(zipped(files))
+        return refusal(capsys, name, "--from", source)
+
+    text = given("toy-2", logs["toy-1"] | {"room.dat": b"touched"})
+    assert f"bench: {source}: 2 of its 3 files are those of toy-1, and not those of toy-2." in text
+    assert not place("toy-2").exists()
+
+    shared = logs["toy-2"] | {"room.dat": logs["toy-1"]["room.dat"]}
+    source.write_bytes(zipped(shared))
+    assert main(["fetch", "toy-2", "--quiet", "--from", str(source)]) == 0
+    assert_in_place("toy-2", shared)
+
+    recorded = f"3 of its 3 files are those of toy-2 (as {place('toy-2')} holds it; remove that if it is the wrong one)"
+    assert f"{recorded}, and not those of toy-3." in given("toy-3", shared)
+    assert main(["fetch", "toy-2", "--quiet", "--check"]) == 0
+    shutil.copytree(place("toy-2"), place("toy-3"))  # as an installation by other means may have left it
+    assert f"{place('toy-3')}: {recorded}." in refusal(capsys, "toy-3", "--check")
+    source.write_bytes(zipped(logs["toy-1"]))
+    assert main(["fetch", "toy-1", "--quiet", "--from", str(source)]) == 0  # nothing recorded outweighs what is known
+
+
+def test_a_log_that_is_incomplete_is_fetched_anew(serve: Callable[..., Http], tmp_path: Path) -> None:
+    place("toy").mkdir(parents=True)
+    (place("toy") / "path.dat").write_bytes(b"half of it")
+    assert main(["fetch", "toy", "--quiet", "--url", serve().url]) == 0
+    assert_in_place()
+
+
+def test_a_swap_that_was_interrupted_is_undone(tmp_path: Path) -> None:
+    (source := tmp_path / "log.zip").write_bytes(LOG)
+    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
+    place("toy").rename(place("toy").with_name(".toy.old"))  # as a process leaves it that is killed between two renames
+    (place("toy").with_name(".toy.new")).mkdir()
+    assert main(["fetch", "toy"]) == 0  # no server was needed
+    assert_files()
+
+
+def test_a_cache_that_cannot_be_written_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    (source := tmp_path / "log.zip").write_bytes(LOG)
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "file"))
+    text = refusal(capsys, "toy", "--from", source)
+    assert (
+        "Not a directory; toy goes into the cache folder, which the environment variable SLAMDUEL_CACHE moves" in text
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "wording"),
+    [("--url", ".toy.part: what arrives cannot be written (File too large)"), ("--from", ".toy.new: File too large")],
+)
+def test_a_disk_that_is_full(
+    serve: Callable[..., Http], tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, wording: str
+) -> None:
+    (source := tmp_path / "log.zip").write_bytes(LOG)
+    server = serve()
+    given = server.url if word == "--url" else source
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # no file may grow beyond that
+    try:
+        text = refusal(capsys, "toy", word, given)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert wording in text
+    assert len(server.requests) <= 1  # the disk is not asked again and again
+    assert not place("toy").exists()
+    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
+    assert_in_place()
+
+
+def test_two_at_once_download_it_once(serve: Callable[..., Http]) -> None:
+    server = serve(publishers.stalls)  # long enough for the second one to find the first at it
+    said: list[str] = []
+
+    class Listening(Watcher):
+        def says(self, sentence: str) -> None:
+            said.append(sentence)
+
+    outcomes: list[object] = []
+    fetching = [
+        threading.Thread(target=lambda: outcomes.append(fetch("toy", Listening(), url=server.url))) for _ in range(2)
+    ]
+    for thread in fetching:
+        thread.start()
+    for thread in fetching:
+        thread.join()
+    assert sum(outcome is None for outcome in outcomes) == 1
+    assert len(outcomes) == 2
+    assert "toy: another process is fetching it; waiting for that one." in said
+    assert len(server.requests) == 2  # the one that stalled and the one that went on
+    assert_in_place()
+
+
+MRCLAM_1 = {name: np.random.default_rng(len(name)).bytes(20_000) for name in PUBLISHED["mrclam-1"].files}
+
+
+def test_a_process_that_is_killed_and_the_next_one(serve: Callable[..., Http]) -> None:
+    server = serve(publishers.stalls, content=zipped(MRCLAM_1, "MRSLAM_Dataset1/"))
+    command = [sys.executable, "-m", "slamduel.bench.cli", "fetch", "mrclam-1", "--url", server.url]
+    part = place("mrclam-1").with_name(".mrclam-1.part")
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+        until = time.monotonic() + 20
+        while not (part.exists() and part.stat().st_size) and time.monotonic() < until:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+    received = part.stat().st_size
+    assert received == 500
+    assert main(["fetch", "mrclam-1", "--quiet", "--url", server.url]) == 0
+    assert ranges(server) == [None, f"bytes={received}-"]
+    assert_in_place("mrclam-1", MRCLAM_1)
+
+
+def test_two_processes_at_once(serve: Callable[..., Http]) -> None:
+    server = serve(content=zipped(MRCLAM_1))
+    command = [sys.executable, "-m", "slamduel.bench.cli", "fetch", "mrclam-1", "--quiet", "--url", server.url]
+    both = [subprocess.Popen(command) for _ in range(2)]
+    assert [process.wait(60) for process in both] == [0, 0]
+    assert len(server.requests) == 1
+    assert_in_place("mrclam-1", MRCLAM_1)
+
+
+def test_the_list_says_what_is_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (source := tmp_path / "log.zip").write_bytes(LOG)
+    main(["fetch", "toy", "--quiet", "--from", str(source)])
+    place("dlr").mkdir()
+    assert main(["fetch"]) == 0
+    listed = capsys.readouterr().out
+    assert re.search(r"^toy +0\.2 MB +a log for these tests", listed, re.MULTILINE)
+    assert re.search(r"^dlr +incomplete", listed, re.MULTILINE)
+    assert all(re.search(rf"^{name} +-", listed, re.MULTILINE) for name in PUBLISHED if name not in ("toy", "dlr"))
+
+
+def test_one_that_fails_does_not_stop_the_others(
+    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, gone = serve(), serve(publishers.answers(404))
+    PUBLISHED["toy"] = entry(gone.url)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PUBLISHED, "second", entry(good.url))
+        assert "toy could not be fetched" in refusal(capsys, "toy", "second")
+        assert_files("second")
+
+
+@pytest.mark.parametrize(
+    ("words", "wording"),
+    [
+        (["none"], "there is no such published log; there are dlr, freiburg, mrclam-1"),
+        (["--url", "http://x"], "--url is for one published log; found 0 names"),
+        (["toy", "dlr", "--from", "x"], "--from is for one published log; found 2 names"),
+        (["toy", "--from", "x", "--url", "y"], "--from and --url do not go together"),
+        (["toy", "--check", "--again"], "--check and --again do not go together"),
+    ],
+)
+def test_words_that_make_no_sense(capsys: pytest.CaptureFixture[str], words: list[str], wording: str) -> None:
+    assert wording in refusal(capsys, *words)
+
+
+def test_a_log_that_is_not_here_names_the_command() -> None:
+    with pytest.raises(InputError, match=r"toy is not on this machine: bench fetch toy gets it, toy\[path=X\] names a"):
+        fetched("toy", "toy[path=X]")
+
+
+def test_the_catalogue_is_complete() -> None:
+    assert [name for name in PUBLISHED if name != "toy"] == ["dlr", "freiburg", *(f"mrclam-{n}" for n in range(1, 10))]
+    for name, log in PUBLISHED.items():
+        if name != "toy":
+            assert log.urls
+            assert all(re.match(r"(https?|ftp)://", url) for url in [log.page, *log.urls])
+            assert all(digest is None or re.fullmatch("[0-9a-f]{64}", digest) for digest in log.files.values())
+            assert all([log.title, log.citation, log.licence, log.addresses, log.by_hand])
+
+
+@pytest.mark.parametrize(("name", "folder"), [("dlr", "dlr"), ("freiburg", "freiburg"), ("mrclam-6", "mrclam")])
+def test_the_real_ones_are_what_the_catalogue_says(name: str, folder: str) -> None:
+    root = os.environ.get("SLAMDUEL_DATA")
+    if not root:
+        pytest.skip("SLAMDUEL_DATA is not set: no copies of the published logs")
+    assert main(["fetch", name, "--quiet", "--from", str(Path(root) / folder)]) == 0
+    assert main(["fetch", name, "--quiet", "--check"]) == 0

@@ -1,0 +1,248 @@
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from batch_fit import aligned, fitted, rmse
+from fuzzing import survivors
+from slamduel.backends import registry
+from slamduel.datasets.formats import log_folder
+from slamduel.datasets.published import freiburg
+from slamduel.datasets.published.freiburg import Options
+from slamduel.frontend.check import problems
+from slamduel.frontend.dead_reckoning import dead_reckoned
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Dataset, Log, Map
+from slamduel.frontend.se2 import Array, compose
+
+SENSOR = """ODOMETRY 0.1 0.5 0.05
+SENSOR 1 1.9 0.37
+SENSOR 2 3.8 3.21
+ODOMETRY -0.3 0.2 -0.1
+SENSOR 2 -0.03 -0.5
+ODOMETRY 0 0 0
+ODOMETRY 0.01 0.1 0
+SENSOR 2 3.7 1.2
+"""
+WORLD = "1 2 1\n2 0 4\n3 7 7\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "sensor_data.dat").write_text(SENSOR)
+    (tmp_path / "world.dat").write_text(WORLD)
+    return tmp_path
+
+
+def moved(turns: Array) -> Array:
+    """The same motion, made of the algebra of poses: a turn, a way, a turn."""
+    first, way, second = turns
+    pose = compose(np.array([0.0, 0.0, first]), np.array([way, 0.0, 0.0]))
+    return compose(pose, np.array([0.0, 0.0, second]))
+
+
+TURNS = [
+    [0.1, 0.5, 0.05],
+    [-0.3, 0.2, -0.1],
+    [0.0, 0.0, 0.0],
+    [2.0, 3.0, 2.5],
+    [-1.0, -0.4, 0.2],
+]
+
+
+def test_a_motion_is_turn_way_turn():
+    found, _ = freiburg.relative(np.array(TURNS))
+    np.testing.assert_allclose(found, [moved(np.array(row)) for row in TURNS], atol=1e-15)
+    assert found[0, 0] > 0  # forward
+    assert found[0, 1] > 0  # and to the left, where it turned first
+
+
+def test_its_jacobian_is_the_numerical_one():
+    _, jacobian = freiburg.relative(np.array(TURNS))
+    h = 1e-6
+    for row, found in zip(np.array(TURNS), jacobian, strict=True):
+        if abs(row[0] + row[2]) < np.pi - 1e-3 or abs(row[0] + row[2]) > np.pi + 1e-3:
+            numeric = np.stack([(moved(row + h * e) - moved(row - h * e)) / (2 * h) for e in np.eye(3)], axis=-1)
+            np.testing.assert_allclose(found, numeric, atol=1e-9)
+
+
+def test_the_noise_is_that_of_the_turns():
+    """Drawn turn by turn, way by way, as table 5.6 has it, against the covariance; 6 sigma of a sample's."""
+    rng = np.random.default_rng(7)
+    options = Options(alpha1=0.02, alpha2=0.003, alpha3=0.01, alpha4=0.004)
+    turns, draws = np.array([0.02, 0.5, -0.05]), 200_000
+    sd = np.sqrt(
+        [
+            options.alpha1 * turns[0] ** 2 + options.alpha2 * turns[1] ** 2,
+            options.alpha3 * turns[1] ** 2 + options.alpha4 * (turns[0] ** 2 + turns[2] ** 2),
+            options.alpha1 * turns[2] ** 2 + options.alpha2 * turns[1] ** 2,
+        ]
+    )
+    sample, _ = freiburg.relative(turns + sd * rng.normal(size=(draws, 3)))
+    _, jacobian = freiburg.relative(turns[None])
+    cov = jacobian[0] @ freiburg.turns_cov(turns[None], options)[0] @ jacobian[0].T
+    scale = np.sqrt(np.outer(np.diag(cov), np.diag(cov)))
+    np.testing.assert_array_less(np.abs(np.cov(sample.T) - cov) / scale, 6 * np.sqrt(2 / draws) + 2e-3)  # curvature
+
+
+def test_the_first_motion_is_the_prior(folder: Path):
+    log = freiburg.read(folder, Options()).log
+    assert len(log) == 4
+    np.testing.assert_allclose(log.prior.pose, moved(np.array(TURNS[0])))
+    np.testing.assert_array_equal(log.sighting_step, [0, 0, 1, 3])
+    _, jacobian = freiburg.relative(np.array(TURNS[:1]))
+    cov = jacobian @ freiburg.turns_cov(np.array(TURNS[:1]), Options()) @ jacobian.swapaxes(1, 2)
+    np.testing.assert_allclose(log.prior.cov, cov[0] + 1e-9 * np.eye(3))
+    np.testing.assert_allclose(log.delta[1], moved(np.array(TURNS[1])))
+    assert list(problems(log)) == []
+
+
+def test_a_robot_at_rest_is_given_a_floor(folder: Path):
+    log = freiburg.read(folder, Options()).log
+    np.testing.assert_array_equal(log.delta_cov[2], 1e-8 * np.eye(3))
+    assert log.notes["floored"] == {"motions": 1}
+
+
+def test_the_course_s_noise_is_a_choice(folder: Path):
+    log = freiburg.read(folder, Options(motion="course", range_sd=0.2, bearing_sd=0.3)).log
+    np.testing.assert_array_equal(log.delta_cov[1:], np.broadcast_to(np.diag([0.1, 0.1, 0.01]), (3, 3, 3)))
+    np.testing.assert_allclose(log.z_cov, np.broadcast_to(np.diag([0.04, 0.09]), (4, 2, 2)))
+    assert log.notes["floored"] == {"motions": 0}
+
+
+def test_what_noise_did_to_a_sighting_is_mended_and_counted(folder: Path):
+    log = freiburg.read(folder, Options()).log
+    np.testing.assert_array_equal(log.ids, [1, 2, 2, 2])
+    np.testing.assert_allclose(log.z, [[1.9, 0.37], [3.8, 3.21 - 2 * np.pi], [0.001, -0.5], [3.7, 1.2]])
+    assert list(log.notes["lifted"].values()) == [1]
+
+
+def test_the_landmarks_alone_are_the_truth(folder: Path):
+    truth = freiburg.read(folder, Options()).truth
+    assert truth is not None
+    assert truth.map is not None
+    assert (truth.t.shape, truth.poses.shape, truth.kind) == ((0,), (0, 3), "truth")
+    np.testing.assert_array_equal(truth.map.ids, [1, 2, 3])
+    np.testing.assert_array_equal(truth.map.xy, [[2, 1], [0, 4], [7, 7]])
+
+
+def test_the_log_survives_the_disk(folder: Path):
+    dataset = freiburg.source.make(Options(str(folder)), np.random.default_rng(0))
+    log_folder.write(folder / "log", *dataset)
+    assert log_folder.read(folder / "log").log.digest == dataset.log.digest
+
+
+def test_without_a_path_the_fetched_copy_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"bench fetch freiburg .*freiburg\[path=FOLDER\]"):
+        freiburg.source.make(Options(), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        ("sensor_data.dat", "0.2 -0.1", "0.2", "line 4: found 2 numbers after ODOMETRY, expected 3 (rot1 trans rot2)"),
+        ("sensor_data.dat", "-0.3 0.2", "-30 0.2", "line 4: it turns by -30.0 and -0.1, expected radians"),
+        ("sensor_data.dat", "-0.3 0.2", "-0.3 inf", "line 4: trans is 'inf', expected a number"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "LASER 2 3.8", "line 3: found 'LASER', expected ODOMETRY"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 1 3.8", "line 3: landmark 1 is there twice after one motion"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 4 3.8", "line 3: landmark 4 is not in world.dat"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2.5 3.8", "line 3: id is '2.5', expected a whole number from 0"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 5000000000 3.8", "line 3: landmark 5000000000 is not in world.dat"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2", "line 3: found 2 numbers after SENSOR, expected 3 (id range"),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2 3_8", "line 3: range is '3_8', expected a number."),
+        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2 3e9", "line 3: range is '3e9', expected a number no larger than"),
+        ("sensor_data.dat", "-0.03", "-0.6", "line 5: range is -0.6, expected more than 0, or -0.5 and more"),
+        ("sensor_data.dat", "3.21", "32.1", "line 3: bearing is 32.1, expected radians"),
+        ("sensor_data.dat", "ODOMETRY 0.1 0.5 0.05\n", "", "line 1: a sighting before the first ODOMETRY"),
+        ("sensor_data.dat", SENSOR, "# nothing\n", "there is no ODOMETRY row"),
+        ("world.dat", "2 0 4", "1 0 4", "line 2: landmark 1 is there twice"),
+        ("world.dat", "2 0 4", "-2 0 4", "line 2: id is -2, expected 0 or more"),
+        ("world.dat", "2 0 4", "2 0 4e10", "line 2: y is 40000000000.0, expected -1e+09 to 1e+09"),
+        ("world.dat", "2 0 4", "2 0", "line 2: found 2 columns, expected 3"),
+    ],
+)  # fmt: skip
+def test_a_bad_row_is_named(folder: Path, name: str, old: str, new: str, words: str):
+    path = folder / name
+    content = path.read_text()
+    assert old in content
+    path.write_text(content.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        freiburg.read(folder, Options())
+    assert str(caught.value).startswith(str(path))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["sensor_data.dat", "world.dat"])
+def test_a_damaged_file_is_read_or_turned_down(folder: Path, name: str):
+    def fit(dataset: Dataset) -> None:
+        assert list(problems(dataset.log)) == []
+        assert len(dataset.log.ids) <= SENSOR.count("SENSOR") + 1  # a line may be doubled
+        assert dataset.truth is not None
+        assert dataset.truth.map is not None
+        assert np.isfinite(dataset.truth.map.xy).all()
+
+    def read(path: Path) -> Dataset:
+        return freiburg.read(folder, Options())
+
+    found, sentences = survivors(read, folder / name, cases=500, seed=6, fit=fit)
+    assert len(found) > 50
+    assert len(sentences) > 100
+
+
+@pytest.fixture(scope="module")
+def whole() -> Dataset:
+    place = os.environ.get("SLAMDUEL_DATA")
+    if not place:
+        pytest.skip("SLAMDUEL_DATA is not set: it names the folder with freiburg/sensor_data.dat")
+    return freiburg.read(Path(place) / "freiburg", Options())
+
+
+def test_nothing_of_the_log_is_lost(whole: Dataset):
+    log = whole.log
+    assert (len(log), len(log.ids), len(np.unique(log.ids))) == (331, 1212, 9)
+    assert list(problems(log)) == []
+    assert list(log.notes["lifted"].values()) == [1]
+    assert log.notes["floored"] == {"motions": 0}
+
+
+def estimated(name: str, log: Log, **options: Any) -> Map:
+    builder = registry.find(name)
+    backend = builder.make(log.prior, builder.options(**options), np.random.default_rng(0))
+    for step in log:
+        backend.step(step)
+    solution = backend.finish()
+    return solution.map if solution else backend.map()
+
+
+def places(landmarks: Map) -> Array:
+    return landmarks.xy[np.argsort(landmarks.ids)]
+
+
+@pytest.mark.parametrize("name", ["ekf", "isam2", "graph", "fastslam"])
+def test_the_landmarks_are_where_the_world_has_them(whole: Dataset, name: str):
+    """From the origin, which leaves the heading of the first metres in the map, and aligned."""
+    assert whole.truth is not None
+    assert whole.truth.map is not None
+    found, truth = places(estimated(name, whole.log)), places(whole.truth.map)
+    assert rmse(found, truth) < (0.3 if name == "fastslam" else 0.09)  # a particle's heading at the start is a draw
+    assert rmse(aligned(found, truth), truth) < 0.03
+
+
+def test_the_backends_agree_with_an_independent_optimum(whole: Dataset):
+    fit = fitted(whole.log, dead_reckoned(whole.log), iterations=8)
+    np.testing.assert_allclose(places(estimated("graph", whole.log)), fit.xy, atol=1e-6)
+    np.testing.assert_allclose(places(estimated("ekf", whole.log)), fit.xy, atol=0.01)
+
+
+def test_the_default_noise_is_nearer_to_the_log_s_own_than_the_course_s(whole: Dataset):
+    """chi2 at the batch optimum, of its degrees of freedom: sightings less the map and what the path takes up."""
+    settings = replace(Options(), motion="course", bearing_sd=0.1)
+    place = Path(os.environ["SLAMDUEL_DATA"]) / "freiburg"
+    for options, low, high in ((Options(), 0.9, 1.05), (settings, 0.3, 0.45)):
+        log = freiburg.read(place, options).log
+        fit = fitted(log, dead_reckoned(log), iterations=15)
+        assert low < fit.cost / (2 * len(log.ids) - 2 * len(fit.ids)) < high

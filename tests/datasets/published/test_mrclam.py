@@ -1,0 +1,304 @@
+import dataclasses
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fuzzing import survivors
+from motions import chain
+from slamduel.datasets.formats import log_folder
+from slamduel.datasets.published import mrclam
+from slamduel.datasets.published.catalogue import place
+from slamduel.datasets.published.mrclam import Options
+from slamduel.frontend.check import problems
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import UNKNOWN, Dataset, Log
+from slamduel.frontend.se2 import Array, compose
+
+ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
+
+EPOCH = 1248444187.0
+HEADER = "# UTIAS Multi-Robot Cooperative Localization and Mapping Dataset\n# a second line\n"
+
+
+def rows(*table: tuple[float, ...]) -> str:
+    """Rows whose first column is a time after EPOCH, with the originals' milliseconds and blanks."""
+    return HEADER + "".join(f"{EPOCH + t:.3f} \t " + " \t ".join(map(repr, rest)) + " \n" for t, *rest in table)
+
+
+SPEED, TURN = 0.5, 0.2
+FILES = {
+    "Barcodes.dat": HEADER + "  1 \t 5 \n  2 \t 14 \n  6 \t 63 \n  7 \t 81 \n",
+    "Landmark_Groundtruth.dat": HEADER + "  6 \t 1.5 \t -2.5 \t 0.0001 \t 0.0002 \n  7 \t 3.0 \t 4.0 \t 0.1 \t 0.1 \n",
+    # starts before the truth does, repeats a time, is silent for more than a second, and goes on after the truth ended
+    "Robot1_Odometry.dat": rows(
+        (0.0, 9.0, 9.0), (1.0, SPEED, 0.0), (1.5, 9.0, 9.0), (1.5, SPEED, TURN), (3.0, 0.0, 0.0), (4.4, SPEED, -TURN),
+        (9.0, 1.0, 0.0),
+    ),
+    "Robot1_Measurement.dat": rows(
+        (0.5, 63, 1.0, 0.1),  # before the log
+        (2.25, 63, 2.0, 0.1), (2.25, 81, 3.0, -0.2), (2.25, 63, 2.1, 0.1),  # one of them twice
+        (3.0, 14, 1.0, 0.0),  # another robot
+        (3.5, 99, 1.0, 0.0),  # nobody
+        (4.0, 81, 4.0, 0.3),  # on a full second of the log
+        (7.5, 81, 4.0, 0.3),  # after the log
+    ),
+    # 10 Hz, turning through pi, with a gap from 3.5 to 4.2
+    "Robot1_Groundtruth.dat": rows(
+        *((0.8 + t, 0.1 * t, -t, float(np.arctan2(np.sin(3 + t / 10), np.cos(3 + t / 10)))) for t in
+          (np.arange(53) / 10).tolist() if not 2.75 < t < 3.35)
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, content in FILES.items():
+        (tmp_path / name).write_text(content)
+    return tmp_path
+
+
+def read(folder: Path, **options: float | str) -> Dataset:
+    return mrclam.source.make(Options(path=str(folder), **options), np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
+
+
+def test_keyframes_are_sightings_and_full_seconds_of_the_common_time(folder: Path):
+    log = read(folder).log
+    np.testing.assert_allclose(log.t, [0, 1, 1.25, 2, 3, 4, 5], atol=1e-6)  # from 1.0 to 6.0 after EPOCH
+    assert log.notes["start"] == EPOCH + 1
+    assert list(problems(log)) == []
+
+
+def test_sightings_are_of_landmarks_by_subject_once_a_time(folder: Path):
+    log = read(folder, range_sd=0.2, bearing_sd=0.1).log
+    np.testing.assert_array_equal(log.sighting_step, [2, 2, 4])
+    np.testing.assert_array_equal(log.ids, [6, 7, 7])
+    np.testing.assert_array_equal(log.z, [[2.0, 0.1], [3.0, -0.2], [4.0, 0.3]])
+    np.testing.assert_array_equal(log.z_cov, np.broadcast_to(np.diag([0.2**2, 0.1**2]), (3, 2, 2)))
+    assert log.notes["dropped"] == {
+        "of another robot": 1,
+        "with an unknown barcode": 1,
+        "outside the log's time": 2,
+        "repeated at one time": 1,
+    }
+
+
+def arc(v: float, omega: float, dt: float) -> Array:
+    if omega == 0:
+        return np.array([v * dt, 0, 0])
+    return np.array([v / omega * np.sin(omega * dt), v / omega * (1 - np.cos(omega * dt)), omega * dt])
+
+
+def test_commands_are_held_and_motions_are_exact_arcs(folder: Path):
+    """Each keyframe's pieces, chained with the shared algebra: the last command counts where a time is repeated."""
+    options = Options(forward=0.05, lateral=0.01, turn=0.1, rest=0.05)
+    full = np.diag([options.forward**2, options.lateral**2, options.turn**2])
+    pieces: list[list[tuple[float, float, float]]] = [
+        [(SPEED, 0, 0.5), (SPEED, TURN, 0.5)],
+        [(SPEED, TURN, 0.25)],
+        [(SPEED, TURN, 0.75)],
+        [(0, 0, 1.0)],
+        [(0, 0, 0.4), (SPEED, -TURN, 0.6)],
+        [(SPEED, -TURN, 1.0)],
+    ]
+    log = read(folder, forward=0.05, lateral=0.01, turn=0.1, rest=0.05).log
+    for k, parts in enumerate(pieces, start=1):
+        delta, cov = np.zeros(3), np.zeros((3, 3))
+        for v, omega, dt in parts:
+            noise = full * dt * (options.rest**2 if v == omega == 0 else 1)
+            delta, cov = chain(delta, cov, arc(v, omega, dt), noise)
+        np.testing.assert_allclose(log.delta[k], delta, atol=1e-6)  # times near 1e9 s resolve a quarter microsecond
+        np.testing.assert_allclose(log.delta_cov[k], cov, rtol=1e-5, atol=1e-9)
+
+
+def test_truth_is_interpolated_on_the_circle_and_left_out_in_gaps(folder: Path):
+    dataset = read(folder)
+    truth = dataset.truth
+    assert truth is not None
+    assert truth.map is not None
+    # keyframes 2.0, 3.0 and 5.0 s after EPOCH + 1 are at 3.0, 4.0 and 6.0: the one at 4.0 falls into the gap
+    np.testing.assert_allclose(truth.t, [0, 1, 1.25, 2, 4, 5], atol=1e-6)
+    assert set(truth.t) <= set(dataset.log.t)
+    since = truth.t + 0.2
+    heading = np.arctan2(np.sin(3 + since / 10), np.cos(3 + since / 10))
+    assert heading.min() < 0 < heading.max()
+    np.testing.assert_allclose(truth.poses, np.stack((0.1 * since, -since, heading), axis=-1), atol=1e-6)
+    np.testing.assert_array_equal(truth.map.ids, [6, 7])
+    np.testing.assert_array_equal(truth.map.xy, [[1.5, -2.5], [3, 4]])
+    np.testing.assert_array_equal(dataset.log.prior.pose, truth.poses[0])
+
+
+def test_the_log_survives_the_disk(folder: Path):
+    dataset = read(folder)
+    log_folder.write(folder / "log", *dataset)
+    found = log_folder.read(folder / "log")
+    assert found.log.digest == dataset.log.digest
+    assert found.truth is not None
+    assert dataset.truth is not None
+    assert found.truth.poses.tobytes() == dataset.truth.poses.tobytes()
+
+
+def test_a_log_without_a_landmark_in_sight_is_a_log(folder: Path):
+    (folder / "Robot1_Measurement.dat").write_text(rows((3.5, 99, 1.0, 0.0)))
+    log = read(folder).log
+    assert len(log.ids) == 0
+    np.testing.assert_allclose(log.t, [0, 1, 2, 3, 4, 5])
+    assert list(problems(log)) == []
+
+
+def replaced(name: str, old: str, new: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text(FILES[name].replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("change", "name", "words"),
+    [
+        (lambda f: (f / "Barcodes.dat").unlink(), "Barcodes.dat", "there is no such file"),
+        (lambda f: (f / ODOMETRY).unlink(), ODOMETRY, "there is no such file"),
+        (lambda f: (f / ODOMETRY).write_text(HEADER), ODOMETRY, "there is no row, expected"),
+        (replaced(ODOMETRY, "9.0", "fast"), ODOMETRY, "line 3: v is 'fast', expected a number"),
+        (replaced(ODOMETRY, "190.000", "180.000"), ODOMETRY, "line 7: t is 1248444180.0, expected"),
+        (replaced(MEASUREMENT, "1.0", "-1.0"), MEASUREMENT, "line 3: range is -1.0, expected more"),
+        (replaced(MEASUREMENT, "-0.2", "-20"), MEASUREMENT, "line 5: bearing is -20.0, expected"),
+        (replaced(MEASUREMENT, "63", "6.3"), MEASUREMENT, "line 3: barcode is 6.3, expected a whole"),
+        (replaced(GROUNDTRUTH, "0.0", "nan"), GROUNDTRUTH, "line 3: x is nan, expected a finite"),
+        (replaced("Barcodes.dat", "14", ""), "Barcodes.dat", "line 4: found 1 columns, expected 2 (subject,barcode)"),
+        (
+            lambda f: (f / GROUNDTRUTH).write_text(rows((100.0, 0.0, 0.0, 0.0), (100.1, 0.0, 0.0, 0.0))),
+            ODOMETRY,
+            "no command falls into the time of Robot1_Groundtruth.dat",
+        ),
+    ],
+)  # fmt: skip
+def test_a_bad_file_is_named(folder: Path, change: Callable[[Path], object], name: str, words: str):
+    change(folder)
+    with pytest.raises(InputError) as caught:
+        read(folder)
+    assert str(caught.value).startswith(str(folder / name))
+    assert words in str(caught.value)
+
+
+def test_without_a_path_it_is_the_copy_that_was_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"mrclam-7 is not on this machine: bench fetch mrclam-7 .*path="):
+        mrclam.source.make(Options(dataset=7), np.random.default_rng(0))
+    for folder in (place("mrclam-7"), place("mrclam-8") / "MRCLAM_Dataset8"):
+        folder.mkdir(parents=True)
+        for name, content in FILES.items():
+            (folder / name).write_text(content)
+    by_set = [mrclam.source.make(Options(dataset=k), np.random.default_rng(0)).log for k in (7, 8)]
+    assert [log.name for log in by_set] == ["mrclam-7-robot-1", "mrclam-8-robot-1"]
+    assert by_set[0].digest == by_set[1].digest
+
+
+@pytest.mark.parametrize("name", ["MRCLAM_Dataset9", "MRSLAM_Dataset9"])
+def test_the_path_may_hold_the_folder_of_the_dataset(folder: Path, name: str):
+    alone = read(folder).log.digest
+    (inside := folder / name).mkdir()
+    for name in FILES:
+        (folder / name).rename(inside / name)
+    assert read(folder, dataset=9).log.digest == alone
+    with pytest.raises(InputError, match=r"Robot1_Odometry.dat: there is no such file"):
+        read(folder, dataset=8)
+
+
+def test_other_robots_are_kept_as_unknown_and_counted(folder: Path):
+    more = rows((3.0, 14, 1.0, 0.0), (3.25, 5, 0.8, 1.0), (3.25, 14, 0.9, -1.0), (3.25, 14, 0.9, -1.1))
+    old = FILES[MEASUREMENT]
+    head, tail = old.split("190.000", 1)
+    (folder / MEASUREMENT).write_text(
+        head.rpartition("\n")[0] + "\n" + more.removeprefix(HEADER) + tail.partition("\n")[2]
+    )
+    without, log = read(folder).log, read(folder, robots="unknown").log
+    np.testing.assert_allclose(log.t, [0, 1, 1.25, 2, 2.25, 3, 4, 5], atol=1e-6)
+    np.testing.assert_array_equal(log.ids, [6, 7, UNKNOWN, UNKNOWN, UNKNOWN, 7])
+    np.testing.assert_array_equal(log.z[2:5], [[1.0, 0.0], [0.8, 1.0], [0.9, -1.0]])
+    assert list(problems(log)) == []
+    assert log.notes["kept as unknown"] == {"of another robot": 3}
+    assert log.notes["dropped"] == without.notes["dropped"] | {"of another robot": 0, "repeated at one time": 2}
+    assert without.notes["kept as unknown"] == {"of another robot": 0}
+    assert without.notes["dropped"]["of another robot"] == 4
+    np.testing.assert_array_equal(log.identified().z, without.z)  # what a backend that needs ids is handed
+
+
+def test_a_robot_that_saw_nothing_has_a_log(folder: Path):
+    (folder / MEASUREMENT).write_text(HEADER)
+    dataset = read(folder)
+    assert len(dataset.log.ids) == 0
+    assert list(problems(dataset.log)) == []
+
+
+def fit(dataset: Dataset) -> None:
+    assert list(problems(dataset.log)) == []
+    assert dataset.truth is not None
+    assert np.isfinite(dataset.truth.poses).all()
+    assert (np.abs(dataset.truth.poses[:, 2]) <= np.pi).all()
+    assert set(dataset.truth.t.tolist()) <= set(dataset.log.t.tolist())
+    assert len(dataset.log) < 1000
+    assert dataset.log.notes["kept as unknown"]["of another robot"] == (dataset.log.ids == UNKNOWN).sum()
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_damaged_file_is_read_or_turned_down_with_a_sentence(folder: Path, name: str):
+    def of_the_folder(_: Path) -> Dataset:
+        return read(folder, robots="unknown")
+
+    found, sentences = survivors(of_the_folder, folder / name, cases=180, seed=len(name), fit=fit)
+    assert len(found) > 30
+    assert len(sentences) > 30
+    assert sum(name in sentence for sentence in sentences) >= 0.8 * len(sentences)
+
+
+@pytest.fixture(scope="module")
+def set_6() -> Path:
+    place = os.environ.get("SLAMDUEL_DATA")
+    if not place:
+        pytest.skip("SLAMDUEL_DATA is not set: it names the folder with mrclam/MRCLAM_Dataset6")
+    return Path(place) / "mrclam" / "MRCLAM_Dataset6"
+
+
+def aligned(path: Array, onto: Array) -> Array:
+    """`path` (n, 2) moved and turned to lie closest to `onto` (n, 2)."""
+    a, b = path - path.mean(0), onto - onto.mean(0)
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    c, s = np.cos(angle), np.sin(angle)
+    return a @ np.array([[c, s], [-s, c]]) + onto.mean(0)
+
+
+def rmse(path: Array, truth: Array) -> float:
+    return float(np.sqrt(((path - truth) ** 2).sum(1).mean()))
+
+
+def driven(log: Log) -> Array:
+    path = [log.prior.pose]
+    for delta in log.delta[1:]:
+        path.append(compose(path[-1], delta))
+    return np.array(path)
+
+
+# measured once with an independent reader and integrator: keyframes, sightings, dead reckoning's RMSE from the start
+# pose and aligned, in m
+SET_6 = {
+    1: (1771, 1534, 2.742, 2.102),
+    2: (2870, 3239, 3.022, 2.024),
+    3: (3164, 4348, 4.273, 3.120),
+    4: (2100, 2023, 1.981, 1.296),
+    5: (3208, 4239, 1.770, 1.200),
+}
+
+
+@pytest.mark.parametrize("robot", SET_6)
+def test_set_6_is_read_as_an_independent_reader_reads_it(set_6: Path, robot: int):
+    keyframes, sightings, from_start, best = SET_6[robot]
+    log, truth = mrclam.read(set_6, dataclasses.replace(Options(), robot=robot))
+    assert truth is not None
+    assert list(problems(log)) == []
+    assert (len(log), len(log.ids)) == (keyframes, sightings)
+    assert set(log.ids.tolist()) <= set(range(6, 21))
+    place = np.searchsorted(log.t, truth.t)
+    np.testing.assert_array_equal(log.t[place], truth.t)
+    path = driven(log)[place, :2]
+    assert rmse(path, truth.poses[:, :2]) == pytest.approx(from_start, rel=0.005)
+    assert rmse(aligned(path, truth.poses[:, :2]), truth.poses[:, :2]) == pytest.approx(best, rel=0.005)

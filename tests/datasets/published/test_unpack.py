@@ -1,0 +1,238 @@
+"""Out of what was downloaded or got by hand comes the log that was asked for, or a sentence."""
+
+import contextlib
+import dataclasses
+import gzip
+import os
+import re
+import signal
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import publishers
+import toy_log
+from publishers import Http
+from slamduel.bench.cli import main
+from slamduel.datasets.published import unpack
+from slamduel.datasets.published.catalogue import PUBLISHED, fetched, place
+from toy_log import FILES, LOG, assert_in_place, entry, ranges, refusal, sha256, tarred, zipped
+
+quick = pytest.fixture(autouse=True)(toy_log.quick)
+serve = pytest.fixture(toy_log.serve)
+
+
+def hostile(path: str) -> bytes:
+    return zipped(FILES, folder=path)
+
+
+def encrypted(archive: bytes) -> bytes:
+    """Its files marked as encrypted, where they begin and in the list of them (APPNOTE.TXT, 4.3.7 and 4.3.12)."""
+    marked = bytearray(archive)
+    for signature, flags in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        for found in re.finditer(signature, archive):
+            marked[found.start() + flags] |= 1
+    return bytes(marked)
+
+
+BAD = {
+    "garbage": (np.random.default_rng(9).bytes(5000), "found something else"),
+    "nothing": (b"", "found something else"),
+    "a page": (b" \n<!DOCTYPE html><html>We have moved.</html>", "a web page, not the published file"),
+    "cut off": (LOG[:-30], "cut off or damaged"),
+    "a flipped bit": (LOG[:150_000] + bytes([LOG[150_000] ^ 4]) + LOG[150_001:], "a damaged archive (Bad CRC-32"),
+    "a file is missing": (zipped({"path.dat": FILES["path.dat"]}), "marks.dat should be in it, and is not."),
+    "both are missing": (zipped({}), "path.dat and marks.dat should be in it, and are not."),
+    "zeros": (bytes(10240), "path.dat and marks.dat should be in it, and are not."),
+    "encrypted": (encrypted(LOG), "Published_Log/path.dat in it is encrypted"),
+    "another file": (zipped({**FILES, "marks.dat": b"else"}), "its marks.dat is not the published one: sha256"),
+    "a way out": (hostile("../../"), "'../../README', which leads out of it"),
+    "the root": (hostile("/etc/"), "'/etc/README', which leads out of it"),
+    "a drive": (hostile("C:\\log\\"), "which leads out of it"),
+    "a way out of a tar": (tarred({"../path.dat": b""}), "'../path.dat', which leads out of it"),
+    "a cut tar": (tarred(FILES)[:100_000], "a damaged archive"),
+    "a gzip of no tar": (gzip.compress(b"hello" * 500), "a damaged archive"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_not_the_log_is_turned_down(
+    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], case: str
+) -> None:
+    content, wording = BAD[case]
+    server = serve(publishers.sends(content))
+    text = refusal(capsys, "toy", "--url", server.url)
+    assert text.startswith(f"bench: toy could not be fetched:\n  {server.url}: ")
+    assert wording in text
+    assert {file.name for file in place("toy").parent.iterdir()} == {".toy.lock"}  # nothing of it is kept
+    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
+    assert ranges(server) == [None, None]  # and nothing gone on with
+    assert_in_place()
+
+
+def test_a_bad_new_one_leaves_the_old_one(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+    server = serve(publishers.ignores_range, publishers.sends(BAD["another file"][0]))
+    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
+    refusal(capsys, "toy", "--again", "--url", server.url)
+    assert_in_place()
+    assert main(["fetch", "toy", "--quiet", "--again", "--url", server.url]) == 0
+    assert_in_place()
+
+
+@pytest.mark.parametrize("pack", [zipped, tarred])
+def test_a_bomb(
+    serve: Callable[..., Http],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    pack: Callable[..., bytes],
+) -> None:
+    monkeypatch.setattr(unpack, "LARGEST_FILE", 1_000_000)
+    server = serve(content=pack({**FILES, "path.dat": bytes(3_000_000)}))
+    assert len(server.content) < 60_000
+    assert "path.dat: grows beyond 1,000,000 bytes" in refusal(capsys, "toy", "--url", server.url)
+    assert {file.name for file in place("toy").parent.iterdir()} == {".toy.lock"}
+
+
+def test_a_bomb_in_a_part_of_a_tar_that_is_passed_over(
+    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(unpack, "LARGEST_ARCHIVE", 1_000_000)
+    server = serve(content=tarred({"pictures": bytes(3_000_000), **FILES}))
+    assert f"{server.url}: grows beyond 1,000,000 bytes" in refusal(capsys, "toy", "--url", server.url)
+
+
+def test_two_files_of_one_name(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+    twice = zipped({"older/path.dat": b"of another sheet", **FILES, "newer/path.dat": b"of a third"})
+    assert main(["fetch", "toy", "--quiet", "--url", serve(content=twice).url]) == 0
+    assert_in_place()  # the sha256 tells which is meant
+    PUBLISHED["toy"] = entry(files=dict.fromkeys(FILES))
+    assert "two different files path.dat" in refusal(capsys, "toy", "--again", "--url", serve(content=twice).url)
+
+
+@pytest.mark.parametrize("form", ["zip", "tar", "tar.gz", "folder"])
+def test_a_log_that_was_got_by_hand(tmp_path: Path, form: str) -> None:
+    source = tmp_path / f"by_hand.{form}"
+    if form == "folder":
+        (source / "deep").mkdir(parents=True)
+        for name, content in FILES.items():
+            (source / "deep" / name).write_bytes(content)
+    else:
+        source.write_bytes(LOG if form == "zip" else tarred(FILES, "w" if form == "tar" else "w:gz"))
+    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
+    assert_in_place()
+    assert fetched("toy", "toy[path=FOLDER]") == place("toy")
+
+
+def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "renamed"
+    source.write_bytes(FILES["path.dat"])
+    PUBLISHED["toy"] = entry(files={"path.dat": sha256(FILES["path.dat"])})
+    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
+    assert_in_place(files={"path.dat": FILES["path.dat"]})
+    source.write_bytes(b"else")
+    assert "its path.dat is not the published one" in refusal(capsys, "toy", "--from", source)
+    assert_in_place(files={"path.dat": FILES["path.dat"]})
+
+
+def test_what_was_got_by_hand_is_checked_alike(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for content, wording in BAD.values():
+        (source := tmp_path / "by_hand").write_bytes(content)
+        text = refusal(capsys, "toy", "--from", source)
+        assert text.startswith(f"bench: {source}")
+        assert wording in text
+    assert "there is no such file or folder" in refusal(capsys, "toy", "--from", tmp_path / "none")
+    assert not place("toy").exists()
+
+
+def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (source := tmp_path / "empty.tar").write_bytes(bytes(10240))
+    listed = "Barcodes.dat, Landmark_Groundtruth.dat, Robot1_Groundtruth.dat and 14 more should be in it, and are not."
+    assert listed in refusal(capsys, "mrclam-1", "--from", source)
+
+
+@contextlib.contextmanager
+def impatient() -> Generator[None]:
+    """Fail instead of waiting for ever."""
+    before = signal.signal(signal.SIGALRM, lambda *_: pytest.fail("it waits for a pipe"))
+    signal.alarm(10)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (source := tmp_path / "folder").mkdir()
+    os.mkfifo(pipe := source / "path.dat")
+    (source / "marks.dat").write_bytes(FILES["marks.dat"])
+    with impatient():
+        for given in (pipe, Path("/dev/null")):
+            assert f"bench: {given}: a pipe, a socket or a device; expected" in refusal(capsys, "toy", "--from", given)
+        assert not place("toy").parent.exists()  # nor was anything begun
+        assert f"bench: {pipe}: expected a regular file; found a pipe" in refusal(capsys, "toy", "--from", source)
+    assert {file.name for file in place("toy").parent.iterdir()} == {".toy.lock"}
+    pipe.unlink()
+    pipe.symlink_to("nowhere")
+    assert "a link to nothing" in refusal(capsys, "toy", "--from", source)
+
+
+# -------------------------------------------------------------------------- logs that differ in nothing but a number
+
+
+def mrclam(number: int) -> dict[str, bytes]:
+    return {name: f"{name} of set {number}".encode() for name in PUBLISHED["mrclam-1"].files}
+
+
+@pytest.fixture
+def sets(tmp_path: Path) -> Path:
+    """Three of them in a folder."""
+    for folder, number in (("MRCLAM_Dataset3", 3), ("MRSLAM_Dataset4", 4), ("mrclam5", 5)):
+        (tmp_path / "sets" / folder).mkdir(parents=True)
+        for name, content in mrclam(number).items():
+            (tmp_path / "sets" / folder / name).write_bytes(content)
+    return tmp_path / "sets"
+
+
+@pytest.mark.parametrize("number", [3, 4, 5])
+def test_of_several_sets_the_one_that_was_asked_for_is_taken(sets: Path, number: int) -> None:
+    assert main(["fetch", f"mrclam-{number}", "--quiet", "--from", str(sets)]) == 0
+    assert_in_place(f"mrclam-{number}", mrclam(number))
+
+
+def test_a_set_of_another_number_is_turned_down(
+    sets: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    turned_down = "Barcodes.dat in it is of mrclam-4, as its path says, not of mrclam-3."
+    folder = sets / "MRSLAM_Dataset4"
+    assert f"{folder}: {turned_down}" in refusal(capsys, "mrclam-3", "--from", folder)
+    monkeypatch.chdir(folder)
+    assert f"{folder}: {turned_down}" in refusal(capsys, "mrclam-3", "--from", ".")
+    (archive := sets / "MRCLAM4 (1).zip").write_bytes(zipped(mrclam(4), folder=""))
+    assert f"{archive}: {turned_down}" in refusal(capsys, "mrclam-3", "--from", archive)
+    archive.rename(renamed := sets / "MRCLAM3.zip")
+    renamed.write_bytes(zipped(mrclam(4), folder="MRSLAM_Dataset4/"))
+    assert f"{renamed}: MRSLAM_Dataset4/{turned_down}" in refusal(capsys, "mrclam-3", "--from", renamed)
+    (sets / "MRCLAM_Dataset3" / "Barcodes.dat").unlink()
+    assert "Barcodes.dat should be in it, and is not." in refusal(capsys, "mrclam-3", "--from", sets)
+    assert not place("mrclam-3").exists()
+
+
+def test_an_address_of_another_set_is_turned_down(
+    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]
+) -> None:
+    url = serve(content=zipped(mrclam(4), folder="")).url.replace("log.zip", "get?target=MRCLAM4.zip")
+    assert f"{url}: Barcodes.dat in it is of mrclam-4" in refusal(capsys, "mrclam-3", "--url", url)
+    assert main(["fetch", "mrclam-4", "--quiet", "--url", url]) == 0
+
+
+def test_where_the_sha256_is_known_a_name_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = mrclam(6)
+    known = dataclasses.replace(PUBLISHED["mrclam-6"], files={name: sha256(text) for name, text in files.items()})
+    monkeypatch.setitem(PUBLISHED, "mrclam-6", known)
+    (source := tmp_path / "MRCLAM3.zip").write_bytes(zipped(files))
+    assert main(["fetch", "mrclam-6", "--quiet", "--from", str(source)]) == 0

@@ -1,0 +1,266 @@
+"""One rendered drive, written as every kind of recording there is and read back: the same sightings and motion."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from slamduel.datasets.cache import generator
+from slamduel.datasets.recordings import bag, rosbag
+from slamduel.datasets.recordings.recording import build, open_recording
+from slamduel.datasets.recordings.robot import read_robot
+from slamduel.datasets.recordings.rosbag import Topics
+from slamduel.datasets.recordings.streams import Poses
+from slamduel.datasets.recordings.write import FORMATS, write
+from slamduel.datasets.recordings.write_bag import Kind
+from slamduel.datasets.worlds.aruco_room import Options, record
+from slamduel.frontend.camera.camera import Model
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Log, Truth
+from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
+from slamduel.frontend.se2 import wrap
+from slamduel.frontend.wheels.motion import Drift, Track, TrackNoise
+
+EXACT = ("frames", "video", "ros1", "ros2", "mcap")
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[Recording, Truth]:
+    recording, truth = record(Options(seconds=2.0), generator("aruco-room", 3))
+    return replace(recording, frames=list(recording.frames)), truth
+
+
+@pytest.fixture(scope="module")
+def log(drive: tuple[Recording, Truth]) -> Log:
+    return build_log(drive[0])
+
+
+@pytest.fixture(scope="module")
+def folders(drive: tuple[Recording, Truth], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    home = tmp_path_factory.mktemp("exports")
+    places = {home / name: name for name in FORMATS}
+    write(places, *drive)
+    return {name: folder for folder, name in places.items()}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_lossless_formats_give_the_same_factors(
+    name: str, drive: tuple[Recording, Truth], log: Log, folders: dict[str, Path]
+) -> None:
+    opened = open_recording(folders[name])
+    assert opened.length == len(log.t)
+    for ours, theirs in zip(drive[0].frames, opened.recording.frames, strict=True):
+        assert ours.image is not None
+        assert theirs.image is not None
+        grey = theirs.image if theirs.image.ndim == 2 else theirs.image[:, :, 1]
+        np.testing.assert_array_equal(grey, ours.image)
+    found, truth = build(opened)
+    assert len(log.ids) > 30
+    np.testing.assert_array_equal(found.ids, log.ids)
+    np.testing.assert_array_equal(found.sighting_step, log.sighting_step)
+    for column in ("t", "z", "z_cov"):
+        np.testing.assert_allclose(getattr(found, column), getattr(log, column), rtol=0, atol=1e-9)
+    for column in ("delta", "delta_cov"):  # of step 0 there is none
+        np.testing.assert_allclose(getattr(found, column)[1:], getattr(log, column)[1:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.prior.pose, log.prior.pose, atol=1e-15)
+    np.testing.assert_allclose(found.prior.cov, log.prior.cov, rtol=1e-12)
+    assert truth is not None
+    np.testing.assert_array_equal(truth.poses, drive[1].poses)
+    assert truth.map is not None
+    assert drive[1].map is not None
+    np.testing.assert_array_equal(truth.map.xy, drive[1].map.xy)
+
+
+def test_lossy_video_is_within_the_noise(log: Log, folders: dict[str, Path]) -> None:
+    found = build(open_recording(folders["mp4"])).log
+    np.testing.assert_array_equal(found.t, log.t)
+    exact = {key: row for row, key in enumerate(zip(log.sighting_step, log.ids, strict=True))}
+    lossy = {key: row for row, key in enumerate(zip(found.sighting_step, found.ids, strict=True))}
+    both = exact.keys() & lossy.keys()
+    # A marker at the edge of being seen may go either way.
+    assert len(exact) - len(both) <= 0.1 * len(exact)
+    assert len(lossy) - len(both) <= 0.1 * len(exact)
+    misses = np.array([found.z[lossy[key]] - log.z[exact[key]] for key in both])
+    cov = np.array([log.z_cov[exact[key]] for key in both])
+    # 2 would be as much as the stated noise itself; what the codec adds has to be far from doubling it.
+    squares = np.einsum("ki,kij,kj->k", misses, np.linalg.inv(cov), misses)
+    assert 0 < squares.mean() < 0.5
+
+
+def test_a_bag_needs_no_calibration_file(log: Log, folders: dict[str, Path], tmp_path: Path) -> None:
+    for name in ("ros1", "ros2", "mcap"):
+        robot = (folders[name] / "robot.toml").read_text().replace('calibration = "calibration.yaml"\n', "")
+        (tmp_path / f"{name}.toml").write_text(robot)
+        path = next(one for one in folders[name].iterdir() if one.name.startswith("drive"))
+        found = build_log(open_recording(path, read_robot(tmp_path / f"{name}.toml")).recording)
+        np.testing.assert_allclose(found.z, log.z, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["frames", "ros1", "ros2", "mcap"])
+def test_summed_up_poses_go_out_and_come_back(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    recording, truth = drive
+    t = truth.t
+    poses = truth.poses + np.array([1.0, 2.0, 0.0])
+    recording = replace(recording, motion=Track(t, poses, TrackNoise(forward=0.03)))
+    write({tmp_path / "out": name}, recording, None)
+    opened = open_recording(tmp_path / "out")
+    assert opened.truth is None
+    motion = opened.recording.motion
+    assert isinstance(motion, Track)
+    assert motion.noise == TrackNoise(forward=0.03)
+    np.testing.assert_array_equal(motion.t, t)
+    np.testing.assert_array_equal(motion.poses[:, :2], poses[:, :2])
+    np.testing.assert_allclose(wrap(motion.poses[:, 2] - poses[:, 2]), 0, atol=1e-15)
+    expected = recording.motion.odometry(t[2], t[5])
+    found = motion.odometry(t[2], t[5])
+    np.testing.assert_allclose(found.delta, expected.delta, atol=1e-12)
+    np.testing.assert_allclose(found.cov, expected.cov, atol=1e-12)
+
+
+def some(recording: Recording, images: list[Any]) -> Recording:
+    """`recording` with other frames, half a second apart."""
+    return replace(recording, frames=[Frame(0.5 * k, image) for k, image in enumerate(images)])
+
+
+RNG = np.random.default_rng(5)
+
+
+@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("shape", [(480, 640), (480, 640, 3)])
+def test_every_pixel_comes_back(
+    name: str, shape: tuple[int, ...], drive: tuple[Recording, Truth], tmp_path: Path
+) -> None:
+    images = [RNG.integers(0, 256, shape, np.uint8) for _ in range(3)]
+    write({tmp_path / "out": name}, some(drive[0], [images[0], None, *images[1:]]), None)
+    found = list(open_recording(tmp_path / "out").recording.frames)
+    assert [frame.t for frame in found] == [0, 1, 1.5]
+    for frame, image in zip(found, images, strict=True):
+        assert frame.image is not None
+        if frame.image.ndim == image.ndim:
+            np.testing.assert_array_equal(frame.image, image)
+        else:  # made grey on reading, where OpenCV's decoder of pictures rounds in its own way
+            grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(int)
+            assert np.abs(frame.image - grey).max() <= (1 if name == "frames" else 0)
+    if name == "frames":
+        first = cv2.imread(str(tmp_path / "out" / "frames" / "000000.png"), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(first, images[0])
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_one_frame_is_a_recording(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    image = np.full((480, 640), 90, np.uint8)
+    write({tmp_path / "out": name}, some(drive[0], [image]), None)
+    assert [frame.t for frame in open_recording(tmp_path / "out").recording.frames] == [0]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_without_motion_robot_toml_says_how_far_it_drifts(
+    name: str, drive: tuple[Recording, Truth], tmp_path: Path
+) -> None:
+    still = replace(some(drive[0], [np.zeros((480, 640), np.uint8)] * 2), motion=Drift(0.2, 0.3))
+    write({tmp_path / "out": name}, still, None)
+    assert open_recording(tmp_path / "out").recording.motion == Drift(0.2, 0.3)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_whole_or_not_at_all(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    def breaks() -> Iterator[Frame]:
+        yield from list(drive[0].frames)[:3]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write({tmp_path / "out": name}, replace(drive[0], frames=breaks()), None)
+    with pytest.raises(InputError, match="no frame with an image"):
+        write({tmp_path / "out": name}, some(drive[0], [None, None]), None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_there_stays(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "mine").write_text("mine")
+    with pytest.raises(InputError, match="b: exists and is not an empty folder"):
+        write({tmp_path / "a": "frames", tmp_path / "b": "mcap"}, *drive)
+    assert [one.name for one in tmp_path.rglob("*")] == ["b", "mine"]
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="file"):
+        write({tmp_path / "file" / "in": "frames"}, *drive)
+
+
+@pytest.mark.parametrize("name", ["frames", "video", "mp4", "ros1"])
+def test_frames_out_of_order_are_refused(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    image = np.zeros((480, 640), np.uint8)
+    twice = replace(drive[0], frames=[Frame(t, image) for t in (0.0, 0.5, 0.5)])
+    with pytest.raises(InputError, match=r"frame 2 is at 0\.5 s, expected later than 0\.5 s"):
+        write({tmp_path / "out": name}, twice, None)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["video", "mp4"])
+@pytest.mark.parametrize("shape", [(480, 641), (481, 640)])
+def test_videos_of_odd_size_are_refused(
+    kind: str, shape: tuple[int, int], drive: tuple[Recording, Truth], tmp_path: Path
+) -> None:
+    odd = some(drive[0], [np.zeros(shape, np.uint8)] * 2)
+    with pytest.raises(InputError, match=f"found frames of {shape[1]}x{shape[0]} pixels, expected even"):
+        write({tmp_path / "out": kind}, odd, None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_times_before_1970_are_refused(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    early = replace(drive[0], frames=[Frame(-1.0, np.zeros((480, 640), np.uint8))])
+    with pytest.raises(InputError, match=r"found a time of -1\.0 s"):
+        write({tmp_path / "out": "ros1"}, early, None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_truth_is_written_where_it_is_known(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+    recording = some(drive[0], [np.zeros((480, 640), np.uint8)] * 2)
+    write({tmp_path / "frames": "frames"}, recording, drive[1])
+    others = {"video": "drive.mkv", "mp4": "drive.mp4", "mcap": "drive.mcap"}
+    write({tmp_path / kind: kind for kind in others}, recording, None)
+    files = {str(one.relative_to(tmp_path)) for one in tmp_path.glob("*/*")}
+    assert files >= {"frames/frames", "frames/truth.tum", *(f"{kind}/{file}" for kind, file in others.items())}
+    assert not any(f"{kind}/truth.tum" in files for kind in others)
+    with pytest.raises(InputError, match="format: found 'gif', expected one of frames"):
+        write({tmp_path / "new": "gif"}, recording, None)
+    assert tomllib.loads((tmp_path / "mcap" / "robot.toml").read_text())["name"] == "aruco-room"
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+@pytest.mark.parametrize(
+    ("model", "length"), [("fisheye", 4), ("pinhole", 0), ("pinhole", 4), ("pinhole", 8), ("pinhole", 14)]
+)
+def test_bags_tell_of_any_camera(
+    kind: Kind, model: Model, length: int, drive: tuple[Recording, Truth], tmp_path: Path
+) -> None:
+    recording = some(drive[0], [np.zeros((480, 640), np.uint8)])
+    distortion = tuple(0.01 * (k + 1) for k in range(length))
+    camera = replace(recording.detector.camera, model=model, distortion=distortion)
+    detector = replace(recording.detector, camera=camera)
+    write({tmp_path / "out": kind}, replace(recording, detector=detector), None)
+    path = next(one for one in (tmp_path / "out").iterdir() if one.name.startswith("drive"))
+    found = rosbag.read(path, Topics()).camera
+    assert found is not None
+    assert (found.width, found.height, found.focal, found.centre) == (640, 480, camera.focal, camera.centre)
+    assert found.model == model
+    assert found.distortion[:length] == distortion
+    assert not any(found.distortion[length:])
+
+
+def test_bags_hold_what_ros_calls_it(folders: dict[str, Path]) -> None:
+    for name in ("ros1", "ros2", "mcap"):
+        path = next(one for one in folders[name].iterdir() if one.name.startswith("drive"))
+        listed = {(topic.name, topic.type) for topic in bag.Bag(path).listed()}
+        assert listed == {
+            ("/camera/camera_info", "sensor_msgs/msg/CameraInfo"),
+            ("/camera/image_raw", "sensor_msgs/msg/Image"),
+            ("/encoder", "geometry_msgs/msg/QuaternionStamped"),
+        }
+        with pytest.raises(InputError, match="/odom"):
+            rosbag.read(path, Topics(odometry="/odom"))
+        assert not isinstance(rosbag.read(path, Topics()).readings, Poses)

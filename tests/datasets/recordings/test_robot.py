@@ -1,0 +1,237 @@
+"""robot.toml: what it says is read, what it says wrongly is refused by file and key, and what is written reads back."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
+from slamduel.datasets.recordings.rosbag import Topics
+from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.camera.mounting import from_rpy, mounting
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Prior
+from slamduel.frontend.markers.markers import Markers
+from slamduel.frontend.markers.noise import ProportionalNoise
+from slamduel.frontend.wheels.encoder import Encoder, Floors
+from slamduel.frontend.wheels.motion import Drift, TrackNoise
+
+CALIBRATION = """%YAML:1.0
+---
+image_width: 160
+image_height: 120
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [150.5, 0., 79.5, 0., 149.5, 59.5, 0., 0., 1.]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [-0.2, 0.06, 0.001, -0.002, 0.01]
+"""
+
+FULL = """
+name = "cart"
+[camera]
+calibration = "calibration.yaml"
+mounting = {xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]}
+time_offset = -0.25
+exposure = 0.02
+[markers]
+dictionary = "4X4_50"
+side = 0.16
+sides = {7 = 0.2}
+max_range = 4
+[encoder]
+left = 1.5e-4
+right = 1.6e-4
+base = 0.36
+k = 0.01
+noise = "distance"
+interval = 0.05
+curve = "arc"
+floors = {position = 1e-3}
+counter_bits = 16
+max_speed = 2.0
+[odometry]
+forward = 0.03
+turning_by_turn = 0.05
+[drift]
+position = 0.4
+turning = 0.6
+[noise]
+model = "proportional"
+k_range = 0.03
+floor_bearing = 0.02
+[prior]
+pose = [1.0, 2.0, 0.5]
+sd = [0.1, 0.2, 0.3]
+[topics]
+image = "/camera/image_raw"
+[frames]
+source = "drive.mkv"
+fps = 30
+start = 5.0
+"""
+
+
+def folder_with(folder: Path, words: str, calibration: str = CALIBRATION) -> Path:
+    (folder / "calibration.yaml").write_text(calibration)
+    (folder / "robot.toml").write_text(words)
+    return folder / "robot.toml"
+
+
+def assert_same(found: Robot, expected: Robot) -> None:
+    plain = ("name", "time_offset", "exposure", "max_range", "encoder", "counter_bits", "max_speed", "track_noise")
+    for name in (*plain, "drift", "noise", "topics", "frames"):
+        assert getattr(found, name) == getattr(expected, name), name
+    np.testing.assert_allclose(found.mounting, expected.mounting, atol=1e-15)
+    for one, other in ((found.markers, expected.markers),):
+        assert (one.dictionary, one.side, dict(one.sides)) == (other.dictionary, other.side, dict(other.sides))
+    np.testing.assert_array_equal(found.prior.pose, expected.prior.pose)
+    np.testing.assert_array_equal(found.prior.cov, expected.prior.cov)
+    assert (found.camera is None) == (expected.camera is None)
+    if found.camera is not None and expected.camera is not None:
+        for name in ("width", "height", "focal", "centre", "distortion", "model"):
+            assert getattr(found.camera, name) == getattr(expected.camera, name), name
+        np.testing.assert_allclose(found.camera.mounting, expected.camera.mounting, atol=1e-15)
+
+
+def test_everything_is_read(tmp_path: Path) -> None:
+    placed = from_rpy((0.1, -0.02, 0.3), (0.0, 0.2, -0.1))
+    distortion = (-0.2, 0.06, 0.001, -0.002, 0.01)
+    expected = Robot(
+        name="cart",
+        markers=Markers("4X4_50", 0.16, {7: 0.2}),
+        camera=Camera(160, 120, (150.5, 149.5), (79.5, 59.5), distortion, placed),
+        mounting=placed,
+        time_offset=-0.25,
+        exposure=0.02,
+        max_range=4.0,
+        encoder=Encoder(1.5e-4, 1.6e-4, 0.36, 0.01, "distance", 0.05, "arc", Floors(position=1e-3)),
+        counter_bits=16,
+        max_speed=2.0,
+        track_noise=TrackNoise(forward=0.03, turning_by_turn=0.05),
+        drift=Drift(0.4, 0.6),
+        noise=ProportionalNoise(k_range=0.03, floor_bearing=0.02),
+        prior=Prior(np.array([1.0, 2.0, 0.5]), np.diag(np.square([0.1, 0.2, 0.3]))),
+        topics=Topics(image="/camera/image_raw"),
+        frames=FrameSource("drive.mkv", 30.0, 5.0),
+    )
+    assert_same(read_robot(folder_with(tmp_path, FULL)), expected)
+
+
+def test_markers_are_all_that_has_to_be_said(tmp_path: Path) -> None:
+    folder = tmp_path / "my-cart"
+    folder.mkdir()
+    found = read_robot(folder_with(folder, '[markers]\ndictionary = "4X4_50"\nside = 0.1\n'))
+    assert_same(found, Robot("my-cart", Markers("4X4_50", 0.1)))
+    np.testing.assert_array_equal(found.mounting, mounting(0, 0, 0, 0))
+
+
+@pytest.mark.parametrize("words", [FULL, '[markers]\ndictionary = "4X4_50"\nside = 0.1\n[odometry]\nmax_speed = 9\n'])
+def test_what_is_written_reads_back(tmp_path: Path, words: str) -> None:
+    robot = read_robot(folder_with(tmp_path, words))
+    (tmp_path / "again").mkdir()
+    write_robot(tmp_path / "again" / "robot.toml", robot)
+    assert_same(read_robot(tmp_path / "again" / "robot.toml"), replace(robot))
+    assert (tmp_path / "again" / "calibration.yaml").exists() == (robot.camera is not None)
+
+
+def test_a_mounting_may_be_a_matrix(tmp_path: Path) -> None:
+    rows = "[[0, 0, 1, 0.1], [-1, 0, 0, 0], [0, -1, 0, 0.3], [0, 0, 0, 1]]"
+    words = FULL.replace("{xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]}", f"{{matrix = {rows}}}")
+    np.testing.assert_allclose(read_robot(folder_with(tmp_path, words)).mounting, mounting(0.1, 0, 0.3, 0), atol=1e-15)
+
+
+def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
+    sizeless = "\n".join(line for line in CALIBRATION.split("\n") if not line.startswith("image_"))
+    words = FULL.replace("exposure = 0.02", "size = [320, 240]")
+    camera = read_robot(folder_with(tmp_path, words, sizeless)).camera
+    assert camera is not None
+    assert (camera.width, camera.height) == (320, 240)
+    with pytest.raises(InputError, match=r"calibration\.yaml: found no image_width"):
+        read_robot(folder_with(tmp_path, FULL, sizeless))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name = "cart"', "name = 3", "robot.toml: name: found 3, expected a text in quotes."),
+        ('name = "cart"', "name = ", "robot.toml: not valid TOML: "),
+        ('name = "cart"', 'nam = "cart"', "robot.toml: nam: there is no such key; did you mean 'name'?"),
+        ("[drift]", "[drfit]", "robot.toml: drfit: there is no such key; did you mean 'drift'?"),
+        ("left = 1.5e-4", "left = 'x'", "robot.toml: [encoder] left: found 'x', expected a number."),
+        ("left = 1.5e-4", "left = true", "robot.toml: [encoder] left: found True, expected a number."),
+        ("left = 1.5e-4", "left = nan", "robot.toml: [encoder] left: found nan, expected a number."),
+        ("left = 1.5e-4", "left = 0", "[encoder] left: found 0.0, expected metres a count, a number other than 0."),
+        ("left = 1.5e-4", "", "robot.toml: [encoder] left: is missing, expected a number."),
+        ("base = 0.36", "base = -0.36", "robot.toml: [encoder] base: found -0.36, expected a number above 0."),
+        ("k = 0.01", "k = -1", "robot.toml: [encoder] k: found -1, expected a number at least 0."),
+        ('noise = "distance"', 'noise = "far"', "[encoder] noise: found 'far', expected one of 'proportional', 'dist"),
+        ("floors = {position = 1e-3}", "floors = 3", "robot.toml: [encoder] floors: found 3, expected a table"),
+        (
+            "{position = 1e-3}",
+            "{positon = 1e-3}",
+            "robot.toml: [encoder.floors] positon: there is no such key; did you",
+        ),
+        ("counter_bits = 16", "counter_bits = 12", "[encoder] counter_bits: found 12, expected one of 8, 16, 32."),
+        ("counter_bits = 16", "counterbits = 16", "[encoder] counterbits: there is no such key; did you mean 'count"),
+        ("max_speed = 2.0", "max_speed = 0", "robot.toml: [encoder] max_speed: found 0, expected a number above 0."),
+        ("forward = 0.03", "max_speed = 3.0", "[odometry] max_speed: found 3.0, expected [encoder]'s 2, or nothing."),
+        ("forward = 0.03", "forward = -3", "robot.toml: [odometry] forward: found -3, expected a number at least 0."),
+        ("turning = 0.6", "", "robot.toml: [drift] turning: is missing, expected a number."),
+        ("exposure = 0.02", "exposure = -0.02", "[camera] exposure: found -0.02, expected a number at least 0."),
+        (
+            "exposure = 0.02",
+            "size = [3.5, 2]",
+            "[camera] size: found [3.5, 2.0], expected width and height in whole px.",
+        ),
+        ('"calibration.yaml"', '"else.yaml"', "robot.toml: [camera] calibration: there is no file "),
+        ("[0.0, 0.2, -0.1]", "[0.0, 0.2]", "[camera.mounting] rpy: found [0.0, 0.2], expected 3 numbers."),
+        (
+            "rpy =",
+            "yaw =",
+            "robot.toml: [camera.mounting] yaw: there is no such key; expected none but xyz, rpy, matrix.",
+        ),
+        ("rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "[camera.mounting] matrix: is given beside xyz or rpy"),
+        ("xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "[camera.mounting] matrix: found 1 x 1"),
+        ('dictionary = "4X4_50"', 'dictionary = "4X4_51"', "robot.toml: [markers] dictionary: "),
+        ('dictionary = "4X4_50"', "", "robot.toml: [markers] dictionary: is missing, expected a text in quotes."),
+        ("side = 0.16", "side = 0", "robot.toml: [markers] side: found 0, expected a number above 0."),
+        (
+            "{7 = 0.2}",
+            "{seven = 0.2}",
+            "robot.toml: [markers.sides] seven: is no marker's id, expected a whole number.",
+        ),
+        ("{7 = 0.2}", "{7 = -1}", "robot.toml: [markers.sides] 7: found -1, expected a number above 0."),
+        ('model = "proportional"', 'model = "true"', "robot.toml: [noise] model: found 'true', expected one of 'prop"),
+        (
+            "k_range = 0.03",
+            "k_rang = 0.03",
+            "robot.toml: [noise] k_rang: there is no such key; did you mean 'k_range'?",
+        ),
+        ("pose = [1.0, 2.0, 0.5]", "pose = [1.0, 2.0, 50.0]", "[prior] pose: found [1.0, 2.0, 50.0], expected a head"),
+        (
+            "sd = [0.1, 0.2, 0.3]",
+            "sd = [0.1, 0, 0.3]",
+            "[prior] sd: found [0.1, 0.0, 0.3], expected 3 numbers above 0.",
+        ),
+        ("image =", "imgae =", "robot.toml: [topics] imgae: there is no such key; did you mean 'image'?"),
+        ("fps = 30", "fps = 0", "robot.toml: [frames] fps: found 0, expected a number above 0."),
+    ],
+)
+def test_what_cannot_be_used_is_refused_by_file_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in FULL
+    with pytest.raises(InputError) as refused:
+        read_robot(folder_with(tmp_path, FULL.replace(old, new, 1)))
+    assert message in str(refused.value)
+    assert str(refused.value).startswith(str(tmp_path / "robot.toml"))
+
+
+def test_no_robot_toml(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"robot\.toml: there is no such file"):
+        read_robot(tmp_path / "robot.toml")

@@ -1,0 +1,435 @@
+"""Readers of bags, against bags written message by message, and everything that may be wrong with one."""
+
+import re
+import sqlite3
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+
+import bags
+from slamduel.datasets.recordings import rosimage
+from slamduel.datasets.recordings.rosbag import Topics, read
+from slamduel.datasets.recordings.streams import Poses, Streams
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.wheels.motion import Ticks
+
+MS = 10**6
+NAMELESS = Topics()
+
+
+def picture(value: int, shape: tuple[int, ...] = (4, 6)) -> Any:
+    return (np.arange(np.prod(shape)).reshape(shape) + value).astype(np.uint8)
+
+
+def drive(frames: int = 5) -> list[bags.Said]:
+    said = [bags.counts(20 * MS * k, 10.0 * k, 12.0 * k, 20.0 * k, 22.0 * k) for k in range(1, 12)]
+    said += [bags.image(40 * MS * (k + 1), picture(k)) for k in range(frames)]
+    return sorted(said, key=lambda one: one.stamp)
+
+
+def frames(streams: Streams) -> list[tuple[float, Any]]:
+    return [(frame.t, frame.image) for frame in streams.frames]
+
+
+# --- images -----------------------------------------------------------------------------------------------------------
+
+
+def raw(encoding: str, pixels: Any, step: int | None = None, bigendian: int = 0, **other: Any) -> Any:
+    height, width = pixels.shape[:2]
+    kind = pixels.dtype.newbyteorder(">" if bigendian else "<")
+    rows = pixels.reshape(height, -1).astype(kind).view(np.uint8)
+    stride = rows.shape[1] if step is None else step
+    padded = np.full((height, stride), 99, np.uint8)
+    padded[:, : rows.shape[1]] = rows
+    content = {"height": height, "width": width, "encoding": encoding, "step": stride, "is_bigendian": bigendian}
+    return rosimage.raw(SimpleNamespace(**(content | {"data": padded.ravel()} | other)))
+
+
+BGR = np.random.default_rng(0).integers(0, 256, (4, 6, 3), np.uint8)
+ALPHA = np.full((4, 6, 1), 7, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixels", "expected"),
+    [
+        ("mono8", BGR[:, :, 0], BGR[:, :, 0]),
+        ("8UC1", BGR[:, :, 0], BGR[:, :, 0]),
+        ("mono16", BGR[:, :, 0] * np.uint16(256) + np.uint16(200), BGR[:, :, 0]),
+        ("16UC1", BGR[:, :, 0] * np.uint16(256), BGR[:, :, 0]),
+        ("bgr8", BGR, BGR),
+        ("8UC3", BGR, BGR),
+        ("rgb8", BGR[:, :, ::-1], BGR),
+        ("rgb16", BGR[:, :, ::-1] * np.uint16(256), BGR),
+        ("bgra8", np.dstack((BGR, ALPHA)), BGR),
+        ("rgba8", np.dstack((BGR[:, :, ::-1], ALPHA)), BGR),
+    ],
+)
+@pytest.mark.parametrize("padding", [0, 5])
+@pytest.mark.parametrize("bigendian", [0, 1])
+def test_raw_images_come_back_exactly(encoding: str, pixels: Any, expected: Any, padding: int, bigendian: int) -> None:
+    width = pixels[0].size * pixels.itemsize
+    np.testing.assert_array_equal(raw(encoding, np.ascontiguousarray(pixels), width + padding, bigendian), expected)
+
+
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_bayer_patterns_are_told_apart(pattern: str) -> None:
+    colour = {"b": 30, "g": 120, "r": 210}
+    cell = np.array([colour[letter] for letter in pattern], np.uint8).reshape(2, 2)
+    mosaic = np.tile(cell, (4, 5))
+    for image in (raw(f"bayer_{pattern}8", mosaic), raw(f"bayer_{pattern}16", mosaic * np.uint16(256))):
+        assert image.shape == (8, 10, 3)
+        assert (image == [30, 120, 210]).all()
+    content = cv2.imencode(".png", mosaic)[1]
+    as_png = rosimage.compressed(SimpleNamespace(format=f"bayer_{pattern}8; png compressed", data=content))
+    assert as_png is not None
+    assert (as_png == [30, 120, 210]).all()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "order"), [("yuv422", "uyvy"), ("uyvy", "uyvy"), ("yuyv", "yuyv"), ("yuv422_yuy2", "yuyv")]
+)
+def test_yuv(encoding: str, order: str) -> None:
+    y, u, v = 120, 90, 170  # ITU-R BT.601, of reduced range
+    red = 1.164 * (y - 16) + 1.596 * (v - 128)
+    green = 1.164 * (y - 16) - 0.813 * (v - 128) - 0.391 * (u - 128)
+    blue = 1.164 * (y - 16) + 2.018 * (u - 128)
+    pixels = np.tile(np.array([{"y": y, "u": u, "v": v}[letter] for letter in order], np.uint8), (4, 3))
+    image = raw(encoding, pixels.reshape(4, 6, 2))
+    assert image.shape == (4, 6, 3)
+    np.testing.assert_allclose(image.reshape(-1, 3), np.tile([blue, green, red], (24, 1)), atol=1.5)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"data": np.zeros(23, np.uint8)},
+        {"step": 5},
+        {"height": 0},
+        {"width": 0},
+        {"encoding": "32FC1"},
+        {"height": 2**31},
+        {"encoding": "bayer_rggb8", "width": 1, "height": 1},
+    ],
+)
+def test_images_that_cannot_be(fault: dict[str, Any]) -> None:
+    good = {"height": 4, "width": 6, "encoding": "mono8", "step": 6, "is_bigendian": 0, "data": np.zeros(24, np.uint8)}
+    assert rosimage.raw(SimpleNamespace(**good)) is not None
+    image = rosimage.raw(SimpleNamespace(**(good | fault)))
+    assert image is None or image.shape[:2] == (1, 1)
+
+
+def test_compressed_images(capfd: pytest.CaptureFixture[str]) -> None:
+    def decoded(content: Any, form: str = "") -> Any:
+        return rosimage.compressed(SimpleNamespace(format=form, data=np.frombuffer(bytes(content), np.uint8)))
+
+    smooth = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (40, 60), np.uint8), (0, 0), 4)
+    png, jpeg = (cv2.imencode(kind, smooth)[1] for kind in (".png", ".jpg"))
+    np.testing.assert_array_equal(decoded(png, "mono8; png compressed "), smooth)
+    assert np.abs(decoded(jpeg, "mono8; jpeg compressed bgr8").astype(int) - smooth).max() < 8
+    np.testing.assert_array_equal(decoded(cv2.imencode(".png", smooth * np.uint16(256))[1]), smooth)
+    np.testing.assert_array_equal(decoded(cv2.imencode(".png", BGR)[1], "png"), BGR)
+    np.testing.assert_array_equal(decoded(cv2.imencode(".png", np.dstack((BGR, ALPHA)))[1]), BGR)
+    assert decoded(b"") is None
+    assert decoded(b"no picture") is None
+    assert decoded(png[:50]) is None
+    assert capfd.readouterr().err == ""
+
+
+# --- what a bag holds -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_the_original_systems_topics(tmp_path: Path, kind: str) -> None:
+    k = [500.0, 0, 320, 0, 510, 240, 0, 0, 1]
+    said = [*drive(), bags.camera_info(40 * MS, k, [0.1, -0.2, 0.001, 0.002, 0.05])]
+    path = bags.write(tmp_path, kind, sorted(said, key=lambda one: one.stamp))
+    streams = read(path, NAMELESS)
+    assert streams.length == 5
+    for _ in range(2):  # each time from the beginning
+        found = frames(streams)
+        assert [t for t, _ in found] == [0.04, 0.08, 0.12, 0.16, 0.2]
+        for index, (_, image) in enumerate(found):
+            np.testing.assert_array_equal(image, picture(index))
+    assert isinstance(streams.readings, Ticks)
+    np.testing.assert_array_equal(streams.readings.t, [20 * k / 1000 for k in range(1, 12)])
+    np.testing.assert_array_equal(streams.readings.counts, [[11 * k, 21 * k] for k in range(1, 12)])
+    camera = streams.camera
+    assert camera is not None
+    assert (camera.width, camera.height, camera.focal, camera.centre) == (640, 480, (500, 510), (320, 240))
+    assert camera.distortion == (0.1, -0.2, 0.001, 0.002, 0.05)
+    np.testing.assert_array_equal(camera.mounting, np.eye(4))
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_odometry_and_compressed_images(tmp_path: Path, kind: str) -> None:
+    content = [cv2.imencode(".png", picture(k))[1].tobytes() for k in range(3)]
+    headings = [0.0, 0.5, 3.0, -3.0]
+    said = [bags.compressed(100 * MS * (k + 1), content[k], "mono8; png compressed ") for k in range(3)]
+    said += [
+        bags.odometry(100 * MS * (k + 1), k, 2.0 * k, (0.0, 0.0, -np.sin(a / 2), -np.cos(a / 2)))
+        for k, a in enumerate(headings)
+    ]
+    streams = read(bags.write(tmp_path, kind, sorted(said, key=lambda one: one.stamp)), NAMELESS)
+    for index, (_, image) in enumerate(frames(streams)):
+        np.testing.assert_array_equal(image, picture(index))
+    assert isinstance(streams.readings, Poses)
+    np.testing.assert_array_equal(streams.readings.t, [0.1, 0.2, 0.3, 0.4])
+    np.testing.assert_array_equal(streams.readings.poses[:, :2], [[0, 0], [1, 2], [2, 4], [3, 6]])
+    np.testing.assert_allclose(streams.readings.poses[:, 2], headings, atol=1e-15)
+    assert streams.camera is None
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_times_are_the_headers_and_without_them_the_bags(tmp_path: Path, kind: str) -> None:
+    said = [
+        bags.image(30 * MS, picture(1), received=1000 * MS),
+        bags.image(10 * MS, picture(0), received=1010 * MS),  # late
+        bags.image(30 * MS, picture(1), received=1020 * MS),  # again
+        bags.image(0, picture(2), received=1030 * MS),
+        bags.counts(3 * MS, 3, 3, 3, 3, received=1031 * MS),
+        bags.counts(1 * MS, 1, 1, 1, 1, received=1032 * MS),
+        bags.counts(1 * MS, 2, 2, 2, 2, received=1033 * MS),
+        bags.counts(0, 4, 4, 4, 4, received=1034 * MS),
+    ]
+    streams = read(bags.write(tmp_path, kind, said), NAMELESS)
+    found = frames(streams)
+    assert [t for t, _ in found] == [0.01, 0.03, 1.03]
+    for index, (_, image) in enumerate(found):
+        np.testing.assert_array_equal(image, picture(index))
+    assert isinstance(streams.readings, Ticks)
+    np.testing.assert_array_equal(streams.readings.t, [0.001, 0.003, 1.034])
+    np.testing.assert_array_equal(streams.readings.counts[:, 0], [2, 3, 4])
+
+
+def test_times_since_1970_are_rounded_once(tmp_path: Path) -> None:
+    stamp = 1_700_000_000_123_456_789
+    streams = read(bags.write(tmp_path, "ros1", [bags.image(stamp, picture(0))]), NAMELESS)
+    assert frames(streams)[0][0] == 1_700_000_000.123456789
+
+
+def test_images_are_decoded_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bags.write(tmp_path, "mcap", drive(frames=8))
+    decoded = list[int]()
+    plain = rosimage.raw
+    monkeypatch.setattr(rosimage, "raw", lambda message: decoded.append(1) or plain(message))
+    walk = iter(read(path, NAMELESS).frames)
+    for number in range(1, 4):
+        next(walk)
+        assert len(decoded) == number
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_an_image_that_will_not_decode_is_a_frame_without_one(tmp_path: Path, kind: str) -> None:
+    said = [bags.image(1, picture(0)), bags.image(2, picture(0), encoding="sepia"), bags.image(3, picture(0))]
+    found = frames(read(bags.write(tmp_path, kind, said), NAMELESS))
+    assert [image is None for _, image in found] == [False, True, False]
+
+
+def test_a_message_cut_short_is_a_frame_without_image(tmp_path: Path) -> None:
+    said = [bags.image(MS * k, picture(0), received=MS * (1000 + k)) for k in (1, 2, 3)]
+    path = bags.write(tmp_path, "ros2", said)
+    with sqlite3.connect(path / "drive.db3") as connection:
+        cut = "UPDATE messages SET data = substr(data, 1, 30) WHERE timestamp = 1002000000"
+        assert connection.execute(cut).rowcount == 1
+    connection.close()
+    found = frames(read(path, NAMELESS))
+    assert [(t, image is None) for t, image in found] == [(0.001, False), (0.002, True), (0.003, False)]
+
+
+def test_wraps_are_undone_before_counters_are_averaged(tmp_path: Path) -> None:
+    # The second left counter wraps two readings after the first.
+    true = np.array([[65500 + 20 * k, 65460 + 20 * k, 5 * k, 5 * k] for k in range(8)])
+    said = [bags.image(1, picture(0))]
+    said += [bags.counts(MS * (k + 1), *map(float, row % 2**16)) for k, row in enumerate(true)]
+    streams = read(bags.write(tmp_path, "mcap", said), NAMELESS, counter_bits=16)
+    assert isinstance(streams.readings, Ticks)
+    np.testing.assert_array_equal(np.diff(streams.readings.counts, axis=0), np.tile([20, 5], (7, 1)))
+
+
+def test_bags_without_definitions_and_with_unknown_types(tmp_path: Path) -> None:
+    path = bags.write(tmp_path, "ros2", drive())
+    with sqlite3.connect(path / "drive.db3") as connection:
+        assert connection.execute("DELETE FROM message_definitions").rowcount > 0
+    connection.close()
+    assert len(frames(read(path, NAMELESS))) == 5
+
+    old = bags.write(tmp_path, "ros1", drive())
+    custom = tmp_path / "custom.bag"
+    with Writer1(custom) as writer:
+        connection = writer.add_connection("/bumper", "my_msgs/msg/Bump", msgdef="Missing[] what", md5sum="0" * 32)
+        writer.write(connection, 5, b"\1\2\3")
+    with pytest.raises(InputError, match=r"no topic with images.*/bumper \(my_msgs/Bump, 1 messages\)"):
+        read(custom, NAMELESS)
+    with pytest.raises(
+        InputError, match=r"\[topics\] image: found /bumper \(my_msgs/Bump.*expected messages of sensor"
+    ):
+        read(custom, Topics(image="/bumper"))
+    assert len(frames(read(old, NAMELESS))) == 5
+
+
+# --- topics -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_choice_of_topics_is_asked_for(tmp_path: Path) -> None:
+    said = [
+        bags.image(1, picture(0), topic="/left/image"),
+        bags.image(2, picture(1), topic="/right/image"),
+        bags.counts(3, 5, 5, 5, 5),
+        bags.odometry(4, 0, 0, (0, 0, 0, 1)),
+        *(
+            bags.camera_info(5 + k, [500.0 + k, 0, 320, 0, 510, 240, 0, 0, 1], [0.0] * 5, topic=topic)
+            for k, topic in enumerate(("/left/camera_info", "/right/camera_info"))
+        ),
+    ]
+    path = bags.write(tmp_path, "mcap", said)
+    choice = r"/left/image \(sensor_msgs/Image, 1 messages\), /right/image .* \[topics\] image to name"
+    with pytest.raises(InputError, match=choice):
+        read(path, NAMELESS)
+    with pytest.raises(InputError, match=r"both /encoder .* and /odom .* \[topics\] encoder or odometry"):
+        read(path, Topics(image="/right/image"))
+    with pytest.raises(InputError, match="names both encoder and odometry"):
+        read(path, Topics("/right/image", "/encoder", "/odom"))
+    streams = read(path, Topics("right/image", "/encoder"))
+    np.testing.assert_array_equal(frames(streams)[0][1], picture(1))
+    assert isinstance(streams.readings, Ticks)
+    assert streams.camera is not None
+    assert streams.camera.focal[0] == 501  # of the two, the one beside the images
+    assert isinstance(read(path, Topics("/left/image", odometry="/odom")).readings, Poses)
+    with pytest.raises(InputError, match=r"has no topic '/front', which \[topics\] image names; found /encoder \(geom"):
+        read(path, Topics(image="/front"))
+    with pytest.raises(
+        InputError, match=r"\[topics\] encoder: found /odom \(nav_msgs/Odometry, 1 messages\), expected"
+    ):
+        read(path, Topics("/left/image", encoder="/odom"))
+
+
+def test_of_two_calibrations_apart_from_the_images_one_has_to_be_named(tmp_path: Path) -> None:
+    k = [500.0, 0, 320, 0, 510, 240, 0, 0, 1]
+    said = [
+        bags.image(1, picture(0)),
+        bags.camera_info(2, k, [0.0] * 5, "/a/info"),
+        bags.camera_info(3, k, [], "/b/info"),
+    ]
+    path = bags.write(tmp_path, "ros2", said)
+    with pytest.raises(InputError, match=r"\[topics\] camera_info"):
+        read(path, NAMELESS)
+    assert read(path, Topics(camera_info="/a/info")).camera is not None
+
+
+def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
+    said = [bags.image(1, picture(0)), bags.camera_info(2, np.zeros(9), [])]
+    assert read(bags.write(tmp_path, "ros1", said), NAMELESS).camera is None
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ([bags.odometry(4 * MS, 0, 0, (0, 0, 0, 0))], "/odom at 0.004 s: the orientation's quaternion has length 0"),
+        ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom at 0.004 s: the robot is tilted by 74 degrees"),
+        ([bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))], "/odom at 0.004 s: found .*nan.* expected finite numbers"),
+        ([bags.counts(4 * MS, 1, np.inf, 0, 0)], "/encoder at 0.004 s: found .*inf.* expected finite numbers"),
+        ([bags.counts(k, 0, 0.6, 0.8, 0) for k in (1, 2)], "/encoder holds orientations, expected the wheels'"),
+        ([bags.counts(7, k, k, k, k) for k in (1, 2, 3)], "3 messages of topic /encoder have only 1 times"),
+        (
+            [bags.image(2, picture(1), encoding="32FC1", topic="/depth")],
+            r"none of the 1 images of topic /depth .*'32FC1'",
+        ),
+        ([bags.compressed(2, b"nothing", "h264")], "none of the 1 images of topic /image/compressed .*'h264'"),
+    ],
+)
+def test_readings_that_cannot_be(tmp_path: Path, said: list[bags.Said], message: str) -> None:
+    images = [one for one in said if "image" in one.type.lower()]
+    path = bags.write(tmp_path, "mcap", said if images else [bags.image(1, picture(0)), *said])
+    with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{message}"):
+        frames(read(path, NAMELESS))
+
+
+# --- bags that are none -----------------------------------------------------------------------------------------------
+
+
+def part(path: Path, share: float) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+
+
+@pytest.mark.parametrize(
+    ("kind", "file", "repair"),
+    [
+        ("ros1", "drive.bag", "rosbag reindex"),
+        ("ros2", "drive/drive.db3", "ros2 bag reindex"),
+        ("mcap", "drive/drive.mcap", "mcap recover"),
+        ("mcap folder", "drive/drive.mcap", "mcap recover"),
+    ],
+)
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.6, 0.999])
+def test_truncated(tmp_path: Path, kind: str, file: str, repair: str, share: float) -> None:
+    large = [bags.image(10 * MS * k, picture(k, (60, 80))) for k in range(1, 60)]
+    path = bags.write(tmp_path, kind, sorted([*large, *drive(frames=0)], key=lambda one: one.stamp))
+    assert len(frames(read(path, NAMELESS))) == 59
+    part(tmp_path / file, share)
+    with pytest.raises(InputError, match=f"{re.escape(str(path))}: is damaged or no ROS bag .*{repair}"):
+        frames(read(path, NAMELESS))
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_empty(tmp_path: Path, kind: str) -> None:
+    with pytest.raises(InputError, match="holds no messages"):
+        read(bags.write(tmp_path, kind, []), NAMELESS)
+
+
+@pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive.db3"])
+@pytest.mark.parametrize("content", [b"", b"no bag", b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n", bytes(range(256)) * 40])
+def test_no_bag(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match="is damaged or no ROS bag"):
+        read(tmp_path / name, NAMELESS)
+
+
+def test_an_unindexed_bag_is_to_be_reindexed(tmp_path: Path) -> None:
+    path = bags.write(tmp_path, "ros1", drive())
+    content = bytearray(path.read_bytes())
+    at = content.index(b"index_pos=") + len(b"index_pos=")
+    content[at : at + 8] = bytes(8)  # as a recorder that was killed leaves it
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"not indexed.*`rosbag reindex`"):
+        read(path, NAMELESS)
+
+
+@pytest.mark.parametrize("content", ["", "[1", "rosbag2_bagfile_information: 3", "{}"])
+def test_a_folder_without_usable_metadata(tmp_path: Path, content: str) -> None:
+    path = bags.write(tmp_path, "ros2", drive())
+    (path / "metadata.yaml").write_text(content)
+    with pytest.raises(InputError, match="`ros2 bag reindex`"):
+        read(path, NAMELESS)
+    (path / "metadata.yaml").unlink()
+    with pytest.raises(
+        InputError, match=r"has no metadata\.yaml, expected the folder of a ROS 2 bag.*`ros2 bag reindex`"
+    ):
+        read(path, NAMELESS)
+    assert len(frames(read(path / "drive.db3", NAMELESS))) == 5
+    with pytest.raises(InputError, match="there is no such file or folder"):
+        read(tmp_path / "other.bag", NAMELESS)
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_damage_within_ends_in_a_sentence_or_in_bad_frames(tmp_path: Path, kind: str) -> None:
+    path = bags.write(tmp_path, kind, drive())
+    file = next(one for one in [path, *path.glob("*.db3"), *path.glob("*.mcap")] if one.is_file())
+    whole = file.read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        content = bytearray(whole)
+        for at in rng.integers(len(content), size=8):
+            content[at] = rng.integers(256)
+        file.write_bytes(content)
+        try:
+            streams = read(path, NAMELESS)
+            found = frames(streams)
+        except InputError:
+            continue
+        assert all(image is None or image.dtype == np.uint8 for _, image in found)

@@ -1,0 +1,91 @@
+"""The digest of every log that is simulated or read is the same whatever the processor."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import pytest
+
+import older_machine
+from places import SUPPORT
+from slamduel.datasets import cache as datasets
+from slamduel.datasets import registry
+from slamduel.datasets.truth import digest
+from slamduel.frontend.factors import Dataset
+
+DATA = os.environ.get("SLAMDUEL_DATA")
+WORLDS = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report")
+MISHAPS = {
+    "sensor_scale": 1.5, "odometry_scale": 1.3, "tails": 4.0, "slip": 0.3, "missing": 0.1, "gap": 0.1,
+    "wrong_ids": 0.05, "clutter": 0.3, "jitter": 0.05,
+}  # fmt: skip
+
+
+def made(name: str, seed: int = 0, **options: Any) -> Dataset:
+    source = registry.find(name)
+    return source.make(source.options(**options), datasets.generator(name, seed))
+
+
+def logs() -> dict[str, Callable[[], Dataset]]:
+    """Every world, as it is by default and with all mishaps, and every published log that is there."""
+    found: dict[str, Callable[[], Dataset]] = {}
+    for name in WORLDS:
+        found |= {f"{name} {seed}": partial(made, name, seed) for seed in (0, 1)}
+        found[f"{name} with mishaps"] = partial(made, name, 3, **MISHAPS)
+    found["victoria-park"] = partial(made, "victoria-park")
+    if DATA is not None:
+        found["dlr"] = partial(made, "dlr", path=f"{DATA}/dlr/map.circles")
+        for motion in ("turns", "course"):
+            found[f"freiburg {motion}"] = partial(made, "freiburg", path=f"{DATA}/freiburg", motion=motion)
+        for robot in range(1, 6):
+            found[f"mrclam {robot}"] = partial(made, "mrclam", path=f"{DATA}/mrclam/MRCLAM_Dataset6", robot=robot)
+    return found
+
+
+def digests() -> list[str]:
+    """One line per log: its name, the digest of its factors and that of its truth."""
+    said = list[str]()
+    for name, make in logs().items():
+        log, truth = make()
+        said.append(f"{name}: {log.digest} {'none' if truth is None else digest(truth)}")
+    return said
+
+
+@cache
+def here() -> list[str]:
+    return digests()
+
+
+@pytest.mark.parametrize("kind", older_machine.KINDS)
+def test_the_digests_are_those_of_an_older_machine(kind: str) -> None:
+    done = subprocess.run(
+        [sys.executable, __file__],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)} | older_machine.environment(kind),
+        cwd=SUPPORT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == here()
+
+
+def test_an_older_machine_does_compute_in_another_way() -> None:
+    """Else the test above shows nothing: a large product has other last bits with other kernels."""
+    code = "import numpy as np; a = np.sqrt(np.arange(1.0, 90001.0)).reshape(300, 300); print((a @ a).tobytes())"
+    said = set[bytes]()
+    for kind in older_machine.KINDS:
+        env = os.environ | older_machine.environment(kind)
+        said.add(subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, check=True).stdout)
+    assert len(said) == len(older_machine.KINDS)
+
+
+def test_every_source_that_draws_is_looked_at() -> None:
+    simulated = {name for name in registry.BUILTIN if registry.find(name).seeded and not registry.find(name).costly}
+    assert simulated == set(WORLDS)
+
+
+if __name__ == "__main__":
+    print(*digests(), sep="\n")

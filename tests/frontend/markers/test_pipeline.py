@@ -1,0 +1,141 @@
+"""From a recording to a log: readings cut at frame times, what is left out and counted, what is refused."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.camera.mounting import mounting
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Prior
+from slamduel.frontend.markers.aruco import Detector, Image
+from slamduel.frontend.markers.markers import Markers, find
+from slamduel.frontend.markers.noise import ProportionalNoise
+from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
+from slamduel.frontend.se2 import compose
+from slamduel.frontend.wheels.encoder import Encoder
+from slamduel.frontend.wheels.motion import Ticks, Wheels, readings
+
+CAMERA = Camera(160, 120, (150.0, 150.0), (79.5, 59.5), (), mounting(0, 0, 0.3, 0))
+ENCODER = Encoder(1e-3, 1e-3, 0.3, 0.02, "distance")
+UNCOUNTED = Ticks(np.array([0.0, 1.0]), np.array([[0, 0], [np.nan, 0]]))
+BLANK = np.full((120, 160), 128, np.uint8)
+
+
+def marked(side: int) -> Image:
+    """A frame with marker 4 in its middle, `side` px (a multiple of 6) wide."""
+    image = BLANK.copy()
+    rim = side // 6
+    paper = np.pad(np.asarray(find("4X4_50").generateImageMarker(4, side), np.uint8), rim, constant_values=255)
+    top, left = (120 - len(paper)) // 2, (160 - len(paper)) // 2
+    image[top : top + len(paper), left : left + len(paper)] = paper
+    return image
+
+
+def recording(frames: Sequence[Frame] | Iterator[Frame], **changes: Any) -> Recording:
+    t = np.arange(0, 1.05, 0.1)
+    ticks = Ticks(t, np.stack((100 * t**2, 120 * t), axis=-1))
+    settings: dict[str, Any] = {
+        "name": "bench",
+        "motion": Wheels(ticks, ENCODER),
+        "detector": Detector(Markers("4X4_50", 0.1), CAMERA),
+        "noise": ProportionalNoise(),
+        "prior": Prior(np.zeros(3), np.eye(3) * 1e-6),
+    }
+    return Recording(frames=frames, **(settings | changes))
+
+
+def blank(*times: float) -> list[Frame]:
+    return [Frame(t, BLANK) for t in times]
+
+
+def test_readings_are_cut_at_frame_times() -> None:
+    ticks = Ticks(np.array([0.0, 1.0, 2.0, 3.0]), np.array([[0, 0], [10, 20], [30, 20], [30, 60]]))
+    counts, dt = readings(ticks, 0.5, 2.25)
+    np.testing.assert_allclose(dt, [0.5, 1.0, 0.25])
+    np.testing.assert_allclose(counts, [[5, 10], [20, 0], [0, 10]])
+
+
+def test_a_frame_at_a_readings_time_makes_no_empty_reading() -> None:
+    ticks = Ticks(np.array([0.0, 1.0, 2.0]), np.array([[0, 0], [10, 20], [30, 20]]))
+    counts, dt = readings(ticks, 1.0, 2.0)
+    assert dt.tolist() == [1.0]
+    assert counts.tolist() == [[20.0, 0.0]]
+
+
+def test_the_way_does_not_depend_on_where_the_frames_are() -> None:
+    def end(*times: float) -> np.ndarray[Any, Any]:
+        log = build_log(recording(blank(*times)))
+        pose = np.zeros(3)
+        for delta in log.delta[1:]:
+            pose = compose(pose, delta)
+        return pose
+
+    expected = end(0.0, 1.0)
+    np.testing.assert_allclose(end(0.0, 0.3, 0.6, 1.0), expected, atol=1e-12)
+    # Cutting a reading in two makes a chord into two: the difference is of third order in a reading's turn.
+    np.testing.assert_allclose(end(0.0, 0.25, 0.55, 1.0), expected, atol=1e-5)
+
+
+def test_sightings_near_are_kept_and_far_are_counted() -> None:
+    # 0.1 m at f = 150 px: 30 px are 0.5 m away.
+    frames = [Frame(0.0, marked(30)), Frame(0.5, BLANK), Frame(1.0, marked(30))]
+    near = build_log(recording(frames))
+    assert near.ids.tolist() == [4, 4]
+    assert near.sighting_step.tolist() == [0, 2]
+    np.testing.assert_allclose(near.z, [[0.5, 0.0]] * 2, atol=0.03)
+    np.testing.assert_array_equal(near.z_cov, ProportionalNoise().cov(near.z))
+    assert near.notes["counts"] == {"frames": 3, "sightings": 2, "sightings beyond 3 m": 0}
+    far = build_log(recording(frames, max_range=0.4))
+    assert len(far.ids) == 0
+    assert far.notes["counts"] == {"frames": 3, "sightings": 0, "sightings beyond 0.4 m": 2}
+
+
+def test_frames_without_readings_are_counted() -> None:
+    log = build_log(recording(blank(-0.1, 0.2, 0.7, 1.3)))
+    assert log.t.tolist() == [0.2, 0.7]
+    assert log.notes["counts"]["frames"] == 4
+    assert log.notes["counts"]["frames without encoder readings"] == 2
+
+
+def test_frames_are_taken_one_at_a_time() -> None:
+    def endless() -> Iterator[Frame]:
+        yield from blank(0.0, 0.5)
+        raise InputError("frame 2 cannot be read")
+
+    with pytest.raises(InputError, match="frame 2 cannot be read"):
+        build_log(recording(endless()))
+    assert len(build_log(recording(iter(blank(0.0, 0.5))))) == 2
+
+
+def test_covariances_are_positive_definite_at_rest() -> None:
+    t = np.array([0.0, 1.0])
+    log = build_log(recording(blank(0.0, 1.0), motion=Wheels(Ticks(t, np.zeros((2, 2))), ENCODER)))
+    np.testing.assert_array_equal(log.delta_cov[1], Encoder(1, 1, 1, 0).floors.cov)
+
+
+@pytest.mark.parametrize(
+    ("frames", "changes", "message"),
+    [
+        (blank(0.0, 0.5, 0.5), {}, "bench: frame 2 is at 0.5 s, expected later than 0.5 s"),
+        (blank(0.0, float("nan")), {}, "bench: frame 1 is at nan s, expected later than 0.0 s"),
+        (blank(5.0), {}, "bench: found no frame within the time of the encoder's readings, expected one"),
+        ([], {}, "bench: found no frame within the time of the encoder's readings, expected one"),
+        (blank(0.0), {"motion": Wheels(Ticks(np.zeros(0), np.zeros((0, 2))), ENCODER)}, "encoder: found no readings"),
+        (
+            blank(0.0),
+            {"motion": Wheels(Ticks(np.array([0.0, 1.0, 0.5]), np.zeros((3, 2))), ENCODER)},
+            "encoder: reading 2 is at 0.5 s, expected later than 1.0 s",
+        ),
+        (
+            blank(0.0, 0.5),
+            {"motion": Wheels(UNCOUNTED, ENCODER)},
+            r"encoder: in reading 1, at 1\.0 s, the left wheel's count is nan, expected a finite number",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused(frames: list[Frame], changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        build_log(recording(frames, **changes))

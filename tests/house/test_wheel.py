@@ -1,0 +1,100 @@
+"""What is installed is what is in the repository: the package's files, all of them, under its name, and no others."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from places import ROOT
+from random_logs import random_log
+from slamduel.datasets.formats import log_folder
+
+SETUPTOOLS = 77  # the first to read a licence expression
+FOLDERS = ("backends", "bench", "datasets", "frontend")
+
+
+def kept() -> list[str]:
+    """The files that git has or would take, as paths from the root."""
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("this is no git checkout, or there is no git")
+    command = ["git", "-C", str(ROOT), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
+    return [name for name in listed if name and (ROOT / name).is_file()]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built from a copy of the files that git has: setuptools writes beside its source."""
+    if int(version("setuptools").split(".")[0]) < SETUPTOOLS:
+        pytest.skip(f"setuptools {version('setuptools')} is installed, pyproject.toml asks for {SETUPTOOLS}")
+    here = tmp_path_factory.mktemp("wheel")
+    for name in kept():
+        target = here / "source" / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, target)
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", here / "dist", here / "source"]
+    done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
+    (built,) = (here / "dist").glob("slamduel-*.whl")
+    return built
+
+
+def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
+    packaged = {name for name in kept() if name.split("/")[0] in (*FOLDERS, "__init__.py", "py.typed")}
+    assert {"__init__.py", "py.typed", "backends/api.py", "frontend/se2.py", "bench/check/suite.py"} <= packaged
+    with zipfile.ZipFile(wheel) as archive:
+        inside = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert inside == {"slamduel/" + name for name in packaged}
+
+
+def test_installed_it_is_imported_from_there(wheel: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    code = (
+        "import slamduel, slamduel.bench.check.suite as c; "
+        "from slamduel.backends import registry as b; from slamduel.datasets import registry as d; "
+        "assert all(r.find(name) for r in (b, d) for name in r.BUILTIN); "
+        "print(slamduel.__file__); print(c.__file__); "
+        "from importlib.metadata import distribution; "
+        "print(*(e.value for e in distribution('slamduel').entry_points if e.group == 'console_scripts'))"
+    )
+    env = os.environ | {"PYTHONPATH": str(site)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=env, capture_output=True, text=True, check=True
+    )
+    package, module, script = done.stdout.splitlines()
+    assert Path(package) == site / "slamduel" / "__init__.py"
+    assert Path(module) == site / "slamduel" / "bench" / "check" / "suite.py"
+    assert script == "slamduel.bench.cli:main"
+
+
+def test_installed_it_runs_and_reports(wheel: Path, tmp_path: Path) -> None:
+    """With the backend that has no loops of its own, which would be compiled anew; the others are imported above."""
+    site, log, out = tmp_path / "site", tmp_path / "log", tmp_path / "out"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    log_folder.write(log, *random_log(np.random.default_rng(1), 20, 5))
+    words = ["--backend", "dead-reckoning", "--dataset", log, "--out", out]
+    command = [sys.executable, "-m", "slamduel.bench.cli", "run", *words]
+    env = os.environ | {"PYTHONPATH": str(site)}
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (out / "report.html").is_file()
+
+
+def test_every_folder_of_modules_is_listed() -> None:
+    """setuptools finds no packages below a root that is a package itself: pyproject.toml lists them."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        listed = tomllib.load(file)["tool"]["setuptools"]["packages"]
+    modules = [
+        Path(name) for name in kept() if name.endswith(".py") and name.split("/")[0] in (*FOLDERS, "__init__.py")
+    ]
+    assert listed == sorted({".".join(("slamduel", *module.parts[:-1])) for module in modules})

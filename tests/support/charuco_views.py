@@ -1,0 +1,59 @@
+"""Views of a ChArUco board through a lens that is known, for tests of calibration."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.markers.aruco import Image
+from slamduel.frontend.markers.board import Board, View
+from slamduel.frontend.se2 import Array
+
+BOARD = Board(columns=8, rows=6, square=0.04, marker=0.03, dictionary="4X4_50")
+_SHARPNESS = 24
+"""px a square, of the drawing that views are warped from."""
+
+
+def poses(count: int, rng: np.random.Generator, tilt: float = 35, distance: float = 0.42) -> list[Array]:
+    """(4, 4) T_camera_board each: the board's middle before the camera, tilted every way by up to `tilt` degrees."""
+    middle = np.array([BOARD.columns, BOARD.rows, 0]) * BOARD.square / 2
+    found: list[Array] = []
+    for k in range(count):
+        direction = 2 * np.pi * k / count
+        lean = np.radians(tilt) * np.array([np.cos(direction), np.sin(direction), rng.uniform(-0.4, 0.4)])
+        pose = np.eye(4)
+        pose[:3, :3] = cv2.Rodrigues(lean)[0]
+        at = np.array([*rng.uniform([-0.07, -0.05], [0.07, 0.05]), distance * rng.uniform(0.85, 1.15)])
+        pose[:3, 3] = at - pose[:3, :3] @ middle
+        found.append(pose)
+    return found
+
+
+def corners(camera: Camera, pose: Array, name: str, noise: float, rng: np.random.Generator) -> View:
+    """The corners that are in the image, without an image of them; `noise` is their standard deviation, px."""
+    points = np.asarray(BOARD.opencv.getChessboardCorners(), float)
+    seen = camera.project(points @ pose[:3, :3].T + pose[:3, 3])
+    inside = ((seen > 2) & (seen < [camera.width - 3, camera.height - 3])).all(axis=1)
+    return View(name, np.flatnonzero(inside), (seen + rng.normal(0, noise, seen.shape))[inside], points[inside])
+
+
+def photographs(camera: Camera, places: Sequence[Array], board: Board = BOARD) -> list[Image]:
+    """(height, width) grey from each of `places` (4, 4) T_camera_board: a pixel's rays followed to the board."""
+    drawn = board.opencv.generateImage((board.columns * _SHARPNESS, board.rows * _SHARPNESS))
+    drawn = np.pad(drawn, _SHARPNESS, constant_values=255)
+    fine = 2  # rays along each side of a pixel
+    v, u = np.mgrid[: fine * camera.height, : fine * camera.width] / fine - 0.5 + 0.5 / fine
+    rays = camera.undistort(np.stack((u.ravel(), v.ravel()), axis=-1))
+    rays = np.column_stack((rays, np.ones(len(rays)))).T
+    taken: list[Image] = []
+    for pose in places:
+        x, y, w = np.linalg.inv(pose[:3, [0, 1, 3]]) @ rays
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = np.stack((x, y)) / w * _SHARPNESS / board.square + _SHARPNESS - 0.5
+        at = np.where(np.isfinite(at) & (w > 0), at, -1e4).astype(np.float32)
+        column, row = at.reshape(2, *u.shape)
+        seen = cv2.remap(drawn, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=128.0)
+        seen = cv2.resize(seen, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+        taken.append(np.asarray(cv2.GaussianBlur(seen, (0, 0), 0.6), np.uint8))
+    return taken

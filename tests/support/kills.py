@@ -1,0 +1,212 @@
+"""A study killed at random moments and begun again, to the end: what its store then holds, against one left in peace.
+
+As a program it kills so many times: python tests/support/kills.py 20 (make study-kills). The runner, a worker, the
+scheduler and a worker of a Dask cluster are killed in turn, with SIGKILL.
+"""
+
+import contextlib
+import itertools
+import os
+import random
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+STUDY = """
+title = "Killed"
+question = "Does a study that is killed end as if it had not been?"
+
+[[cells]]
+dataset = "matlab-report"
+backend = ["dead-reckoning", "ekf", "fastslam[particles=20]"]
+seeds = SEEDS
+grid."dataset.tags" = [6, 12]
+
+[[claim]]
+says = "the EKF is closer than odometry alone"
+measure = "ate_m"
+less = { backend = "ekf" }
+than = { backend = "dead-reckoning" }
+each = "tags"
+"""
+TIMES = (
+    "_us_",
+    "growth",
+    "real_time",
+    "finish_s",
+    "setup_s",
+    "cpu_s",
+    "peak_mb",
+    "seconds",
+    "recorded",
+    "host",
+    "executor",
+)
+"""What the names of columns hold that say how long something took, or where and when."""
+
+PATIENCE = 300.0
+"""s that an undisturbed end may take."""
+
+
+LATEST = 5.0
+"""s after the first result at which something is killed, at the latest."""
+
+Processes = list[subprocess.Popen[bytes]]
+
+
+def started(folder: Path, *more: str) -> subprocess.Popen[bytes]:
+    """The study's runner, going on in `folder`."""
+    study = folder.parent / "killed.toml"
+    command = [sys.executable, "-m", "slamduel.bench.cli", "ablate", str(study), "--out", str(folder), *more]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=folder.parent)
+
+
+def rows(folder: Path) -> list[tuple[Any, ...]]:
+    """Everything that the store says of the study's cells, but for times and places."""
+    with sqlite3.connect(f"file:{folder / 'study.sqlite'}?mode=ro", uri=True) as db:
+        found = db.execute("SELECT * FROM cells")
+        kept = [k for k, about in enumerate(found.description) if not any(part in about[0] for part in TIMES)]
+        return [tuple(row[k] for k in kept) for row in found]
+
+
+def stray(folder: Path) -> tuple[int, int]:
+    """How many results the store holds, and how many of them belong to no cell of the study."""
+    with sqlite3.connect(f"file:{folder / 'study.sqlite'}?mode=ro", uri=True) as db:
+        (every,) = db.execute("SELECT count(*) FROM results").fetchone()
+        (lost,) = db.execute("SELECT count(*) FROM results WHERE key NOT IN (SELECT key FROM plan)").fetchone()
+    return every, lost
+
+
+def descendants(pid: int) -> list[int]:
+    """The processes that a process has started, and they in turn; parents first."""
+    parents: dict[int, list[int]] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text().rpartition(")")[2].split()
+        except OSError:  # it has just ended
+            continue
+        parents.setdefault(int(words[1]), []).append(int(stat.parent.name))
+    found, waiting = [], [pid]
+    while waiting:
+        children = parents.get(waiting.pop(), [])
+        found += children
+        waiting += children
+    return found
+
+
+@contextlib.contextmanager
+def cluster(folder: Path, workers: int) -> Generator[tuple[str, Processes]]:
+    """A Dask cluster of one's own: its address, and its processes, the scheduler first."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
+    module = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", address, "--no-dashboard"]
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard"]
+    log = (folder / "cluster.txt").open("ab")
+    running: Processes = []
+    try:
+        for command in (module, *[worker] * workers):
+            running.append(subprocess.Popen(command, stdout=log, stderr=log, cwd=folder))
+        yield address, running
+    finally:
+        for pid in [child for process in running for child in [process.pid, *descendants(process.pid)]]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for process in running:
+            process.wait()
+        log.close()
+
+
+def under_way(folder: Path, runner: subprocess.Popen[bytes], wait_s: float) -> bool:
+    """Wait until the store has grown by a result, and then so long; whether the runner is at work still."""
+    before, end = held(folder), time.monotonic() + PATIENCE
+    while runner.poll() is None and held(folder) == before:
+        if time.monotonic() > end:
+            raise AssertionError("no cell was finished in time")
+        time.sleep(0.05)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        runner.wait(wait_s)
+    return runner.poll() is None
+
+
+def held(folder: Path) -> int:
+    """How many results the store has; 0 before there is one."""
+    try:
+        return stray(folder)[0]
+    except sqlite3.Error:
+        return 0
+
+
+def killed(folder: Path, victim: str, draws: random.Random, latest: float = LATEST) -> tuple[bool, int, str]:
+    """Go on with the study in `folder` and kill the victim at some moment; whether it was, exit status, last words."""
+    distant = victim in ("scheduler", "worker of Dask's")
+    with cluster(folder.parent, 3) if distant else contextlib.nullcontext(("", [])) as (address, processes):
+        where = ["--executor", "dask", "--scheduler", address] if distant else ["--jobs", "2"]
+        runner = started(folder, *where)
+        try:
+            struck = under_way(folder, runner, draws.uniform(0, latest))
+            if struck:
+                os.kill(_process(victim, runner, processes, draws), signal.SIGKILL)
+            said = runner.communicate(timeout=PATIENCE)[1].decode()
+        finally:
+            runner.kill()
+    return struck, runner.returncode, said
+
+
+def _process(victim: str, runner: subprocess.Popen[bytes], processes: Processes, draws: random.Random) -> int:
+    if victim == "runner":
+        return runner.pid
+    if victim == "scheduler":
+        return processes[0].pid
+    started_by = [runner] if victim == "worker" else [draws.choice(processes[1:])]
+    return draws.choice([pid for process in started_by for pid in descendants(process.pid)])
+
+
+def main(times: int) -> None:
+    """Kill so many times, over as many runs of the study as that takes; AssertionError where a row differs."""
+    draws, done = random.Random(1), 0
+    victims = itertools.cycle(["runner", "worker", "scheduler", "worker of Dask's"])
+    with tempfile.TemporaryDirectory() as name:
+        here = Path(name)
+        write(here, seeds=30)
+        expected = in_peace(here / "peace")
+        while done < times:
+            folder, status = here / f"killed-{done}", -1
+            while status != 0:
+                victim = next(victims)
+                struck, status, said = killed(folder, victim, draws)
+                done += struck
+                print(f"{done}: {victim}{'' if struck else ', too late'}: status {status} {said.strip()}", flush=True)
+                assert struck or status == 0, "it ended by itself and not well"
+            same(folder, expected)
+            print(f"all {len(expected)} rows are as they were in peace", flush=True)
+
+
+def write(folder: Path, *, seeds: int) -> None:
+    """The study's file."""
+    (folder / "killed.toml").write_text(STUDY.replace("SEEDS", str(seeds)))
+
+
+def in_peace(folder: Path) -> list[tuple[Any, ...]]:
+    """The rows of the study in `folder` once it has run on to its end."""
+    runner = started(folder)
+    assert runner.communicate(timeout=PATIENCE)[1] == b""
+    assert runner.returncode == 0
+    return rows(folder)
+
+
+def same(folder: Path, expected: list[tuple[Any, ...]]) -> None:
+    """AssertionError where the store holds a row that is not expected, lacks one, or has one twice."""
+    assert rows(folder) == expected
+    assert stray(folder) == (len(expected), 0)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -1,0 +1,6 @@
+"""The folders that tests name: the checkout, and the modules that tests share."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SUPPORT = Path(__file__).parent

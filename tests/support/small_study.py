@@ -1,0 +1,46 @@
+"""A study's store written by hand: what each cell came to is known to the test."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import create_autospec
+
+from slamduel.bench.record.study_store import StudyStore
+from slamduel.bench.study.runner import Watcher
+
+ENVIRONMENT = {"processor": "abacus & sons", "memory_gb": None, "packages": {"slamduel": "0.1.0", "evo": None}}
+
+
+class Outcome(NamedTuple):
+    """One cell of the study."""
+
+    parameters: Mapping[str, Any]  # dataset, backend, seed and what is swept
+    status: str  # "waiting" for one that has no result
+    columns: Mapping[str, Any] = {}
+
+
+def silent() -> Watcher:
+    """One who watches a study, and says nothing."""
+    return create_autospec(Watcher, instance=True)
+
+
+def small_study(folder: Path, name: str, text: str, outcomes: Iterable[Outcome], size: str = "quick") -> Path:
+    """The folder, with the study of this text and these cells in its store."""
+    folder.mkdir(parents=True, exist_ok=True)
+    cells = list(outcomes)
+    with StudyStore(folder, writing=True) as store:
+        command = ["bench", "ablate", f"{name}.toml"]
+        words = {"name": name, "size": size, "text": text, "command": command, "executor": "local"}
+        store.put_words({**words, "environment": ENVIRONMENT, "started": 1.8e9})
+        store.put_plan([(*_key(cell), cell.parameters, f"key {k}") for k, cell in enumerate(cells)])
+        for k, cell in enumerate(cells):
+            if cell.status != "waiting":
+                named = dict(zip(("dataset", "dataset_options", "backend", "options", "seed"), _key(cell), strict=True))
+                log = f"log {[(n, v) for n, v in cell.parameters.items() if n != 'backend']}"
+                row = {"status": cell.status, "reason": "", "digest": log, "seconds": 0.5, "timing_alone": 1}
+                store.put_result(f"key {k}", row | named | dict(cell.columns), {})
+    return folder
+
+
+def _key(cell: Outcome) -> tuple[str, str, str, str, int]:
+    return cell.parameters["dataset"], "", cell.parameters["backend"], "", cell.parameters["seed"]
