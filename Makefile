@@ -1,6 +1,7 @@
 # make demo                 a first run on data that comes along, and its report
-# make test                 lint, types and tests
-# make test-older           the tests as two older machines would run them
+# make test                 lint, types and all tests that are quick
+# make test-slow            the other tests: browsers, clusters, kills, large samples
+# make test-older           the quick tests as two older machines would run them
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
@@ -12,10 +13,13 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
+# One thread each: two workers with two BLAS threads each wait for one another more than they work.
+PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
+
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-older lint types unit clean gallery study-city study-statistics study-kills
+.PHONY: demo test test-slow test-older lint types unit clean gallery study-city study-statistics study-kills
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -33,14 +37,16 @@ types: $(VENV)/.installed-dev
 	ln -sfn ../.. build/types/slamduel
 	$(BIN)/basedpyright --pythonpath $(BIN)/python --threads 2
 
-# One thread each: two workers with two BLAS threads each wait for one another more than they work.
 unit: $(VENV)/.installed-dev
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
+	$(PYTEST) -m "not slow"
+
+test-slow: $(VENV)/.installed-dev
+	$(PYTEST) -m slow
 
 # As on two older machines: libraries and kernels leave aside what those processors lacked.
 test-older: $(VENV)/.installed-dev
 	for kind in haswell nehalem; do \
-		OMP_NUM_THREADS=1 $(BIN)/python tests/support/older_machine.py $$kind $(BIN)/pytest -n auto --dist worksteal || exit 1; \
+		$(BIN)/python tests/support/older_machine.py $$kind $(PYTEST) -m "not slow" || exit 1; \
 	done
 
 # A finding that is not reproduced is an answer, too.

@@ -17,7 +17,7 @@ from ...frontend.errors import InputError, Interrupted
 from ..plan.values import count
 from ..record.study_schema import FILE
 from ..record.study_store import StudyStore
-from ..study import file
+from ..study import file as study_file
 from ..study.only import choice
 from ..study.progress import StudyScreen
 from ..study.runner import Tally, Wanted, refuse_another, run
@@ -36,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "Without STUDY: the studies that come along. A study that was stopped goes on with the same command;\n"
         "what has a result is not run again as long as log, backend, options and code are the same.\n"
         "Exit status 0: every claim holds, or nothing is claimed; 1: not so, or cells failed.\n\n"
-        f"A study file:\n\n{file.FORMAT}"
+        f"A study file:\n\n{study_file.FORMAT}"
     )
     parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of one that comes along")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where it goes (default results/NAME)")
@@ -66,7 +66,7 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.study is None:
         _list(console)
         return 0
-    study = file.read(namespace.study, full=namespace.full)
+    study = study_file.read(namespace.study, full=namespace.full)
     out = namespace.out or Path("results") / study.name
     wanted = Wanted(choice(study, namespace.only), namespace.limit, namespace.retry)
     if namespace.dry_run:
@@ -109,14 +109,14 @@ def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], 
 
 def _list(console: Console) -> None:
     """The studies that come along, with their questions."""
-    for name in file.packaged():
-        study, full = (file.read(name, full=size) for size in (False, True))
+    for name in study_file.packaged():
+        study, full = (study_file.read(name, full=size) for size in (False, True))
         cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
         console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
     for sentence in (
         "",
         "bench ablate NAME runs one in its quick size, in one to three minutes on two cores or so; --dry-run tells.",
-        f"Copy and change them: {file.PACKAGED}",
+        f"Copy and change them: {study_file.PACKAGED}",
     ):
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 

@@ -19,7 +19,7 @@ from ..claims.standing import Standing, standing
 from ..drawing.figure import Exhibit
 from ..record.study_store import StudyStore
 from ..record.study_table import StudyTable
-from ..study import file
+from ..study import file as study_file
 from ..study.study import Study
 from ..words.numerals import counted
 from .option_words import option_words
@@ -115,7 +115,7 @@ class Evidence:
 
     def _timing(self, column: str) -> str:
         """Of a time, whether other cells ran on the same machine meanwhile."""
-        if not column.startswith(file.TIMES):
+        if not column.startswith(study_file.TIMES):
             return ""
         beside = self.table.columns["timing_alone"] == 0
         if not beside.any():
@@ -137,7 +137,7 @@ def evidence(folder: Path) -> Evidence:
             raise InputError(
                 f"{folder}: has no {lacks[0]} of the study yet; expected one that was begun: bench ablate."
             )
-        study = file.reread(words["name"], words["text"], full=words["size"] == "full")
+        study = study_file.reread(words["name"], words["text"], full=words["size"] == "full")
         columns = [*claim_answer.measures(study.claims), *(figure.y for figure in study.figures)]
         table = store.table(list(dict.fromkeys([*columns, "seconds", "timing_alone"])))
     conclusion = conclude([claim_answer.answer(claim, table) for claim in study.claims], study.finding)

@@ -19,6 +19,7 @@ from slamduel.frontend.factors import Log, Truth
 LOGS = 5
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("no_report")
 @pytest.mark.parametrize(
     ("dataset", "backends", "kind"),

@@ -172,6 +172,7 @@ def test_it_is_the_papers_filter() -> None:
     agree(random_log(np.random.default_rng(2), 1000, 6, radius=4.0).log)
 
 
+@pytest.mark.slow
 def test_a_map_that_outgrows_its_room_and_frames_that_outgrow_what_may_be_owed() -> None:
     log = random_log(np.random.default_rng(3), 12, 60, radius=30.0).log
     assert max(len(step.sightings.ids) for step in log) > _invariant.RANK / 2

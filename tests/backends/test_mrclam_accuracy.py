@@ -55,6 +55,7 @@ def test_the_ekf_is_as_accurate_as_a_textbook_one(robot: int):
     assert error(dataset, np.array([ekf.step(step) for step in dataset.log])) <= 1.1 * MEASURED[robot]
 
 
+@pytest.mark.slow
 def test_the_recommended_variant_is_accurate_on_all_five_robots():
     """README: isam2[loss=cauchy]. In the logs of robots 3 and 5 a few barcodes were taken for others.
 

@@ -52,6 +52,7 @@ def answer(house: Path) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_changed_callee_is_noticed_and_what_does_not_call_it_is_not_compiled_again(house: Path) -> None:
     assert answer(house) == "2.0 2.0 0 0 4"
     assert answer(house) == "2.0 2.0 1 1 0"

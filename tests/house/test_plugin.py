@@ -46,6 +46,7 @@ def path(builder: Builder, log: Log, iterations: int) -> Array:
     return np.array([backend.step(step) for step in log])
 
 
+@pytest.mark.slow
 def test_once_installed_it_is_found_by_name_and_conforms(tmp_path: Path) -> None:
     if subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
         pytest.skip("this Python has no pip to install the plug-in with")

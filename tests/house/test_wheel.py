@@ -76,6 +76,7 @@ def test_installed_it_is_imported_from_there(wheel: Path, tmp_path: Path) -> Non
     assert script == "slamduel.bench.cli:main"
 
 
+@pytest.mark.slow
 def test_installed_it_runs_and_reports(wheel: Path, tmp_path: Path) -> None:
     """With the backend that has no loops of its own, which would be compiled anew; the others are imported above."""
     site, log, out = tmp_path / "site", tmp_path / "log", tmp_path / "out"

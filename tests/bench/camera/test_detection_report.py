@@ -152,6 +152,7 @@ def test_any_recording_has_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert len(findings.t) == frames
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 def test_nothing_sticks_out_of_a_narrow_window(calibrated: tuple[Findings, str], tmp_path: Path) -> None:
     assert CHROMIUM is not None

@@ -110,6 +110,7 @@ def test_what_is_of_second_order_widens_the_bound() -> None:
     np.testing.assert_allclose(grown, first_order, atol=0.1 * np.abs(first_order).max())
 
 
+@pytest.mark.slow
 def test_the_batch_answers_are_near_the_truth() -> None:
     """They are what the others are measured by: six standard deviations of the same covariance, and the planted."""
     batches = 0
@@ -179,6 +180,7 @@ def test_checks_are_chosen_by_family_and_name() -> None:
         chosen(["huge-id"])
 
 
+@pytest.mark.slow
 def test_a_backend_that_hangs_fails_what_it_hangs_in_and_no_more() -> None:
     checks = chosen(["options-are-described", "it-starts-at-the-prior", "half-turns"])
     for name in ("misbehaving:loops_for_ever", "misbehaving:sleeps_for_ever"):

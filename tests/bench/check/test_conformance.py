@@ -1,18 +1,18 @@
 """The suite behind `bench check`: a sound backend passes, and each fault is caught by the check that is meant to."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 
-from broken_backends import BROKEN, Sound
+from broken_backends import ADVERSE, BROKEN, Sound
 from slamduel.backends import registry
 from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Solution, Step, option
 from slamduel.bench.check.candidate import Candidate, Failed, stays_near
 from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
-from slamduel.bench.check.suite import CHECKS, QUICK, Outcome, check_backend, examine
+from slamduel.bench.check.suite import CHECKS, QUICK, Check, Outcome, check_backend, chosen, examine
 from slamduel.frontend.se2 import Array, compose
 
 
@@ -174,8 +174,19 @@ def test_distances_are_told_with_their_step() -> None:
         stays_near(path, path + np.array([0, 0, 0.2]), bounds, "it")
 
 
-@pytest.mark.parametrize("name", sorted(registry.BUILTIN))
-def test_what_comes_with_slamduel_conforms(name: str) -> None:
-    outcomes = check_backend(registry.find(name), checks=CHECKS)
+def conforms(name: str, checks: Sequence[Check]) -> None:
+    outcomes = check_backend(registry.find(name), checks=checks)
     assert [found for found in outcomes if found.status == "failed"] == []
     assert {found.status for found in outcomes[len(QUICK) :]} <= {"passed", "gave up"}
+
+
+@pytest.mark.parametrize("name", sorted(registry.BUILTIN))
+def test_what_comes_with_slamduel_conforms(name: str) -> None:
+    """On small logs, and on the adversarial ones on which a broken backend fails."""
+    conforms(name, QUICK + chosen(sorted({adversary for _, adversary, _ in ADVERSE})))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(registry.BUILTIN))
+def test_what_comes_with_slamduel_conforms_on_every_adversarial_log(name: str) -> None:
+    conforms(name, CHECKS)

@@ -424,6 +424,7 @@ def _held(claim: Claim, draw: Any, logs: int = 12) -> float:
     return float(np.mean([answer(claim, draw(rng, logs)).verdict == "holds" for _ in range(TRIALS)]))
 
 
+@pytest.mark.slow
 def test_a_claim_holds_at_its_bound_no_more_often_than_it_says() -> None:
     def luck(rng: np.random.Generator, logs: int) -> Array:
         return np.exp(0.3 * rng.standard_normal(logs))

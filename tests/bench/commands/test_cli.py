@@ -262,12 +262,14 @@ def test_help_is_printed(capsys: pytest.CaptureFixture[str], words: list[str]) -
     assert "bench" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_reader_that_leaves_early_is_no_error() -> None:
     command = f"{sys.executable} -m slamduel.bench.cli list | head -1"
     done = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_terminal_without_the_letters_is_no_error(tmp_path: Path, log_folder: Path) -> None:
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     words = ("run", "--backend", "ekf", "--dataset", log_folder, "--out", tmp_path / "run")
@@ -298,6 +300,7 @@ def test_brackets_in_a_place_are_no_markup(
         assert f"{out}-log/log: " in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_an_interrupt_before_anything_is_there_is_a_sentence(tmp_path: Path, log_folder: Path) -> None:
     """The fork server gets Ctrl-C too, while it still imports, and says nothing; nor is there a run to go on with."""
     out = tmp_path / "run"

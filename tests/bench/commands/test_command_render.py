@@ -21,6 +21,7 @@ def render(*words: str) -> int:
     return command_render.main(parser.parse_args(words))
 
 
+@pytest.mark.slow
 def test_the_drive_is_the_one_that_bench_run_sees(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert render(SHORT, "--seed", "7", "--out", str(tmp_path / "drive"), "--as", "mcap") == 0
     assert capsys.readouterr().out == f"an MCAP bag (ROS 2): {tmp_path / 'drive'}\n"

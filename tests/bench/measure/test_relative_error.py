@@ -42,6 +42,7 @@ def by_matrices(estimate: Array, truth: Array, pairs: Ints) -> tuple[float, floa
     return tuple(np.sqrt(np.mean(squares, axis=0)))
 
 
+@pytest.mark.slow
 def test_errors_are_what_evos_command_line_prints(tmp_path: Path) -> None:
     """Absolute and relative, aligned and not, translation and rotation, over distances and frames."""
     rng = np.random.default_rng(4)

@@ -137,6 +137,7 @@ def test_localisation_is_the_textbook_filter_with_that_map(worlds: Path) -> None
     assert main(["run", "--quiet", "--out", str(out)]) == 0  # it goes on, with the map it has
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", [*GAUSSIAN, "fastslam"])
 def test_a_map_makes_localisation_better(backend: str) -> None:
     error = {True: 0.0, False: 0.0}
@@ -150,6 +151,7 @@ def test_a_map_makes_localisation_better(backend: str) -> None:
     assert error[True] < 0.5 * error[False]
 
 
+@pytest.mark.slow
 def test_localising_on_a_map_of_ones_own_is_consistent_and_needs_its_joint_covariance() -> None:
     seeds = 40
     joint, alone = np.zeros((2, seeds))

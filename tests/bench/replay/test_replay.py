@@ -235,6 +235,7 @@ def test_the_page_has_the_map_of_the_end_by_its_changes(page: Path, seen: View) 
             assert np.abs(found - place).max(axis=1).min() <= 1.5  # half a unit of rounding, and one that nobody sees
 
 
+@pytest.mark.slow
 def test_the_script_draws_what_stands_there_without_it(page: Path) -> None:
     api = pytest.importorskip(
         "playwright.sync_api", reason="playwright is not installed: its package drives the browser"

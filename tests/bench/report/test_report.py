@@ -328,6 +328,7 @@ def test_any_record_has_a_report(tmp_path: Path, request: pytest.FixtureRequest,
     assert (made.store.folder / "report.md").read_text(encoding="utf-8").startswith("# slamduel report\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 def test_nothing_sticks_out_of_a_narrow_window(text: str, tmp_path: Path) -> None:
     assert CHROMIUM is not None

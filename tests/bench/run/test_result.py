@@ -205,6 +205,7 @@ def test_a_truth_belongs_to_one_log(tmp_path: Path, world: Dataset) -> None:
         slamduel.run(["circle", "city"], "ekf", truth=world.truth, out=tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_not_run_again_by_its_workers(tmp_path: Path) -> None:
     script = tmp_path / "mine.py"
     script.write_text(

@@ -161,6 +161,7 @@ def test_what_draws_nothing_runs_once_and_what_draws_runs_every_seed(tmp_path: P
     assert len(set(drawn)) == 3
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bits_whatever_runs_beside_it(tmp_path: Path, log_folder: Path) -> None:
     backends = "ekf,fastslam[particles=50],isam2,graph"
     go(tmp_path / "one", backends, log_folder, workers=1)
@@ -182,6 +183,7 @@ def test_the_same_run_gives_the_same_bits_whatever_runs_beside_it(tmp_path: Path
     assert without_times(tmp_path / "one") == without_times(tmp_path / "two")
 
 
+@pytest.mark.slow
 def test_timings_are_marked_where_cells_ran_side_by_side(tmp_path: Path, log_folder: Path) -> None:
     slow = "misbehaving:slow[seconds=0.3],misbehaving:slow[seconds=0.31]"
     alone = go(tmp_path / "one", slow, log_folder, workers=1)
@@ -221,6 +223,7 @@ def wait_for_rows(process: subprocess.Popen[bytes], out: Path, wanted: int) -> N
     pytest.fail(f"{wanted} rows did not come")
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on_and_ends_like_an_undisturbed_one(tmp_path: Path, log_folder: Path) -> None:
     backends = "misbehaving:slow[seconds=0.2],misbehaving:draws,misbehaving:raises,ekf,fastslam[particles=50]"
     go(tmp_path / "undisturbed", backends, log_folder, workers=1, seeds=4)

@@ -306,6 +306,7 @@ def test_the_document_is_valid_json_and_says_what_the_tables_do() -> None:
     assert float(line["estimates"]["ate_m"]["high"]) == math.inf
 
 
+@pytest.mark.slow
 def test_a_run_in_a_terminal_is_all_of_it(tmp_path: Path) -> None:
     """A pseudo-terminal of 60 columns, from the command's start to its last line."""
     code = (

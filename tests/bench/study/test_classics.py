@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.bench.study import file
+from slamduel.bench.study import file as study_file
 from slamduel.bench.study.runner import Wanted, run
 from slamduel.bench.study.study import Study, StudyCell
 from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.workers.local_executor import Local
 
-STUDIES = file.packaged()
+STUDIES = study_file.packaged()
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def few(study: Study) -> list[StudyCell]:
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize("name", STUDIES)
 def test_it_says_what_it_asks_and_whom_it_follows(name: str, full: bool) -> None:
-    study = file.read(name, full=full)
+    study = study_file.read(name, full=full)
     assert study.question.endswith("?")
     assert study.source
     assert study.finding.endswith(".")
@@ -74,9 +74,10 @@ def test_it_says_what_it_asks_and_whom_it_follows(name: str, full: bool) -> None
     assert len(set(says)) == len(says)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STUDIES)
 def test_its_cells_run_and_have_what_it_measures(name: str, pool: Local, tmp_path: Path) -> None:
-    study = file.read(name, full=False)
+    study = study_file.read(name, full=False)
     chosen = {(cell.cell.key, cell.cell.seed) for cell in few(study)}
     watched = Watched()
     wanted = Wanted(lambda cell: (cell.cell.key, cell.cell.seed) in chosen, None, False)

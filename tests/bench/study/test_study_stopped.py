@@ -14,6 +14,8 @@ import pytest
 from kills import descendants, held
 from places import SUPPORT
 
+pytestmark = pytest.mark.slow
+
 STUDY = """
 [[cells]]
 dataset = "matlab-report"

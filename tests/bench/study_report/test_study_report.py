@@ -346,6 +346,7 @@ def browser() -> Iterator[Any]:
         yield playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-quic"])
 
 
+@pytest.mark.slow
 def test_pages_fit_are_quiet_and_ask_for_nothing(browser: Any, page: Path) -> None:
     index = gallery([page.parent], page.parent / "index.html")
     for path in (page, index):

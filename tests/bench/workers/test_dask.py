@@ -26,6 +26,8 @@ from slamduel.datasets.formats.gtsam_text import shipped
 from slamduel.frontend.errors import InputError
 from small_study import silent
 
+pytestmark = pytest.mark.slow
+
 TIMED = re.compile(r".*(_us|_us_\w+|_s|_mb|_ns)|real_time|growth_\w+")
 """The columns and arrays that say how long something took, or how much memory."""
 

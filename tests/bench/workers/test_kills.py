@@ -3,7 +3,11 @@
 import random
 from pathlib import Path
 
+import pytest
+
 from kills import in_peace, killed, same, write
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_study_ends_as_if_it_had_not_been_killed(tmp_path: Path) -> None:

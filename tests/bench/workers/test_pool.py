@@ -205,6 +205,7 @@ def test_who_stops_listening_leaves_nothing_at_work(pool: Local) -> None:
     assert by_index(pool.run([batch(["ekf"])], alone=False))[0].status == "done"
 
 
+@pytest.mark.slow
 def test_an_interrupt_leaves_nothing_at_work(pool: Local) -> None:
     ended = pool.run([batch(["dead-reckoning", "misbehaving:sleeps_for_ever"])], alone=False)
     next(ended)
@@ -232,6 +233,7 @@ for finished in pool.run([Batch("city", city, seed, jobs, 60.0, False) for seed 
 """
 
 
+@pytest.mark.slow
 def test_nobody_outlives_the_runner() -> None:
     environment = os.environ | {"PYTHONPATH": str(SUPPORT)}
     command = [sys.executable, "-c", RUNNER]

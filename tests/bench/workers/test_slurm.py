@@ -19,6 +19,8 @@ from dask import config
 from slamduel.bench.workers.slurm_executor import Slurm
 from slamduel.frontend.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 SBATCH = """#!/bin/sh
 cp "$1" {folder}/job.sh
 OMP_NUM_THREADS=1 setsid sh {folder}/job.sh > {folder}/job.log 2>&1 &

@@ -98,6 +98,7 @@ def test_dead_reckoning_drifts(six: list[Dataset]) -> None:
     assert 3 * early < middle < late
 
 
+@pytest.mark.slow
 def test_twelve_tags_are_better_than_six(six: list[Dataset], twelve: list[Dataset], with_six: list[Array]) -> None:
     """In pairs. Over 50 seeds the difference is 0.069 m with a standard deviation of 0.083 m: t = 3.3 with 16 of them.
 

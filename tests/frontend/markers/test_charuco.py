@@ -36,6 +36,7 @@ def views(model: str, count: int = 10, noise: float = 0.1, tilt: float = 35) -> 
     return [corners(camera, pose, f"view {k}", noise, rng) for k, pose in enumerate(placed)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", CAMERAS)
 def test_rendered_views_give_the_camera_again(model: str) -> None:
     """Focal lengths to 0.5 %: four of the standard deviations that ten such views leave, 0.1 % or so."""
@@ -57,6 +58,7 @@ def test_rendered_views_give_the_camera_again(model: str) -> None:
     assert not any(fit.bad for fit in calibration.fits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["5", "fisheye"])
 def test_the_stated_standard_deviations_are_true(model: str) -> None:
     """Over 16 draws of the corners' noise errors over stated sd have the mean square 1, within four of its own sd."""
