@@ -1,6 +1,7 @@
 """What every test gets without asking."""
 
 import fcntl
+import gc
 import hashlib
 import os
 from collections.abc import Generator
@@ -11,6 +12,12 @@ import pytest
 from places import ROOT
 
 HERE = f"{ROOT}{os.sep}"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def short_collections() -> None:
+    """Garbage is not looked for in all that was there before: each cell of a test collects garbage several times."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -91,6 +91,7 @@ def test_a_landmark_at_the_robot_is_named_not_divided_by() -> None:
         models.sight(np.zeros(3), np.zeros(2))
 
 
+@pytest.mark.slow
 def test_ekf_is_the_textbook_filter_on_victoria_park(victoria_park: Log) -> None:
     mine, textbook = make("ekf", victoria_park.prior), TextbookEkf(victoria_park.prior)
     for k, step in enumerate(victoria_park.head(700)):

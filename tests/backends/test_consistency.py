@@ -29,7 +29,7 @@ IDEAL, FIRST, INVARIANT, STANDARD = (
     "invariant-ekf",
     "ekf",
 )
-SEEDS = 50
+SEEDS, FEW = 50, 16
 STEPS = 1250
 """Five laps of the ten: what diverges has done so by then, as many as after six, and every pair has the same order."""
 LAP = 2 * np.pi / Options().turn_rate  # steps of a second
@@ -40,8 +40,8 @@ DIVERGED = 10.0
 class Runs(NamedTuple):
     """A filter's runs, one a seed; a run that raised Diverged has an infinite mean and NaN from there on."""
 
-    mean: Array  # (SEEDS,) mean NEES / 3
-    steps: Array  # (SEEDS, STEPS) NEES / 3 of every step
+    mean: Array  # (seeds,) mean NEES / 3
+    steps: Array  # (seeds, STEPS) NEES / 3 of every step
 
 
 def run(variant: BackendVariant, made: Dataset, steps: list[Step]) -> Array:
@@ -66,9 +66,14 @@ def run(variant: BackendVariant, made: Dataset, steps: list[Step]) -> Array:
 
 @pytest.fixture(scope="module")
 def runs() -> dict[str, Runs]:
+    return runs_on(SEEDS)
+
+
+def runs_on(seeds: int) -> dict[str, Runs]:
+    """Of each filter on the first so many seeds."""
     variants = backend_variants(",".join((IDEAL, FIRST, INVARIANT, STANDARD)))
     found: dict[str, list[Array]] = {variant.label: [] for variant in variants}
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         made = circle(Options(), generator("circle", seed))
         steps = list(made.log.head(STEPS))
         for variant in variants:
@@ -80,17 +85,29 @@ def runs() -> dict[str, Runs]:
     }
 
 
+def test_on_a_few_logs_the_standard_filter_is_overconfident_and_worse() -> None:
+    """As below, on a third of the seeds; that of first estimates is too close to it for so few."""
+    found = runs_on(FEW)
+    assert np.median(found[STANDARD].mean) >= 1.7
+    for other in (IDEAL, INVARIANT):
+        worse = found[STANDARD].mean > found[other].mean
+        assert worse.sum() >= 13, other  # of 16; a fair coin falls so once in 90
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("filter_", "low", "high"), [(IDEAL, 0.8, 1.3), (FIRST, 0.7, 1.7), (INVARIANT, 0.7, 1.7)])
 def test_these_are_consistent(runs: dict[str, Runs], filter_: str, low: float, high: float) -> None:
     assert low <= np.median(runs[filter_].mean) <= high
 
 
+@pytest.mark.slow
 def test_the_standard_filter_is_overconfident(runs: dict[str, Runs]) -> None:
     middle = {name: np.median(found.mean) for name, found in runs.items()}
     assert middle[STANDARD] >= 1.7
     assert middle[STANDARD] > max(middle[FIRST], middle[INVARIANT])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", [IDEAL, FIRST, INVARIANT])
 def test_on_the_same_logs_the_standard_filter_is_worse(runs: dict[str, Runs], other: str) -> None:
     """In pairs, by the sign: means would be those of the runs that diverge."""
@@ -98,12 +115,14 @@ def test_on_the_same_logs_the_standard_filter_is_worse(runs: dict[str, Runs], ot
     assert worse.sum() >= 36  # of 50; a fair coin falls so once in 750
 
 
+@pytest.mark.slow
 def test_it_also_diverges_most_often(runs: dict[str, Runs]) -> None:
     diverged = {name: int((found.mean > DIVERGED).sum()) for name, found in runs.items()}
     assert diverged[STANDARD] >= 10
     assert diverged[STANDARD] > 2 * max(diverged[name] for name in (IDEAL, FIRST, INVARIANT))
 
 
+@pytest.mark.slow
 def test_what_diverges_does_so_where_the_first_lap_closes(runs: dict[str, Runs]) -> None:
     """Half of these runs at the least first go wrong in the tenth of the log around there."""
     found = runs[STANDARD]

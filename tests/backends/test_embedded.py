@@ -46,6 +46,7 @@ def test_evo_prints_the_figures_of_the_table(tmp_path: Path, dataset: str, backe
     assert all((row["nees"] == "") == (kind == "reference") for row in rows)
 
 
+@pytest.mark.slow
 def test_fastslam_keeps_up_with_the_ekf_in_the_room() -> None:
     """1,000 particles, the median over 5 logs of the ratio of the aligned online errors; and both beat odometry.
 

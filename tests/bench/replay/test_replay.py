@@ -170,6 +170,7 @@ def test_no_run_no_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "expected the folder of a run" in refused(capsys, tmp_path)
 
 
+@pytest.mark.slow
 def test_films_have_every_frame_as_it_was_drawn(seen: View, tmp_path: Path) -> None:
     import cv2
     from PIL import Image, ImageSequence

@@ -138,6 +138,7 @@ def place(plot: Plot, x: Array, y: Array) -> Array:
     return np.column_stack((left + shares[0] * (right - left), bottom + shares[1] * (top - bottom)))
 
 
+@pytest.mark.slow
 def test_a_page_finds_every_point_where_it_is_drawn(few: Drawn, crowd: Drawn) -> None:
     for drawn in (few, crowd):
         for exhibit in (*drawn.exhibits, *drawn.panels):

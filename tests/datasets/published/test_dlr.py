@@ -221,6 +221,7 @@ def estimated(name: str, log: Log) -> tuple[Array, Map]:
     return np.array(path), solution.map if solution else backend.map()
 
 
+@pytest.mark.slow
 def test_the_map_closes_its_loops(whole: Log):
     """Circles that are left for 100 steps and more: where they are placed before, and where at the last visit."""
     log = whole.identified()

@@ -222,6 +222,7 @@ def places(landmarks: Map) -> Array:
     return landmarks.xy[np.argsort(landmarks.ids)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ekf", "isam2", "graph", "fastslam"])
 def test_the_landmarks_are_where_the_world_has_them(whole: Dataset, name: str):
     """From the origin, which leaves the heading of the first metres in the map, and aligned."""
