@@ -6,6 +6,7 @@ leave some of it aside. `python tests/support/older_machine.py haswell COMMAND .
 
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,15 @@ _AVX512 = ("X86_V4", "AVX512_ICL", "AVX512_SPR")
 _NUMPY = {"haswell": _AVX512, "nehalem": ("X86_V3", *_AVX512)}
 """What numpy dispatches beyond AVX2, and beyond its baseline."""
 
+_OPENCV = {"haswell": {"AVX512-SKX": "avx512f"}, "nehalem": {"AVX2": "avx2", "AVX512-SKX": "avx512f"}}
+"""The same of OpenCV, each with the flag by which Linux tells that the processor has it."""
+
 _KINDS = {
     "haswell": {  # AVX2 and FMA, 2013
         "OPENBLAS_CORETYPE": "Haswell",
-        "OPENCV_CPU_DISABLE": "AVX512-SKX",
     },
     "nehalem": {  # SSE 4.2, 2008
         "OPENBLAS_CORETYPE": "Nehalem",
-        "OPENCV_CPU_DISABLE": "AVX2,AVX512-SKX",
         "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
     },
 }
@@ -30,11 +32,23 @@ KINDS = tuple(_KINDS)
 
 
 def environment(kind: str) -> dict[str, str]:
-    """The variables that make a process compute as that kind of machine does; numpy is told only what this one has."""
+    """The variables that make a process compute as that kind of machine does.
+
+    Libraries are told to leave aside only what this machine has: of anything else they would complain.
+    """
     core: Any = np._core._multiarray_umath  # pyright: ignore[reportAttributeAccessIssue]
-    beyond = [name for name in _NUMPY[kind] if core.__cpu_features__.get(name)]
-    numpy = {"NPY_DISABLE_CPU_FEATURES": " ".join(beyond)} if beyond else {}
-    return {**numpy, **_KINDS[kind], "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    numpy = " ".join(name for name in _NUMPY[kind] if core.__cpu_features__.get(name))
+    flags = _flags()
+    opencv = ",".join(name for name, flag in _OPENCV[kind].items() if flag in flags)
+    beyond = {"NPY_DISABLE_CPU_FEATURES": numpy, "OPENCV_CPU_DISABLE": opencv}
+    told = {name: words for name, words in beyond.items() if words}
+    return {**told, **_KINDS[kind], "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+
+
+def _flags() -> set[str]:
+    """What Linux tells of the first processor; nothing elsewhere."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    return next((set(line.split()) for line in lines if line.startswith("flags")), set())
 
 
 if __name__ == "__main__":
