@@ -43,7 +43,7 @@ def sketch(log: Log) -> Sketch:
     rng = np.random.default_rng(_SEED)
     for column in _standardised(log):
         for first in range(0, len(column), _BLOCK):
-            block = column[first : first + _BLOCK]
+            block = np.nan_to_num(column[first : first + _BLOCK], nan=0.0, posinf=0.0, neginf=0.0)
             signs = rng.integers(1 << SUMS, size=len(block), dtype=np.uint32)
             sums += [np.where(signs >> k & 1, block, -block).sum() for k in range(SUMS)]
     return Sketch(digest_of(fixed), sums)
@@ -69,7 +69,7 @@ def from_words(words: Any) -> Sketch | None:
 
 
 def _standardised(log: Log) -> Iterator[Array]:
-    """Every number that is subject to rounding, in units of its standard deviation."""
+    """Every number that is subject to rounding, in units of its standard deviation; not finite where that is zero."""
     prior, known = log.prior, log.prior.map
     pairs = [(prior.pose[None], prior.cov[None]), (log.delta[1:], log.delta_cov[1:])]
     pairs += [(log.z, log.z_cov), (log.loop_delta, log.loop_cov)]
@@ -78,6 +78,6 @@ def _standardised(log: Log) -> Iterator[Array]:
     for values, cov in pairs:
         sd = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
         i, j = np.triu_indices(cov.shape[-1], 1)
-        yield (values / sd).ravel()
-        yield np.log(sd).ravel()
-        yield (cov[:, i, j] / (sd[:, i] * sd[:, j])).ravel()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            columns = values / sd, np.log(sd), cov[:, i, j] / (sd[:, i] * sd[:, j])
+        yield from (column.ravel() for column in columns)

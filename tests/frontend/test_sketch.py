@@ -69,6 +69,14 @@ def test_a_map_with_a_covariance_counts_in_its_standard_deviations() -> None:
     assert 0 < distance(first, second) <= 1e-3 * 6
 
 
+def test_a_landmark_that_is_known_exactly_is_left_out() -> None:
+    one = log()
+    given = Map(np.arange(2), np.ones((2, 2)), np.diag([1.0, 1.0, 0.0, 0.0]))
+    found = sketch(replace(one, prior=Prior(one.prior.pose, one.prior.cov, given)))
+    assert np.isfinite(found.sums).all()
+    assert distance(found, found) == 0
+
+
 @pytest.mark.parametrize(
     "words", [None, 3, {}, {"frame": "f"}, {"frame": "f", "sums": [1.0]}, {"frame": "f", "sums": "x"}]
 )
