@@ -4,6 +4,7 @@ import fcntl
 import gc
 import hashlib
 import os
+import signal
 from collections.abc import Generator
 from typing import Any
 
@@ -18,6 +19,13 @@ HERE = f"{ROOT}{os.sep}"
 def short_collections() -> None:
     """Garbage is not looked for in all that was there before: each cell of a test collects garbage several times."""
     gc.freeze()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def interruptible() -> None:
+    """A shell lets what it starts in the background ignore Ctrl-C, which some tests are about."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True, scope="session")
