@@ -1,7 +1,6 @@
 """The report's page in a browser: nothing sticks out, nothing is fetched, everyone can read it, and it answers."""
 
 import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,12 +8,12 @@ from typing import Any
 import pytest
 
 from big_record import big
+from narrow_window import CHROMIUM
 from slamduel.bench.report.report import write_report
 from small_record import Record
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: its package drives the browser")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"), pytest.mark.slow]
 
 BACKENDS = ("ekf", "fastslam", "isam2")

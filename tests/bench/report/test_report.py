@@ -4,8 +4,6 @@ import base64
 import hashlib
 import html
 import re
-import shutil
-import subprocess
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from narrow_window import fits, would_be_seen
 from slamduel.bench.record.schema import COLUMNS
 from slamduel.bench.report.drawn_log import Scene, Trace
 from slamduel.bench.report.report import write_report
@@ -26,7 +25,6 @@ from slamduel.bench.words.styles import Look, looks
 from small_record import STEPS, Record
 
 EVIL = "<script>alert('a')</script> & | `b` [c](d) $e$"
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 class Page(HTMLParser):
@@ -329,29 +327,9 @@ def test_any_record_has_a_report(tmp_path: Path, request: pytest.FixtureRequest,
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 def test_nothing_sticks_out_of_a_narrow_window(text: str, tmp_path: Path) -> None:
-    assert CHROMIUM is not None
-    assert _width(CHROMIUM, tmp_path, text) == "400 400"
-    wide = text.replace("<main>", '<main><p style="width:500px">x</p>')
-    assert _width(CHROMIUM, tmp_path, wide) != "400 400"  # so the measure would have seen it
-
-
-def _width(browser: str, folder: Path, text: str) -> str:
-    """Width of the window of 400 px, and of what is in it with all that folds opened, as the browser lays it out."""
-    harness = folder / "harness.html"
-    opened = html.escape(text.replace("<details>", "<details open>"))
-    harness.write_text(
-        f"<!DOCTYPE html><iframe style='width:400px;height:4000px;border:0' srcdoc=\"{opened}\"></iframe><script>"
-        "onload = () => { const d = document.querySelector('iframe').contentDocument.documentElement;"
-        "document.title = `${d.clientWidth} ${d.scrollWidth}`; }</script>",
-        encoding="utf-8",
-    )
-    options = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking"
-    more = f"--disable-component-update --disable-sync --hide-scrollbars --user-data-dir={folder / 'profile'}"
-    command = [browser, *options.split(), *more.split(), "--dump-dom", harness.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
-    return re.search("<title>([^<]*)</title>", done.stdout.rpartition("</iframe>")[0] + done.stdout)[1]  # type: ignore[index]
+    assert fits(text, tmp_path)
+    assert would_be_seen(text, tmp_path)
 
 
 def test_the_record_is_of_a_log_with_times(record: Record, page: Page) -> None:
