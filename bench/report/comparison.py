@@ -84,9 +84,10 @@ def method(least: float | None) -> str:
         "Old and new are medians over the logs that both ran on; the change is the typical one, log by log. It is a "
         "regression or a gain where the Wilcoxon signed-rank test, after Holm's correction over all comparisons of its "
         "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval leaves no change out, and it "
-        f"is as large as counts: {counts}. A backend without randomness on the same factors needs no test: where there "
-        "are too few logs for one, what changed is called so on these logs. NEES is compared by how far it is from 1, "
-        "as a factor. A failure counts as worse than any error. A cell that was done and now fails or is skipped, "
+        f"is as large as counts: {counts}. A backend without randomness on factors that are the same to "
+        "the last bit needs no test: where there are too few logs for one, what changed is called so on these "
+        "logs. NEES is compared by how far it is from 1, as a factor. A failure counts as worse "
+        "than any error. A cell that was done and now fails or is skipped, "
         "or has no error or NEES any more, is a regression whatever the statistics."
     )
 

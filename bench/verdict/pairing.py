@@ -82,14 +82,17 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
     rounding = BETWEEN_PROCESSORS if close or not _same_processor(old, new) else 0.0
     if close:
         notes.append(
-            f"{_listed(list(close))}: the same in both runs to rounding, and compared; all differences of a log's "
-            f"numbers together are at most {max(close.values()):.1g} of a standard deviation."
+            f"{_listed(list(close))}: the logs of the two runs differ by rounding alone and are compared. All "
+            "differences of two such logs, each in units of its own standard deviation, have a root sum of squares of "
+            f"at most {max(close.values()):.1g}; up to {ROUNDING:g} counts as rounding."
         )
-    if rounding:
+    if not _same_processor(old, new):
         notes.append(
-            "The runs were made on different processors or logs, whose last bits differ: results within "
-            f"{rounding:g} of their size are the same to rounding."
+            "The runs were made on different processors, whose arithmetic differs in last bits: results within one "
+            "part in a million of each other count as the same."
         )
+    elif close:
+        notes.append("On such logs, results within one part in a million of each other count as the same.")
     if others and any_log:
         notes.append(f"{_listed(others)}: not the same log in both runs, compared by seed as --any-log says.")
     elif others:

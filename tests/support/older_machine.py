@@ -52,5 +52,6 @@ def _flags() -> set[str]:
 
 
 if __name__ == "__main__":
-    kind, *command = sys.argv[1:]
-    os.execvpe(command[0], command, os.environ | environment(kind))
+    if len(sys.argv) < 3 or sys.argv[1] not in KINDS:
+        sys.exit(f"usage: python {sys.argv[0]} {'|'.join(KINDS)} COMMAND ...")
+    os.execvpe(sys.argv[2], sys.argv[2:], os.environ | environment(sys.argv[1]))

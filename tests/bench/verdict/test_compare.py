@@ -225,8 +225,8 @@ def test_logs_that_are_the_same_to_rounding_are_compared_and_named(tmp_path: Pat
     old = sketched(run(tmp_path / "old"), LOGS, 0.0)
     new = sketched(run(tmp_path / "new", ate_m=1.3, nees=1 + 1e-9, digest=lambda seed: f"x{seed}"), LOGS, 0.01)
     notes = facing(side(old), side(new)).notes
-    assert any("the same in both runs to rounding" in note and "0.01 of a standard" in note for note in notes)
-    assert any("within 1e-06 of their size" in note for note in notes)
+    assert any("differ by rounding alone" in note and "at most 0.01; up to 0.1" in note for note in notes)
+    assert any("within one part in a million" in note for note in notes)
     changed = told(old, new)
     assert (changed["ATE online, m"].verdict, changed["ATE online, m"].n) == (REGRESSION, LOGS)
     assert changed["NEES"].verdict == ROUNDED
@@ -246,7 +246,7 @@ def test_other_instructions_allow_for_rounding_and_one_processor_allows_for_none
     elsewhere(old, instructions="avx2")
     elsewhere(new, instructions="avx2 avx512f")
     found = facing(side(old), side(new))
-    assert any("within 1e-06 of their size" in note for note in found.notes)
+    assert any("within one part in a million" in note for note in found.notes)
     assert any("(avx2)" in note and "(avx2 avx512f)" in note and "--any-machine" in note for note in found.notes)
     assert told(old, new)["NEES"].verdict == ROUNDED
 
