@@ -18,8 +18,8 @@ import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
+from .._blas import add_product, add_square
 from .._models import moved, placed, sighted, wrap
-from ._blas import add_product, add_square
 from ._triangle import REAL, add_square_of, put, take
 
 OWED = 48

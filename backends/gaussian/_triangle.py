@@ -10,7 +10,7 @@ import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
-from ._blas import add_product, add_square
+from .._blas import add_product, add_square
 
 PANEL = 1016
 """Rows a panel: even, so that no landmark is parted, and an odd number of cache lines, so that rows do not collide."""

@@ -20,8 +20,8 @@ import numpy as np
 from ...frontend.factors import Map, Prior, Step, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
+from .._blas import routine
 from ..api import Belief, Builder, Diverged, Pose, TruthWanted
-from ._blas import routine
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, STANDARD, frame
 from .compressed import Active
 from .joint import Joint

@@ -16,9 +16,9 @@ import numpy as np
 
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.se2 import Array
+from .._blas import routine
 from ..api import Belief, Builder, Diverged, NoOptions, Pose
 from . import _invariant, _triangle
-from ._blas import routine
 
 SPACE = 64
 """State entries reserved at first."""

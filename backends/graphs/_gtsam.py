@@ -14,7 +14,7 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, Step
 from ...frontend.se2 import Array, Ints, rotation
 from ..models import place
-from .newcomers import Newcomers
+from ..newcomers import Newcomers
 
 FIXED_SD = 1e-6
 """m; how firmly a landmark that is given without covariance is held in place."""

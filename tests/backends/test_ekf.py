@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from random_logs import TextbookKalman, random_log
+from slamduel.backends._blas import routine
 from slamduel.backends.api import Diverged, TruthWanted, WantsTruth
 from slamduel.backends.gaussian import _triangle, compressed
-from slamduel.backends.gaussian._blas import routine
 from slamduel.backends.gaussian.ekf import Ekf, Options, build
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.frontend.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth

@@ -7,8 +7,9 @@ import pytest
 
 from motions import chain
 from random_logs import random_covariance, random_log
+from slamduel.backends import newcomers
 from slamduel.backends.api import Diverged
-from slamduel.backends.graphs import _gtsam, newcomers
+from slamduel.backends.graphs import _gtsam
 from slamduel.backends.registry import find
 from slamduel.datasets import registry as datasets
 from slamduel.frontend.factors import Dataset, Log, Odometry, Prior, RangeBearing, RelativePoses, Step

@@ -8,9 +8,9 @@ import pytest
 from scipy.linalg import expm
 
 from random_logs import random_log
+from slamduel.backends._blas import routine
 from slamduel.backends.api import Diverged
 from slamduel.backends.gaussian import _invariant, _triangle
-from slamduel.backends.gaussian._blas import routine
 from slamduel.backends.gaussian.invariant_ekf import InvariantEkf
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, Step

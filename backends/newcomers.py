@@ -11,9 +11,9 @@ from collections import deque
 
 import numpy as np
 
-from ...frontend.factors import Odometry
-from ...frontend.se2 import Array, between, compose, rotation
-from ..models import place
+from ..frontend.factors import Odometry
+from ..frontend.se2 import Array, between, compose, rotation
+from .models import place
 
 AGREE = 13.82
 """Squared Mahalanobis distance within which 999 of 1000 right pairs are: chi-square of 2 degrees of freedom."""

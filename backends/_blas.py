@@ -73,10 +73,9 @@ def add_product(
     return signature, generate
 
 
-@intrinsic
-def add_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row: Any, c: Any, c_row: Any) -> Any:
-    """The lower triangle of C += sign A' A, where in C order A is (k, n) and C (n, n); the rest as in `add_product`."""
-    del typing, dsyrk, n, k, sign, a, a_row, c, c_row
+def _square(letter: str, typing: Any, of: list[Any]) -> Any:
+    """Signature and code of dsyrk on the triangle that Fortran, which sees C order transposed, names `letter`."""
+    del typing, of  # their types: all are as the signature says
     whole = (types.intp,)
     signature = types.void(*whole * 3, types.float64, *whole * 4)
 
@@ -85,7 +84,19 @@ def add_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row
         dsyrk, n, k, sign, a, a_row, c, c_row = values
         one = ir.Constant(ir.DoubleType(), 1.0)
         a, c = _array(builder, a), _array(builder, c)
-        _call(builder, dsyrk, [_letter("U"), _letter("N"), n, k, sign, a, a_row, one, c, c_row])
+        _call(builder, dsyrk, [_letter(letter), _letter("N"), n, k, sign, a, a_row, one, c, c_row])
         return context.get_dummy_value()
 
     return signature, generate
+
+
+@intrinsic
+def add_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row: Any, c: Any, c_row: Any) -> Any:
+    """The lower triangle of C += sign A' A, where in C order A is (k, n) and C (n, n); the rest as in `add_product`."""
+    return _square("U", typing, [dsyrk, n, k, sign, a, a_row, c, c_row])
+
+
+@intrinsic
+def add_upper_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row: Any, c: Any, c_row: Any) -> Any:
+    """The upper triangle of the same."""
+    return _square("L", typing, [dsyrk, n, k, sign, a, a_row, c, c_row])
