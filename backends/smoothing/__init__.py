@@ -1,0 +1,1 @@
+"""Incremental smoothing in compiled code of its own: factors, elimination, relinearising, covariances."""

@@ -1,0 +1,167 @@
+"""Sightings, the prior and links, linearised and summed into a front: J' W J and -J' W e, written out.
+
+The residual of a motion is the plain difference of poses, between(a, b) - delta with its heading wrapped, in the frame
+before the motion, and that of the prior pose - prior in the world: so the product has J (`bench/measure/misfit.py`).
+GTSAM takes the logarithm of SE(2) instead, which is another J where residuals are large: 2e-5 of itself on Victoria
+Park, whose optimum that moves by 6e-5 m. Offsets are of plain x, y and heading, so covariances are the world's.
+
+A front is a matrix (m, m + 1) in one row of numbers, `w` = m + 1 of them to a row: its upper triangle, and the
+right-hand side in its last column.
+"""
+
+from math import atan2, log, sqrt
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array
+from .._models import wrap
+from ._graph import INFORMATION, LANDMARK, OFFSET, POSE, A, B, Graph
+
+NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)
+"""Robust losses of the sightings."""
+
+
+@compiled
+def weight(kind: float, scale: float, q: float) -> float:
+    """The weight of a sighting whose squared Mahalanobis distance is `q`: the loss's derivative by q / 2."""
+    if kind == NONE:
+        return 1.0
+    if kind == HUBER:
+        return 1.0 if q <= scale * scale else scale / sqrt(q)
+    share = 1.0 / (1.0 + q / (scale * scale))
+    return share if kind == CAUCHY else share * share
+
+
+@compiled
+def loss(kind: float, scale: float, q: float) -> float:
+    """Twice the loss of a sighting whose squared Mahalanobis distance is `q`: q itself where there is no loss."""
+    square = scale * scale
+    if kind == NONE or (kind == HUBER and q <= square):
+        return q
+    if kind == HUBER:
+        return 2 * scale * sqrt(q) - square
+    if kind == CAUCHY:
+        return square * log(1.0 + q / square)
+    return q / (1.0 + q / square)
+
+
+@compiled
+def distance(
+    x: float, y: float, heading: float, mx: float, my: float, seen: Array, s: int
+) -> tuple[float, float, float, float, float]:
+    """Of sighting `s`, from a pose to a landmark at (mx, my): dx, dy, residuals, squared Mahalanobis distance."""
+    dx, dy = mx - x, my - y
+    e0 = sqrt(dx * dx + dy * dy) - seen[s, 0]
+    e1 = wrap(atan2(dy, dx) - heading - seen[s, 1])
+    return dx, dy, e0, e1, seen[s, 2] * e0 * e0 + 2 * seen[s, 3] * e0 * e1 + seen[s, 4] * e1 * e1
+
+
+@compiled
+def add_sighting(g: Graph, s: int, F: Array, w: int, ip: int, il: int) -> None:
+    """Sighting `s` into front F: pose at row `ip`, landmark at row `il`, or at -1 where it is held fixed."""
+    pose, landmark = g.sightings[s, POSE], g.sightings[s, LANDMARK]
+    v = g.values
+    dx, dy, e0, e1, q = distance(v[pose, 0], v[pose, 1], v[pose, 2], v[landmark, 0], v[landmark, 1], g.seen, s)
+    scale = weight(g.settings[0], g.settings[1], q)
+    z0, z1, z2 = scale * g.seen[s, 2], scale * g.seen[s, 3], scale * g.seen[s, 4]
+    r2 = dx * dx + dy * dy
+    r = sqrt(r2)
+    a, b, c, d = dx / r, dy / r, -dy / r2, dx / r2  # by the landmark; by the pose's place minus that, by its heading -1
+    u0, u1 = z0 * e0 + z1 * e1, z1 * e0 + z2 * e1
+    h0, h1 = a * u0 + c * u1, b * u0 + d * u1
+    t0, t1 = a * z1 + c * z2, b * z1 + d * z2
+    p0, p1, q0, q1 = z0 * a + z1 * c, z1 * a + z2 * c, z0 * b + z1 * d, z1 * b + z2 * d
+    xx, xy, yy = a * p0 + c * p1, a * q0 + c * q1, b * q0 + d * q1
+    o = ip * w + ip
+    F[o] += xx
+    F[o + 1] += xy
+    F[o + 2] += t0
+    F[o + w + 1] += yy
+    F[o + w + 2] += t1
+    F[o + 2 * w + 2] += z2
+    o = ip * w + w - 1
+    F[o] += h0
+    F[o + w] += h1
+    F[o + 2 * w] += u1
+    if il < 0:
+        return
+    o = il * w + il
+    F[o] += xx
+    F[o + 1] += xy
+    F[o + w + 1] += yy
+    o = il * w + w - 1
+    F[o] -= h0
+    F[o + w] -= h1
+    if ip < il:
+        o = ip * w + il
+        F[o] -= xx
+        F[o + 1] -= xy
+        F[o + w] -= xy
+        F[o + w + 1] -= yy
+        F[o + 2 * w] -= t0
+        F[o + 2 * w + 1] -= t1
+    else:
+        o = il * w + ip
+        F[o] -= xx
+        F[o + 1] -= xy
+        F[o + 2] -= t0
+        F[o + w] -= xy
+        F[o + w + 1] -= yy
+        F[o + w + 2] -= t1
+
+
+@compiled
+def add_pose(W: Array, k: int, e0: float, e1: float, e2: float, F: Array, w: int, ip: int) -> None:
+    """Information W[k : k + 6] (xx, xy, xt, yy, yt, tt) about a pose whose offset is told to be (e0, e1, e2)."""
+    xx, xy, xt, yy, yt, tt = W[k], W[k + 1], W[k + 2], W[k + 3], W[k + 4], W[k + 5]
+    o = ip * w + ip
+    F[o] += xx
+    F[o + 1] += xy
+    F[o + 2] += xt
+    F[o + w + 1] += yy
+    F[o + w + 2] += yt
+    F[o + 2 * w + 2] += tt
+    o = ip * w + w - 1
+    F[o] += xx * e0 + xy * e1 + xt * e2
+    F[o + w] += xy * e0 + yy * e1 + yt * e2
+    F[o + 2 * w] += xt * e0 + yt * e1 + tt * e2
+
+
+@compiled
+def add_link(g: Graph, k: int, F: Array, w: int, ia: int, ib: int) -> None:
+    """Link `k` into front F, its poses' scalars from rows `ia` and `ib` on.
+
+    It says that b = G a + offset, G = [1, 0, gx; 0, 1, gy; 0, 0, 1], with its information W: see `_links`.
+    """
+    W = g.linked[k]
+    before, after = g.links[k, A], g.links[k, B]
+    gx = g.values[before, 1] - g.values[after, 1]
+    gy = g.values[after, 0] - g.values[before, 0]
+    e0, e1, e2 = W[OFFSET], W[OFFSET + 1], W[OFFSET + 2]
+    add_pose(W, INFORMATION, e0, e1, e2, F, w, ib)
+    xx, xy, xt = W[INFORMATION], W[INFORMATION + 1], W[INFORMATION + 2]
+    yy, yt, tt = W[INFORMATION + 3], W[INFORMATION + 4], W[INFORMATION + 5]
+    sx, sy, st = gx * xx + gy * xy + xt, gx * xy + gy * yy + yt, gx * xt + gy * yt + tt  # the last row of G' W
+    o = ia * w + ia
+    F[o] += xx
+    F[o + 1] += xy
+    F[o + 2] += sx
+    F[o + w + 1] += yy
+    F[o + w + 2] += sy
+    F[o + 2 * w + 2] += gx * sx + gy * sy + st
+    o = ia * w + w - 1
+    F[o] -= xx * e0 + xy * e1 + xt * e2
+    F[o + w] -= xy * e0 + yy * e1 + yt * e2
+    F[o + 2 * w] -= sx * e0 + sy * e1 + st * e2
+    if ia < ib:
+        o, down, right = ia * w + ib, w, 1
+    else:
+        o, down, right = ib * w + ia, 1, w
+    F[o] -= xx
+    F[o + right] -= xy
+    F[o + 2 * right] -= xt
+    F[o + down] -= xy
+    F[o + down + right] -= yy
+    F[o + down + 2 * right] -= yt
+    F[o + 2 * down] -= sx
+    F[o + 2 * down + right] -= sy
+    F[o + 2 * down + 2 * right] -= st

@@ -1,0 +1,252 @@
+"""Eliminating cliques: a front is summed from factors and children, eliminated, and kept as [R d] and an update matrix.
+
+So is the root, anew at every step, with the last pose last: its offset and its covariance follow from the last rows.
+That part of the root which comes from cliques that do not know the pose is kept summed (`rest`).
+"""
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array
+from .._models import wrap
+from ._cholesky import factor
+from ._factors import add_link, add_pose, add_sighting
+from ._graph import (
+    BOUND,
+    CHILD,
+    DSYRK,
+    END,
+    FACTOR,
+    FAILED,
+    FAR,
+    FIRST,
+    FRONT,
+    FRONTALS,
+    LANDMARK,
+    LAST,
+    LISTED,
+    MEMBERS,
+    NEAR,
+    NEXT,
+    PLACE,
+    RESUM,
+    ROOT,
+    SIZE,
+    TODO,
+    UPDATE,
+    WIDTH,
+    WORK,
+    A,
+    B,
+    Graph,
+)  # fmt: skip
+from ._links import inverse, motion_offset
+
+
+@compiled
+def places(g: Graph, c: int) -> int:
+    """Where the scalars of clique `c`'s separators stand, by their variables' PLACE, into `index`; how many."""
+    n = 0
+    start = g.cliques[c, LISTED]
+    for t in range(start + g.cliques[c, FRONTALS], start + g.cliques[c, MEMBERS]):
+        v = g.ints[t]
+        at = g.variables[v, PLACE]
+        for i in range(g.variables[v, WIDTH]):
+            g.index[n] = at + i
+            n += 1
+    return n
+
+
+@compiled
+def add_child(g: Graph, c: int, F: Array, w: int) -> None:
+    """Clique `c`'s update matrix into front F, whose rows have `w` numbers."""
+    n = places(g, c)
+    o = g.cliques[c, UPDATE]
+    for i in range(n):
+        a = g.index[i]
+        row = a * w
+        for j in range(i, n):
+            b = g.index[j]
+            if a <= b:
+                F[row + b] += g.reals[o]
+            else:
+                F[b * w + a] += g.reals[o]
+            o += 1
+        F[row + w - 1] += g.reals[o]
+        o += 1
+
+
+@compiled
+def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
+    """What was sighted from a pose into front F."""
+    ip = g.variables[pose, PLACE]
+    for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
+        landmark = g.sightings[s, LANDMARK]
+        if landmark >= 0:
+            add_sighting(g, s, F, w, ip, g.variables[landmark, PLACE] if g.variables[landmark, WIDTH] else -1)
+
+
+@compiled
+def add_prior(g: Graph, F: Array, w: int) -> None:
+    """The belief at step 0, a motion and its covariance from nowhere, into front F."""
+    p = g.steps[0]
+    e = motion_offset(0.0, 0.0, 0.0, p[9], p[10], p[11], p[0], p[1], p[2])
+    W = np.empty(6)
+    if inverse(p, 3, W, 0):
+        add_pose(W, 0, e[0], e[1], e[2], F, w, g.variables[0, PLACE])
+    else:
+        g.state[FAILED] = 1
+
+
+@compiled
+def refresh_given(g: Graph, c: int) -> None:
+    """The right-hand side of a given map's information: what it says of offsets from where its landmarks are now."""
+    start, n = g.cliques[c, LISTED], g.cliques[c, MEMBERS]
+    o, f = g.cliques[c, UPDATE], g.cliques[c, FACTOR]
+    m = 2 * n
+    off = g.work  # the root's front is made anew after this
+    for i in range(m):
+        off[i] = g.reals[f + i] - g.values[g.ints[start + i // 2], i % 2]
+        off[m + i] = 0.0
+    at = o
+    for i in range(m):
+        for j in range(i, m):
+            a = g.reals[at]
+            off[m + i] += a * off[j]
+            if j > i:
+                off[m + j] += a * off[i]
+            at += 1
+        at += 1
+    at = o
+    for i in range(m):
+        at += m - i
+        g.reals[at] = off[m + i]
+        at += 1
+
+
+@compiled
+def eliminate(g: Graph, c: int) -> None:
+    """Sum clique `c`'s front and eliminate it."""
+    q = g.cliques[c]
+    if q[FRONTALS] == 0:
+        refresh_given(g, c)
+        return
+    start, m, front = q[LISTED], q[SIZE], q[FRONT]
+    w = m + 1
+    F = g.work
+    F[: m * w] = 0.0
+    place = 0
+    for t in range(start, start + q[MEMBERS]):
+        g.variables[g.ints[t], PLACE] = place
+        place += g.variables[g.ints[t], WIDTH]
+    for t in range(start, start + q[FRONTALS]):
+        v = g.ints[t]
+        if g.variables[v, WIDTH] == 3:
+            add_sightings(g, v, F, w)
+            if v == 0:
+                add_prior(g, F, w)
+    for t in range(start + q[MEMBERS], start + q[MEMBERS] + q[BOUND]):
+        k = g.ints[t]
+        add_link(g, k, F, w, g.variables[g.links[k, A], PLACE], g.variables[g.links[k, B], PLACE])
+    child = q[CHILD]
+    while child > 0:
+        add_child(g, child, F, w)
+        child = g.cliques[child, NEXT]
+    g.state[WORK] += front * m * m
+    if not factor(F, m, front, g.state[DSYRK]):
+        g.state[FAILED] = 1
+        return
+    n = front * w
+    g.reals[q[FACTOR] : q[FACTOR] + n] = F[:n]
+    o = q[UPDATE]
+    for i in range(front, m):
+        b = i * w
+        for j in range(i, w):
+            g.reals[o + j - i] = F[b + j]
+        o += w - i
+
+
+@compiled
+def sum_rest(g: Graph, w: int) -> None:
+    """Sum what the root has from cliques that do not know its pose; `w` numbers to a row."""
+    n = 2 * g.state[ROOT]
+    for i in range(n):
+        g.rest[i * w + i : i * w + n] = 0.0
+        g.rest[i * w + w - 1] = 0.0
+    for t in range(g.state[ROOT]):
+        g.variables[g.root[t], PLACE] = 2 * t
+    child = g.state[FAR]
+    while child > 0:
+        add_child(g, child, g.rest, w)
+        child = g.cliques[child, NEXT]
+
+
+@compiled
+def factor_root(g: Graph) -> int:
+    """The root's [R d] in `work`, the pose last; its scalars."""
+    n = 2 * g.state[ROOT]
+    pose = g.state[LAST]
+    m = n + 3
+    w = m + 1
+    wide = 2 * len(g.root) + 1
+    F = g.work
+    F[: m * w] = 0.0
+    for i in range(n):
+        for j in range(i, n):
+            F[i * w + j] = g.rest[i * wide + j]
+        F[i * w + m] = g.rest[i * wide + wide - 1]
+    for t in range(g.state[ROOT]):
+        g.variables[g.root[t], PLACE] = 2 * t
+    g.variables[pose, PLACE] = n
+    child = g.state[NEAR]
+    while child > 0:
+        add_child(g, child, F, w)
+        child = g.cliques[child, NEXT]
+    add_sightings(g, pose, F, w)
+    if pose == 0:
+        add_prior(g, F, w)
+    if not factor(F, m, m, g.state[DSYRK]):
+        g.state[FAILED] = 1
+    return m
+
+
+@compiled
+def last_pose(g: Graph, m: int, pose: Array, cov: Array) -> None:
+    """The last pose (3,) and its covariance (3, 3), from the root's last rows."""
+    F, w = g.work, m + 1
+    o = (m - 3) * w + m - 3
+    a, b, c, d = F[o], F[o + 1], F[o + 2], F[o + 3]
+    e, f, h = F[o + w + 1], F[o + w + 2], F[o + w + 3]
+    k, n = F[o + 2 * w + 2], F[o + 2 * w + 3]
+    y2 = n / k
+    y1 = (h - f * y2) / e
+    y0 = (d - b * y1 - c * y2) / a
+    v = g.values[g.state[LAST]]
+    pose[0], pose[1], pose[2] = v[0] + y0, v[1] + y1, wrap(v[2] + y2)
+    i0, i1, i2 = 1.0 / a, 1.0 / e, 1.0 / k
+    i01, i12 = -b * i0 * i1, -f * i1 * i2
+    i02 = -(c * i2 + b * i12) * i0
+    cov[0, 0] = i0 * i0 + i01 * i01 + i02 * i02
+    cov[1, 1] = i1 * i1 + i12 * i12
+    cov[2, 2] = i2 * i2
+    cov[0, 1] = cov[1, 0] = i01 * i1 + i02 * i12
+    cov[0, 2] = cov[2, 0] = i02 * i2
+    cov[1, 2] = cov[2, 1] = i12 * i2
+
+
+@compiled
+def solve(g: Graph, pose: Array, cov: Array) -> bool:
+    """Eliminate what is to do, and the root; the last pose and its covariance. False where J is flat somewhere."""
+    for t in range(g.state[TODO]):
+        eliminate(g, g.todo[t])
+        if g.state[FAILED]:
+            return False
+    g.state[TODO] = 0
+    if g.state[RESUM]:
+        sum_rest(g, 2 * len(g.root) + 1)
+        g.state[RESUM] = 0
+    m = factor_root(g)
+    if g.state[FAILED]:
+        return False
+    last_pose(g, m, pose, cov)
+    return True

@@ -1,0 +1,181 @@
+"""Motions one after another as one factor between two poses, in covariance form; and the poses in between.
+
+Linearised about poses a and b, a motion says that b's offset is G times a's plus an offset plus noise, where
+
+    G = [1, 0, -(yb - ya); 0, 1, xb - xa; 0, 0, 1]
+
+depends on the two places alone (Smith, Self and Cheeseman's compounding), so that these multiply to the same form. The
+noise's covariance is summed up forwards, as dead reckoning's is, which loses no digits however long the way: summed up
+in information form, the difference of two nearly equal matrices at every step would be all that is left.
+"""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array
+from .._models import wrap
+from ._graph import COVARIANCE, DELTA, INFORMATION, LOOP, MOTION, NOISE, OFFSET, POINT, STEP, A, B, Graph
+
+
+@compiled
+def moved_on(S: Array, gx: float, gy: float) -> None:
+    """S = G S G' for a covariance S (6,): xx, xy, xt, yy, yt, tt."""
+    xt, yt, tt = S[2], S[4], S[5]
+    S[0] += 2 * gx * xt + gx * gx * tt
+    S[1] += gx * yt + gy * xt + gx * gy * tt
+    S[3] += 2 * gy * yt + gy * gy * tt
+    S[2] = xt + gx * tt
+    S[4] = yt + gy * tt
+
+
+@compiled
+def add_turned(S: Array, c: float, s: float, Q: Array, k: int) -> None:
+    """S += R Q R' for Q[k : k + 6], R turning by the angle of cosine `c` and sine `s`."""
+    xx, xy, xt, yy, yt, tt = Q[k], Q[k + 1], Q[k + 2], Q[k + 3], Q[k + 4], Q[k + 5]
+    S[0] += c * c * xx - 2 * c * s * xy + s * s * yy
+    S[1] += c * s * (xx - yy) + (c * c - s * s) * xy
+    S[2] += c * xt - s * yt
+    S[3] += s * s * xx + 2 * c * s * xy + c * c * yy
+    S[4] += s * xt + c * yt
+    S[5] += tt
+
+
+@compiled
+def inverse(S: Array, i: int, W: Array, k: int) -> bool:
+    """W[k : k + 6] = S^-1 for a covariance S[i : i + 6], by its Cholesky factor; False where that is not one."""
+    if not S[i] > 0.0:
+        return False
+    a = 1.0 / sqrt(S[i])
+    l10, l20 = S[i + 1] * a, S[i + 2] * a
+    d = S[i + 3] - l10 * l10
+    if not d > 0.0:
+        return False
+    b = 1.0 / sqrt(d)
+    l21 = (S[i + 4] - l20 * l10) * b
+    d = S[i + 5] - l20 * l20 - l21 * l21
+    if not d > 0.0:
+        return False
+    c = 1.0 / sqrt(d)
+    i10 = -l10 * a * b
+    i21 = -l21 * b * c
+    i20 = -(l20 * a + l21 * i10) * c
+    W[k] = a * a + i10 * i10 + i20 * i20
+    W[k + 1] = i10 * b + i20 * i21
+    W[k + 2] = i20 * c
+    W[k + 3] = b * b + i21 * i21
+    W[k + 4] = i21 * c
+    W[k + 5] = c * c
+    return True
+
+
+@compiled
+def motion_offset(
+    x: float, y: float, heading: float, x2: float, y2: float, heading2: float, dx: float, dy: float, turn: float
+) -> tuple[float, float, float, float, float]:
+    """How far the motion from one pose ends from the other, in the world; cosine and sine of the first heading."""
+    c, s = cos(heading), sin(heading)
+    return x + c * dx - s * dy - x2, y + s * dx + c * dy - y2, wrap(heading + turn - heading2), c, s
+
+
+@compiled
+def carry(g: Graph, k: int, off: Array, S: Array) -> None:
+    """Take offset `off` (3,) and covariance S (6,) of step k - 1 to step k."""
+    p, q = g.steps[k - 1], g.steps[k]
+    x, y, heading, x2, y2 = p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1]
+    e0, e1, e2, c, s = motion_offset(x, y, heading, x2, y2, q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2])
+    gx, gy = y - y2, x2 - x
+    off[0] += gx * off[2] + e0
+    off[1] += gy * off[2] + e1
+    off[2] += e2
+    moved_on(S, gx, gy)
+    add_turned(S, c, s, q, NOISE)
+
+
+@compiled
+def relink(g: Graph, k: int) -> bool:
+    """Linearise link `k` where its poses are; False where its covariance is not positive definite."""
+    first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
+    L = g.linked[k]
+    S = np.zeros(6)
+    if g.links[k, LOOP]:
+        p, q = g.steps[first], g.steps[last]
+        e0, e1, e2, c, s = motion_offset(
+            p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1], q[POINT + 2],
+            L[MOTION], L[MOTION + 1], L[MOTION + 2],
+        )  # fmt: skip
+        L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = e0, e1, e2
+        add_turned(S, c, s, L, COVARIANCE)
+    else:
+        off = np.zeros(3)
+        for j in range(first + 1, last + 1):
+            carry(g, j, off, S)
+        L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = off[0], off[1], off[2]
+    return inverse(S, 0, L, INFORMATION)
+
+
+@compiled
+def gain(S: Array, N: Array, K: Array) -> bool:
+    """K (3, 3) = S (S + N)^-1 for covariances S, N (6,)."""
+    T, W = np.empty(6), np.empty(6)
+    for i in range(6):
+        T[i] = S[i] + N[i]
+    if not inverse(T, 0, W, 0):
+        return False
+    for i in range(3):
+        s0, s1, s2 = S[i], S[i + 1 if i == 0 else (3 if i == 1 else 4)], S[2 if i == 0 else (4 if i == 1 else 5)]
+        K[i, 0] = s0 * W[0] + s1 * W[1] + s2 * W[2]
+        K[i, 1] = s0 * W[1] + s1 * W[3] + s2 * W[4]
+        K[i, 2] = s0 * W[2] + s1 * W[4] + s2 * W[5]
+    return True
+
+
+@compiled
+def inner(g: Graph, first: int, last: int, out: Array) -> None:
+    """How the poses between steps `first` and `last` follow from those two: rows of `out` (last - first - 1, 27).
+
+    The offset of the pose in row i is Ga a + Gb b + h, a and b being those of the two, with a covariance C left: in a
+    row there are Ga (9), Gb (9), h (3) and C (6). What the way to the pose and the way from it say of it is weighed by
+    their covariances S and N: the gain is K = S (S + N)^-1, and C = K N.
+    """
+    n = last - first - 1
+    S, off, K = np.zeros(6), np.zeros(3), np.empty((3, 3))
+    for i in range(n):
+        carry(g, first + 1 + i, off, S)
+        out[i, 0:6] = S
+        out[i, 18:21] = off
+    N, back = np.zeros(6), np.zeros(3)  # of the pose as seen from `last`
+    ax, ay = g.steps[first, POINT], g.steps[first, POINT + 1]
+    bx, by = g.steps[last, POINT], g.steps[last, POINT + 1]
+    for i in range(n - 1, -1, -1):
+        p, q = g.steps[first + 1 + i], g.steps[first + 2 + i]
+        x, y, x2, y2 = p[POINT], p[POINT + 1], q[POINT], q[POINT + 1]
+        e0, e1, e2, c, s = motion_offset(x, y, p[POINT + 2], x2, y2, q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2])
+        add_turned(N, c, s, q, NOISE)
+        gx, gy = y2 - y, x - x2  # back along the motion
+        moved_on(N, gx, gy)
+        for j, e in ((0, e0), (1, e1), (2, e2)):
+            back[j] -= e
+        back[0] += gx * back[2]
+        back[1] += gy * back[2]
+        row = out[i]
+        S = row[0:6].copy()
+        f0, f1, f2 = row[18], row[19], row[20]
+        ok = gain(S, N, K)
+        if not ok:
+            K[:] = 0.0
+        ux, uy = ay - y, x - ax  # from first to here
+        vx, vy = by - y, x - bx  # from last back to here
+        for r in range(3):
+            k0, k1, k2 = K[r, 0], K[r, 1], K[r, 2]
+            i0, i1, i2 = (1.0 if r == 0 else 0.0) - k0, (1.0 if r == 1 else 0.0) - k1, (1.0 if r == 2 else 0.0) - k2
+            row[3 * r], row[3 * r + 1], row[3 * r + 2] = i0, i1, i0 * ux + i1 * uy + i2
+            row[9 + 3 * r], row[10 + 3 * r], row[11 + 3 * r] = k0, k1, k0 * vx + k1 * vy + k2
+            row[18 + r] = i0 * f0 + i1 * f1 + i2 * f2 + k0 * back[0] + k1 * back[1] + k2 * back[2]
+        row[21] = K[0, 0] * N[0] + K[0, 1] * N[1] + K[0, 2] * N[2]
+        row[22] = K[0, 0] * N[1] + K[0, 1] * N[3] + K[0, 2] * N[4]
+        row[23] = K[0, 0] * N[2] + K[0, 1] * N[4] + K[0, 2] * N[5]
+        row[24] = K[1, 0] * N[1] + K[1, 1] * N[3] + K[1, 2] * N[4]
+        row[25] = K[1, 0] * N[2] + K[1, 1] * N[4] + K[1, 2] * N[5]
+        row[26] = K[2, 0] * N[2] + K[2, 1] * N[4] + K[2, 2] * N[5]

@@ -1,0 +1,197 @@
+"""Writing down what a step brings: its motion, pose, sightings and links."""
+
+from math import cos, sin
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._models import moved
+from ._graph import (
+    CLIQUE,
+    DELTA,
+    END,
+    FIRST,
+    LANDMARK,
+    LINK,
+    LINKS,
+    LOOP,
+    MARK,
+    NEXT_A,
+    NEXT_B,
+    NO_VARIABLE,
+    NOISE,
+    PENDING,
+    POINT,
+    POSE,
+    SIGHTINGS,
+    SLOT,
+    STEP,
+    STEPS,
+    VARIABLES,
+    WIDTH,
+    A,
+    B,
+    Graph,
+)  # fmt: skip
+from ._links import add_turned, moved_on, relink
+
+
+@compiled
+def covariance_of(S: Array, k: int, C: Array) -> None:
+    """C (3, 3) from its six numbers S[k : k + 6]."""
+    C[0, 0], C[0, 1], C[0, 2] = S[k], S[k + 1], S[k + 2]
+    C[1, 0], C[1, 1], C[1, 2] = S[k + 1], S[k + 3], S[k + 4]
+    C[2, 0], C[2, 1], C[2, 2] = S[k + 2], S[k + 4], S[k + 5]
+
+
+@compiled
+def six(C: Array, S: Array, k: int) -> None:
+    """S[k : k + 6], the six numbers of C (3, 3)."""
+    S[k], S[k + 1], S[k + 2] = C[0, 0], (C[0, 1] + C[1, 0]) / 2, (C[0, 2] + C[2, 0]) / 2
+    S[k + 3], S[k + 4], S[k + 5] = C[1, 1], (C[1, 2] + C[2, 1]) / 2, C[2, 2]
+
+
+@compiled
+def move(g: Graph, motion: Array, motion_cov: Array, pose: Array, cov: Array) -> None:
+    """Write the next step down, and take the last pose (3,) and its covariance (3, 3) to it by its motion.
+
+    At step 0 the belief there stands in the place of the motion, and `pose` and `cov` are the same.
+    """
+    k = g.state[STEPS]
+    g.state[STEPS] = k + 1
+    q = g.steps[k]
+    for i in range(3):
+        q[DELTA + i] = motion[i]
+    six(motion_cov, q, NOISE)
+    g.at[k] = PENDING
+    if k > 0:
+        x, y, c, s = pose[0], pose[1], cos(pose[2]), sin(pose[2])
+        pose[0], pose[1], pose[2] = moved(x, y, pose[2], motion[0], motion[1], motion[2])
+        S = np.empty(6)
+        six(cov, S, 0)
+        moved_on(S, y - pose[1], pose[0] - x)
+        add_turned(S, c, s, q, NOISE)
+        covariance_of(S, 0, cov)
+    for i in range(3):
+        q[POINT + i] = pose[i]
+
+
+@compiled
+def add_variable(g: Graph, width: int, x: float, y: float, heading: float) -> int:
+    """A variable of `width` scalars, 0 where it is held fixed."""
+    v = g.state[VARIABLES]
+    g.state[VARIABLES] = v + 1
+    row = g.variables[v]
+    row[WIDTH], row[CLIQUE], row[SLOT], row[MARK] = width, 0, -1, 0
+    row[FIRST], row[END], row[LINK], row[STEP] = 0, 0, -1, -1
+    g.values[v, 0], g.values[v, 1], g.values[v, 2] = x, y, heading
+    return v
+
+
+@compiled
+def add_pose_at(g: Graph, k: int) -> int:
+    """The pose of step `k` becomes a variable."""
+    q = g.steps[k]
+    v = add_variable(g, 3, q[POINT], q[POINT + 1], q[POINT + 2])
+    g.variables[v, STEP] = k
+    g.variables[v, FIRST] = g.variables[v, END] = g.state[SIGHTINGS]
+    g.at[k] = v
+    return v
+
+
+@compiled
+def hang(g: Graph, k: int) -> None:
+    """Put link `k` into the lists of its poses."""
+    a, b = g.links[k, A], g.links[k, B]
+    g.links[k, NEXT_A], g.variables[a, LINK] = g.variables[a, LINK], k
+    g.links[k, NEXT_B], g.variables[b, LINK] = g.variables[b, LINK], k
+
+
+@compiled
+def unhang(g: Graph, k: int, v: int) -> None:
+    """Take link `k` out of variable `v`'s list."""
+    last, one = -1, g.variables[v, LINK]
+    while one >= 0:
+        after = g.links[one, NEXT_A if g.links[one, A] == v else NEXT_B]
+        if one == k:
+            if last < 0:
+                g.variables[v, LINK] = after
+            else:
+                g.links[last, NEXT_A if g.links[last, A] == v else NEXT_B] = after
+            return
+        last, one = one, after
+
+
+@compiled
+def add_link_between(g: Graph, a: int, b: int) -> bool:
+    """The motions from pose `a` to pose `b`, a later one, as a link; False where they are no covariance."""
+    k = g.state[LINKS]
+    g.state[LINKS] = k + 1
+    g.links[k, A], g.links[k, B], g.links[k, LOOP] = a, b, 0
+    hang(g, k)
+    for j in range(g.variables[a, STEP] + 1, g.variables[b, STEP]):
+        g.at[j] = NO_VARIABLE - 1 - k
+    return relink(g, k)
+
+
+@compiled
+def add_pose_after(g: Graph, before: int, k: int) -> int:
+    """The pose of step `k` as a variable, linked to the one before it unless that is NO_VARIABLE.
+
+    Returns NO_VARIABLE where the motions between the two have no covariance.
+    """
+    v = add_pose_at(g, k)
+    if before >= 0 and not add_link_between(g, before, v):
+        return NO_VARIABLE
+    return v
+
+
+@compiled
+def add_sightings_of(g: Graph, pose: int, landmarks: Ints, z: Array, z_cov: Array, k: int) -> int:
+    """Write down `k` sightings from the newest pose; how many are of landmarks outside the root.
+
+    `landmarks` are variables, or NO_VARIABLE for what is held back.
+    """
+    s = g.state[SIGHTINGS]
+    outside = 0
+    for i in range(k):
+        v = landmarks[i]
+        g.sightings[s, LANDMARK], g.sightings[s, POSE] = v, pose
+        g.seen[s, 0], g.seen[s, 1] = z[i, 0], z[i, 1]
+        d = 1.0 / (z_cov[i, 0, 0] * z_cov[i, 1, 1] - z_cov[i, 0, 1] * z_cov[i, 1, 0])
+        g.seen[s, 2], g.seen[s, 4] = z_cov[i, 1, 1] * d, z_cov[i, 0, 0] * d
+        g.seen[s, 3] = -0.5 * (z_cov[i, 0, 1] + z_cov[i, 1, 0]) * d
+        if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
+            outside += 1
+        s += 1
+    g.state[SIGHTINGS] = s
+    g.variables[pose, END] = s
+    return outside
+
+
+@compiled
+def split(g: Graph, step: int) -> int:
+    """The pose of a step in the middle of a link becomes a variable, and the link two."""
+    k = NO_VARIABLE - 1 - g.at[step]
+    b = g.links[k, B]
+    v = add_pose_at(g, step)
+    unhang(g, k, b)
+    g.links[k, B] = v
+    g.links[k, NEXT_B], g.variables[v, LINK] = g.variables[v, LINK], k
+    if not relink(g, k) or not add_link_between(g, v, b):
+        return NO_VARIABLE
+    return v
+
+
+@compiled
+def add_loop(g: Graph, a: int, b: int, delta: Array, cov: Array) -> bool:
+    """A loop closure, where pose `b` stands seen from pose `a`; False where its covariance is none."""
+    k = g.state[LINKS]
+    g.state[LINKS] = k + 1
+    g.links[k, A], g.links[k, B], g.links[k, LOOP] = a, b, 1
+    for i in range(3):
+        g.linked[k, 9 + i] = delta[i]
+    six(cov, g.linked[k], 12)
+    hang(g, k)
+    return relink(g, k)

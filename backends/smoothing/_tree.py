@@ -1,0 +1,208 @@
+"""The forest of cliques: what a plain step adds to it, and what a new ordering puts in the place of a part of it."""
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Ints
+from ._graph import (
+    BOUND,
+    CHILD,
+    CLIQUE,
+    CLIQUES,
+    END,
+    FACTOR,
+    FAR,
+    FIRST,
+    FLAG,
+    FRONT,
+    FRONTALS,
+    GIVEN,
+    GIVEN_INTS,
+    GIVEN_REALS,
+    INTS,
+    LANDMARK,
+    LAST,
+    LINK,
+    LISTED,
+    MARK,
+    MEMBERS,
+    NEAR,
+    NEXT,
+    PARENT,
+    REALS,
+    RESUM,
+    ROOT,
+    SIZE,
+    SLOT,
+    SPARE,
+    STAMP,
+    TODO,
+    UPDATE,
+    WIDTH,
+    Graph,
+    release_ints,
+    release_reals,
+    reserve_ints,
+    reserve_reals,
+    triangle,
+)  # fmt: skip
+
+
+@compiled
+def new_clique(g: Graph, frontals: int, members: int, bound: int, front: int, size: int) -> int:
+    """A clique of so many variables, links and scalars, its lists still empty."""
+    c = g.state[SPARE]
+    if c > 0:
+        g.state[SPARE] = g.cliques[c, NEXT]
+    else:
+        c = g.state[CLIQUES]
+        g.state[CLIQUES] = c + 1
+    q = g.cliques[c]
+    q[PARENT], q[FRONTALS], q[MEMBERS], q[FRONT], q[SIZE], q[BOUND] = 0, frontals, members, front, size, bound
+    q[CHILD], q[NEXT], q[FLAG] = 0, 0, 0
+    q[LISTED] = reserve_ints(g, members + bound)
+    q[FACTOR] = reserve_reals(g, front * (size + 1))
+    q[UPDATE] = reserve_reals(g, triangle(size - front))
+    return c
+
+
+@compiled
+def drop_clique(g: Graph, c: int) -> None:
+    """Clique `c` is no more."""
+    q = g.cliques[c]
+    release_ints(g, q[LISTED], q[MEMBERS] + q[BOUND])
+    release_reals(g, q[FACTOR], q[FRONT] * (q[SIZE] + 1))
+    release_reals(g, q[UPDATE], triangle(q[SIZE] - q[FRONT]))
+    q[NEXT] = g.state[SPARE]
+    q[SIZE] = 0
+    g.state[SPARE] = c
+
+
+@compiled
+def into_root(g: Graph, v: int) -> None:
+    """Landmark `v` is one of the root's."""
+    t = g.state[ROOT]
+    g.state[ROOT] = t + 1
+    g.root[t] = v
+    g.variables[v, SLOT], g.variables[v, CLIQUE] = t, 0
+    wide = 2 * len(g.root) + 1
+    for i in range(2 * t + 2):
+        o = i * wide
+        g.rest[o + 2 * t] = g.rest[o + 2 * t + 1] = 0.0
+    g.rest[2 * t * wide + wide - 1] = g.rest[(2 * t + 1) * wide + wide - 1] = 0.0
+
+
+@compiled
+def advance(g: Graph, x: int) -> None:
+    """The last pose is eliminated in favour of `x`, which sees landmarks of the root and new ones alone."""
+    enter(g, x)
+    a, stamp = g.state[LAST], g.state[STAMP] + 1
+    g.state[STAMP] = stamp
+    for s in range(g.variables[a, FIRST], g.variables[a, END]):
+        v = g.sightings[s, LANDMARK]
+        if v >= 0:
+            g.variables[v, MARK] = stamp
+    child = g.state[NEAR]
+    while child > 0:
+        start = g.cliques[child, LISTED]
+        for t in range(start + g.cliques[child, FRONTALS], start + g.cliques[child, MEMBERS]):
+            g.variables[g.ints[t], MARK] = stamp
+        child = g.cliques[child, NEXT]
+    n = 0
+    for t in range(g.state[ROOT]):
+        if g.variables[g.root[t], MARK] == stamp:
+            n += 1
+    c = new_clique(g, 1, n + 2, 1, 3, 2 * n + 6)
+    q = g.cliques[c]
+    o = q[LISTED]
+    g.ints[o] = a
+    o += 1
+    for t in range(g.state[ROOT]):
+        if g.variables[g.root[t], MARK] == stamp:
+            g.ints[o] = g.root[t]
+            o += 1
+    g.ints[o], g.ints[o + 1] = x, g.variables[x, LINK]
+    q[CHILD] = g.state[NEAR]
+    child = q[CHILD]
+    while child > 0:
+        g.cliques[child, PARENT] = c
+        child = g.cliques[child, NEXT]
+    g.variables[a, CLIQUE] = c
+    g.state[NEAR], g.state[LAST] = c, x
+    g.todo[g.state[TODO]] = c
+    g.state[TODO] += 1
+
+
+@compiled
+def enter(g: Graph, x: int) -> None:
+    """What is sighted from pose `x` is in the root, if it was not."""
+    for s in range(g.variables[x, FIRST], g.variables[x, END]):
+        v = g.sightings[s, LANDMARK]
+        if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
+            into_root(g, v)
+
+
+@compiled
+def clear(g: Graph) -> None:
+    """No cliques but those of a given map."""
+    g.state[CLIQUES], g.state[SPARE] = 1 + g.state[GIVEN], 0
+    g.state[INTS], g.state[REALS] = g.state[GIVEN_INTS], g.state[GIVEN_REALS]
+    g.free[:] = -1
+    g.state[NEAR] = g.state[FAR] = 0
+    for c in range(g.state[GIVEN]):
+        g.todo[c] = 1 + c
+    g.state[TODO] = g.state[GIVEN]
+
+
+@compiled
+def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int, left: Ints, everything: bool) -> None:
+    """Put the `count` cliques of `plan` in the place of those `opened`: see `_ordering.plan` for how it is written.
+
+    The root becomes pose `x` and the landmarks `wanted`, with the cliques `left` as its children.
+    """
+    for t in range(g.state[ROOT]):
+        g.variables[g.root[t], SLOT] = -1
+    if everything:
+        clear(g)
+    else:
+        for t in range(len(opened)):
+            drop_clique(g, opened[t])
+    made = np.empty(count, np.int64)
+    at = 0
+    for i in range(count):
+        frontals, members, bound, children = plan[at], plan[at + 1], plan[at + 2], plan[at + 3]
+        front, size = plan[at + 4], plan[at + 5]
+        at += 6
+        c = new_clique(g, frontals, members, bound, front, size)
+        made[i] = c
+        o = g.cliques[c, LISTED]
+        for t in range(members + bound):
+            g.ints[o + t] = plan[at + t]
+        for t in range(frontals):
+            g.variables[plan[at + t], CLIQUE] = c
+        at += members + bound
+        for t in range(children):
+            child = plan[at + t]
+            if child < 0:
+                child = made[-1 - child]
+            g.cliques[child, PARENT] = c
+            g.cliques[child, NEXT] = g.cliques[c, CHILD]
+            g.cliques[c, CHILD] = child
+        at += children
+        g.todo[g.state[TODO]] = c
+        g.state[TODO] += 1
+    g.state[ROOT] = g.state[NEAR] = g.state[FAR] = 0
+    for t in range(len(wanted)):
+        into_root(g, wanted[t])
+    g.state[LAST], g.variables[x, CLIQUE] = x, 0
+    for t in range(len(left)):
+        c = left[t] if left[t] >= 0 else made[-1 - left[t]]
+        q = g.cliques[c]
+        q[PARENT] = 0
+        near = False
+        for u in range(q[LISTED] + q[FRONTALS], q[LISTED] + q[MEMBERS]):
+            near = near or g.ints[u] == x
+        to = NEAR if near else FAR
+        q[NEXT] = g.state[to]
+        g.state[to] = c
+    g.state[RESUM] = 1

@@ -1,0 +1,80 @@
+"""Making the arrays of a smoother, and more of them when they are full: each at least doubles."""
+
+import numpy as np
+
+from ...frontend.se2 import Array, Ints
+from .._blas import routine
+from ._graph import CLASSES, CLIQUES, DSYRK, RESUM, STATE, Graph
+
+TOGETHER = {
+    "variables": ("variables", "values"),
+    "sightings": ("sightings", "seen"),
+    "links": ("links", "linked"),
+    "steps": ("steps", "at"),
+    "cliques": ("cliques", "todo"),
+    "ints": ("ints",),
+    "reals": ("reals",),
+}
+"""Arrays of as many rows as one another, by the name of the first."""
+
+
+def made(loss: int, scale: float) -> Graph:
+    """The arrays of a smoother that has nothing yet, with a robust loss of the sightings."""
+    g = Graph(
+        state=np.zeros(STATE, np.int64),
+        variables=np.zeros((64, 9), np.int64),
+        values=np.zeros((64, 3)),
+        sightings=np.zeros((256, 2), np.int64),
+        seen=np.zeros((256, 5)),
+        links=np.zeros((64, 5), np.int64),
+        linked=np.zeros((64, 18)),
+        steps=np.zeros((64, 12)),
+        at=np.zeros(64, np.int64),
+        cliques=np.zeros((64, 12), np.int64),
+        ints=np.zeros(4096, np.int64),
+        reals=np.zeros(32768),
+        free=np.full((2, CLASSES), -1, np.int64),
+        root=np.zeros(0, np.int64),
+        todo=np.zeros(64, np.int64),
+        rest=np.zeros(0),
+        work=np.zeros(0),
+        index=np.zeros(0, np.int64),
+        settings=np.array((loss, scale), np.float64),
+    )
+    g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
+    return with_front(with_root(g, 32), 70)
+
+
+def with_rows(g: Graph, table: str, rows: int) -> Graph:
+    """`g` with at least so many rows in a table of `TOGETHER`."""
+    have = len(getattr(g, table))
+    if rows <= have:
+        return g
+    more = max(have, rows - have)
+    return g._replace(**{name: _longer(getattr(g, name), more) for name in TOGETHER[table]})
+
+
+def with_root(g: Graph, landmarks: int) -> Graph:
+    """`g` with room for so many landmarks in the root."""
+    if landmarks <= len(g.root):
+        return g
+    room = max(2 * len(g.root), landmarks)
+    g.state[RESUM] = 1
+    root = _longer(g.root, room - len(g.root))
+    return with_front(g._replace(root=root, rest=np.zeros(2 * room * (2 * room + 1))), 2 * room + 3)
+
+
+def with_front(g: Graph, size: int) -> Graph:
+    """`g` with room for a front of so many scalars."""
+    if size <= len(g.index):
+        return g
+    return g._replace(work=np.zeros(size * (size + 1) + 4 * size), index=np.zeros(size, np.int64))
+
+
+def copied(g: Graph) -> Graph:
+    """The same, sharing nothing."""
+    return Graph(*(array.copy() for array in g))
+
+
+def _longer(array: Array | Ints, more: int) -> Array | Ints:
+    return np.concatenate((array, np.zeros((more, *array.shape[1:]), array.dtype)))

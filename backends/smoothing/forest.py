@@ -1,0 +1,178 @@
+"""The cliques and their root: what a step does to them, and what they say."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dpotri
+
+from ...frontend.se2 import Array, Ints
+from ..api import Diverged
+from . import _covariances, _front, _graph, _ordering, _relinearise, _tree
+from ._graph import (
+    CLIQUES,
+    FULL,
+    INTS,
+    LAST,
+    LINKS,
+    REALS,
+    ROOT,
+    SIGHTINGS,
+    STEPS,
+    VARIABLES,
+    WIDEST,
+    WORK,
+    Graph,
+)  # fmt: skip
+from .arrays import copied, made, with_front, with_root, with_rows
+
+NOBODY = np.zeros(0, np.int64)
+
+AS_MUCH = 1.0
+"""Share of a whole elimination from which on relinearising orders everything anew instead."""
+
+HALVINGS = 8
+"""How often a move that raises J is halved before it is given up."""
+
+
+class Estimate(NamedTuple):
+    """Where everything is by the last solution, each variable moved all the way."""
+
+    path: Array  # (n, 3)
+    values: Array  # (v, 3) of variables
+    furthest: float  # m, rad; of a variable from where it is linearised
+
+
+class Forest:
+    """A factor graph, its forest of cliques and their root, from which the last pose and its covariance are known."""
+
+    def __init__(self, loss: int, scale: float) -> None:
+        self.g = made(loss, scale)
+        self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
+        self.cost = np.inf  # J where it was linearised last
+
+    def room(self, steps: int, variables: int, sightings: int, links: int) -> None:
+        """Have room for so many more of each, and for the cliques of a plain step."""
+        g, state = self.g, self.g.state
+        if state[STEPS] + steps > len(g.steps):
+            g = with_rows(g, "steps", state[STEPS] + steps)
+        if state[VARIABLES] + variables > len(g.variables):
+            g = with_rows(g, "variables", state[VARIABLES] + variables)
+        if state[SIGHTINGS] + sightings > len(g.sightings):
+            g = with_rows(g, "sightings", state[SIGHTINGS] + sightings)
+        if state[LINKS] + links > len(g.links):
+            g = with_rows(g, "links", state[LINKS] + links)
+        self.g = g
+
+    def advance(self, x: int, fresh: int) -> None:
+        """A plain step: the root goes on to pose `x`, which sees its landmarks and `fresh` new ones."""
+        g, state = self.g, self.g.state
+        landmarks = int(state[ROOT]) + fresh
+        size = 2 * landmarks + 6
+        if landmarks > len(g.root):
+            g = with_root(g, landmarks)
+        if size > len(g.index):
+            g = with_front(g, size)
+        if state[CLIQUES] + 1 > len(g.cliques):
+            g = with_rows(g, "cliques", state[CLIQUES] + 1)
+        self.g = _with_arenas(g, 2 * (landmarks + 8), size * (size + 10))
+        _tree.advance(self.g, x)
+        state[WIDEST] = max(state[WIDEST], size)
+        self.solve()
+
+    def start(self, fresh: int) -> None:
+        """The first step: the root is pose 0 and `fresh` landmarks."""
+        self.g = with_root(self.g, fresh)
+        _tree.enter(self.g, 0)
+        self.solve()
+
+    def reorganise(self, x: int, wanted: Ints, touched: Ints = NOBODY, *, everything: bool = False) -> None:
+        """The root becomes pose `x` and the landmarks `wanted`; `touched` variables are new or have new factors."""
+        state = self.g.state
+        opened, plan, count, left, room = _ordering.plan(self.g, x, wanted, touched, everything)
+        ints, reals, widest, work = room.tolist()
+        g = with_root(self.g, len(wanted))
+        g = with_front(g, max(widest, 2 * len(wanted) + 3))
+        if everything:  # what is there now makes room
+            state[INTS], state[REALS], state[CLIQUES] = state[_graph.GIVEN_INTS], state[_graph.GIVEN_REALS], 1
+            state[CLIQUES] += state[_graph.GIVEN]
+        g = with_rows(g, "cliques", int(state[CLIQUES]) + count)
+        self.g = _with_arenas(g, ints, reals)
+        _tree.rebuild(self.g, x, wanted, opened, plan, count, left, everything)
+        state[WIDEST] = widest if everything else max(state[WIDEST], widest)
+        if everything:
+            state[WORK], state[FULL] = -work, work
+        self.solve()
+
+    def solve(self) -> None:
+        """Eliminate what there is to eliminate, and the root."""
+        if not _front.solve(self.g, self.pose, self.cov):
+            raise Diverged(
+                "the information matrix is not positive definite: J is flat, or has no digits left"
+            )
+
+    def estimate(self) -> Estimate:
+        """Where everything is, by substitution through all cliques; nothing is changed."""
+        return self._solution(-1.0)[1]
+
+    def relinearise(self, threshold: float) -> float:
+        """Move linearisation points that are off by more than `threshold` (m, rad); the largest offset there was.
+
+        Where that would raise J they are moved half of the way, or half of that, and so on, and at last not at all.
+        """
+        g, state = self.g, self.g.state
+        order, estimate, off, steps_off = self._solution(threshold)
+        if estimate.furthest <= threshold:
+            return estimate.furthest
+        here = g.steps[: state[STEPS], _graph.POINT :]
+        J = _relinearise.cost(g, np.ascontiguousarray(here), g.values)
+        share = 1.0
+        for _ in range(HALVINGS):
+            self.cost = _relinearise.cost(g, estimate.path, estimate.values)
+            if self.cost <= J:
+                break
+            share /= 2
+            _relinearise.candidate(g, off, steps_off, share, threshold, estimate.path, estimate.values)
+        else:
+            self.cost = J
+            return 0.0
+        again, _ = _relinearise.settle(g, order, estimate.path, estimate.values)
+        if again > AS_MUCH * state[FULL]:
+            self.reorganise(int(state[LAST]), g.root[: state[ROOT]].copy(), everything=True)
+        else:
+            self.solve()
+        return estimate.furthest
+
+    def joint(self, landmarks: Ints) -> Array:
+        """The joint covariance (2n + 3, 2n + 3) of landmark variables and the last pose, which is a variable."""
+        other = Forest.__new__(Forest)
+        other.g, other.pose, other.cov = copied(self.g), np.zeros(3), np.zeros((3, 3))
+        other.reorganise(int(self.g.state[LAST]), landmarks, everything=True)
+        m = 2 * len(landmarks) + 3
+        R = other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m]
+        inverse, _ = dpotri(R)
+        upper = np.triu(inverse)
+        return upper + np.triu(upper, 1).T
+
+    def pose_covariances(self) -> Array:
+        """(n, 3, 3) of all steps' poses."""
+        g = copied(self.g)
+        out = np.zeros((g.state[STEPS], 3, 3))
+        _covariances.pose_covariances(g, _relinearise.top_down(g), int(g.state[WIDEST]), out)
+        return out
+
+    def _solution(self, threshold: float) -> tuple[Ints, Estimate, Array, Array]:
+        """The cliques top down, the estimate of what is off by more than `threshold`, and all offsets."""
+        g, state = self.g, self.g.state
+        order = _relinearise.top_down(g)
+        off, steps_off = np.zeros((state[VARIABLES], 3)), np.zeros((state[STEPS], 3))
+        _relinearise.offsets(g, order, off)
+        _relinearise.inner_offsets(g, off, steps_off)
+        path, values = np.empty_like(steps_off), np.zeros_like(off)
+        furthest = _relinearise.candidate(g, off, steps_off, 1.0, threshold, path, values)
+        return order, Estimate(path, values, furthest), off, steps_off
+
+
+def _with_arenas(g: Graph, ints: int, reals: int) -> Graph:
+    """`g` with room for so many more entries in its arenas."""
+    g = with_rows(g, "ints", int(g.state[INTS]) + ints)
+    return with_rows(g, "reals", int(g.state[REALS]) + reals)

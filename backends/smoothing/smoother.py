@@ -1,0 +1,248 @@
+"""Incremental smoothing in the plane: Gauss-Newton on J by a multifrontal factor that is kept from step to step.
+
+As iSAM2 (Kaess et al., IJRR 31(2), 2012) it keeps the square root of the whole problem, and changes at a step what the
+step has changed. The last pose and the landmarks about it are the root, which is dense and factored anew at every step;
+a step that sees these alone eliminates the pose before and opens nothing else (see `_tree`). Another landmark opens the
+cliques from it up to the root, which are ordered anew (`_ordering`). Steps without sightings are no variables: their
+motions are put together (`_links`). Every so many steps what is off by more than a threshold is linearised anew.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...frontend.options import option
+from ...frontend.se2 import Array, Ints
+from ..api import Belief, Builder, Diverged, Pose, Solution
+from ..models import place
+from ..newcomers import Newcomers
+from . import _log, _relinearise
+from ._graph import FULL, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, ROOT, SIGHTINGS, VARIABLES, WIDTH, WORK
+from .forest import Forest
+from .given import add_map
+
+LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874}
+"""Robust losses, in the order of their numbers in `_factors`, and the scales at which they are 95 % efficient."""
+
+CAP, REACH, PATIENCE = 48, 2.0, 15.0
+"""Landmarks that a root has at most, were it not for one step's own; how far round the pose they are taken from, in
+ranges of the furthest sighting; and after how many times the work of a whole elimination there is another."""
+
+TOLERANCE = 1e-8
+"""m, rad; what a variable still moves by when the log's end is solved."""
+
+FALL = 1e-13
+"""The share of itself by which J has to fall at the end for another iteration."""
+
+LEAST = 1e6
+"""Work (multiplications) that is done at least before all is ordered anew."""
+
+NO_COVARIANCE = "the covariance of a motion has no digits left: it is not positive definite"
+
+NEAREST = 1e-3
+"""m; a landmark is not started closer to the robot than this: at no distance at all its bearing has no derivative."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """When variables are linearised anew, and which sightings are believed."""
+
+    relinearize_threshold: float = option(
+        0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
+    )
+    relinearize_skip: int = option(50, "steps between checks for variables to relinearize", minimum=1)
+    final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
+    joint_up_to: int = option(
+        5000, "landmarks up to which a map comes with its joint covariance, which takes long to work out", minimum=0
+    )
+    loss: str = option("none", "robust loss of the sightings", choices=tuple(LOSSES))
+    loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
+
+
+class Smoother:
+    """Incremental smoothing of its own: a causal pose each step, the smoothed path and map at the end."""
+
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        del rng
+        self._options = options
+        names = list(LOSSES)
+        self._forest = Forest(names.index(options.loss), options.loss_scale or LOSSES[options.loss])
+        self._newcomers = Newcomers(two=options.loss != "none")
+        self._robust = options.loss != "none"
+        self._held: defaultdict[int, list[int]] = defaultdict(list)  # rows of sightings that are held back
+        self._variable: dict[int, int] = {}  # landmark id -> its variable
+        self._steps = self._since = 0
+        self._reach = 0.0
+        self._z, self._z_cov = np.zeros((16, 2)), np.zeros((16, 2, 2))
+        self._motion, self._motion_cov = np.array(prior.pose), np.array(prior.cov)
+        forest = self._forest
+        forest.pose[:], forest.cov[:] = prior.pose, prior.cov
+        _log.move(forest.g, self._motion, self._motion_cov, forest.pose, forest.cov)
+        self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
+        self._given = prior.map is not None and len(prior.map.ids) > 0
+        if prior.map is not None:
+            self._variable = add_map(forest, prior.map)
+
+    def step(self, step: Step) -> Pose:
+        """Go on by the motion; where something is sighted, or a loop closed, the pose is a variable of the graph."""
+        forest, k = self._forest, self._steps
+        seen = len(step.sightings.ids)
+        forest.room(1, seen + 2 + len(step.loops.to), seen, 2 + 3 * len(step.loops.to))
+        if self._robust:
+            self._newcomers.move(step.odometry)
+        if k > 0:
+            self._move(step.odometry)
+        self._steps += 1
+        self._since += 1
+        if seen or len(step.loops.to) or k == 0:
+            self._look(k, step)
+            if self._since >= self._options.relinearize_skip:
+                self._since = 0
+                forest.relinearise(self._options.relinearize_threshold)
+        if not np.isfinite(forest.pose.sum()):
+            raise Diverged("the latest pose is not finite")
+        return forest.pose.copy()
+
+    def belief(self) -> Belief:
+        """The latest pose and its marginal covariance, which the root's last rows are."""
+        return Belief(self._forest.pose.copy(), self._forest.cov.copy())
+
+    def map(self) -> Map:
+        """The landmarks at the current estimate with, up to `joint_up_to` of them, their joint covariance."""
+        ids, variables = self._landmarks()
+        forest = self._forest
+        if self._steps == 0 or len(ids) == 0:
+            return Map(ids, forest.g.values[variables, :2].copy(), None)
+        return self._map(forest.estimate().values)
+
+    def finish(self) -> Solution:
+        """Relinearise until nothing moves; the path with the covariances of its poses, and the map."""
+        forest, J = self._forest, np.inf
+        for _ in range(self._options.final_iterations):
+            furthest = forest.relinearise(0.0)
+            before, J = J, forest.cost
+            if furthest <= TOLERANCE or before - J <= FALL * J:
+                break
+        estimate = forest.estimate()
+        if not (np.isfinite(estimate.path).all() and np.isfinite(estimate.values).all()):
+            raise Diverged("the optimum is not finite")
+        landmarks = self._map(estimate.values)
+        return Solution(estimate.path, self._with_newcomers(estimate.path, landmarks), forest.pose_covariances())
+
+    def joint(self, landmarks: list[int]) -> Array:
+        """The joint covariance of landmarks with these ids and the last pose at which something was sighted."""
+        return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
+
+    def _move(self, odometry: Odometry | None) -> None:
+        if odometry is None:
+            raise Diverged("a step after the first has no odometry")
+        self._motion[:], self._motion_cov[:] = odometry
+        forest = self._forest
+        _log.move(forest.g, self._motion, self._motion_cov, forest.pose, forest.cov)
+
+    def _look(self, k: int, step: Step) -> None:
+        """Fold in what step `k` has sighted, and the loops that it closes: its pose is a variable."""
+        forest, g, state = self._forest, self._forest.g, self._forest.g.state
+        touched = list[int]()
+        ends = [self._pose_at(to, touched) for to in step.loops.to.tolist()]
+        x = self._newest if k == 0 else _checked(_log.add_pose_after(g, self._newest, k))
+        self._newest = x
+        for a, delta, cov in zip(ends, step.loops.delta, step.loops.cov, strict=True):
+            if not _log.add_loop(g, a, x, np.array(delta), np.array(cov)):
+                raise Diverged(NO_COVARIANCE)
+        last, before = int(state[LAST]), int(state[VARIABLES])
+        landmarks = self._variables_of(k, step.sightings, touched)
+        outside = _log.add_sightings_of(g, x, landmarks, self._z, self._z_cov, len(landmarks))
+        fresh = int(state[VARIABLES]) - before
+        plain = outside == fresh and state[ROOT] + fresh <= CAP and all(v == last for v in touched) and not ends
+        if k == 0 and not self._given:
+            forest.start(fresh)
+        elif k > 0 and plain:
+            forest.advance(x, fresh)
+        else:
+            seen = landmarks[g.variables[landmarks, WIDTH] == 2]
+            wanted = _relinearise.about(g, x, REACH * self._reach, 3 * CAP // 4, seen[seen >= 0])
+            full = k == 0 or state[WORK] > PATIENCE * state[FULL] + LEAST
+            forest.reorganise(x, wanted, np.array(touched, np.int64), everything=bool(full))
+
+    def _pose_at(self, step: int, touched: list[int]) -> int:
+        """The variable of an earlier step's pose; where it is made now, `touched` gets what has to be opened for it."""
+        g = self._forest.g
+        at = int(g.at[step])
+        if at >= 0:
+            touched.append(at)
+            return at
+        if at == PENDING:
+            self._newest = at = _checked(_log.add_pose_after(g, self._newest, step))
+            touched.append(at)
+            return at
+        a, b = g.links[NO_VARIABLE - 1 - at, :2].tolist()
+        at = _checked(_log.split(g, step))
+        touched += (a, at, b)
+        return at
+
+    def _variables_of(self, k: int, sightings: RangeBearing, touched: list[int]) -> Ints:
+        """(n,) the variables of the landmarks sighted at step `k`, new ones among them; NO_VARIABLE is held back.
+
+        `touched` gets the poses from which such a new one was sighted before.
+        """
+        g, known = self._forest.g, self._variable
+        n, row = len(sightings.ids), int(g.state[SIGHTINGS])
+        if n > len(self._z):
+            self._z, self._z_cov = np.zeros((2 * n, 2)), np.zeros((2 * n, 2, 2))
+        self._z[:n], self._z_cov[:n] = sightings.z, sightings.cov
+        found = [known.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
+        if n:
+            self._reach = max(self._reach, float(self._z[:n, 0].max()))
+        if NO_VARIABLE in found:
+            for i, landmark in enumerate(sightings.ids.tolist()):
+                if found[i] >= 0:
+                    continue
+                if not self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i])):
+                    self._held[landmark].append(row + i)
+                    continue
+                r, bearing = self._z[i].tolist()
+                x, y = place(self._forest.pose, np.array((max(r, NEAREST), bearing)))[0].tolist()
+                found[i] = known[landmark] = _log.add_variable(g, 2, x, y, 0.0)
+                for before in self._held.pop(landmark, ()):
+                    g.sightings[before, LANDMARK] = found[i]
+                    touched.append(int(g.sightings[before, POSE]))
+        return np.array(found, np.int64)
+
+    def _landmarks(self) -> tuple[Ints, Ints]:
+        """The ids of all landmarks and their variables."""
+        n = len(self._variable)
+        return np.fromiter(self._variable, np.int64, n), np.fromiter(self._variable.values(), np.int64, n)
+
+    def _map(self, values: Array) -> Map:
+        """All landmarks, where `values` (v, 3) has the variables."""
+        ids, variables = self._landmarks()
+        n = len(ids)
+        if n > self._options.joint_up_to:
+            return Map(ids, values[variables, :2], None)
+        cov = np.zeros((2 * n, 2 * n))  # zero for what is held fixed
+        moving = np.flatnonzero(self._forest.g.variables[variables, WIDTH])
+        if len(moving):
+            rows = (2 * moving[:, None] + (0, 1)).ravel()
+            cov[np.ix_(rows, rows)] = self._forest.joint(variables[moving])[:-3, :-3]
+        return Map(ids, values[variables, :2], cov)
+
+    def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
+        """The map, and on it, without covariance, what is still held back: where its last sighting has it."""
+        alone = self._newcomers.alone()
+        if not alone:
+            return landmarks
+        more = np.array([place(path[k], z)[0] for k, z, _ in alone.values()])
+        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
+
+
+def _checked(variable: int) -> int:
+    """`variable`; Diverged where there is none."""
+    if variable < 0:
+        raise Diverged(NO_COVARIANCE)
+    return variable
+
+
+build = Builder(Smoother, options=Options, loops=True)
