@@ -341,3 +341,16 @@ def about(g: Graph, x: int, radius: float, most: int, some: Ints) -> Ints:
     else:
         out[n:] = near[:k]
     return out
+
+
+@compiled
+def sighted(g: Graph, pose: int) -> Ints:
+    """The landmarks sighted from a pose that are variables."""
+    out = np.empty(g.variables[pose, END] - g.variables[pose, FIRST], np.int64)
+    n = 0
+    for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
+        v = g.sightings[s, LANDMARK]
+        if v >= 0 and g.variables[v, WIDTH] == 2:
+            out[n] = v
+            n += 1
+    return out[:n]

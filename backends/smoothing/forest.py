@@ -146,12 +146,14 @@ class Forest:
         """The joint covariance (2n + 3, 2n + 3) of landmark variables and the last pose, which is a variable."""
         other = Forest.__new__(Forest)
         other.g, other.pose, other.cov = copied(self.g), np.zeros(3), np.zeros((3, 3))
-        other.reorganise(int(self.g.state[LAST]), landmarks, everything=True)
-        m = 2 * len(landmarks) + 3
-        R = other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m]
-        inverse, _ = dpotri(R)
+        last = int(self.g.state[LAST])
+        seen = np.setdiff1d(_relinearise.sighted(self.g, last), landmarks)
+        other.reorganise(last, np.concatenate((landmarks, seen)), everything=True)
+        m = 2 * (len(landmarks) + len(seen)) + 3
+        inverse, _ = dpotri(other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m])
         upper = np.triu(inverse)
-        return upper + np.triu(upper, 1).T
+        rows = np.r_[: 2 * len(landmarks), m - 3 : m]
+        return (upper + np.triu(upper, 1).T)[np.ix_(rows, rows)]
 
     def pose_covariances(self) -> Array:
         """(n, 3, 3) of all steps' poses."""
