@@ -176,7 +176,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
     S = np.empty(6)
     for k in range(last + 1, g.state[STEPS]):  # after the last variable: by the motions
         p, q = g.steps[k - 1], g.steps[k]
-        six(out[k - 1], S, 0)
+        six(out[k - 1], 0, S, 0)
         moved_on(S, p[10] - q[10], q[9] - p[9])
         add_turned(S, np.cos(p[11]), np.sin(p[11]), q, 3)
         covariance_of(S, 0, out[k])

@@ -46,30 +46,32 @@ def covariance_of(S: Array, k: int, C: Array) -> None:
 
 
 @compiled
-def six(C: Array, S: Array, k: int) -> None:
-    """S[k : k + 6], the six numbers of C (3, 3)."""
-    S[k], S[k + 1], S[k + 2] = C[0, 0], (C[0, 1] + C[1, 0]) / 2, (C[0, 2] + C[2, 0]) / 2
-    S[k + 3], S[k + 4], S[k + 5] = C[1, 1], (C[1, 2] + C[2, 1]) / 2, C[2, 2]
+def six(C: Array, row: int, S: Array, k: int) -> None:
+    """S[k : k + 6], the six numbers of C[row : row + 3] (3, 3)."""
+    a, b, c = C[row], C[row + 1], C[row + 2]
+    S[k], S[k + 1], S[k + 2] = a[0], (a[1] + b[0]) / 2, (a[2] + c[0]) / 2
+    S[k + 3], S[k + 4], S[k + 5] = b[1], (b[2] + c[1]) / 2, c[2]
 
 
 @compiled
-def move(g: Graph, motion: Array, motion_cov: Array, pose: Array, cov: Array) -> None:
+def move(g: Graph, motion: Array, pose: Array, cov: Array) -> None:
     """Write the next step down, and take the last pose (3,) and its covariance (3, 3) to it by its motion.
 
-    At step 0 the belief there stands in the place of the motion, and `pose` and `cov` are the same.
+    `motion` (4, 3) is the motion and its covariance. At step 0 the belief there stands in its place, and `pose` and
+    `cov` are the same.
     """
     k = g.state[STEPS]
     g.state[STEPS] = k + 1
     q = g.steps[k]
     for i in range(3):
-        q[DELTA + i] = motion[i]
-    six(motion_cov, q, NOISE)
+        q[DELTA + i] = motion[0, i]
+    six(motion, 1, q, NOISE)
     g.at[k] = PENDING
     if k > 0:
         x, y, c, s = pose[0], pose[1], cos(pose[2]), sin(pose[2])
-        pose[0], pose[1], pose[2] = moved(x, y, pose[2], motion[0], motion[1], motion[2])
+        pose[0], pose[1], pose[2] = moved(x, y, pose[2], motion[0, 0], motion[0, 1], motion[0, 2])
         S = np.empty(6)
-        six(cov, S, 0)
+        six(cov, 0, S, 0)
         moved_on(S, y - pose[1], pose[0] - x)
         add_turned(S, c, s, q, NOISE)
         covariance_of(S, 0, cov)
@@ -148,20 +150,21 @@ def add_pose_after(g: Graph, before: int, k: int) -> int:
 
 
 @compiled
-def add_sightings_of(g: Graph, pose: int, landmarks: Ints, z: Array, z_cov: Array, k: int) -> int:
-    """Write down `k` sightings from the newest pose; how many are of landmarks outside the root.
+def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> int:
+    """Write down sightings from the newest pose; how many are of landmarks outside the root.
 
-    `landmarks` are variables, or NO_VARIABLE for what is held back.
+    `landmarks` (k,) are variables, or NO_VARIABLE for what is held back; `seen` has range, bearing and the covariance
+    of both in the first k rows: rr, rb, bb.
     """
     s = g.state[SIGHTINGS]
     outside = 0
-    for i in range(k):
+    for i in range(len(landmarks)):
         v = landmarks[i]
         g.sightings[s, LANDMARK], g.sightings[s, POSE] = v, pose
-        g.seen[s, 0], g.seen[s, 1] = z[i, 0], z[i, 1]
-        d = 1.0 / (z_cov[i, 0, 0] * z_cov[i, 1, 1] - z_cov[i, 0, 1] * z_cov[i, 1, 0])
-        g.seen[s, 2], g.seen[s, 4] = z_cov[i, 1, 1] * d, z_cov[i, 0, 0] * d
-        g.seen[s, 3] = -0.5 * (z_cov[i, 0, 1] + z_cov[i, 1, 0]) * d
+        rr, rb, bb = seen[i, 2], seen[i, 3], seen[i, 4]
+        d = 1.0 / (rr * bb - rb * rb)
+        g.seen[s, 0], g.seen[s, 1] = seen[i, 0], seen[i, 1]
+        g.seen[s, 2], g.seen[s, 3], g.seen[s, 4] = bb * d, -rb * d, rr * d
         if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
             outside += 1
         s += 1
@@ -192,6 +195,6 @@ def add_loop(g: Graph, a: int, b: int, delta: Array, cov: Array) -> bool:
     g.links[k, A], g.links[k, B], g.links[k, LOOP] = a, b, 1
     for i in range(3):
         g.linked[k, 9 + i] = delta[i]
-    six(cov, g.linked[k], 12)
+    six(cov, 0, g.linked[k], 12)
     hang(g, k)
     return relink(g, k)

@@ -38,6 +38,7 @@ from ._graph import (
     STAMP,
     TODO,
     UPDATE,
+    WIDEST,
     WIDTH,
     Graph,
     release_ints,
@@ -113,6 +114,7 @@ def advance(g: Graph, x: int) -> None:
         if g.variables[g.root[t], MARK] == stamp:
             n += 1
     c = new_clique(g, 1, n + 2, 1, 3, 2 * n + 6)
+    g.state[WIDEST] = max(g.state[WIDEST], 2 * n + 6)
     q = g.cliques[c]
     o = q[LISTED]
     g.ints[o] = a

@@ -23,9 +23,12 @@ from ._graph import (
     WORK,
     Graph,
 )  # fmt: skip
+from ._step import SPARE_INTS, SPARE_REALS
 from .arrays import copied, made, with_front, with_root, with_rows
 
 NOBODY = np.zeros(0, np.int64)
+
+INDEFINITE_J = "the information matrix is not positive definite: J is flat, or has no digits left"
 
 AS_MUCH = 1.0
 """Share of a whole elimination from which on relinearising orders everything anew instead."""
@@ -50,38 +53,26 @@ class Forest:
         self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
         self.cost = np.inf  # J where it was linearised last
 
-    def room(self, steps: int, variables: int, sightings: int, links: int) -> None:
-        """Have room for so many more of each, and for the cliques of a plain step."""
-        g, state = self.g, self.g.state
-        if state[STEPS] + steps > len(g.steps):
-            g = with_rows(g, "steps", state[STEPS] + steps)
-        if state[VARIABLES] + variables > len(g.variables):
-            g = with_rows(g, "variables", state[VARIABLES] + variables)
-        if state[SIGHTINGS] + sightings > len(g.sightings):
-            g = with_rows(g, "sightings", state[SIGHTINGS] + sightings)
-        if state[LINKS] + links > len(g.links):
-            g = with_rows(g, "links", state[LINKS] + links)
-        self.g = g
-
-    def advance(self, x: int, fresh: int) -> None:
-        """A plain step: the root goes on to pose `x`, which sees its landmarks and `fresh` new ones."""
+    def room(self, steps: int, variables: int, sightings: int, links: int, fresh: int) -> None:
+        """Have room for so many more of each, `fresh` landmarks more in the root, and a clique about it."""
         g, state = self.g, self.g.state
         landmarks = int(state[ROOT]) + fresh
         size = 2 * landmarks + 6
-        if landmarks > len(g.root):
-            g = with_root(g, landmarks)
-        if size > len(g.index):
-            g = with_front(g, size)
-        if state[CLIQUES] + 1 > len(g.cliques):
-            g = with_rows(g, "cliques", state[CLIQUES] + 1)
-        self.g = _with_arenas(g, 2 * (landmarks + 8), size * (size + 10))
+        g = with_front(with_root(g, landmarks), size)
+        g = with_rows(g, "steps", int(state[STEPS]) + steps)
+        g = with_rows(g, "variables", int(state[VARIABLES]) + variables)
+        g = with_rows(g, "sightings", int(state[SIGHTINGS]) + sightings)
+        g = with_rows(g, "links", int(state[LINKS]) + links)
+        g = with_rows(g, "cliques", int(state[CLIQUES]) + 1)
+        self.g = _with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS)
+
+    def advance(self, x: int) -> None:
+        """A plain step: the root goes on to pose `x`, which sees its landmarks and new ones; there is room for them."""
         _tree.advance(self.g, x)
-        state[WIDEST] = max(state[WIDEST], size)
         self.solve()
 
-    def start(self, fresh: int) -> None:
-        """The first step: the root is pose 0 and `fresh` landmarks."""
-        self.g = with_root(self.g, fresh)
+    def start(self) -> None:
+        """The first step: the root is pose 0 and what it sees."""
         _tree.enter(self.g, 0)
         self.solve()
 
@@ -106,9 +97,7 @@ class Forest:
     def solve(self) -> None:
         """Eliminate what there is to eliminate, and the root."""
         if not _front.solve(self.g, self.pose, self.cov):
-            raise Diverged(
-                "the information matrix is not positive definite: J is flat, or has no digits left"
-            )
+            raise Diverged(INDEFINITE_J)
 
     def estimate(self) -> Estimate:
         """Where everything is, by substitution through all cliques; nothing is changed."""

@@ -17,7 +17,7 @@ def add_map(forest: Forest, known: Map) -> dict[int, int]:
     What is correlated is one clique that eliminates nothing: its update matrix is the information that is given. It is
     made once and never opened, and stays at the front of the arenas.
     """
-    forest.room(0, len(known.ids), 0, 0)
+    forest.room(0, len(known.ids), 0, 0, 0)
     width = 0 if known.cov is None else 2
     variables = [_log.add_variable(forest.g, width, x, y, 0.0) for x, y in known.xy.tolist()]
     if known.cov is not None:

@@ -7,12 +7,13 @@ cliques from it up to the root, which are ordered anew (`_ordering`). Steps with
 motions are put together (`_links`). Every so many steps what is off by more than a threshold is linearised anew.
 """
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...frontend.factors import Map, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from ..api import Belief, Builder, Diverged, Pose, Solution
@@ -20,7 +21,8 @@ from ..models import place
 from ..newcomers import Newcomers
 from . import _log, _relinearise
 from ._graph import FULL, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, ROOT, SIGHTINGS, VARIABLES, WIDTH, WORK
-from .forest import Forest
+from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
+from .forest import INDEFINITE_J, NOBODY, Forest
 from .given import add_map
 
 LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874}
@@ -75,11 +77,11 @@ class Smoother:
         self._variable: dict[int, int] = {}  # landmark id -> its variable
         self._steps = self._since = 0
         self._reach = 0.0
-        self._z, self._z_cov = np.zeros((16, 2)), np.zeros((16, 2, 2))
-        self._motion, self._motion_cov = np.array(prior.pose), np.array(prior.cov)
+        self._seen = np.zeros((16, 5))  # range, bearing, and their covariance
+        self._motion = np.concatenate((prior.pose[None], prior.cov))  # (4, 3)
         forest = self._forest
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
-        _log.move(forest.g, self._motion, self._motion_cov, forest.pose, forest.cov)
+        _log.move(forest.g, self._motion, forest.pose, forest.cov)
         self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
         self._given = prior.map is not None and len(prior.map.ids) > 0
         if prior.map is not None:
@@ -87,23 +89,28 @@ class Smoother:
 
     def step(self, step: Step) -> Pose:
         """Go on by the motion; where something is sighted, or a loop closed, the pose is a variable of the graph."""
-        forest, k = self._forest, self._steps
-        seen = len(step.sightings.ids)
-        forest.room(1, seen + 2 + len(step.loops.to), seen, 2 + 3 * len(step.loops.to))
+        forest, k, sightings = self._forest, self._steps, step.sightings
+        looks = len(sightings.ids) > 0
         if self._robust:
             self._newcomers.move(step.odometry)
-        if k > 0:
-            self._move(step.odometry)
+        if step.odometry is not None:
+            self._motion[0], self._motion[1:] = step.odometry
+        if looks:
+            self._write(sightings)
+        found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
+        if k == 0 or len(step.loops.to) or NO_VARIABLE in found:
+            self._any_step(step, found)
+        else:
+            self._known_step(np.array(found, np.int64))
         self._steps += 1
         self._since += 1
-        if seen or len(step.loops.to) or k == 0:
-            self._look(k, step)
-            if self._since >= self._options.relinearize_skip:
-                self._since = 0
-                forest.relinearise(self._options.relinearize_threshold)
-        if not np.isfinite(forest.pose.sum()):
+        if looks and self._since >= self._options.relinearize_skip:
+            self._since = 0
+            forest.relinearise(self._options.relinearize_threshold)
+        pose = forest.pose.copy()
+        if not math.isfinite(pose[0] + pose[1] + pose[2]):
             raise Diverged("the latest pose is not finite")
-        return forest.pose.copy()
+        return pose
 
     def belief(self) -> Belief:
         """The latest pose and its marginal covariance, which the root's last rows are."""
@@ -135,37 +142,66 @@ class Smoother:
         """The joint covariance of landmarks with these ids and the last pose at which something was sighted."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
 
-    def _move(self, odometry: Odometry | None) -> None:
-        if odometry is None:
-            raise Diverged("a step after the first has no odometry")
-        self._motion[:], self._motion_cov[:] = odometry
-        forest = self._forest
-        _log.move(forest.g, self._motion, self._motion_cov, forest.pose, forest.cov)
+    def _write(self, sightings: RangeBearing) -> None:
+        """Copy sightings to where the compiled code reads them."""
+        n = len(sightings.ids)
+        if n > len(self._seen):
+            self._seen = np.zeros((2 * n, 5))
+        self._seen[:n, :2] = sightings.z
+        self._seen[:n, 2:] = sightings.cov.reshape(n, 4)[:, [0, 1, 3]]
+        self._reach = max(self._reach, float(self._seen[:n, 0].max()))
 
-    def _look(self, k: int, step: Step) -> None:
-        """Fold in what step `k` has sighted, and the loops that it closes: its pose is a variable."""
-        forest, g, state = self._forest, self._forest.g, self._forest.g.state
+    def _known_step(self, landmarks: Ints) -> None:
+        """A step that sees landmarks on the map alone."""
+        forest = self._forest
+        ended, newest = FULL_ARRAYS, self._newest
+        while ended == FULL_ARRAYS:
+            ended, newest = plain_step(
+                forest.g, self._newest, self._motion, landmarks, self._seen, forest.pose, forest.cov
+            )
+            if ended == FULL_ARRAYS:
+                forest.room(1, 1, len(landmarks), 1, 0)
+        self._newest = newest
+        if ended == OUTSIDE:
+            self._reorganise(landmarks, NOBODY)
+        elif ended == INDEFINITE:
+            raise Diverged(INDEFINITE_J)
+
+    def _any_step(self, step: Step, found: list[int]) -> None:
+        """A step that sees a new landmark, closes a loop or is the first; `found` are the known ones' variables."""
+        forest, k, n = self._forest, self._steps, len(found)
+        forest.room(1, n + 1 + len(step.loops.to), n, 2 + 3 * len(step.loops.to), n)
+        g, state = forest.g, forest.g.state
+        if k > 0:
+            _log.move(g, self._motion, forest.pose, forest.cov)
         touched = list[int]()
         ends = [self._pose_at(to, touched) for to in step.loops.to.tolist()]
-        x = self._newest if k == 0 else _checked(_log.add_pose_after(g, self._newest, k))
-        self._newest = x
+        if k > 0:
+            self._newest = _checked(_log.add_pose_after(g, self._newest, k))
         for a, delta, cov in zip(ends, step.loops.delta, step.loops.cov, strict=True):
-            if not _log.add_loop(g, a, x, np.array(delta), np.array(cov)):
+            if not _log.add_loop(g, a, self._newest, np.array(delta), np.array(cov)):
                 raise Diverged(NO_COVARIANCE)
         last, before = int(state[LAST]), int(state[VARIABLES])
-        landmarks = self._variables_of(k, step.sightings, touched)
-        outside = _log.add_sightings_of(g, x, landmarks, self._z, self._z_cov, len(landmarks))
+        landmarks = self._named(k, step.sightings, found, touched)
+        outside = _log.add_sightings_of(g, self._newest, landmarks, self._seen)
         fresh = int(state[VARIABLES]) - before
-        plain = outside == fresh and state[ROOT] + fresh <= CAP and all(v == last for v in touched) and not ends
         if k == 0 and not self._given:
-            forest.start(fresh)
-        elif k > 0 and plain:
-            forest.advance(x, fresh)
+            forest.start()
+        elif k == 0:
+            self._reorganise(landmarks, NOBODY, everything=True)
+        elif outside == fresh and state[ROOT] + fresh <= CAP and all(v == last for v in touched) and not ends:
+            forest.advance(self._newest)
         else:
-            seen = landmarks[g.variables[landmarks, WIDTH] == 2]
-            wanted = _relinearise.about(g, x, REACH * self._reach, 3 * CAP // 4, seen[seen >= 0])
-            full = k == 0 or state[WORK] > PATIENCE * state[FULL] + LEAST
-            forest.reorganise(x, wanted, np.array(touched, np.int64), everything=bool(full))
+            self._reorganise(landmarks, np.array(touched, np.int64))
+
+    def _reorganise(self, landmarks: Ints, touched: Ints, *, everything: bool = False) -> None:
+        """The root becomes the newest pose, the `landmarks` it sees and others about them."""
+        forest, g = self._forest, self._forest.g
+        seen = landmarks[landmarks >= 0]
+        seen = seen[g.variables[seen, WIDTH] == 2]
+        wanted = _relinearise.about(g, self._newest, REACH * self._reach, 3 * CAP // 4, seen)
+        everything = everything or bool(g.state[WORK] > PATIENCE * g.state[FULL] + LEAST)
+        forest.reorganise(self._newest, wanted, touched, everything=everything)
 
     def _pose_at(self, step: int, touched: list[int]) -> int:
         """The variable of an earlier step's pose; where it is made now, `touched` gets what has to be opened for it."""
@@ -183,32 +219,24 @@ class Smoother:
         touched += (a, at, b)
         return at
 
-    def _variables_of(self, k: int, sightings: RangeBearing, touched: list[int]) -> Ints:
-        """(n,) the variables of the landmarks sighted at step `k`, new ones among them; NO_VARIABLE is held back.
+    def _named(self, k: int, sightings: RangeBearing, found: list[int], touched: list[int]) -> Ints:
+        """(n,) the variables of what is sighted at step `k`, with those of new landmarks; NO_VARIABLE is held back.
 
         `touched` gets the poses from which such a new one was sighted before.
         """
-        g, known = self._forest.g, self._variable
-        n, row = len(sightings.ids), int(g.state[SIGHTINGS])
-        if n > len(self._z):
-            self._z, self._z_cov = np.zeros((2 * n, 2)), np.zeros((2 * n, 2, 2))
-        self._z[:n], self._z_cov[:n] = sightings.z, sightings.cov
-        found = [known.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
-        if n:
-            self._reach = max(self._reach, float(self._z[:n, 0].max()))
-        if NO_VARIABLE in found:
-            for i, landmark in enumerate(sightings.ids.tolist()):
-                if found[i] >= 0:
-                    continue
-                if not self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i])):
-                    self._held[landmark].append(row + i)
-                    continue
-                r, bearing = self._z[i].tolist()
-                x, y = place(self._forest.pose, np.array((max(r, NEAREST), bearing)))[0].tolist()
-                found[i] = known[landmark] = _log.add_variable(g, 2, x, y, 0.0)
-                for before in self._held.pop(landmark, ()):
-                    g.sightings[before, LANDMARK] = found[i]
-                    touched.append(int(g.sightings[before, POSE]))
+        g, row = self._forest.g, int(self._forest.g.state[SIGHTINGS])
+        for i, landmark in enumerate(sightings.ids.tolist()):
+            if found[i] >= 0:
+                continue
+            if not self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i])):
+                self._held[landmark].append(row + i)
+                continue
+            r, bearing = self._seen[i, :2].tolist()
+            x, y = place(self._forest.pose, np.array((max(r, NEAREST), bearing)))[0].tolist()
+            found[i] = self._variable[landmark] = _log.add_variable(g, 2, x, y, 0.0)
+            for before in self._held.pop(landmark, ()):
+                g.sightings[before, LANDMARK] = found[i]
+                touched.append(int(g.sightings[before, POSE]))
         return np.array(found, np.int64)
 
     def _landmarks(self) -> tuple[Ints, Ints]:
