@@ -19,6 +19,7 @@ BUILTIN = {
     "invariant-ekf": "slamduel.backends.gaussian.invariant_ekf:build",
     "isam2": "slamduel.backends.graphs.isam2:build",
     "kf": "slamduel.backends.gaussian.kf:build",
+    "smoother": "slamduel.backends.smoothing.smoother:build",
     "ukf": "slamduel.backends.gaussian.ukf:build",
 }
 GROUP = "slamduel.backends"

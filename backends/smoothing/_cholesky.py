@@ -6,12 +6,17 @@ eliminated four at a time, so that the rest is read and written once for four; w
 
 from math import sqrt
 
+import numpy as np
+
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._blas import add_upper_square
 
 WIDE, PANEL = 96, 48
 """Scalars from which on a front is left to BLAS, and rows that are eliminated before each call."""
+
+unsigned = np.uint64
+"""An index that is counted from the beginning alone: loops over such ones become SIMD code."""
 
 REAL = 8
 """Bytes of a number."""
@@ -20,16 +25,16 @@ REAL = 8
 @compiled
 def pivot(F: Array, w: int, first: int, q: int) -> bool:
     """Row `q`, less what rows from `first` on take from it, becomes R's; False where its pivot is not positive."""
-    b = q * w
+    b = unsigned(q * w)
     for r in range(first, q):
-        a = F[r * w + q]
-        for j in range(q, w):
-            F[b + j] -= a * F[r * w + j]
-    d = F[b + q]
+        a, o = F[r * w + q], unsigned(r * w)
+        for j in range(unsigned(q), unsigned(w)):
+            F[b + j] -= a * F[o + j]
+    d = F[q * w + q]
     if not d > 0.0:
         return False
     d = 1.0 / sqrt(d)
-    for j in range(q, w):
+    for j in range(unsigned(q), unsigned(w)):
         F[b + j] *= d
     return True
 
@@ -45,24 +50,21 @@ def rows(F: Array, m: int, first: int, last: int, end: int) -> bool:
             if not pivot(F, w, p, q):
                 return False
         o = p * w
-        if many == 4:
-            for i in range(p + 4, end):
+        o0, o1, o2, o3 = unsigned(o), unsigned(o + w), unsigned(o + 2 * w), unsigned(o + 3 * w)
+        for i in range(p + many, end):
+            t = unsigned(i * w)
+            if many == 4:
                 a, b, c, d = F[o + i], F[o + w + i], F[o + 2 * w + i], F[o + 3 * w + i]
-                t = i * w
-                for j in range(i, w):
-                    F[t + j] -= a * F[o + j] + b * F[o + w + j] + c * F[o + 2 * w + j] + d * F[o + 3 * w + j]
-        elif many == 3:
-            for i in range(p + 3, end):
+                for j in range(unsigned(i), unsigned(w)):
+                    F[t + j] -= a * F[o0 + j] + b * F[o1 + j] + c * F[o2 + j] + d * F[o3 + j]
+            elif many == 3:
                 a, b, c = F[o + i], F[o + w + i], F[o + 2 * w + i]
-                t = i * w
-                for j in range(i, w):
-                    F[t + j] -= a * F[o + j] + b * F[o + w + j] + c * F[o + 2 * w + j]
-        else:
-            for i in range(p + 1, end):
+                for j in range(unsigned(i), unsigned(w)):
+                    F[t + j] -= a * F[o0 + j] + b * F[o1 + j] + c * F[o2 + j]
+            else:
                 a = F[o + i]
-                t = i * w
-                for j in range(i, w):
-                    F[t + j] -= a * F[o + j]
+                for j in range(unsigned(i), unsigned(w)):
+                    F[t + j] -= a * F[o0 + j]
         p += many
     return True
 

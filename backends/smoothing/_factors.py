@@ -14,7 +14,7 @@ from math import atan2, log, sqrt
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._models import wrap
-from ._graph import INFORMATION, LANDMARK, OFFSET, POSE, A, B, Graph
+from ._graph import INFORMATION, LANDMARK, LOSS, OFFSET, POSE, SCALE, A, B, Graph
 
 NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)
 """Robust losses of the sightings."""
@@ -61,7 +61,7 @@ def add_sighting(g: Graph, s: int, F: Array, w: int, ip: int, il: int) -> None:
     pose, landmark = g.sightings[s, POSE], g.sightings[s, LANDMARK]
     v = g.values
     dx, dy, e0, e1, q = distance(v[pose, 0], v[pose, 1], v[pose, 2], v[landmark, 0], v[landmark, 1], g.seen, s)
-    scale = weight(g.settings[0], g.settings[1], q)
+    scale = weight(g.settings[LOSS], g.settings[SCALE], q)
     z0, z1, z2 = scale * g.seen[s, 2], scale * g.seen[s, 3], scale * g.seen[s, 4]
     r2 = dx * dx + dy * dy
     r = sqrt(r2)

@@ -9,7 +9,7 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._models import wrap
-from ._cholesky import factor
+from ._cholesky import factor, unsigned
 from ._factors import add_link, add_pose, add_sighting
 from ._graph import (
     BOUND,
@@ -45,34 +45,47 @@ from ._links import inverse, motion_offset
 
 @compiled
 def places(g: Graph, c: int) -> int:
-    """Where the scalars of clique `c`'s separators stand, by their variables' PLACE, into `index`; how many."""
+    """Where the scalars of clique `c`'s separators stand, by their variables' PLACE, into `index`; how many.
+
+    The second half of `index` has for each scalar the end of the run of those that stand next to one another.
+    """
     n = 0
-    start = g.cliques[c, LISTED]
+    start, half = g.cliques[c, LISTED], len(g.index) // 2
     for t in range(start + g.cliques[c, FRONTALS], start + g.cliques[c, MEMBERS]):
         v = g.ints[t]
         at = g.variables[v, PLACE]
         for i in range(g.variables[v, WIDTH]):
             g.index[n] = at + i
             n += 1
+    end = n
+    for i in range(n - 1, -1, -1):
+        if i + 1 < n and g.index[i + 1] != g.index[i] + 1:
+            end = i + 1
+        g.index[half + i] = end
     return n
 
 
 @compiled
 def add_child(g: Graph, c: int, F: Array, w: int) -> None:
     """Clique `c`'s update matrix into front F, whose rows have `w` numbers."""
-    n = places(g, c)
+    n, half = places(g, c), len(g.index) // 2
     o = g.cliques[c, UPDATE]
+    index, numbers = g.index, g.reals
     for i in range(n):
-        a = g.index[i]
-        row = a * w
-        for j in range(i, n):
-            b = g.index[j]
+        a = index[i]
+        j = i
+        while j < n:
+            b, end = index[j], index[half + j]
             if a <= b:
-                F[row + b] += g.reals[o]
+                to, of = unsigned(a * w + b), unsigned(o)
+                for k in range(unsigned(end - j)):
+                    F[to + k] += numbers[of + k]
             else:
-                F[b * w + a] += g.reals[o]
-            o += 1
-        F[row + w - 1] += g.reals[o]
+                for k in range(end - j):
+                    F[(b + k) * w + a] += numbers[o + k]
+            o += end - j
+            j = end
+        F[a * w + w - 1] += numbers[o]
         o += 1
 
 
@@ -156,13 +169,14 @@ def eliminate(g: Graph, c: int) -> None:
     if not factor(F, m, front, g.state[DSYRK]):
         g.state[FAILED] = 1
         return
-    n = front * w
-    g.reals[q[FACTOR] : q[FACTOR] + n] = F[:n]
+    a = unsigned(q[FACTOR])
+    for j in range(unsigned(front * w)):
+        g.reals[a + j] = F[j]
     o = q[UPDATE]
     for i in range(front, m):
-        b = i * w
-        for j in range(i, w):
-            g.reals[o + j - i] = F[b + j]
+        a, b = unsigned(o), unsigned(i * w + i)
+        for j in range(unsigned(w - i)):
+            g.reals[a + j] = F[b + j]
         o += w - i
 
 
@@ -192,8 +206,9 @@ def factor_root(g: Graph) -> int:
     F = g.work
     F[: m * w] = 0.0
     for i in range(n):
-        for j in range(i, n):
-            F[i * w + j] = g.rest[i * wide + j]
+        a, b = unsigned(i * w), unsigned(i * wide)
+        for j in range(unsigned(i), unsigned(n)):
+            F[a + j] = g.rest[b + j]
         F[i * w + m] = g.rest[i * wide + wide - 1]
     for t in range(g.state[ROOT]):
         g.variables[g.root[t], PLACE] = 2 * t

@@ -12,6 +12,7 @@ from ._graph import (
     DELTA,
     END,
     FIRST,
+    FURTHEST,
     LANDMARK,
     LINK,
     LINKS,
@@ -150,27 +151,31 @@ def add_pose_after(g: Graph, before: int, k: int) -> int:
 
 
 @compiled
-def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> int:
-    """Write down sightings from the newest pose; how many are of landmarks outside the root.
+def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple[int, int]:
+    """Write down sightings from the newest pose; how many are of landmarks that are eliminated, and of new ones.
 
     `landmarks` (k,) are variables, or NO_VARIABLE for what is held back; `seen` has range, bearing and the covariance
-    of both in the first k rows: rr, rb, bb.
+    of both in its first k rows.
     """
     s = g.state[SIGHTINGS]
-    outside = 0
+    outside = fresh = 0
     for i in range(len(landmarks)):
         v = landmarks[i]
         g.sightings[s, LANDMARK], g.sightings[s, POSE] = v, pose
-        rr, rb, bb = seen[i, 2], seen[i, 3], seen[i, 4]
+        rr, rb, bb = seen[i, 2], (seen[i, 3] + seen[i, 4]) / 2, seen[i, 5]
         d = 1.0 / (rr * bb - rb * rb)
         g.seen[s, 0], g.seen[s, 1] = seen[i, 0], seen[i, 1]
         g.seen[s, 2], g.seen[s, 3], g.seen[s, 4] = bb * d, -rb * d, rr * d
+        g.settings[FURTHEST] = max(g.settings[FURTHEST], seen[i, 0])
         if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
-            outside += 1
+            if g.variables[v, CLIQUE] > 0:
+                outside += 1
+            else:
+                fresh += 1
         s += 1
     g.state[SIGHTINGS] = s
     g.variables[pose, END] = s
-    return outside
+    return outside, fresh
 
 
 @compiled

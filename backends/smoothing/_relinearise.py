@@ -25,6 +25,7 @@ from ._graph import (
     LINKS,
     LISTED,
     LOOP,
+    LOSS,
     MARK,
     MEMBERS,
     MOTION,
@@ -35,6 +36,7 @@ from ._graph import (
     POINT,
     RESUM,
     ROOT,
+    SCALE,
     SIZE,
     STAMP,
     STEP,
@@ -190,7 +192,7 @@ def cost(g: Graph, path: Array, values: Array) -> float:
             landmark = g.sightings[s, LANDMARK]
             if landmark >= 0:
                 q = distance(x[0], x[1], x[2], values[landmark, 0], values[landmark, 1], g.seen, s)[4]
-                J += loss(g.settings[0], g.settings[1], q)
+                J += loss(g.settings[LOSS], g.settings[SCALE], q)
     for c in range(1, 1 + g.state[GIVEN]):
         J += given_cost(g, c, values)
     return J

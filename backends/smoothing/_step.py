@@ -1,4 +1,4 @@
-"""A plain step in one call: a motion, and sightings of landmarks that are all in the root."""
+"""A plain step in one call: a motion, and sightings of landmarks that are new or in the root."""
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
@@ -19,7 +19,7 @@ from ._log import add_pose_after, add_sightings_of, move
 from ._tree import advance
 
 DONE, FULL_ARRAYS, OUTSIDE, INDEFINITE = range(4)
-"""How a step ended: done; not begun, for want of room; written down, but a landmark is not in the root; not solved."""
+"""How a step ended: done; not begun, for want of room; written down, but a landmark is out of the root; not solved."""
 
 SPARE_INTS, SPARE_REALS = 64, 4096
 """Room in the arenas beside what a clique needs: blocks are rounded up."""
@@ -29,14 +29,15 @@ SPARE_INTS, SPARE_REALS = 64, 4096
 def has_room(g: Graph, sightings: int) -> bool:
     """Whether a plain step of so many sightings fits into all arrays."""
     state = g.state
-    size = 2 * state[ROOT] + 6
+    size = 2 * (state[ROOT] + sightings) + 6
     return (
         state[STEPS] < len(g.steps)
         and state[VARIABLES] < len(g.variables)
         and state[SIGHTINGS] + sightings <= len(g.sightings)
         and state[LINKS] < len(g.links)
         and state[CLIQUES] < len(g.cliques)
-        and size <= len(g.index)
+        and state[ROOT] + sightings <= len(g.root)
+        and 2 * size <= len(g.index)
         and state[INTS] + 2 * size + SPARE_INTS <= len(g.ints)
         and state[REALS] + size * size + SPARE_REALS <= len(g.reals)
     )
@@ -44,12 +45,12 @@ def has_room(g: Graph, sightings: int) -> bool:
 
 @compiled
 def plain_step(
-    g: Graph, newest: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
+    g: Graph, newest: int, cap: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
 ) -> tuple[int, int]:
-    """Go on by `motion` (4, 3), itself and its covariance, and fold in what is seen of known `landmarks` (k,).
+    """Go on by `motion` (4, 3), itself and its covariance, and fold in what is seen of `landmarks` (k,), variables.
 
-    `seen` (k, 5) has range, bearing and their covariance: rr, rb, bb. `pose` (3,) and `cov` (3, 3) become the latest.
-    Returns how it ended, and the variable of the newest pose that is one.
+    New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range, bearing and their covariance; `pose` (3,)
+    and `cov` (3, 3) become the latest. Returns how it ended, and the variable of the newest pose that is one.
     """
     if not has_room(g, len(landmarks)):
         return FULL_ARRAYS, newest
@@ -59,7 +60,8 @@ def plain_step(
     x = add_pose_after(g, newest, g.state[STEPS] - 1)
     if x == NO_VARIABLE:
         return INDEFINITE, newest
-    if add_sightings_of(g, x, landmarks, seen) > 0:
+    outside, fresh = add_sightings_of(g, x, landmarks, seen)
+    if outside > 0 or (fresh > 0 and g.state[ROOT] + fresh > cap):
         return OUTSIDE, x
     advance(g, x)
     return (DONE if solve(g, pose, cov) else INDEFINITE), x

@@ -39,7 +39,7 @@ def made(loss: int, scale: float) -> Graph:
         rest=np.zeros(0),
         work=np.zeros(0),
         index=np.zeros(0, np.int64),
-        settings=np.array((loss, scale), np.float64),
+        settings=np.array((loss, scale, 0.0)),
     )
     g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
     return with_front(with_root(g, 32), 70)
@@ -66,9 +66,9 @@ def with_root(g: Graph, landmarks: int) -> Graph:
 
 def with_front(g: Graph, size: int) -> Graph:
     """`g` with room for a front of so many scalars."""
-    if size <= len(g.index):
+    if 2 * size <= len(g.index):
         return g
-    return g._replace(work=np.zeros(size * (size + 1) + 4 * size), index=np.zeros(size, np.int64))
+    return g._replace(work=np.zeros(size * (size + 1) + 4 * size), index=np.zeros(2 * size, np.int64))
 
 
 def copied(g: Graph) -> Graph:

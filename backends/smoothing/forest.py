@@ -30,8 +30,8 @@ NOBODY = np.zeros(0, np.int64)
 
 INDEFINITE_J = "the information matrix is not positive definite: J is flat, or has no digits left"
 
-AS_MUCH = 1.0
-"""Share of a whole elimination from which on relinearising orders everything anew instead."""
+AS_MUCH = 2.0
+"""How much more work a variable may be than after the last whole ordering, before relinearising makes another."""
 
 HALVINGS = 8
 """How often a move that raises J is halved before it is given up."""
@@ -52,6 +52,7 @@ class Forest:
         self.g = made(loss, scale)
         self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
         self.cost = np.inf  # J where it was linearised last
+        self._whole_variables = 0  # when all was ordered last
 
     def room(self, steps: int, variables: int, sightings: int, links: int, fresh: int) -> None:
         """Have room for so many more of each, `fresh` landmarks more in the root, and a clique about it."""
@@ -92,6 +93,7 @@ class Forest:
         state[WIDEST] = widest if everything else max(state[WIDEST], widest)
         if everything:
             state[WORK], state[FULL] = -work, work
+            self._whole_variables = int(state[VARIABLES])
         self.solve()
 
     def solve(self) -> None:
@@ -124,8 +126,8 @@ class Forest:
         else:
             self.cost = J
             return 0.0
-        again, _ = _relinearise.settle(g, order, estimate.path, estimate.values)
-        if again > AS_MUCH * state[FULL]:
+        again, total = _relinearise.settle(g, order, estimate.path, estimate.values)
+        if again > total / 2 and total * self._whole_variables >= AS_MUCH * state[FULL] * state[VARIABLES]:
             self.reorganise(int(state[LAST]), g.root[: state[ROOT]].copy(), everything=True)
         else:
             self.solve()

@@ -20,7 +20,7 @@ from ..api import Belief, Builder, Diverged, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
 from . import _log, _relinearise
-from ._graph import FULL, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, ROOT, SIGHTINGS, VARIABLES, WIDTH, WORK
+from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
 from .given import add_map
@@ -76,8 +76,7 @@ class Smoother:
         self._held: defaultdict[int, list[int]] = defaultdict(list)  # rows of sightings that are held back
         self._variable: dict[int, int] = {}  # landmark id -> its variable
         self._steps = self._since = 0
-        self._reach = 0.0
-        self._seen = np.zeros((16, 5))  # range, bearing, and their covariance
+        self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
         self._motion = np.concatenate((prior.pose[None], prior.cov))  # (4, 3)
         forest = self._forest
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
@@ -98,10 +97,11 @@ class Smoother:
         if looks:
             self._write(sightings)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
-        if k == 0 or len(step.loops.to) or NO_VARIABLE in found:
-            self._any_step(step, found)
+        touched = self._name(k, sightings, found) if NO_VARIABLE in found else []
+        if k == 0 or len(step.loops.to) or touched:
+            self._any_step(step, np.array(found, np.int64), touched)
         else:
-            self._known_step(np.array(found, np.int64))
+            self._plain_step(np.array(found, np.int64))
         self._steps += 1
         self._since += 1
         if looks and self._since >= self._options.relinearize_skip:
@@ -146,60 +146,51 @@ class Smoother:
         """Copy sightings to where the compiled code reads them."""
         n = len(sightings.ids)
         if n > len(self._seen):
-            self._seen = np.zeros((2 * n, 5))
+            self._seen = np.zeros((2 * n, 6))
         self._seen[:n, :2] = sightings.z
-        self._seen[:n, 2:] = sightings.cov.reshape(n, 4)[:, [0, 1, 3]]
-        self._reach = max(self._reach, float(self._seen[:n, 0].max()))
+        self._seen[:n, 2:] = sightings.cov.reshape(n, 4)
 
-    def _known_step(self, landmarks: Ints) -> None:
-        """A step that sees landmarks on the map alone."""
+    def _plain_step(self, landmarks: Ints) -> None:
+        """A step that sees landmarks on the map and new ones."""
         forest = self._forest
         ended, newest = FULL_ARRAYS, self._newest
         while ended == FULL_ARRAYS:
             ended, newest = plain_step(
-                forest.g, self._newest, self._motion, landmarks, self._seen, forest.pose, forest.cov
+                forest.g, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
             )
             if ended == FULL_ARRAYS:
-                forest.room(1, 1, len(landmarks), 1, 0)
+                forest.room(1, 1, len(landmarks), 1, len(landmarks))
         self._newest = newest
         if ended == OUTSIDE:
             self._reorganise(landmarks, NOBODY)
         elif ended == INDEFINITE:
             raise Diverged(INDEFINITE_J)
 
-    def _any_step(self, step: Step, found: list[int]) -> None:
-        """A step that sees a new landmark, closes a loop or is the first; `found` are the known ones' variables."""
-        forest, k, n = self._forest, self._steps, len(found)
-        forest.room(1, n + 1 + len(step.loops.to), n, 2 + 3 * len(step.loops.to), n)
-        g, state = forest.g, forest.g.state
+    def _any_step(self, step: Step, landmarks: Ints, touched: list[int]) -> None:
+        """The first step, or one that has factors of earlier poses: loops, or sightings that were held back."""
+        forest, k, loops = self._forest, self._steps, len(step.loops.to)
+        forest.room(1, 1 + loops, len(landmarks), 2 + 3 * loops, len(landmarks))
+        g = forest.g
         if k > 0:
             _log.move(g, self._motion, forest.pose, forest.cov)
-        touched = list[int]()
         ends = [self._pose_at(to, touched) for to in step.loops.to.tolist()]
         if k > 0:
             self._newest = _checked(_log.add_pose_after(g, self._newest, k))
         for a, delta, cov in zip(ends, step.loops.delta, step.loops.cov, strict=True):
             if not _log.add_loop(g, a, self._newest, np.array(delta), np.array(cov)):
                 raise Diverged(NO_COVARIANCE)
-        last, before = int(state[LAST]), int(state[VARIABLES])
-        landmarks = self._named(k, step.sightings, found, touched)
-        outside = _log.add_sightings_of(g, self._newest, landmarks, self._seen)
-        fresh = int(state[VARIABLES]) - before
+        _log.add_sightings_of(g, self._newest, landmarks, self._seen)
         if k == 0 and not self._given:
             forest.start()
-        elif k == 0:
-            self._reorganise(landmarks, NOBODY, everything=True)
-        elif outside == fresh and state[ROOT] + fresh <= CAP and all(v == last for v in touched) and not ends:
-            forest.advance(self._newest)
         else:
-            self._reorganise(landmarks, np.array(touched, np.int64))
+            self._reorganise(landmarks, np.array(touched, np.int64), everything=k == 0)
 
     def _reorganise(self, landmarks: Ints, touched: Ints, *, everything: bool = False) -> None:
         """The root becomes the newest pose, the `landmarks` it sees and others about them."""
         forest, g = self._forest, self._forest.g
         seen = landmarks[landmarks >= 0]
         seen = seen[g.variables[seen, WIDTH] == 2]
-        wanted = _relinearise.about(g, self._newest, REACH * self._reach, 3 * CAP // 4, seen)
+        wanted = _relinearise.about(g, self._newest, REACH * g.settings[FURTHEST], 3 * CAP // 4, seen)
         everything = everything or bool(g.state[WORK] > PATIENCE * g.state[FULL] + LEAST)
         forest.reorganise(self._newest, wanted, touched, everything=everything)
 
@@ -219,12 +210,18 @@ class Smoother:
         touched += (a, at, b)
         return at
 
-    def _named(self, k: int, sightings: RangeBearing, found: list[int], touched: list[int]) -> Ints:
-        """(n,) the variables of what is sighted at step `k`, with those of new landmarks; NO_VARIABLE is held back.
+    def _name(self, k: int, sightings: RangeBearing, found: list[int]) -> list[int]:
+        """Write the variables of new landmarks into `found`; NO_VARIABLE stays where one is held back.
 
-        `touched` gets the poses from which such a new one was sighted before.
+        Returns the poses but for the root's, from which such a new one was sighted before.
         """
-        g, row = self._forest.g, int(self._forest.g.state[SIGHTINGS])
+        self._forest.room(0, len(found), 0, 0, 0)
+        g, touched = self._forest.g, list[int]()
+        x, y, heading = self._forest.pose.tolist()
+        if k > 0:
+            (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
+            x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
+        row, last = int(g.state[SIGHTINGS]), int(g.state[LAST])
         for i, landmark in enumerate(sightings.ids.tolist()):
             if found[i] >= 0:
                 continue
@@ -232,12 +229,13 @@ class Smoother:
                 self._held[landmark].append(row + i)
                 continue
             r, bearing = self._seen[i, :2].tolist()
-            x, y = place(self._forest.pose, np.array((max(r, NEAREST), bearing)))[0].tolist()
-            found[i] = self._variable[landmark] = _log.add_variable(g, 2, x, y, 0.0)
+            r, angle = max(r, NEAREST), heading + bearing
+            found[i] = _log.add_variable(g, 2, x + r * math.cos(angle), y + r * math.sin(angle), 0.0)
+            self._variable[landmark] = found[i]
             for before in self._held.pop(landmark, ()):
                 g.sightings[before, LANDMARK] = found[i]
                 touched.append(int(g.sightings[before, POSE]))
-        return np.array(found, np.int64)
+        return [pose for pose in touched if pose != last]
 
     def _landmarks(self) -> tuple[Ints, Ints]:
         """The ids of all landmarks and their variables."""

@@ -40,6 +40,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "gaussian": {TOP},
         "particles": {TOP},
         "graphs": {TOP},
+        "smoothing": {TOP},
     },
     "datasets": {
         TOP: set(),
