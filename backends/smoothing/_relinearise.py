@@ -79,10 +79,18 @@ def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
     """y[:rows] of R y = d, the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
     for i in range(rows - 1, -1, -1):
         b = o + i * (m + 1)
-        a = R[b + m]
-        for j in range(i + 1, m):
-            a -= R[b + j] * y[j]
-        y[i] = a / R[b + i]
+        s0 = s1 = s2 = s3 = 0.0  # four sums at a time: one alone waits for each addition
+        j = i + 1
+        while j + 3 < m:
+            s0 += R[b + j] * y[j]
+            s1 += R[b + j + 1] * y[j + 1]
+            s2 += R[b + j + 2] * y[j + 2]
+            s3 += R[b + j + 3] * y[j + 3]
+            j += 4
+        while j < m:
+            s0 += R[b + j] * y[j]
+            j += 1
+        y[i] = (R[b + m] - (s0 + s1) - (s2 + s3)) / R[b + i]
 
 
 @compiled

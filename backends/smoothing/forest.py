@@ -33,6 +33,9 @@ INDEFINITE_J = "the information matrix is not positive definite: J is flat, or h
 AS_MUCH = 2.0
 """How much more work a variable may be than after the last whole ordering, before relinearising makes another."""
 
+SURE = 10.0
+"""Offsets up to so many thresholds are taken without a look at J."""
+
 HALVINGS = 8
 """How often a move that raises J is halved before it is given up."""
 
@@ -108,24 +111,19 @@ class Forest:
     def relinearise(self, threshold: float) -> float:
         """Move linearisation points that are off by more than `threshold` (m, rad); the largest offset there was.
 
-        Where that would raise J they are moved half of the way, or half of that, and so on, and at last not at all.
+        Where moving everything all the way would raise J they go half of the way, or half of that, and so on, and at
+        last not at all. J is only looked at where something is off by more than `SURE` times the threshold.
         """
         g, state = self.g, self.g.state
         order, estimate, off, steps_off = self._solution(threshold)
         if estimate.furthest <= threshold:
             return estimate.furthest
-        here = g.steps[: state[STEPS], _graph.POINT :]
-        J = _relinearise.cost(g, np.ascontiguousarray(here), g.values)
-        share = 1.0
-        for _ in range(HALVINGS):
-            self.cost = _relinearise.cost(g, estimate.path, estimate.values)
-            if self.cost <= J:
-                break
-            share /= 2
-            _relinearise.candidate(g, off, steps_off, share, threshold, estimate.path, estimate.values)
-        else:
-            self.cost = J
-            return 0.0
+        if estimate.furthest > SURE * threshold:
+            share = self._share_that_falls(off, steps_off)
+            if share == 0.0:
+                return 0.0
+            if share < 1.0:
+                _relinearise.candidate(g, off, steps_off, share, threshold, estimate.path, estimate.values)
         again, total = _relinearise.settle(g, order, estimate.path, estimate.values)
         if again > total / 2 and total * self._whole_variables >= AS_MUCH * state[FULL] * state[VARIABLES]:
             self.reorganise(int(state[LAST]), g.root[: state[ROOT]].copy(), everything=True)
@@ -152,6 +150,21 @@ class Forest:
         out = np.zeros((g.state[STEPS], 3, 3))
         _covariances.pose_covariances(g, _relinearise.top_down(g), int(g.state[WIDEST]), out)
         return out
+
+    def _share_that_falls(self, off: Array, steps_off: Array) -> float:
+        """The share of all offsets by which J falls; 0 where it does not by a small one."""
+        g = self.g
+        path, values = np.empty_like(steps_off), np.zeros_like(off)
+        here = np.ascontiguousarray(g.steps[: len(path), _graph.POINT :])
+        J, share = _relinearise.cost(g, here, g.values), 1.0
+        for _ in range(HALVINGS):
+            _relinearise.candidate(g, off, steps_off, share, -1.0, path, values)
+            self.cost = _relinearise.cost(g, path, values)
+            if self.cost <= J:
+                return share
+            share /= 2
+        self.cost = J
+        return 0.0
 
     def _solution(self, threshold: float) -> tuple[Ints, Estimate, Array, Array]:
         """The cliques top down, the estimate of what is off by more than `threshold`, and all offsets."""
