@@ -67,9 +67,9 @@ def hand_down(g: Graph, head: int, C: Array) -> None:
         n = places(g, c)
         o = g.cliques[c, UPDATE]
         for i in range(n):
-            a = g.index[i]
+            a = g.spots[i]
             for j in range(i, n):
-                g.reals[o] = C[a, g.index[j]]
+                g.reals[o] = C[a, g.spots[j]]
                 o += 1
             o += 1
         c = g.cliques[c, NEXT]

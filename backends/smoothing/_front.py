@@ -45,37 +45,37 @@ from ._links import inverse, motion_offset
 
 @compiled
 def places(g: Graph, c: int) -> int:
-    """Where the scalars of clique `c`'s separators stand, by their variables' PLACE, into `index`; how many.
+    """Where the scalars of clique `c`'s separators stand, by their variables' PLACE, into `spots`; how many.
 
-    The second half of `index` has for each scalar the end of the run of those that stand next to one another.
+    The second half of `spots` has for each scalar the end of the run of those that stand next to one another.
     """
     n = 0
-    start, half = g.cliques[c, LISTED], len(g.index) // 2
+    start, half = g.cliques[c, LISTED], len(g.spots) // 2
     for t in range(start + g.cliques[c, FRONTALS], start + g.cliques[c, MEMBERS]):
         v = g.ints[t]
         at = g.variables[v, PLACE]
         for i in range(g.variables[v, WIDTH]):
-            g.index[n] = at + i
+            g.spots[n] = at + i
             n += 1
     end = n
     for i in range(n - 1, -1, -1):
-        if i + 1 < n and g.index[i + 1] != g.index[i] + 1:
+        if i + 1 < n and g.spots[i + 1] != g.spots[i] + 1:
             end = i + 1
-        g.index[half + i] = end
+        g.spots[half + i] = end
     return n
 
 
 @compiled
 def add_child(g: Graph, c: int, F: Array, w: int) -> None:
     """Clique `c`'s update matrix into front F, whose rows have `w` numbers."""
-    n, half = places(g, c), len(g.index) // 2
+    n, half = places(g, c), len(g.spots) // 2
     o = g.cliques[c, UPDATE]
-    index, numbers = g.index, g.reals
+    spots, numbers = g.spots, g.reals
     for i in range(n):
-        a = index[i]
+        a = spots[i]
         j = i
         while j < n:
-            b, end = index[j], index[half + j]
+            b, end = spots[j], spots[half + j]
             if a <= b:
                 to, of = unsigned(a * w + b), unsigned(o)
                 for k in range(unsigned(end - j)):

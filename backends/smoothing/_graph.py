@@ -33,7 +33,7 @@ class Graph(NamedTuple):
     todo: Ints  # (C,) cliques to eliminate, children before parents
     rest: Array  # what the root has from cliques that do not know its pose
     work: Array  # one front; between calls, the root's [R d]
-    index: Ints  # where a clique's separators stand in its parent's front: see `_front.places`
+    spots: Ints  # where a clique's separators stand in its parent's front: see `_front.places`
     settings: Array  # (3,) robust loss and its scale; range of the furthest sighting
 
 

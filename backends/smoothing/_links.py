@@ -160,9 +160,9 @@ def inner(g: Graph, first: int, last: int, out: Array) -> None:
         back[0] += gx * back[2]
         back[1] += gy * back[2]
         row = out[i]
-        S = row[0:6].copy()
+        way = row[0:6].copy()
         f0, f1, f2 = row[18], row[19], row[20]
-        ok = gain(S, N, K)
+        ok = gain(way, N, K)
         if not ok:
             K[:] = 0.0
         ux, uy = ay - y, x - ax  # from first to here

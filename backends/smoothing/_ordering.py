@@ -66,7 +66,7 @@ class Variables(NamedTuple):
     name: Ints  # in the graph
     width: Ints
     first: Ints  # (n + 1,) where its elements are
-    count: Ints  # how many they are
+    many: Ints  # how many they are
     elements: Ints
     sees: Ints  # (n + 1,) where a pose's landmarks are
     seen: Ints
@@ -84,7 +84,7 @@ class Elements(NamedTuple):
     kind: Ints
     name: Ints
     first: Ints
-    count: Ints
+    many: Ints
     size: Ints
     alive: Ints
     beside: Ints  # scalars beside the front that was just eliminated
@@ -155,7 +155,7 @@ def concerned(g: Graph, x: int, wanted: Ints, touched: Ints, open_: Ints, everyt
     for t in range(len(open_)):
         start = g.cliques[open_[t], LISTED]
         for u in range(g.cliques[open_[t], FRONTALS]):
-            n = take(g, g.ints[start + u], out, n)
+            n = take(g, int(g.ints[start + u]), out, n)
     return out[:n], kept
 
 
@@ -218,7 +218,7 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Variables, E
     for t in range(len(stay)):
         q = g.cliques[stay[t]]
         E.kind[e], E.name[e], E.first[e], E.alive[e] = OLD, stay[t], top, 1
-        E.count[e], E.size[e] = q[MEMBERS] - q[FRONTALS], q[SIZE] - q[FRONT]
+        E.many[e], E.size[e] = q[MEMBERS] - q[FRONTALS], q[SIZE] - q[FRONT]
         for u in range(q[LISTED] + q[FRONTALS], q[LISTED] + q[MEMBERS]):
             pool[top] = g.variables[g.ints[u], PLACE]
             count[pool[top]] += 1
@@ -241,7 +241,7 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Variables, E
         while k >= 0:
             j = here(g, g.links[k, B])
             if g.links[k, A] == v and j >= 0:
-                E.kind[e], E.name[e], E.first[e], E.count[e], E.size[e], E.alive[e] = BINDING, k, top, 2, 6, 1
+                E.kind[e], E.name[e], E.first[e], E.many[e], E.size[e], E.alive[e] = BINDING, k, top, 2, 6, 1
                 pool[top], pool[top + 1] = i, j
                 count[i] += 1
                 count[j] += 1
@@ -255,7 +255,7 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Variables, E
         count[i] = 0
     elements, degree = np.empty(first[n], np.int64), np.zeros(n, np.int64)
     for f in range(e):
-        for t in range(E.first[f], E.first[f] + E.count[f]):
+        for t in range(E.first[f], E.first[f] + E.many[f]):
             i = pool[t]
             elements[first[i] + count[i]] = f
             count[i] += 1
@@ -300,14 +300,14 @@ def absorb(V: Variables, E: Elements, p: int, pool: Ints, top: int, near: Ints, 
     """
     k = n = 0
     near[p] = p
-    for t in range(V.first[p], V.first[p] + V.count[p]):
+    for t in range(V.first[p], V.first[p] + V.many[p]):
         e = V.elements[t]
         if E.alive[e] == 0:
             continue
         E.alive[e] = 0
         gone[n] = e
         n += 1
-        for u in range(E.first[e], E.first[e] + E.count[e]):
+        for u in range(E.first[e], E.first[e] + E.many[e]):
             i = pool[u]
             if near[i] != p:
                 near[i] = p
@@ -328,7 +328,7 @@ def measure(V: Variables, E: Elements, p: int, front: Ints) -> None:
     """How many scalars each element of the front's variables has beside it."""
     for u in range(len(front)):
         i = front[u]
-        for t in range(V.first[i], V.first[i] + V.count[i]):
+        for t in range(V.first[i], V.first[i] + V.many[i]):
             e = V.elements[t]
             if E.alive[e]:
                 if E.stamp[e] != p:
@@ -342,7 +342,7 @@ def review(V: Variables, E: Elements, p: int, front: Ints, near: Ints, kept: int
     for u in range(len(front)):
         i = front[u]
         left = degree = 0
-        for t in range(V.first[i], V.first[i] + V.count[i]):
+        for t in range(V.first[i], V.first[i] + V.many[i]):
             e = V.elements[t]
             if E.alive[e] == 0:
                 continue
@@ -354,7 +354,7 @@ def review(V: Variables, E: Elements, p: int, front: Ints, near: Ints, kept: int
             V.elements[V.first[i] + left] = e
             left += 1
             degree += E.beside[e]
-        V.count[i] = left
+        V.many[i] = left
         for t in range(V.sees[i], V.sees[i + 1]):
             if near[V.seen[t]] != p:
                 degree += 2
@@ -365,7 +365,7 @@ def review(V: Variables, E: Elements, p: int, front: Ints, near: Ints, kept: int
         i = front[u]
         if V.degree[i] == 0 and i >= kept and V.waits[i] == 0:
             V.listed[i] = MERGED
-            for t in range(V.first[i], V.first[i] + V.count[i]):
+            for t in range(V.first[i], V.first[i] + V.many[i]):
                 e = V.elements[t]
                 if E.alive[e]:
                     E.alive[e] = 0
@@ -456,13 +456,13 @@ def plan(g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool) -> tup
                 continue
             pool[top + rest] = i
             rest += 1
-            V.elements[V.first[i] + V.count[i]] = count
-            V.count[i] += 1
+            V.elements[V.first[i] + V.many[i]] = count
+            V.many[i] += 1
             if i >= kept and V.waits[i] == 0:
-                enlist(V, i, size - eliminated - V.width[i] + V.degree[i])
+                enlist(V, i, int(size - eliminated - V.width[i] + V.degree[i]))
                 least = min(least, V.degree[i])
         E.kind[count], E.name[count], E.first[count], E.alive[count] = NEW, -1 - made, top, 1
-        E.count[count], E.size[count] = rest, size - eliminated
+        E.many[count], E.size[count] = rest, size - eliminated
         made += 1
         count += 1
         top += rest

@@ -97,7 +97,7 @@ def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
 def offsets(g: Graph, order: Ints, out: Array) -> None:
     """What all variables are off from where they are linearised, (V, 3); `order` has parents before their children."""
     m = 2 * g.state[ROOT] + 3
-    y = np.empty(len(g.index) + 3)
+    y = np.empty(len(g.spots) + 3)
     solve_rows(g.work, 0, m, m, y)
     for t in range(g.state[ROOT]):
         out[g.root[t], 0], out[g.root[t], 1] = y[2 * t], y[2 * t + 1]
@@ -184,14 +184,14 @@ def cost(g: Graph, path: Array, values: Array) -> float:
     W = np.empty(6)
     if not inverse(p, NOISE, W, 0):
         return np.inf
-    J = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
+    total = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
     for k in range(1, g.state[STEPS]):
-        J += motion_cost(path[k - 1], path[k], g.steps[k], DELTA, NOISE)
+        total += motion_cost(path[k - 1], path[k], g.steps[k], DELTA, NOISE)
     for k in range(g.state[LINKS]):
         if g.links[k, LOOP]:
             first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
             L = g.linked[k]
-            J += motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
+            total += motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] != 3:
             continue
@@ -200,25 +200,25 @@ def cost(g: Graph, path: Array, values: Array) -> float:
             landmark = g.sightings[s, LANDMARK]
             if landmark >= 0:
                 q = distance(x[0], x[1], x[2], values[landmark, 0], values[landmark, 1], g.seen, s)[4]
-                J += loss(g.settings[LOSS], g.settings[SCALE], q)
+                total += loss(g.settings[LOSS], g.settings[SCALE], q)
     for c in range(1, 1 + g.state[GIVEN]):
-        J += given_cost(g, c, values)
-    return J
+        total += given_cost(g, c, values)
+    return total
 
 
 @compiled
 def given_cost(g: Graph, c: int, values: Array) -> float:
     """What a part of a given map adds to J."""
     start, m, at, f = g.cliques[c, LISTED], 2 * g.cliques[c, MEMBERS], g.cliques[c, UPDATE], g.cliques[c, FACTOR]
-    J = 0.0
+    total = 0.0
     for i in range(m):
         a = values[g.ints[start + i // 2], i % 2] - g.reals[f + i]
         for j in range(i, m):
             b = values[g.ints[start + j // 2], j % 2] - g.reals[f + j]
-            J += (1.0 if i == j else 2.0) * a * g.reals[at] * b
+            total += (1.0 if i == j else 2.0) * a * g.reals[at] * b
             at += 1
         at += 1
-    return J
+    return total
 
 
 @compiled

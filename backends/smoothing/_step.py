@@ -37,7 +37,7 @@ def has_room(g: Graph, sightings: int) -> bool:
         and state[LINKS] < len(g.links)
         and state[CLIQUES] < len(g.cliques)
         and state[ROOT] + sightings <= len(g.root)
-        and 2 * size <= len(g.index)
+        and 2 * size <= len(g.spots)
         and state[INTS] + 2 * size + SPARE_INTS <= len(g.ints)
         and state[REALS] + size * size + SPARE_REALS <= len(g.reals)
     )

@@ -1,8 +1,9 @@
 """Making the arrays of a smoother, and more of them when they are full: each at least doubles."""
 
+from typing import Any
+
 import numpy as np
 
-from ...frontend.se2 import Array, Ints
 from .._blas import routine
 from ._graph import CLASSES, CLIQUES, DSYRK, RESUM, STATE, Graph
 
@@ -38,7 +39,7 @@ def made(loss: int, scale: float) -> Graph:
         todo=np.zeros(64, np.int64),
         rest=np.zeros(0),
         work=np.zeros(0),
-        index=np.zeros(0, np.int64),
+        spots=np.zeros(0, np.int64),
         settings=np.array((loss, scale, 0.0)),
     )
     g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
@@ -66,15 +67,15 @@ def with_root(g: Graph, landmarks: int) -> Graph:
 
 def with_front(g: Graph, size: int) -> Graph:
     """`g` with room for a front of so many scalars."""
-    if 2 * size <= len(g.index):
+    if 2 * size <= len(g.spots):
         return g
-    return g._replace(work=np.zeros(size * (size + 1) + 4 * size), index=np.zeros(2 * size, np.int64))
+    return g._replace(work=np.zeros(size * (size + 1) + 4 * size), spots=np.zeros(2 * size, np.int64))
 
 
 def copied(g: Graph) -> Graph:
     """The same, sharing nothing."""
-    return Graph(*(array.copy() for array in g))
+    return g._replace(**{name: getattr(g, name).copy() for name in g._fields})
 
 
-def _longer(array: Array | Ints, more: int) -> Array | Ints:
+def _longer(array: Any, more: int) -> Any:
     return np.concatenate((array, np.zeros((more, *array.shape[1:]), array.dtype)))

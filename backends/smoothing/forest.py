@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotri
+from scipy.linalg import solve_triangular
 
 from ...frontend.se2 import Array, Ints
 from ..api import Diverged
@@ -139,10 +139,9 @@ class Forest:
         seen = np.setdiff1d(_relinearise.sighted(self.g, last), landmarks)
         other.reorganise(last, np.concatenate((landmarks, seen)), everything=True)
         m = 2 * (len(landmarks) + len(seen)) + 3
-        inverse, _ = dpotri(other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m])
-        upper = np.triu(inverse)
+        inverse: Array = solve_triangular(other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m], np.eye(m))
         rows = np.r_[: 2 * len(landmarks), m - 3 : m]
-        return (upper + np.triu(upper, 1).T)[np.ix_(rows, rows)]
+        return inverse[rows] @ inverse[rows].T
 
     def pose_covariances(self) -> Array:
         """(n, 3, 3) of all steps' poses."""

@@ -126,11 +126,11 @@ class Smoother:
 
     def finish(self) -> Solution:
         """Relinearise until nothing moves; the path with the covariances of its poses, and the map."""
-        forest, J = self._forest, np.inf
+        forest, last = self._forest, np.inf
         for _ in range(self._options.final_iterations):
             furthest = forest.relinearise(0.0)
-            before, J = J, forest.cost
-            if furthest <= TOLERANCE or before - J <= FALL * J:
+            before, last = last, forest.cost
+            if furthest <= TOLERANCE or before - last <= FALL * last:
                 break
         estimate = forest.estimate()
         if not (np.isfinite(estimate.path).all() and np.isfinite(estimate.values).all()):

@@ -121,7 +121,9 @@ def test_the_joint_covariance_of_chosen_landmarks_and_the_last_pose() -> None:
     found = backend.finish()
     best, n = dense(log, found), len(log)
     chosen, order = found.map.ids[[4, 1]].tolist(), list(best.xy)
-    rows = [3 * n + 2 * order.index(landmark) + a for landmark in chosen for a in (0, 1)] + [3 * n - 3 + i for i in range(3)]
+    rows = [3 * n + 2 * order.index(landmark) + a for landmark in chosen for a in (0, 1)] + [
+        3 * n - 3 + i for i in range(3)
+    ]
     there = best.cov[np.ix_(rows, rows)]
     assert np.abs(backend.joint(chosen) - there).max() < 1e-6 * np.abs(there).max()
 
@@ -137,7 +139,8 @@ def test_with_a_loss_it_ends_where_reweighted_least_squares_do(loss: str) -> Non
     wrong_log = Log.from_steps("wrong", log.prior, steps)
     backend, _ = run(wrong_log, loss=loss)
     found = backend.finish()
-    assert not backend._newcomers.alone()
+    assert set(found.map.ids.tolist()) == set(log.ids.tolist())
+    assert found.map.cov is not None  # none is held back
     best = dense(wrong_log, found, 40, loss=loss, scale=smoother.LOSSES[loss])
     assert found.path == pytest.approx(best.path, abs=1e-5)
     assert found.map.xy == pytest.approx(np.array([best.xy[i] for i in found.map.ids.tolist()]), abs=1e-5)
@@ -186,18 +189,13 @@ def test_asking_changes_nothing() -> None:
     assert plain.finish().path.tobytes() == asked.finish().path.tobytes()
 
 
-def test_arrays_grow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What they hold at the end is the same, however small they were."""
+def test_arrays_grow() -> None:
+    """On a log ten times as large as they are at first; and the optimum is the same however often it relinearised."""
     rng = np.random.default_rng(8)
     log = with_loops(random_log(rng, 500, 120, width=30.0, radius=3.0), 20, rng).log
     backend, path = run(log)
-    g = backend._forest.g
-    assert len(g.steps) >= 500
-    assert len(g.variables) >= g.state[0]
     assert np.isfinite(path).all()
     found = backend.finish()
-    best = cost(log, found.path, found.map)
-    assert best is not None
     again, _ = run(log, relinearize_skip=3, relinearize_threshold=0.001)
     other = again.finish()
     assert other.path == pytest.approx(found.path, abs=1e-6)

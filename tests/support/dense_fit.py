@@ -28,6 +28,32 @@ def weight(loss: str, scale: float, q: float) -> tuple[float, float]:
     return 1.0, q
 
 
+class Normal:
+    """The normal equations of `size` unknowns, and J."""
+
+    def __init__(self, size: int, loss: str = "none", scale: float = 1.0) -> None:
+        self.matrix, self.right, self.cost = np.zeros((size, size)), np.zeros(size), 0.0
+        self._loss, self._scale = loss, scale
+
+    def add(self, blocks: list[tuple[int, Array]], e: Array, cov: Array, robust: bool = False) -> None:
+        """A residual with its derivatives, each from the column it stands at, and its covariance."""
+        W = np.linalg.inv(cov)
+        q = float(e @ W @ e)
+        w, value = weight(self._loss, self._scale, q) if robust else (1.0, q)
+        self.cost += value
+        for i, A in blocks:
+            self.right[i : i + A.shape[1]] -= w * A.T @ W @ e
+            for j, B in blocks:
+                self.matrix[i : i + A.shape[1], j : j + B.shape[1]] += w * A.T @ W @ B
+
+    def add_motion(self, path: Array, i: int, j: int, delta: Array, cov: Array) -> None:
+        """A motion from one pose to another."""
+        e = between(path[i], path[j]) - delta
+        e[2] = wrap(e[2])
+        by_i, by_j = between_jacobians(path[i], path[j])
+        self.add([(3 * i, by_i), (3 * j, by_j)], e, cov)
+
+
 def dense_fit(
     log: Log, path: Array, xy: dict[int, Array], iterations: int, loss: str = "none", scale: float = 1.0
 ) -> Dense:
@@ -36,55 +62,35 @@ def dense_fit(
     fixed = {} if known is None or known.cov is not None else dict(zip(known.ids.tolist(), known.xy, strict=True))
     path, xy, n = path.copy(), {i: np.array(at) for i, at in xy.items() if i not in fixed}, len(path)
     column = {landmark: 3 * n + 2 * k for k, landmark in enumerate(xy)}
-    size = 3 * n + 2 * len(xy)
-    H, cost = np.zeros((size, size)), 0.0
-    for _ in range(iterations + 1):
-        H, b, cost = np.zeros((size, size)), np.zeros(size), 0.0
-
-        def add(blocks: list[tuple[int, Array]], e: Array, cov: Array, robust: bool = False) -> None:
-            nonlocal cost
-            W = np.linalg.inv(cov)
-            q = float(e @ W @ e)
-            w, value = weight(loss, scale, q) if robust else (1.0, q)
-            cost += value
-            for i, A in blocks:
-                b[i : i + A.shape[1]] -= w * A.T @ W @ e
-                for j, B in blocks:
-                    H[i : i + A.shape[1], j : j + B.shape[1]] += w * A.T @ W @ B
-
-        def motion(i: int, j: int, delta: Array, cov: Array) -> None:
-            e = between(path[i], path[j]) - delta
-            e[2] = wrap(e[2])
-            by_i, by_j = between_jacobians(path[i], path[j])
-            add([(3 * i, by_i), (3 * j, by_j)], e, cov)
-
+    normal = Normal(0)
+    for iteration in range(iterations + 1):
+        normal = Normal(3 * n + 2 * len(xy), loss, scale)
         first = path[0] - log.prior.pose
         first[2] = wrap(first[2])
-        add([(0, np.eye(3))], first, log.prior.cov)
+        normal.add([(0, np.eye(3))], first, log.prior.cov)
         if known is not None and known.cov is not None:
             ids = known.ids.tolist()
             off = np.concatenate([xy[i] for i in ids]) - known.xy.ravel()
             blocks = [(column[i], np.eye(2 * len(ids))[:, 2 * k : 2 * k + 2]) for k, i in enumerate(ids)]
-            add(blocks, off, known.cov)
+            normal.add(blocks, off, known.cov)
         for k, step in enumerate(log):
             if step.odometry is not None:
-                motion(k - 1, k, step.odometry.delta, step.odometry.cov)
+                normal.add_motion(path, k - 1, k, *step.odometry)
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
-                motion(to, k, delta, cov)
+                normal.add_motion(path, to, k, delta, cov)
             for landmark, z, cov in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
                 at = fixed[landmark] if landmark in fixed else xy[landmark]
                 dx, dy = at - path[k, :2]
-                r2 = dx * dx + dy * dy
-                by_xy = np.array([[dx, dy], [-dy / r2**0.5, dx / r2**0.5]]) / r2**0.5
+                r = np.hypot(dx, dy)
+                by_xy = np.array([[dx, dy], [-dy / r, dx / r]]) / r
                 by_pose = np.column_stack((-by_xy, [0.0, -1.0]))
-                e = np.array([r2**0.5, np.arctan2(dy, dx) - path[k, 2]]) - z
+                e = np.array([r, np.arctan2(dy, dx) - path[k, 2]]) - z
                 e[1] = wrap(e[1])
                 blocks = [(3 * k, by_pose)] + ([] if landmark in fixed else [(column[landmark], by_xy)])
-                add(blocks, e, cov, robust=True)
-        change = np.linalg.solve(H, b)
-        if _ == iterations:
-            break
-        path += change[: 3 * n].reshape(-1, 3)
-        path[:, 2] = wrap(path[:, 2])
-        xy = {landmark: at + change[column[landmark] : column[landmark] + 2] for landmark, at in xy.items()}
-    return Dense(path, xy, cost, np.linalg.inv(H))
+                normal.add(blocks, e, cov, robust=True)
+        if iteration < iterations:
+            change = np.linalg.solve(normal.matrix, normal.right)
+            path += change[: 3 * n].reshape(-1, 3)
+            path[:, 2] = wrap(path[:, 2])
+            xy = {landmark: at + change[column[landmark] : column[landmark] + 2] for landmark, at in xy.items()}
+    return Dense(path, xy, normal.cost, np.asarray(np.linalg.inv(normal.matrix), np.float64))
