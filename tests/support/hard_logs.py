@@ -24,7 +24,7 @@ def with_loops(made: Dataset, count: int, rng: np.random.Generator) -> Dataset:
 
 
 def with_given(made: Dataset, kind: str, rng: np.random.Generator) -> Dataset:
-    """The same with a map of most of its landmarks: "fixed", or drawn from a covariance of "blocks" or a "joint" one."""
+    """The same with a map of most of its landmarks: "fixed", or drawn with a covariance of "blocks", or "joint"."""
     truth = made.truth
     assert truth is not None
     assert truth.map is not None
