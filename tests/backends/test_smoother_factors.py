@@ -23,7 +23,8 @@ def a_graph(rng: np.random.Generator, inner: int = 0, loss: int = 0) -> Graph:
         _log.move(g, motion, pose, cov)
     g.steps[1 : inner + 2, _graph.POINT :] += 0.05 * rng.standard_normal((inner + 1, 3))  # not where the motions lead
     x = _log.add_pose_after(g, 0, inner + 1)
-    landmark = _log.add_variable(g, 2, *(g.values[x, :2] + rng.uniform(1, 3, 2)).tolist(), 0.0)
+    mx, my = (g.values[x, :2] + rng.uniform(1, 3, 2)).tolist()
+    landmark = _log.add_variable(g, 2, mx, my, 0.0)
     z = np.array([[2.0, 0.7, *random_covariance(rng, [0.2, 0.1]).ravel()]])
     _log.add_sightings_of(g, x, np.array([landmark]), z)
     return g
@@ -78,7 +79,7 @@ def test_a_motion(before_first: bool) -> None:
             e[2] = wrap(e[2])
             return e
 
-        expected = numerical(residual, np.r_[g.values[0], g.values[1]], np.linalg.inv(S))
+        expected = numerical(residual, np.r_[g.values[0], g.values[1]], np.asarray(np.linalg.inv(S), np.float64))
         assert H[np.ix_(order, order)] == pytest.approx(expected[0], rel=1e-5, abs=1e-4)
         assert b[order] == pytest.approx(expected[1], rel=1e-5, abs=1e-4)
 
@@ -96,7 +97,7 @@ def chain(g: Graph, n: int) -> tuple[Array, Array]:
             return e
 
         rows = slice(3 * k - 3, 3 * k + 3)
-        more = numerical(residual, np.r_[p, q], np.linalg.inv(one))
+        more = numerical(residual, np.r_[p, q], np.asarray(np.linalg.inv(one), np.float64))
         H[rows, rows] += more[0]
         b[rows] += more[1]
     return H, b
