@@ -15,6 +15,8 @@ from slamduel.bench.measure.misfit import cost
 from slamduel.frontend.factors import Dataset, Log, Odometry, Prior, RangeBearing, RelativePoses, Step
 from slamduel.frontend.se2 import Array
 
+pytestmark = pytest.mark.slow
+
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 KINDS = ("plain", "loops", "blocks", "joint", "fixed")
