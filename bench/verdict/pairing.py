@@ -82,7 +82,7 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
     rounding = BETWEEN_PROCESSORS if close or not _same_processor(old, new) else 0.0
     if close:
         notes.append(
-            f"{_listed(list(close))}: the logs of the two runs differ by rounding alone and are compared. All "
+            f"{_listed(list(close))}: the logs of the two runs differ by no more than rounding and are compared. All "
             "differences of two such logs, each in units of its own standard deviation, have a root sum of squares of "
             f"at most {max(close.values()):.1g}; up to {ROUNDING:g} counts as rounding."
         )

@@ -72,6 +72,7 @@ def test_the_digests_are_those_of_an_older_machine(kind: str) -> None:
     assert done.stdout.splitlines() == here()
 
 
+@pytest.mark.skipif(len(older_machine.KINDS) < 2, reason="this machine cannot stand in for two kinds of older ones")
 def test_an_older_machine_does_compute_in_another_way() -> None:
     """Else the test above shows nothing: a large product has other last bits with other kernels."""
     code = "import numpy as np; a = np.sqrt(np.arange(1.0, 90001.0)).reshape(300, 300); print((a @ a).tobytes())"

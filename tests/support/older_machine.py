@@ -28,8 +28,6 @@ _KINDS = {
     },
 }
 
-KINDS = tuple(_KINDS)
-
 
 def environment(kind: str) -> dict[str, str]:
     """The variables that make a process compute as that kind of machine does.
@@ -49,6 +47,11 @@ def _flags() -> set[str]:
     """What Linux tells of the first processor; nothing elsewhere."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     return next((set(line.split()) for line in lines if line.startswith("flags")), set())
+
+
+_NEEDS = {"haswell": {"avx2", "fma"}, "nehalem": {"sse4_2"}}
+KINDS = tuple(kind for kind in _KINDS if _NEEDS[kind] <= _flags())
+"""Those that this machine can stand in for: it must have what they have."""
 
 
 if __name__ == "__main__":
