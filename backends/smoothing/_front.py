@@ -24,6 +24,7 @@ from ._graph import (
     FRONTALS,
     LANDMARK,
     LAST,
+    LATEST,
     LISTED,
     MEMBERS,
     NEAR,
@@ -226,6 +227,25 @@ def factor_root(g: Graph) -> int:
 
 
 @compiled
+def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
+    """y[:rows] of R y = d, the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
+    for i in range(rows - 1, -1, -1):
+        b = o + i * (m + 1)
+        s0 = s1 = s2 = s3 = 0.0  # four sums at a time: one alone waits for each addition
+        j = i + 1
+        while j + 3 < m:
+            s0 += R[b + j] * y[j]
+            s1 += R[b + j + 1] * y[j + 1]
+            s2 += R[b + j + 2] * y[j + 2]
+            s3 += R[b + j + 3] * y[j + 3]
+            j += 4
+        while j < m:
+            s0 += R[b + j] * y[j]
+            j += 1
+        y[i] = (R[b + m] - (s0 + s1) - (s2 + s3)) / R[b + i]
+
+
+@compiled
 def last_pose(g: Graph, m: int, pose: Array, cov: Array) -> None:
     """The last pose (3,) and its covariance (3, 3), from the root's last rows."""
     F, w = g.work, m + 1
@@ -238,6 +258,8 @@ def last_pose(g: Graph, m: int, pose: Array, cov: Array) -> None:
     y0 = (d - b * y1 - c * y2) / a
     v = g.values[g.state[LAST]]
     pose[0], pose[1], pose[2] = v[0] + y0, v[1] + y1, wrap(v[2] + y2)
+    for i in range(3):
+        g.settings[LATEST + i] = pose[i]
     i0, i1, i2 = 1.0 / a, 1.0 / e, 1.0 / k
     i01, i12 = -b * i0 * i1, -f * i1 * i2
     i02 = -(c * i2 + b * i12) * i0

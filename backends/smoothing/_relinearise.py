@@ -7,6 +7,7 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._models import wrap
 from ._factors import distance, loss
+from ._front import solve_rows
 from ._graph import (
     BOUND,
     CHILD,
@@ -75,25 +76,6 @@ def top_down(g: Graph) -> Ints:
 
 
 @compiled
-def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
-    """y[:rows] of R y = d, the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
-    for i in range(rows - 1, -1, -1):
-        b = o + i * (m + 1)
-        s0 = s1 = s2 = s3 = 0.0  # four sums at a time: one alone waits for each addition
-        j = i + 1
-        while j + 3 < m:
-            s0 += R[b + j] * y[j]
-            s1 += R[b + j + 1] * y[j + 1]
-            s2 += R[b + j + 2] * y[j + 2]
-            s3 += R[b + j + 3] * y[j + 3]
-            j += 4
-        while j < m:
-            s0 += R[b + j] * y[j]
-            j += 1
-        y[i] = (R[b + m] - (s0 + s1) - (s2 + s3)) / R[b + i]
-
-
-@compiled
 def offsets(g: Graph, order: Ints, out: Array) -> None:
     """What all variables are off from where they are linearised, (V, 3); `order` has parents before their children."""
     m = 2 * g.state[ROOT] + 3
@@ -123,8 +105,8 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
 
 
 @compiled
-def inner_offsets(g: Graph, off: Array, out: Array) -> None:
-    """The same of the steps, (T, 3): of those that are variables, and of those between them and after."""
+def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
+    """The same of the steps, (T, 3), zeros so far: of variables, and between two of which one is off by a threshold."""
     rows = np.empty((64, 27))
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] == 3:
@@ -135,7 +117,10 @@ def inner_offsets(g: Graph, off: Array, out: Array) -> None:
         a, b = g.links[k, A], g.links[k, B]
         first, last = g.variables[a, STEP], g.variables[b, STEP]
         n = last - first - 1
-        if n == 0:
+        far = 0.0
+        for i in range(3):
+            far = max(far, abs(off[a, i]), abs(off[b, i]))
+        if n == 0 or far <= threshold:
             continue
         if n > len(rows):
             rows = np.empty((2 * n, 27))
@@ -147,15 +132,6 @@ def inner_offsets(g: Graph, off: Array, out: Array) -> None:
                 for i2 in range(3):
                     t += row[3 * j + i2] * off[a, i2] + row[9 + 3 * j + i2] * off[b, i2]
                 out[first + 1 + i, j] = t
-
-
-@compiled
-def moves(off: Array, row: int, width: int, threshold: float) -> bool:
-    """Whether a variable is off by more than `threshold` (m, rad) in anything."""
-    most = max(abs(off[row, 0]), abs(off[row, 1]))
-    if width == 3:
-        most = max(most, abs(off[row, 2]))
-    return most > threshold
 
 
 @compiled
@@ -224,15 +200,20 @@ def given_cost(g: Graph, c: int, values: Array) -> float:
 @compiled
 def candidate(
     g: Graph, off: Array, steps_off: Array, share: float, threshold: float, path: Array, values: Array
-) -> float:
-    """Path (T, 3) and values (V, 3) a `share` of the way to where they should be; how far the furthest has to go."""
-    most = 0.0
+) -> tuple[float, float]:
+    """Path (T, 3) and values (V, 3) a `share` of the way to where they should be; how far the furthest has to go.
+
+    That is the largest offset (m, rad) and the largest of a heading.
+    """
+    most = turn = 0.0
     n = g.variables[g.state[LAST], STEP] + 1
     for k in range(n):
-        go = share if moves(steps_off, k, 3, threshold) else 0.0
+        o = steps_off[k]
+        far = max(abs(o[0]), abs(o[1]), abs(o[2]))
+        most, turn = max(most, far), max(turn, abs(o[2]))
+        go = share if far > threshold else 0.0
         for i in range(3):
-            most = max(most, abs(steps_off[k, i]))
-            path[k, i] = g.steps[k, POINT + i] + go * steps_off[k, i]
+            path[k, i] = g.steps[k, POINT + i] + go * o[i]
         path[k, 2] = wrap(path[k, 2])
     for k in range(n, g.state[STEPS]):  # after the last variable: as the motions have it
         p, q, d = path[k - 1], path[k], g.steps[k]
@@ -241,14 +222,15 @@ def candidate(
     for v in range(g.state[VARIABLES]):
         width = g.variables[v, WIDTH]
         if width == 3:
-            values[v] = path[g.variables[v, STEP]]
-        else:
-            go = share if width == 2 and moves(off, v, 2, threshold) else 0.0
-            for i in range(2):
-                if width == 2:
-                    most = max(most, abs(off[v, i]))
-                values[v, i] = g.values[v, i] + go * off[v, i]
-    return most
+            k = g.variables[v, STEP]
+            values[v, 0], values[v, 1], values[v, 2] = path[k, 0], path[k, 1], path[k, 2]
+            continue
+        o = off[v]
+        far = max(abs(o[0]), abs(o[1])) if width == 2 else 0.0
+        most = max(most, far)
+        go = share if far > threshold else 0.0
+        values[v, 0], values[v, 1] = g.values[v, 0] + go * o[0], g.values[v, 1] + go * o[1]
+    return most, turn
 
 
 @compiled

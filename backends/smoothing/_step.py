@@ -1,8 +1,10 @@
 """A plain step in one call: a motion, and sightings of landmarks that are new or in the root."""
 
+import numpy as np
+
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from ._front import solve
+from ._front import solve, solve_rows
 from ._graph import (
     CLIQUES,
     INTS,
@@ -16,6 +18,8 @@ from ._graph import (
     Graph,
 )
 from ._log import add_pose_after, add_sightings_of, move
+from ._recentre import recentre
+from ._table import graph
 from ._tree import advance
 
 DONE, FULL_ARRAYS, OUTSIDE, INDEFINITE = range(4)
@@ -45,13 +49,15 @@ def has_room(g: Graph, sightings: int) -> bool:
 
 @compiled
 def plain_step(
-    g: Graph, newest: int, cap: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
+    arrays: Ints, newest: int, cap: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
 ) -> tuple[int, int]:
     """Go on by `motion` (4, 3), itself and its covariance, and fold in what is seen of `landmarks` (k,), variables.
 
-    New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range, bearing and their covariance; `pose` (3,)
-    and `cov` (3, 3) become the latest. Returns how it ended, and the variable of the newest pose that is one.
+    `arrays` is the table of the graph. New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range,
+    bearing and their covariance; `pose` (3,) and `cov` (3, 3) become the latest. Returns how it ended, and the variable
+    of the newest pose that is one.
     """
+    g = graph(arrays)
     if not has_room(g, len(landmarks)):
         return FULL_ARRAYS, newest
     move(g, motion, pose, cov)
@@ -63,5 +69,19 @@ def plain_step(
     outside, fresh = add_sightings_of(g, x, landmarks, seen)
     if outside > 0 or (fresh > 0 and g.state[ROOT] + fresh > cap):
         return OUTSIDE, x
+    if not recentre(g):
+        return INDEFINITE, x
     advance(g, x)
     return (DONE if solve(g, pose, cov) else INDEFINITE), x
+
+
+@compiled
+def root_offset(arrays: Ints) -> float:
+    """How far the root's variables are off from where they are linearised, the largest (m, rad)."""
+    g = graph(arrays)
+    m = 2 * g.state[ROOT] + 3
+    y, most = np.empty(m), 0.0
+    solve_rows(g.work, 0, m, m, y)
+    for i in range(m):
+        most = max(most, abs(y[i]))
+    return most

@@ -157,6 +157,17 @@ def clear(g: Graph) -> None:
 
 
 @compiled
+def forget_dropped(g: Graph) -> None:
+    """Take the cliques that are no more out of those that are to be eliminated."""
+    n = 0
+    for t in range(g.state[TODO]):
+        if g.cliques[g.todo[t], SIZE] > 0:
+            g.todo[n] = g.todo[t]
+            n += 1
+    g.state[TODO] = n
+
+
+@compiled
 def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int, left: Ints, everything: bool) -> None:
     """Put the `count` cliques of `plan` in the place of those `opened`: see `_ordering.plan` for how it is written.
 
@@ -169,6 +180,7 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
     else:
         for t in range(len(opened)):
             drop_clique(g, opened[t])
+        forget_dropped(g)
     made = np.empty(count, np.int64)
     at = 0
     for i in range(count):

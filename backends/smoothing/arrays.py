@@ -19,8 +19,8 @@ TOGETHER = {
 """Arrays of as many rows as one another, by the name of the first."""
 
 
-def made(loss: int, scale: float) -> Graph:
-    """The arrays of a smoother that has nothing yet, with a robust loss of the sightings."""
+def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
+    """The arrays of a smoother that has nothing yet, with a robust loss of the sightings; `enough`: see `_recentre`."""
     g = Graph(
         state=np.zeros(STATE, np.int64),
         variables=np.zeros((64, 9), np.int64),
@@ -40,7 +40,7 @@ def made(loss: int, scale: float) -> Graph:
         rest=np.zeros(0),
         work=np.zeros(0),
         spots=np.zeros(0, np.int64),
-        settings=np.array((loss, scale, 0.0)),
+        settings=np.array((loss, scale, 0.0, 0.0, 0.0, 0.0, enough)),
     )
     g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
     return with_front(with_root(g, 32), 70)

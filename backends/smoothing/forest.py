@@ -7,13 +7,14 @@ from scipy.linalg import solve_triangular
 
 from ...frontend.se2 import Array, Ints
 from ..api import Diverged
-from . import _covariances, _front, _graph, _ordering, _relinearise, _tree
+from . import _covariances, _front, _graph, _ordering, _recentre, _relinearise, _tree
 from ._graph import (
     CLIQUES,
     FULL,
     INTS,
     LAST,
     LINKS,
+    LOSS,
     REALS,
     ROOT,
     SIGHTINGS,
@@ -24,6 +25,7 @@ from ._graph import (
     Graph,
 )  # fmt: skip
 from ._step import SPARE_INTS, SPARE_REALS
+from ._table import table
 from .arrays import copied, made, with_front, with_root, with_rows
 
 NOBODY = np.zeros(0, np.int64)
@@ -33,8 +35,8 @@ INDEFINITE_J = "the information matrix is not positive definite: J is flat, or h
 AS_MUCH = 2.0
 """How much more work a variable may be than after the last whole ordering, before relinearising makes another."""
 
-SURE = 10.0
-"""Offsets up to so many thresholds are taken without a look at J."""
+SURE, SURE_TURN = 100.0, 0.1
+"""Offsets up to so many thresholds, of headings up to so many rad, are taken without a look at J where no loss is."""
 
 HALVINGS = 8
 """How often a move that raises J is halved before it is given up."""
@@ -46,16 +48,22 @@ class Estimate(NamedTuple):
     path: Array  # (n, 3)
     values: Array  # (v, 3) of variables
     furthest: float  # m, rad; of a variable from where it is linearised
+    turn: float  # rad; the same of a heading
 
 
 class Forest:
     """A factor graph, its forest of cliques and their root, from which the last pose and its covariance are known."""
 
-    def __init__(self, loss: int, scale: float) -> None:
-        self.g = made(loss, scale)
+    def __init__(self, loss: int, scale: float, enough: float = 0.0) -> None:
+        self.use(made(loss, scale, enough))
         self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
         self.cost = np.inf  # J where it was linearised last
         self._whole_variables = 0  # when all was ordered last
+
+    def use(self, g: Graph) -> None:
+        """Go on with these arrays."""
+        if getattr(self, "g", None) is not g:
+            self.g, self.table = g, table(g)
 
     def room(self, steps: int, variables: int, sightings: int, links: int, fresh: int) -> None:
         """Have room for so many more of each, `fresh` landmarks more in the root, and a clique about it."""
@@ -68,7 +76,7 @@ class Forest:
         g = with_rows(g, "sightings", int(state[SIGHTINGS]) + sightings)
         g = with_rows(g, "links", int(state[LINKS]) + links)
         g = with_rows(g, "cliques", int(state[CLIQUES]) + 1)
-        self.g = _with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS)
+        self.use(_with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS))
 
     def advance(self, x: int) -> None:
         """A plain step: the root goes on to pose `x`, which sees its landmarks and new ones; there is room for them."""
@@ -83,6 +91,8 @@ class Forest:
     def reorganise(self, x: int, wanted: Ints, touched: Ints = NOBODY, *, everything: bool = False) -> None:
         """The root becomes pose `x` and the landmarks `wanted`; `touched` variables are new or have new factors."""
         state = self.g.state
+        if x != state[LAST] and not everything and not _recentre.recentre(self.g):
+            raise Diverged(INDEFINITE_J)
         opened, plan, count, left, room = _ordering.plan(self.g, x, wanted, touched, everything)
         ints, reals, widest, work = room.tolist()
         g = with_root(self.g, len(wanted))
@@ -91,7 +101,7 @@ class Forest:
             state[INTS], state[REALS], state[CLIQUES] = state[_graph.GIVEN_INTS], state[_graph.GIVEN_REALS], 1
             state[CLIQUES] += state[_graph.GIVEN]
         g = with_rows(g, "cliques", int(state[CLIQUES]) + count)
-        self.g = _with_arenas(g, ints, reals)
+        self.use(_with_arenas(g, ints, reals))
         _tree.rebuild(self.g, x, wanted, opened, plan, count, left, everything)
         state[WIDEST] = widest if everything else max(state[WIDEST], widest)
         if everything:
@@ -112,13 +122,14 @@ class Forest:
         """Move linearisation points that are off by more than `threshold` (m, rad); the largest offset there was.
 
         Where moving everything all the way would raise J they go half of the way, or half of that, and so on, and at
-        last not at all. J is only looked at where something is off by more than `SURE` times the threshold.
+        last not at all. J is only looked at where something is off by much.
         """
         g, state = self.g, self.g.state
         order, estimate, off, steps_off = self._solution(threshold)
         if estimate.furthest <= threshold:
             return estimate.furthest
-        if estimate.furthest > SURE * threshold:
+        sure = estimate.furthest <= SURE * threshold and estimate.turn <= SURE_TURN and g.settings[LOSS] == 0
+        if threshold == 0 or not sure:
             share = self._share_that_falls(off, steps_off)
             if share == 0.0:
                 return 0.0
@@ -134,7 +145,8 @@ class Forest:
     def joint(self, landmarks: Ints) -> Array:
         """The joint covariance (2n + 3, 2n + 3) of landmark variables and the last pose, which is a variable."""
         other = Forest.__new__(Forest)
-        other.g, other.pose, other.cov = copied(self.g), np.zeros(3), np.zeros((3, 3))
+        other.pose, other.cov = np.zeros(3), np.zeros((3, 3))
+        other.use(copied(self.g))
         last = int(self.g.state[LAST])
         seen = np.setdiff1d(_relinearise.sighted(self.g, last), landmarks)
         other.reorganise(last, np.concatenate((landmarks, seen)), everything=True)
@@ -171,10 +183,10 @@ class Forest:
         order = _relinearise.top_down(g)
         off, steps_off = np.zeros((state[VARIABLES], 3)), np.zeros((state[STEPS], 3))
         _relinearise.offsets(g, order, off)
-        _relinearise.inner_offsets(g, off, steps_off)
+        _relinearise.inner_offsets(g, off, threshold, steps_off)
         path, values = np.empty_like(steps_off), np.zeros_like(off)
-        furthest = _relinearise.candidate(g, off, steps_off, 1.0, threshold, path, values)
-        return order, Estimate(path, values, furthest), off, steps_off
+        furthest, turn = _relinearise.candidate(g, off, steps_off, 1.0, threshold, path, values)
+        return order, Estimate(path, values, furthest, turn), off, steps_off
 
 
 def _with_arenas(g: Graph, ints: int, reals: int) -> Graph:

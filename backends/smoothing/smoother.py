@@ -19,7 +19,7 @@ from ...frontend.se2 import Array, Ints
 from ..api import Belief, Builder, Diverged, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
-from . import _log, _relinearise
+from . import _log, _relinearise, _step
 from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
@@ -31,6 +31,12 @@ LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
 """Landmarks that a root has at most, were it not for one step's own; how far round the pose they are taken from, in
 ranges of the furthest sighting; and after how many times the work of a whole elimination there is another."""
+
+EARLY = 7.0
+"""Thresholds by which a variable of the root has to be off for a check before it is due."""
+
+ENOUGH = 0.3
+"""The share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
 TOLERANCE = 1e-8
 """m, rad; what a variable still moves by when the log's end is solved."""
@@ -54,7 +60,11 @@ class Options:
     relinearize_threshold: float = option(
         0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
     )
-    relinearize_skip: int = option(50, "steps between checks for variables to relinearize", minimum=1)
+    relinearize_skip: int = option(
+        100,
+        "steps between checks for variables to relinearize, a tenth where those near the robot are far off",
+        minimum=1,
+    )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
     joint_up_to: int = option(
         5000, "landmarks up to which a map comes with its joint covariance, which takes long to work out", minimum=0
@@ -70,7 +80,8 @@ class Smoother:
         del rng
         self._options = options
         names = list(LOSSES)
-        self._forest = Forest(names.index(options.loss), options.loss_scale or LOSSES[options.loss])
+        enough = ENOUGH * options.relinearize_threshold
+        self._forest = Forest(names.index(options.loss), options.loss_scale or LOSSES[options.loss], enough)
         self._newcomers = Newcomers(two=options.loss != "none")
         self._robust = options.loss != "none"
         self._held: defaultdict[int, list[int]] = defaultdict(list)  # rows of sightings that are held back
@@ -104,7 +115,7 @@ class Smoother:
             self._plain_step(np.array(found, np.int64))
         self._steps += 1
         self._since += 1
-        if looks and self._since >= self._options.relinearize_skip:
+        if looks and self._due():
             self._since = 0
             forest.relinearise(self._options.relinearize_threshold)
         pose = forest.pose.copy()
@@ -142,6 +153,14 @@ class Smoother:
         """The joint covariance of landmarks with these ids and the last pose at which something was sighted."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
 
+    def _due(self) -> bool:
+        """Whether variables are to be checked for how far they are off, by the steps since and by those in the root."""
+        skip, tenth = self._options.relinearize_skip, max(1, self._options.relinearize_skip // 10)
+        if self._since >= skip:
+            return True
+        early = EARLY * self._options.relinearize_threshold
+        return self._since % tenth == 0 and _step.root_offset(self._forest.table) > early
+
     def _write(self, sightings: RangeBearing) -> None:
         """Copy sightings to where the compiled code reads them."""
         n = len(sightings.ids)
@@ -156,7 +175,7 @@ class Smoother:
         ended, newest = FULL_ARRAYS, self._newest
         while ended == FULL_ARRAYS:
             ended, newest = plain_step(
-                forest.g, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
+                forest.table, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
             )
             if ended == FULL_ARRAYS:
                 forest.room(1, 1, len(landmarks), 1, len(landmarks))
