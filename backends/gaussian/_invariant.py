@@ -14,7 +14,7 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._models import moved, placed, sighted, wrap
-from ._triangle import add_square_of, put, take
+from ._triangle import add_square_of, put, take_less
 
 RANK = 48
 """Corrections that may be owed."""
@@ -80,14 +80,8 @@ def move(
 @compiled
 def gather(flat: Array, n: int, at: int, owed: Array, owing: Ints, rows: Array) -> None:
     """The block's rows of the landmark at `at`, as if nothing were owed, to rows (2, n)."""
-    take(flat, at, n, rows)
+    take_less(flat, at, n, owed, owing[0], rows)
     first, second = rows[0], rows[1]
-    for m in range(0, owing[0], 2):
-        a, b, w = owed[m, at], owed[m, at + 1], owed[m]
-        c, d, v = owed[m + 1, at], owed[m + 1, at + 1], owed[m + 1]
-        for j in range(n):
-            first[j] -= a * w[j] + c * v[j]
-            second[j] -= b * w[j] + d * v[j]
     for m in range(RANK - owing[1], RANK):
         a, b, w = owed[m, at], owed[m, at + 1], owed[m]
         for j in range(n):

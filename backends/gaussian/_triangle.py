@@ -68,6 +68,19 @@ def take(flat: Array, i: int, n: int, out: Array) -> None:
 
 
 @compiled
+def take_less(flat: Array, i: int, n: int, owed: Array, rank: int, out: Array) -> None:
+    """The same rows of the matrix less W' W, into out (2, n); W (rank, _) are `owed`'s first rows, an even number."""
+    take(flat, i, n, out)
+    first, second = out[0], out[1]
+    for m in range(0, rank, 2):
+        a, b, w = owed[m, i], owed[m, i + 1], owed[m]
+        c, d, v = owed[m + 1, i], owed[m + 1, i + 1], owed[m + 1]
+        for j in range(n):
+            first[j] -= a * w[j] + c * v[j]
+            second[j] -= b * w[j] + d * v[j]
+
+
+@compiled
 def put(flat: Array, i: int, n: int, rows: Array) -> None:
     """Make rows (2, n) the rows and columns i and i + 1 (i even); of its own block the lower triangle counts."""
     upper, lower = row(i), row(i + 1)

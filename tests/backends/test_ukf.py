@@ -1,4 +1,4 @@
-"""The square-root UKF against a dense one that samples the whole state, its root's algebra against plain matrices."""
+"""The UKF against a dense one that samples the whole state, its small matrices against plain ones."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,9 @@ import pytest
 
 from random_logs import random_log
 from slamduel.backends.api import Diverged
-from slamduel.backends.gaussian import _root, _ukf
+from slamduel.backends.gaussian import _unscented
+from slamduel.backends.gaussian._ekf import OWED
+from slamduel.backends.gaussian.joint import SPACE
 from slamduel.backends.gaussian.ukf import Options, Ukf
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.frontend.factors import Log, Map, Odometry, Prior, Step
@@ -158,8 +160,9 @@ def test_touched_sigma_points_are_as_good_as_all(options: Options, given: bool) 
 
 
 def test_a_map_that_outgrows_its_room_and_frames_that_outgrow_what_may_be_owed() -> None:
-    log = random_log(np.random.default_rng(4), 25, 50, radius=30.0).log
-    assert max(len(step.sightings.ids) for step in log) > _root.OWED / 2
+    log = random_log(np.random.default_rng(4), 5, 80, radius=30.0).log
+    assert max(len(step.sightings.ids) for step in log) > OWED / 2
+    assert len(np.unique(log.ids)) > SPACE
     ukf, dense = make(log.prior), DenseUkf(log.prior, Options())
     for step in log:
         assert ukf.step(step)[:2] == pytest.approx(dense.step(step)[:2], abs=1e-9)
@@ -226,61 +229,45 @@ def test_no_options_make_a_covariance_indefinite() -> None:
         bend = np.ones((dims, 1)) * rng.standard_normal(outs)  # the same in all directions: the worst there is
         bend = spread * (bend + rng.choice([0.0, 1.0]) * rng.standard_normal((dims, outs)))
         slant = rng.standard_normal((dims, outs))
-        _, shift, rest = _ukf.regress(bend + slant, bend - slant, dims, outs, spread, excess)
+        _, shift, rest = _unscented.regress(bend + slant, bend - slant, dims, outs, spread, excess)
         assert np.linalg.eigvalsh(rest)[0] >= -1e-11 * (1 + np.abs(rest).max() + abs(excess) * (shift**2).max())
 
 
-def packed(root: Array) -> Array:
-    n = len(root)
-    out = np.zeros(_root.first(-(-n // _root.LANES)))
-    for i in range(n):
-        for j in range(i + 1):
-            out[_root.entry(i, j)] = root[i, j]
-    return out
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_a_root_is_a_covariance_s_and_comes_off_a_slope_again(n: int) -> None:
+    rng = np.random.default_rng(n)
+    factor = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-3, 3, (n, 1))
+    cov, root, line = factor @ factor.T, np.full((5, 5), np.nan), rng.standard_normal((2, n))
+    assert _unscented.cholesky(cov, root, n, _unscented.ROUNDING)
+    assert root[:n, :n] == pytest.approx(np.linalg.cholesky(cov), rel=1e-6)
+    slope = np.hstack((line @ root[:n, :n], np.ones((2, 1))))
+    _unscented.unroot(slope, root, 2, n)
+    assert slope[:, :n] == pytest.approx(line, rel=1e-6)
+    assert np.array_equal(slope[:, n], (1.0, 1.0))
 
 
-@pytest.mark.parametrize("n", [1, 15, 16, 17, 50])
-@pytest.mark.parametrize("scans", [1, 4, 11, 16])
-def test_carlsons_scans_are_kalman_updates(n: int, scans: int) -> None:
-    """Rows scanned at once, those scanned when the rest is folded in, and (I - K h') P agree."""
-    rng = np.random.default_rng(n + 100 * scans)
-    root = np.tril(rng.standard_normal((n, n)))
-    cov, mean = root @ root.T, rng.standard_normal(n)
-    folded, folded_mean = packed(root), mean.copy()
-    rows = root.copy()
-    table, gains = np.full((n, _root.OWED, 3), np.nan), np.full(_root.OWED, np.nan)
-    for m in range(scans):
-        h, nu = rng.standard_normal(n), rng.standard_normal()
-        variance = _root.plan(rows.T @ h, n, table, m)
-        S = h @ cov @ h + 1.0
-        assert variance == pytest.approx(S, rel=1e-11)
-        K = cov @ h / S
-        gains[m] = nu / variance
-        seen = np.array([_root.scan(rows[i], n, table, m) for i in range(n)])
-        assert seen / variance == pytest.approx(K, abs=1e-11)
-        cov, mean = (np.eye(n) - np.outer(K, h)) @ cov, mean + K * nu
-    _root.fold(folded, folded_mean, n, table, gains, scans)
-    assert np.array_equal(rows, np.tril(rows))
-    assert rows @ rows.T == pytest.approx(cov, abs=1e-10)
-    assert folded == pytest.approx(packed(rows), abs=1e-12)
-    assert folded_mean == pytest.approx(mean, abs=1e-10)
+def test_what_rounding_has_taken_of_a_covariance_is_put_back() -> None:
+    """One coordinate that follows from the others, and less than nothing left of it: as far as rounding goes."""
+    cov, root = np.array([[4.0, 6.0], [6.0, 9.0 * (1 - 1e-15)]]), np.empty((2, 2))
+    assert not _unscented.cholesky(cov, root, 2, 0.0)
+    assert _unscented.cholesky(cov, root, 2, _unscented.ROUNDING)
+    assert root @ root.T == pytest.approx(cov, rel=1e-14)
+    assert 0 < root[1, 1] < 1e-6
+    for bad in (-1.0, 0.0, np.nan, np.inf):
+        assert not _unscented.cholesky(np.array([[bad]]), root, 1, _unscented.ROUNDING)
 
 
-@pytest.mark.parametrize("count", [3, 5])
-def test_rows_are_a_triangle_times_a_rotation(count: int) -> None:
-    rng = np.random.default_rng(count)
-    for width in (count, count + 1, 40):
-        rows = rng.standard_normal((count, width))
-        rows[count // 2] = 0.0  # a landmark held fixed
-        turned, scale, root = rows.copy(), np.empty(count), np.full((count, count), np.nan)
-        _root.triangularise(turned, count, width, scale, root)
-        Q = np.zeros((count, width))
-        for i in range(count):
-            Q[i, i] = 1.0
-            _root.unturn(Q[i], turned, count, width, scale)
-        assert np.array_equal(root, np.tril(root))
-        assert root @ Q == pytest.approx(rows, abs=1e-13)
-        assert np.abs(Q @ Q.T - np.eye(count)).max() < 1e-13
+def test_a_wide_prior_leaves_precise_sightings_their_worth() -> None:
+    """Where the whole lies says nothing of its shape: with 100 m or with 1 km, the path from the first pose is one."""
+    log = random_log(np.random.default_rng(7), 150, 12, noise=0.1, blind=0.2).log
+    paths: list[Array] = []
+    for sd in (1e2, 1e3):
+        ukf = make(log.prior._replace(cov=np.diag([sd**2, sd**2, 1e-2])))
+        paths.append(np.array([ukf.step(step) for step in log]))
+        cov = ukf.map().cov
+        assert cov is not None
+        assert np.linalg.eigvalsh(cov)[0] > 0
+    assert np.abs(wrap(paths[1] - paths[0])).max() < 1e-3
 
 
 def test_numbers_that_left_their_domain_end_it() -> None:

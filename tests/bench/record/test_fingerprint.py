@@ -85,7 +85,8 @@ LOGS = {"circle", "matlab-report", "victoria-park"}
     ("files", "touched"),
     [
         ("backends/gaussian/ukf.py", {"ukf"}),
-        ("backends/gaussian/_root.py", {"ukf"}),
+        ("backends/gaussian/_unscented.py", {"ukf"}),
+        ("backends/gaussian/joint.py", {"ekf", "ukf"}),
         ("backends/particles/fastslam.py", {"fastslam"}),
         ("backends/graphs/isam2.py", {"isam2", "graph"}),
         ("backends/graphs/graph.py", {"graph"}),

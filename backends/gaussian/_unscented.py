@@ -1,0 +1,84 @@
+"""The unscented transform as a regression, and the small roots that it takes, compiled.
+
+A transform takes x = mean + root xi, xi ~ N(0, 1), over the few coordinates x that a model depends on, and returns it
+as a regression on xi: slope, shift of the mean, and the covariance of what a line leaves over. In x itself the slope is
+A = slope root^-1, and the covariance of the model with anything else is A times that of x.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array
+
+ROUNDING = 1e-15
+"""Share of a variance that rounding may hide: what is left of it, given the coordinates before, is taken as no less."""
+
+
+@compiled
+def cholesky(A: Array, root: Array, n: int, floor: float) -> bool:
+    """The lower root (n, n) of A (n, n), of which the lower triangle is read; False where A has none.
+
+    No pivot is taken as less than `floor` times its diagonal entry.
+    """
+    for i in range(n):
+        for j in range(i + 1):
+            rest = A[i, j]
+            for k in range(j):
+                rest -= root[i, k] * root[j, k]
+            if i > j:
+                root[i, j] = rest / root[j, j]
+                continue
+            if rest < floor * A[i, i]:
+                rest = floor * A[i, i]
+            if not 0.0 < rest < np.inf:
+                return False
+            root[i, i] = sqrt(rest)
+        for j in range(i + 1, n):
+            root[i, j] = 0.0
+    return True
+
+
+@compiled
+def regress(
+    ahead: Array, behind: Array, dims: int, outs: int, spread: float, excess: float
+) -> tuple[Array, Array, Array]:
+    """The regression of a model on xi from its values at +-sqrt(spread) along each xi, less that at the mean.
+
+    `ahead` and `behind` are (dims, outs); `excess` is beta - alpha^2. Returns slope (outs, dims), shift (outs,) and
+    the covariance of the rest (outs, outs). In these sums and differences the scaled unscented transform's mean is
+    shift, and its covariance slope slope' + rest, whatever alpha, beta and kappa.
+    """
+    slope, shift, rest = np.empty((outs, dims)), np.zeros(outs), np.empty((outs, outs))
+    for i in range(outs):
+        for k in range(dims):
+            slope[i, k] = (ahead[k, i] - behind[k, i]) / (2.0 * sqrt(spread))
+            shift[i] += (ahead[k, i] + behind[k, i]) / (2.0 * spread)
+    for i in range(outs):
+        for j in range(outs):
+            total = excess * shift[i] * shift[j]
+            for k in range(dims):
+                total += (ahead[k, i] + behind[k, i]) * (ahead[k, j] + behind[k, j]) / (4.0 * spread)
+            rest[i, j] = total
+    return slope, shift, rest
+
+
+@compiled
+def unroot(slope: Array, root: Array, outs: int, n: int) -> None:
+    """A = slope root^-1 in place of the first n columns of slope (outs, _), for a lower root (n, n)."""
+    for i in range(outs):
+        for k in range(n - 1, -1, -1):
+            for j in range(k + 1, n):
+                slope[i, k] -= slope[i, j] * root[j, k]
+            slope[i, k] /= root[k, k]
+
+
+@compiled
+def add_outer(slope: Array, rest: Array, outs: int, first: int, last: int) -> None:
+    """rest (outs, outs) += slope slope' over the columns from `first` to before `last`, symmetric to the last bit."""
+    for i in range(outs):
+        for j in range(i + 1):
+            for k in range(first, last):
+                rest[i, j] += slope[i, k] * slope[j, k]
+            rest[j, i] = rest[i, j]
