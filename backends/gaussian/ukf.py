@@ -20,7 +20,7 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array
-from ..api import Belief, Builder, Diverged, Pose
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose
 from . import _ukf
 from ._root import LANES, OWED, first
 
@@ -158,4 +158,4 @@ class Ukf:
         self._scans, self._gains = np.empty((space + 3, OWED, 3)), np.empty(OWED)
 
 
-build = Builder(Ukf, options=Options)
+build = Builder(Ukf, options=Options, implementation=COMPILED_HERE)
