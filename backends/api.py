@@ -28,10 +28,16 @@ from ..frontend.options import NoOptions, option
 from ..frontend.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
 
 __all__ = [
-    "UNKNOWN", "Array", "Backend", "Belief", "Builder", "Diverged", "Ints", "Map", "NoOptions", "Odometry", "Pose",
-    "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth", "TruthWanted", "WantsTruth", "act",
-    "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
+    "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Backend", "Belief", "Builder", "Diverged", "Ints", "Map",
+    "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth",
+    "TruthWanted", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
+
+COMPILED_HERE = "compiled here"
+"""Of a backend whose inner loops are kernels of this package, compiled for the processor that it runs on."""
+
+GTSAM_WHEEL = "GTSAM's wheel"
+"""Of a backend on GTSAM as its publisher compiled it, for any processor, each call going through Python."""
 
 Pose = Array
 """(3,) x, y (m), heading (rad) in (-pi, pi]."""
@@ -116,6 +122,9 @@ class Builder:
     for sightings with id UNKNOWN by itself; for the others these are taken out of the log, and counted. `forgets`: it
     lets go of landmarks that are long out of view, so that it does not close loops. `linear`: it takes the models for
     linear at a heading that is not its estimate, and where that heading is off is held to dead reckoning's bound alone.
+    `implementation`: whose program does the work, in two or three words for tables, such as "compiled here" or "GTSAM's
+    wheel"; a function of the options where they choose between programs. A cost is one of an implementation as much as
+    of an algorithm. A builder that does not say is listed under the distribution that it comes from.
     """
 
     make: Callable[[Prior, Any, np.random.Generator], Backend]
@@ -125,6 +134,11 @@ class Builder:
     associates: bool = False
     forgets: bool = False
     linear: bool = False
+    implementation: str | Callable[[Any], str] = ""
+
+    def implemented(self, options: Any) -> str:
+        """Whose program does the work with these options; "" where the builder does not say."""
+        return self.implementation if isinstance(self.implementation, str) else self.implementation(options)
 
     @property
     def summary(self) -> str:

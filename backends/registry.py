@@ -3,9 +3,11 @@
 A name is that of a built-in, of an entry point in the group `slamduel.backends`, or a `module:attribute` outright.
 """
 
+import contextlib
 from collections.abc import Mapping
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, entry_points, packages_distributions
+from typing import Any
 
 from ..frontend.errors import InputError
 from .api import Builder
@@ -23,6 +25,9 @@ BUILTIN = {
     "ukf": "slamduel.backends.gaussian.ukf:build",
 }
 GROUP = "slamduel.backends"
+
+NOT_STATED = "not stated"
+"""Of a backend that does not say whose program it is, and comes from no installed distribution."""
 
 
 class Missing(InputError):
@@ -53,3 +58,21 @@ def find(name: str) -> Builder:
     if not isinstance(found, Builder):
         raise Missing(f"backend {name}: {place} is {type(found).__name__}, expected slamduel.backends.api.Builder")
     return found
+
+
+def implementation(name: str, options: Any) -> str:
+    """Whose program does the work of the backend of that name with these options, in a few words for tables.
+
+    What its builder says; of a plug-in that does not say, "from NAME", the distribution it was installed by, else
+    NOT_STATED. Raises as `find`.
+    """
+    builder = find(name)
+    with contextlib.suppress(Exception):  # as with an import: what a plug-in's function raises is no end of a run
+        if said := builder.implemented(options):
+            return said
+    known = plugins().get(name)
+    if known is not None and known.dist is not None:
+        return f"from {known.dist.name}"
+    package = target(name).partition(":")[0].partition(".")[0]
+    installed = packages_distributions().get(package, ())
+    return f"from {installed[0]}" if installed else NOT_STATED

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...frontend.factors import Map, Prior, Step
-from ..api import Belief, Builder, NoOptions, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Builder, NoOptions, Pose, Solution
 from . import _ekf
 
 NOTHING = np.zeros((3, 0))
@@ -40,4 +40,4 @@ class DeadReckoning:
         return None
 
 
-build = Builder(DeadReckoning)
+build = Builder(DeadReckoning, implementation=COMPILED_HERE)

@@ -21,7 +21,7 @@ from ...frontend.factors import Map, Prior, Step, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from .._blas import routine
-from ..api import Belief, Builder, Diverged, Pose, TruthWanted
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, TruthWanted
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, STANDARD, frame
 from .compressed import Active
 from .joint import Joint
@@ -191,4 +191,4 @@ def _frame_of(k: int) -> tuple[Ints, Array, Array]:
     return np.zeros(k, np.int64), np.zeros((k, 2)), np.zeros((k, 2, 2))
 
 
-build = Builder(Ekf, options=Options)
+build = Builder(Ekf, options=Options, implementation=COMPILED_HERE)

@@ -17,7 +17,7 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.se2 import Array
 from .._blas import routine
-from ..api import Belief, Builder, Diverged, NoOptions, Pose
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, NoOptions, Pose
 from . import _invariant, _triangle
 
 SPACE = 64
@@ -139,4 +139,4 @@ def _lever(mean: Array) -> Array:
     return (mean.reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]).ravel()
 
 
-build = Builder(InvariantEkf)
+build = Builder(InvariantEkf, implementation=COMPILED_HERE)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ...frontend.factors import Prior, Step
 from .._models import wrap
-from ..api import Belief, Builder, NoOptions, Pose
+from ..api import COMPILED_HERE, Belief, Builder, NoOptions, Pose
 from .ekf import Ekf, Options
 
 
@@ -42,4 +42,4 @@ class Kf(Ekf):
         return belief
 
 
-build = Builder(Kf, linear=True)
+build = Builder(Kf, linear=True, implementation=COMPILED_HERE)

@@ -28,7 +28,7 @@ import numpy as np
 from ...frontend.factors import Map, Prior, Step
 from ...frontend.options import option
 from .._blas import routine
-from ..api import Belief, Builder, Diverged, Pose
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose
 from . import _ukf
 from .joint import Joint
 
@@ -107,4 +107,4 @@ class Ukf:
         self._joint.adopt(given)
 
 
-build = Builder(Ukf, options=Options)
+build = Builder(Ukf, options=Options, implementation=COMPILED_HERE)

@@ -14,7 +14,7 @@ import numpy as np
 from ...frontend.factors import Map, Prior, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array
-from ..api import Belief, Builder, Diverged, Pose, Solution
+from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Pose, Solution
 from ._gtsam import FAILURES, LOSSES, Factors, array, failure, pose2, to_world
 
 
@@ -144,4 +144,4 @@ class FixedLag:
         return pose
 
 
-build = Builder(FixedLag, options=Options, forgets=True)
+build = Builder(FixedLag, options=Options, forgets=True, implementation=GTSAM_WHEEL)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...frontend.factors import Map, Prior, Step
 from ...frontend.options import option
-from ..api import Builder, Diverged, Solution
+from ..api import GTSAM_WHEEL, Builder, Diverged, Solution
 from . import isam2
 from ._gtsam import FAILURES, LOSSES, Factors, failure, joint_covariance, path_and_map, pose2
 
@@ -160,4 +160,4 @@ class Graph:
         return params
 
 
-build = Builder(Graph, options=Options, loops=True)
+build = Builder(Graph, options=Options, loops=True, implementation=GTSAM_WHEEL)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...frontend.factors import Map, Prior, Step
 from ...frontend.options import option
-from ..api import Belief, Builder, Diverged, Pose, Solution
+from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Pose, Solution
 from ._gtsam import (
     FAILURES,
     LOSSES,
@@ -134,4 +134,4 @@ class Isam2:
             raise Diverged(failure(error)) from None
 
 
-build = Builder(Isam2, options=Options, loops=True)
+build = Builder(Isam2, options=Options, loops=True, implementation=GTSAM_WHEEL)

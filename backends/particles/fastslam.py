@@ -14,7 +14,7 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
-from ..api import Belief, Builder, Diverged, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
 from ._particles import LOGGED, correct, move, place
 from ._proposal import propose
 from .particle_maps import ParticleMaps
@@ -209,4 +209,4 @@ def _with_blocks(cov: Array, blocks: Array) -> Array:
     return cov
 
 
-build = Builder(FastSlam, options=Options, random=True)
+build = Builder(FastSlam, options=Options, random=True, implementation=COMPILED_HERE)

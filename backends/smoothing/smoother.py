@@ -16,7 +16,7 @@ import numpy as np
 from ...frontend.factors import Map, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
-from ..api import Belief, Builder, Diverged, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
 from . import _log, _relinearise, _step
@@ -290,4 +290,4 @@ def _checked(variable: int) -> int:
     return variable
 
 
-build = Builder(Smoother, options=Options, loops=True)
+build = Builder(Smoother, options=Options, loops=True, implementation=COMPILED_HERE)

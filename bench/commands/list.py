@@ -3,11 +3,12 @@
 import argparse
 import json
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
+from rich.text import Text
 
 from ...backends import registry as backends
 from ...datasets import registry as datasets
@@ -20,6 +21,7 @@ class Entry(NamedTuple):
     name: str
     summary: str  # of a plug-in that cannot be imported, why
     options: list[dict[str, str]]  # name, default and help of each
+    implementation: str | None = None  # whose program a backend is, with default options; of a dataset None
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json",
         action="store_true",
-        help="as JSON: {backends: [...], datasets: [...]}, each {name, summary, options: [{name, default, help}]}",
+        help="as JSON: {backends: [...], datasets: [...]}, each {name, summary, options: [{name, default, help}]}; "
+        "a backend has an implementation, too",
     )
 
 
@@ -35,7 +38,7 @@ def main(namespace: argparse.Namespace) -> int:
     """Print the lists; a plug-in that cannot be imported is listed with the reason."""
     kinds = {"backends": list(_backends()), "datasets": list(_datasets())}
     if namespace.json:
-        words = {kind: [entry._asdict() for entry in entries] for kind, entries in kinds.items()}
+        words = {kind: [_document(entry) for entry in entries] for kind, entries in kinds.items()}
         print(json.dumps(words, indent=2))
         return 0
     console = Console(highlight=False, markup=False)
@@ -53,9 +56,10 @@ def _backends() -> Iterator[Entry]:
         try:
             builder = backends.find(name)
         except backends.Missing as error:
-            yield Entry(name, str(error), [])
+            yield Entry(name, str(error), [], "")
         else:
-            yield Entry(name, builder.summary, _options(builder.options))
+            made_by = backends.implementation(name, builder.options())
+            yield Entry(name, builder.summary, _options(builder.options), made_by)
 
 
 def _datasets() -> Iterator[Entry]:
@@ -68,8 +72,14 @@ def _options(cls: type) -> list[dict[str, str]]:
     return [{"name": name, "default": default, "help": text} for name, default, text in describe(cls)]
 
 
+def _document(entry: Entry) -> dict[str, Any]:
+    """The entry for a program; without an implementation where it is none of a backend."""
+    return {name: value for name, value in entry._asdict().items() if value is not None}
+
+
 def _print(console: Console, entry: Entry) -> None:
-    console.print(f"  {entry.name}", style="bold cyan")
+    made_by = f" ({entry.implementation})" if entry.implementation else ""
+    console.print(Text.assemble("  ", (entry.name, "bold cyan"), made_by))
     console.print(Padding(entry.summary, (0, 0, 0, 4)))
     if entry.options:
         listed = Table.grid(padding=(0, 2))

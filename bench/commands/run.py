@@ -75,7 +75,7 @@ def main(namespace: argparse.Namespace) -> int:
     with Screen(console) as screen:
         plan = benchmark(given, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
     with Store(out) as store:
-        found = lines(store.cells())
+        found = lines(store.cells(), store.run()["implementations"])
     ended, report = status(found), out / "report.html"
     if namespace.json:
         words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks())

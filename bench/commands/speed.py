@@ -1,5 +1,5 @@
-"""`bench speed`: what a step of every backend costs as the map grows; with `--frontend`, what a marker's corners cost;
-with `--pool`, what the processes of a study add to its cells.
+"""`bench speed`: what a step of every backend costs as the map grows, and of some in turns; with `--frontend`, what a
+marker's corners cost; with `--pool`, what the processes of a study add to its cells.
 
 Each study prints tables, and writes them as CSV with a picture where it is asked to.
 """

@@ -30,6 +30,7 @@ _KINDS: dict[str, Any] = {
     "plan": dict,
     "cells": int,
     "random": list,
+    "implementations": dict,
     "truths": dict,
     "sketches": dict,
     "map": (str, type(None)),
@@ -55,6 +56,8 @@ def completed(
     if not isinstance(whole["environment"]["packages"], dict):
         whole["environment"]["packages"] = {}
     whole["options"] = {label: given for label, given in whole["options"].items() if isinstance(given, dict)}
+    told: dict[Any, Any] = found.get("implementations", {})  # a run of an earlier version has none
+    whole["implementations"] = {label: text for label, text in told.items() if isinstance(text, str)}
     folders: dict[str, Any] = {name: place for name, place in whole["folders"].items() if _is_name(place)}
     wanted = {label: _folder(label, name) for label, name in variants if label not in folders}
     whole["folders"] = folders | wanted

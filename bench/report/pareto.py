@@ -7,14 +7,17 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
+from ...backends.api import COMPILED_HERE
 from ..drawing.axes import fitted, logarithmic
 from ..drawing.figure import Exhibit
 from ..drawing.figure_maker import curve, exhibit, of
 from ..drawing.labels import Point, name_points
 from ..drawing.svg import INK
+from ..verdict.implementations import foreign
 from ..verdict.medians import Typical, typical
 from ..verdict.summary import Line
 from ..words.names import tags
+from ..words.numerals import listed
 from ..words.styles import Look
 from .accuracy_figures import bars
 from .drawn_log import Scene
@@ -25,6 +28,10 @@ NAMED = 7
 """The most points that have their names beside them: those of the fronts, and the most accurate of the others."""
 
 
+RING: dict[str, Any] = {"markersize": 11, "markerfacecolor": "none", "markeredgewidth": 0.8}
+"""Round the points of what is not compiled here."""
+
+
 class _Choice(NamedTuple):
     """A backend's online path, or its final one."""
 
@@ -33,6 +40,7 @@ class _Choice(NamedTuple):
     us: float
     error: Typical
     final: bool
+    ringed: bool  # not compiled here, where others are
 
 
 def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
@@ -62,6 +70,8 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
             style: dict[str, Any] = {"color": colour, "markersize": 6, "gid": gid}
             style |= {"markerfacecolor": "none", "markeredgewidth": 1.3} if choice.final else edge
             axes.plot([choice.us], [choice.error.value], choice.look.marker, **style)
+            if choice.ringed:
+                axes.plot([choice.us], [choice.error.value], "o", color=colour, gid=gid, **RING)
         axes.set_xlabel("CPU time a step, µs")
         axes.set_ylabel(f"{what}, m")
         online = {choice.label for choice in choices if not choice.final}
@@ -82,6 +92,8 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         caption += f" Filled: online path at its median step. Open: final path at {whole}."
     elif choices[0].final:
         caption += f" Cost: {whole}."
+    if any(choice.ringed for choice in choices):
+        caption += f" Ringed: {_ringed(lines, choices)}."
     if len(choices) > NAMED:
         caption += f" Of {len(choices)} points, {NAMED} are named."
     curves = [
@@ -91,19 +103,28 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
     return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves)
 
 
+def _ringed(lines: Sequence[Line], choices: Sequence[_Choice]) -> str:
+    """What the ringed ones are."""
+    ringed = {choice.label for choice in choices if choice.ringed}
+    kinds = dict.fromkeys(line.implementation for line in lines if line.backend in ringed)
+    return f"{listed(list(kinds))}; the others are {COMPILED_HERE}"
+
+
 def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choice]:
+    others = foreign(lines)
     for line in lines:
         look, values = looks[line.backend], line.values
         if "ate_m" in values and "step_us_p50" in values:
-            yield from _choice(line, look, values["step_us_p50"].median, "ate_m")
+            yield from _choice(line, look, values["step_us_p50"].median, "ate_m", line.backend in others)
         if "final_ate_m" in values and "cpu_s" in values:
-            yield from _choice(line, look, 1e6 * values["cpu_s"].median / values["steps"].median, "final_ate_m")
+            us = 1e6 * values["cpu_s"].median / values["steps"].median
+            yield from _choice(line, look, us, "final_ate_m", line.backend in others)
 
 
-def _choice(line: Line, look: Look, us: float, column: str) -> Iterator[_Choice]:
+def _choice(line: Line, look: Look, us: float, column: str, ringed: bool) -> Iterator[_Choice]:
     error = typical(line, column)
     if us > 0 and 0 < error.value < np.inf:
-        yield _Choice(line.backend, look, us, error, column != "ate_m")
+        yield _Choice(line.backend, look, us, error, column != "ate_m", ringed)
 
 
 def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -> str:

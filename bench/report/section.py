@@ -9,6 +9,7 @@ from ..drawing.figure import GROUPS, Exhibit
 from ..drawing.table import Table
 from ..record.reader import Store
 from ..record.schema import Row
+from ..verdict.implementations import sentence
 from ..verdict.summary import Line, lines, remarks, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
@@ -42,6 +43,7 @@ class Section(NamedTuple):
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
     cost: Table  # of a step, and of the log
+    cost_note: str  # whose programs are compared, where they are of several
     growth: Table  # of a step, along the log
     fit: Table  # J by its terms
     fit_note: str
@@ -65,7 +67,7 @@ class Section(NamedTuple):
 def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
     """What there is to say of each dataset, and how each backend looks in all of it."""
     run = store.run()
-    found = lines(store.cells())
+    found = lines(store.cells(), run.get("implementations"))
     look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
     datasets = dict.fromkeys(line.dataset for line in found)
     return [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets], look
@@ -90,6 +92,7 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         pairs=pairs_table(ruling),
         details=details_tables(found),
         cost=cost_table(found),
+        cost_note=sentence(found),
         growth=growth_table(found),
         fit=fit_table(found),
         fit_note=_fit_note(found),

@@ -13,8 +13,11 @@ from ..words.columns import COLUMNS, TIMES, WORKED_OUT
 from ..words.names import called
 from ..words.numerals import counted, number
 
+WHOSE = "implementation"
+"""The column of words that stands before those of numbers wherever costs are compared."""
+
 MAIN = (
-    "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
+    WHOSE, "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
 )  # fmt: skip
 ONLINE = (
     "ate_origin_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m", "rpe_rad",
@@ -27,11 +30,11 @@ FINAL = (
     "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
 )  # fmt: skip
 COST = (
-    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",
+    WHOSE, "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",
     "finish_s", "cpu_s", "peak_mb",
 )  # fmt: skip
 GROWTH = (
-    *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
+    WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
 )  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
@@ -66,7 +69,7 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
 
     def entry(line: Line, name: str) -> Entry:
         if name not in line.values:
-            return Entry("")
+            return _words(line, name)
         found = typical(line, name)
         word = belief_word(line) if name == "nees" else ""
         note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
@@ -171,6 +174,7 @@ def laid(
     other = headings or {}
     columns = [[entry(line, name) for line in lines] for name in names]
     kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
+    kept = kept if any(name != WHOSE for name, _ in kept) else []
     about = COLUMNS | WORKED_OUT
     top = [about[name]._replace(heading=other.get(name, about[name].heading)) for name, _ in kept]
     return Table(
@@ -197,9 +201,14 @@ def _having(lines: Sequence[Line], names: Sequence[str]) -> list[Line]:
     return [line for line in ordered(lines) if any(name in line.values for name in names)]
 
 
+def _words(line: Line, name: str) -> Entry:
+    """The entry of a column in which the line has no number."""
+    return Entry(line.implementation if name == WHOSE else "")
+
+
 def _median(line: Line, name: str) -> Entry:
     if name not in line.values:
-        return Entry("")
+        return _words(line, name)
     found = typical(line, name)
     word = belief_word(line, name) if name == "final_nees" else ""
     return Entry(_text(line, name, found), word, value=found.value)

@@ -25,8 +25,8 @@ datasets          one each:
   verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],
                   comparisons: {column: [{first, second, n, closer, ratio, low,
                   high, p, adjusted, effect}]}
-  lines           one a backend: backend, done, cells, timing_alone,
-                  estimates: {column: {value, low, high, n}}
+  lines           one a backend: backend, implementation, done, cells,
+                  timing_alone, estimates: {column: {value, low, high, n}}
 cells             one each, by column of cells.csv and of metrics.csv
 remarks           on a given map
 
@@ -71,6 +71,7 @@ def _line(line: Line) -> dict[str, Any]:
     by_log = {column: line.by_log(column) for column in ERRORS} | {column: line.measured(column) for column in OTHERS}
     return {
         "backend": line.backend,
+        "implementation": line.implementation,
         "done": line.done,
         "cells": len(line.rows),
         "timing_alone": line.alone,

@@ -96,7 +96,7 @@ class Result:
     def __repr__(self) -> str:
         console = screen_console(quiet=False)
         with console.capture() as captured, Store(self.folder) as store:
-            conclude(console, lines(store.cells()))
+            conclude(console, lines(store.cells(), store.run()["implementations"]))
         return captured.get().rstrip("\n") + f"\nreport: {self.report}"
 
     def _repr_html_(self) -> str:

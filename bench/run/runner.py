@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from ...backends import registry as backends
 from ...frontend.errors import InputError
 from ...frontend.factors import Truth
 from ...frontend.sketch import Sketch
@@ -142,6 +143,9 @@ def _describe(store: Recorder, plan: Plan, command: list[str], workers: int) -> 
         "command": shlex.join(command),
         "options": {variant.label: vars(variant.options) for variant in variants},
         "folders": {variant.label: variant.slug for variant in variants},
+        "implementations": {
+            v.label: backends.implementation(v.name, v.options) for v in plan.backends if v.builder is not None
+        },
         "random": [v.label for v in plan.backends if v.builder is not None and v.builder.random],
         "environment": environment(),
         "map": None if plan.map is None else plan.map.words(),

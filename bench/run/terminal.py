@@ -11,6 +11,7 @@ from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
+from ..verdict.implementations import sentence
 from ..verdict.medians import typical
 from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, logs, remarks
@@ -57,7 +58,7 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
     found = by_dataset(lines)
     for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
         console.print(table)
-        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *mishaps(mine)]
+        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *_programs(mine), *mishaps(mine)]
         if watched(console):
             console.print(_folded(said), highlight=False)
         for heading, text in () if watched(console) else said:
@@ -81,6 +82,12 @@ def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
         yield PURPOSES.get(use.purpose, use.purpose), f"{use.backend}: {use.why}" if use.backend else use.why
     if not found.uses and found.sentences:
         yield "verdict", found.sentences[0]
+
+
+def _programs(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
+    """Whose programs the costs are of, where they are of several."""
+    if said := sentence(lines):
+        yield "costs", said
 
 
 def mishaps(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:

@@ -5,9 +5,10 @@ Each backend and size has a process of its own, one thread, one at a time, in wh
 
 import argparse
 import dataclasses
-from collections.abc import Iterator, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -17,12 +18,14 @@ from ...frontend.files import write_whole
 from ..plan.spec import BackendVariant, backend_variants
 from ..words.console import plain
 from ..workers.tasks import execute
+from .mrpt import built
 from .process import Extent, Process, Subject, lost, measure
 from .ratios import Ratio, ratios
-from .tables import as_csv, backend_table, part_table, ratio_table, ratios_as_csv, reference_table
+from .side_by_side import REFERENCE, Together, chosen, measure_together
+from .tables import as_csv, backend_table, part_table, ratio_table, ratios_as_csv, reference_table, together_table
 from .timing import Row
 
-BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam,fastslam[version=2],isam2,fixed-lag"
+BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam,fastslam[version=2],smoother,isam2,fixed-lag"
 """Those that have a cost each step; `graph` has one at the end alone."""
 
 OPTIONS = ("backend", "sizes", "particles", "sightings", "steps", "seconds", "scattered")
@@ -74,13 +77,16 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     sizes, particles, extent = _asked(namespace)
     variants = backend_variants(namespace.backend or BACKENDS)
     rows = _measured(list(_processes(variants, sizes, particles, extent)), console)
+    together = _together(variants, sizes, extent, console)
     rows += [Row("backend", v.label, size, reason=v.missing) for v in variants if v.missing for size in sizes]
     order = [variant.label for variant in variants]
     rows.sort(key=lambda row: (_place(order, row), row.particles or 0, row.landmarks))
     reached = ratios(rows, {variant.label: variant.options for variant in variants})
     title = _words(extent)
     _print(rows, reached, title, console)
-    return _written(namespace, rows, reached, title)
+    if together:
+        console.print(together_table(together, REFERENCE))
+    return _written(namespace, rows, together, reached, title)
 
 
 def _asked(namespace: argparse.Namespace) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
@@ -123,16 +129,40 @@ def _processes(
 def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
     """Every process's rows, one process at a time."""
     rows: list[Row] = []
+    for process, found, death in _executed(measure, processes, console):
+        rows += lost(process, death) if death else found
+    return rows
+
+
+def _together(variants: Sequence[BackendVariant], sizes: Sequence[int], extent: Extent, console: Console) -> list[Row]:
+    """The rows of what is timed in turns, a process a size; none where fewer than two of those are asked for."""
+    subjects, rows = chosen(variants), list[Row]()
+    if not subjects:
+        return rows
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        mrpt = built(Path(scratch))
+        tasks = [Together(Process(subjects, (size,), None, extent), mrpt) for size in sizes]
+        for task, found, death in _executed(measure_together, tasks, console):
+            rows += lost(task.process, death, "together") if death else found
+    return rows
+
+
+T = TypeVar("T")
+
+
+def _executed(
+    function: Callable[[T], list[Row]], tasks: Sequence[T], console: Console
+) -> Iterator[tuple[T, list[Row], str]]:
+    """Each task with its rows, or with why its process died, one process at a time."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     hidden = console.quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        task = progress.add_task("timing", total=len(processes))
-        for ended in execute(measure, processes, workers=1, timeout_s=OVERDUE):
+        shown = progress.add_task("timing", total=len(tasks))
+        for ended in execute(function, tasks, workers=1, timeout_s=OVERDUE):
             said = f"it took longer than {OVERDUE:g} s" if ended.death == "timeout" else ended.death
-            rows += lost(processes[ended.task], said) if ended.death else ended.value
-            console.print(f"[dim]timed {plain(str(processes[ended.task]))}[/]", highlight=False)
-            progress.advance(task)
-    return rows
+            console.print(f"[dim]timed {plain(str(tasks[ended.task]))}[/]", highlight=False)
+            progress.advance(shown)
+            yield tasks[ended.task], [] if said else ended.value, said
 
 
 def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: Console) -> None:
@@ -151,17 +181,19 @@ def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: C
         console.print(ratio_table(reached))
 
 
-def _written(namespace: argparse.Namespace, rows: Sequence[Row], reached: Sequence[Ratio], title: str) -> list[Path]:
+def _written(
+    namespace: argparse.Namespace, rows: Sequence[Row], together: Sequence[Row], reached: Sequence[Ratio], title: str
+) -> list[Path]:
     """The files that were asked for."""
-    written: list[Path] = []
+    written, every = list[Path](), [*rows, *together]
     if namespace.csv is not None:
-        write_whole(namespace.csv, as_csv(rows))
+        write_whole(namespace.csv, as_csv(every))
         written.append(namespace.csv)
     if namespace.out is not None:
         from .figure import write_figure
 
         table, compared, picture = (namespace.out / name for name in ("backends.csv", "ratios.csv", "backends.png"))
-        write_whole(table, as_csv(rows))
+        write_whole(table, as_csv(every))
         write_whole(compared, ratios_as_csv(reached))
         written += [table, compared]
         if write_figure(picture, rows, title):

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from ...backends import registry as backends
 from ...backends.api import Backend
+from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ..measure.cell import generator
 from ..measure.drive import WARM_UP
@@ -86,10 +87,10 @@ def measure(process: Process) -> list[Row]:
     return rows
 
 
-def lost(process: Process, reason: str) -> list[Row]:
+def lost(process: Process, reason: str, kind: str = "backend") -> list[Row]:
     """The rows of a process that died."""
     return [
-        Row("backend", subject.label, landmarks, process.particles, reason=reason)
+        Row(kind, subject.label, landmarks, process.particles, reason=reason)
         for landmarks in process.sizes
         for subject in process.subjects
     ]
@@ -101,22 +102,30 @@ def _attempted(subject: Subject, here: World, process: Process) -> list[Row]:
     try:
         rows.append(_timed(subject, here, process))
         if subject.name == "isam2":
-            backend = _surveyed(subject, here, process)
+            backend = surveyed(subject, here, process)
             rows += isam2_parts(backend, here.drive, process.extent.seconds, landmarks, subject.label)
         return rows
-    except SlamduelError as error:
-        reason = str(error)
     except Exception as error:  # whatever a backend raises, the others go on
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        reason = f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+        reason = said_of(error)
     return [*rows, Row("part" if rows else "backend", subject.label, landmarks, process.particles, reason=reason)]
 
 
+def said_of(error: Exception) -> str:
+    """Why there are no figures; of what is no sentence for users, where it was raised."""
+    if isinstance(error, SlamduelError):
+        return str(error)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+
+
 def _timed(subject: Subject, here: World, process: Process) -> Row:
-    _surveyed(subject, here._replace(survey=here.survey[:WARM_UP]), process)
-    before = _resident()
-    backend = _surveyed(subject, here, process)
-    ns = stepped(backend, here.drive, process.extent.seconds)
+    surveyed(subject, here._replace(survey=here.survey[:WARM_UP]), process)
+    while True:
+        ready, before = compiled.ready(), _resident()
+        backend = surveyed(subject, here, process)
+        ns = stepped(backend, here.drive, process.extent.seconds)
+        if ready == compiled.ready():  # else code was loaded meanwhile that neither warm-up nor survey came to
+            break
     resident = _resident() - before if holds_foreign(backend) else None
     held = array_bytes(backend)
     start = time.process_time_ns()
@@ -132,10 +141,11 @@ def _timed(subject: Subject, here: World, process: Process) -> Row:
         finish_ms=finish_ms,
         array_bytes=held,
         resident_bytes=resident,
+        implementation=backends.implementation(subject.name, subject.options),
     )
 
 
-def _surveyed(subject: Subject, here: World, process: Process) -> Backend:
+def surveyed(subject: Subject, here: World, process: Process) -> Backend:
     """A fresh backend after the survey."""
     options = subject.options
     if process.particles is not None:

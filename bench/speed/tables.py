@@ -17,12 +17,14 @@ from .timing import FIFTHS, Row
 COLUMNS = (
     *("kind", "name", "beside", "landmarks", "particles", "reason", "steps", "mean_us", "p50_us", "p95_us", "p99_us"),
     *("max_us", *(f"fifth{k}_us" for k in range(1, FIFTHS + 1)), "finish_ms", "array_bytes", "resident_bytes"),
+    "implementation",
 )
-"""kind: backend, reference, or part of a backend's step. beside: in which backend's process a reference or part was
-timed. reason: why a row has no figures. fifth1_us ...: means over the fifths of the run. finish_ms: the smoothing at
-the end, once. array_bytes: NumPy arrays that the backend holds. resident_bytes: what the process grew by, where a
-backend's memory is GTSAM's."""
+"""kind: backend, reference, part of a backend's step, or together: in turns with others on the same steps. beside: in
+which backend's process a reference or part was timed. reason: why a row has no figures. fifth1_us ...: means over the
+fifths of the run. finish_ms: the smoothing at the end, once. array_bytes: NumPy arrays that the backend holds.
+resident_bytes: what the process grew by, where a backend's memory is GTSAM's. implementation: whose program it is."""
 
+CAUTION = "Costs compare implementations, not algorithms alone."
 STATE = "State: NumPy arrays held, with their room to grow; *: what the process grew by, the memory being GTSAM's."
 
 
@@ -49,8 +51,33 @@ def backend_table(rows: Sequence[Row], title: str) -> Table:
     if powers := growth(rows):
         fitted = "; ".join(f"{name} N^{power:z.2f}" for name, power in powers.items())
         notes.append(f"Median step, fitted to the three largest maps: {fitted}.")
+    notes += _programs(rows)
     notes.append(STATE)
     table.caption, table.caption_justify = plain("\n".join(notes)) or None, "left"
+    return table
+
+
+def together_table(rows: Sequence[Row], reference: str) -> Table:
+    """What was timed in turns, every figure beside its ratio to the reference's at that size."""
+    table = _table(f"In turns on the same steps, µs, and how many times {plain(reference)}'s", "N", "backend")
+    table.add_column("implementation", no_wrap=True)
+    for heading in ("steps", "mean", "", "p50", "", "p99", ""):
+        table.add_column(heading, justify="right", no_wrap=True)
+    timings = {(row.name, row.landmarks): row.timing for row in rows}
+    timed = [row for row in rows if row.timing is not None]
+    for index, row in enumerate(timed):
+        assert row.timing is not None
+        new = index == 0 or timed[index - 1].landmarks != row.landmarks
+        last = index + 1 == len(timed) or timed[index + 1].landmarks != row.landmarks
+        basis = timings.get((reference, row.landmarks))
+        cells = list[str]()
+        for name in ("mean", "p50", "p99"):
+            us = getattr(row.timing, name)
+            cells += [number(us), f"{number(us / getattr(basis, name))} \N{MULTIPLICATION SIGN}" if basis else ""]
+        size = f"{row.landmarks:,}" if new else ""
+        table.add_row(size, plain(row.name), row.implementation, f"{row.timing.steps:,}", *cells, end_section=last)
+    notes = [*_reasons(rows), CAUTION]
+    table.caption, table.caption_justify = plain("\n".join(notes)), "left"
     return table
 
 
@@ -122,6 +149,17 @@ def _figures(row: Row) -> dict[str, float | str]:
     fifths = {f"fifth{k}_us": us for k, us in enumerate(t.fifths, 1)}
     figures = {"mean_us": t.mean, "p50_us": t.p50, "p95_us": t.p95, "p99_us": t.p99, "max_us": t.max, **fifths}
     return {"steps": t.steps} | {name: "" if math.isnan(us) else round(us, 4) for name, us in figures.items()}
+
+
+def _programs(rows: Sequence[Row]) -> list[str]:
+    """Whose programs were timed, where they are of several."""
+    by_kind: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.implementation:
+            by_kind.setdefault(row.implementation, {})[row.name] = None
+    if len(by_kind) < 2:
+        return []
+    return ["; ".join(f"{kind}: {', '.join(names)}" for kind, names in by_kind.items()) + f". {CAUTION}"]
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:

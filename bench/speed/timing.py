@@ -38,7 +38,7 @@ class Timing(NamedTuple):
 class Row(NamedTuple):
     """One thing that was timed at one size, or why it could not be."""
 
-    kind: str  # backend | reference | part (of a backend's step)
+    kind: str  # backend | reference | part (of a backend's step) | together (with others, in turns)
     name: str
     landmarks: int
     particles: int | None = None
@@ -48,6 +48,7 @@ class Row(NamedTuple):
     finish_ms: float | None = None  # the smoothing at the end, all of it
     array_bytes: int | None = None  # NumPy arrays that the backend holds
     resident_bytes: int | None = None  # what the process grew by; None where Python sees all that the backend holds
+    implementation: str = ""  # whose program a backend is
 
 
 def timing(ns: Ints | Array) -> Timing:
@@ -63,19 +64,29 @@ def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
 
     Garbage collection is off meanwhile, and the clock's own cost is taken off.
     """
-    spent, clock = [np.zeros(0, np.int64)], clock_cost()
-    first, chunk = 0, LEAST
+    return in_turns([stepper], steps, seconds)[0]
+
+
+def in_turns(steppers: Sequence[Any], steps: Sequence[Step], seconds: float) -> list[Ints]:
+    """As `stepped`, of each of the steppers on the same steps: some steps of one, the same steps of the next.
+
+    `seconds` are for all of them together.
+    """
+    spent = [[np.zeros(0, np.int64)] for _ in steppers]
+    clock, first, chunk = clock_cost(), 0, LEAST
     gc.collect()
     gc.disable()
     try:
-        while first < len(steps) and sum(part.sum() for part in spent) < seconds * 1e9:
-            spent.append(timing_pass(stepper, list(steps[first : first + chunk]))[1])
+        while first < len(steps) and sum(part.sum() for parts in spent for part in parts) < seconds * 1e9:
+            some = list(steps[first : first + chunk])
+            for parts, stepper in zip(spent, steppers, strict=True):
+                parts.append(timing_pass(stepper, some)[1])
             first += chunk
-            slowest = max(float(spent[-1].mean()), 1.0)
-            chunk = int(np.clip(0.1 * seconds * 1e9 / slowest, 1, CHUNK))
+            of_all = max(sum(float(parts[-1].mean()) for parts in spent), 1.0)
+            chunk = int(np.clip(0.1 * seconds * 1e9 / of_all, 1, CHUNK))
     finally:
         gc.enable()
-    return np.maximum(np.concatenate(spent) - clock, 0)
+    return [np.maximum(np.concatenate(parts) - clock, 0) for parts in spent]
 
 
 def array_bytes(backend: object) -> int:

@@ -18,6 +18,9 @@ from ..words.numerals import number, plain
 DASHED: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 3)), "alpha": 0.8}
 """Lines that stand for no measurement."""
 
+LOWER = 0.13
+"""Of the axis: by how much the words of a crossing are lower than those of the one before, which may be near it."""
+
 HALF = 0.045
 """Of the axis: half of a bound that is about one value of x."""
 
@@ -125,11 +128,12 @@ def draw_across(axes: Axes, found: Medians, drawn: Marks) -> None:
         off = (2 if bound.x is None else 0, 2.5 if above else -2.5)  # of one x: beside its bars, over the lines alone
         _say(axes, bound.words, (at, bound.value), off, zorder=0.9 if bound.x is None else 3.5,
              xycoords=axes.get_yaxis_transform(), ha=side, va="bottom" if above else "top")  # fmt: skip
-    for crossing in drawn.crossings:
-        _draw_crossing(axes, crossing)
+    for k, crossing in enumerate(drawn.crossings):
+        _draw_crossing(axes, crossing, 0.97 - LOWER * k)
 
 
-def _draw_crossing(axes: Axes, crossing: Crossing) -> None:
+def _draw_crossing(axes: Axes, crossing: Crossing, height: float) -> None:
+    """Draw one, its words at that share of the axis's height."""
     low, high = axes.get_xlim()
     first, last = max(crossing.low, low), min(crossing.high, high)
     if first < last and isfinite(crossing.high - crossing.low):
@@ -137,7 +141,7 @@ def _draw_crossing(axes: Axes, crossing: Crossing) -> None:
     if low <= crossing.value <= high:
         axes.axvline(crossing.value, **DASHED)
         left = _place(axes, crossing.value) < 0.6
-        _say(axes, crossing.words, (crossing.value, 0.97), (3 if left else -3, 0),
+        _say(axes, crossing.words, (crossing.value, height), (3 if left else -3, 0),
              xycoords=axes.get_xaxis_transform(), ha="left" if left else "right", va="top")  # fmt: skip
 
 

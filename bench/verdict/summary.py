@@ -26,6 +26,7 @@ class Line(NamedTuple):
     rows: list[Row]  # by seed
     values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
     name: str  # what people call the dataset, among those of the run
+    implementation: str = ""  # whose program the backend is; "" where the run does not say
 
     @property
     def done(self) -> int:
@@ -95,8 +96,12 @@ def logs(lines: Sequence[Line]) -> int:
     return len({row.columns["digest"] for line in lines for row in line.rows})
 
 
-def lines(rows: Iterable[Row]) -> list[Line]:
-    """A line a (dataset, backend) of a run, in the order in which the record has them."""
+def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None) -> list[Line]:
+    """A line a (dataset, backend) of a run, in the order in which the record has them.
+
+    `implementations` are what the run's record says of its backends, by label.
+    """
+    made_by = implementations or {}
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         c = row.columns
@@ -104,7 +109,15 @@ def lines(rows: Iterable[Row]) -> list[Line]:
         groups.setdefault(key, []).append(row)
     names = called([dataset for dataset, _ in groups])
     return [
-        Line(dataset, backend, members[0].columns["truth_kind"], members, _spreads(members), names[dataset])
+        Line(
+            dataset,
+            backend,
+            members[0].columns["truth_kind"],
+            members,
+            _spreads(members),
+            names[dataset],
+            made_by.get(backend, ""),
+        )
         for (dataset, backend), members in groups.items()
     ]
 

@@ -203,7 +203,17 @@ MORE: dict[str, Column] = {
 }
 """By name, in the order of metrics.csv, where they follow what names the cell."""
 
-WORKED_OUT: dict[str, Column] = {"done": Column("done", "", "Cells that are done, of all."), **MORE}
+WORKED_OUT: dict[str, Column] = {
+    "done": Column("done", "", "Cells that are done, of all."),
+    "implementation": Column(
+        "implementation",
+        "",
+        "Whose program the backend is. Compiled here: kernels of slamduel, compiled for this processor. GTSAM's wheel: "
+        "GTSAM as published, compiled for any processor, and called from Python. What comes from elsewhere says so "
+        "itself, or is named by what installed it. Costs compare these programs as much as the algorithms.",
+    ),
+    **MORE,
+}
 """Columns that are in the report's tables, beside those of cells.csv."""
 
 TIMES = frozenset(

@@ -31,7 +31,8 @@ builder = registry.find("iterated-ekf")
 module = __import__(builder.make.__module__)
 same = registry.find("slamduel_iterated_ekf:build") is builder
 failed = [list(found) for found in check_backend(builder) if found.status == "failed"]
-print(json.dumps({"value": point.value, "same": same, "file": module.__file__, "failed": failed}))
+whose = registry.implementation("iterated-ekf", builder.options())
+print(json.dumps({"value": point.value, "same": same, "file": module.__file__, "failed": failed, "whose": whose}))
 """
 
 
@@ -63,6 +64,7 @@ def test_once_installed_it_is_found_by_name_and_conforms(tmp_path: Path) -> None
     assert seen["same"]
     assert Path(seen["file"]).parent == site
     assert seen["failed"] == []
+    assert seen["whose"] == "from slamduel-iterated-ekf"
 
 
 def test_it_conforms_with_other_options(builder: Builder) -> None:

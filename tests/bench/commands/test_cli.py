@@ -221,6 +221,8 @@ def test_list_names_everything_with_its_options(capsys: pytest.CaptureFixture[st
     said = " ".join(capsys.readouterr().out.split())
     for words in ("dead-reckoning", "ekf", "isam2", "graph", "particles=100", "victoria-park", "markers=24", "robot=1"):
         assert words in said
+    assert "isam2 (GTSAM's wheel)" in said
+    assert "smoother (compiled here)" in said
 
 
 def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
@@ -229,6 +231,9 @@ def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
     (fastslam,) = [entry for entry in found["backends"] if entry["name"] == "fastslam"]
     assert {option["name"]: option["default"] for option in fastslam["options"]}["particles"] == "100"
     assert "victoria-park" in [entry["name"] for entry in found["datasets"]]
+    whose = {entry["name"]: entry["implementation"] for entry in found["backends"]}
+    assert (whose["ekf"], whose["isam2"]) == ("compiled here", "GTSAM's wheel")
+    assert not any("implementation" in entry for entry in found["datasets"])
 
 
 @pytest.mark.parametrize(

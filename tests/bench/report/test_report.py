@@ -27,6 +27,10 @@ from small_record import STEPS, Record
 EVIL = "<script>alert('a')</script> & | `b` [c](d) $e$"
 
 
+WHOSE = {"ekf": "compiled here", "isam2": "GTSAM's wheel", "graph": "GTSAM's wheel", EVIL: EVIL}
+"""Whose programs backends are; of the others the record does not say it."""
+
+
 class Page(HTMLParser):
     """Elements, checked to be closed in order, and the text of those with an id."""
 
@@ -63,6 +67,7 @@ class Page(HTMLParser):
 def record(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Record]:
     """Two datasets, one of them with a reference only; every way a cell can end."""
     made = Record(tmp_path_factory.mktemp("run") / "r")
+    made.store.put_run("implementations", WHOSE)
     for seed in range(3):
         made.cell("room", "truth", "ekf", seed=seed, off=0.1, ate_m=0.1 + 0.01 * seed, step_us_p50=1234.4 + seed)
         made.cell("room", "truth", "isam2", seed=seed, off=0.2, paths=("online", "final"), alone=seed > 0)
@@ -197,6 +202,15 @@ def test_failures_are_told_and_escaped(record: Record, page: Page, text: str, ma
     for reason in ("after 0 s", "after 2 s", "step 3: the pose is not finite", "the log has loop closures"):
         assert reason in room
         assert reason in markdown
+
+
+def test_whose_programs_are_compared_is_told_with_the_costs(record: Record, page: Page, markdown: str) -> None:
+    room, park = (" ".join(section(record, page, name).split()) for name in ("room", "park"))
+    caution = "Costs compare implementations, not algorithms alone."
+    assert f"Compiled here: ekf; GTSAM's wheel: the others. {caution}" in room
+    assert f"GTSAM's wheel: isam2; compiled here: ekf. {caution}" in park
+    assert "Ringed: GTSAM's wheel; the others are compiled here." in room
+    assert markdown.count(caution) == 2
 
 
 def test_repeating_is_told(page: Page, markdown: str) -> None:

@@ -141,6 +141,18 @@ def test_a_backend_that_was_told_the_truth_says_so() -> None:
     assert not at(found, "b", "ATE online").best
 
 
+def test_whose_program_a_backend_is_stands_beside_its_costs_where_the_run_says_it() -> None:
+    found = of({"backend": "ekf", "ate_m": LOGS, "cpu_s": 1.0}, {"backend": "isam2", "ate_m": LOGS, "cpu_s": 9.0})
+    for table in (accuracy_table(found), cost_table(found)):
+        assert "implementation" not in [column.heading for column in table.headings]
+    kinds = {"ekf": "compiled here", "isam2": "GTSAM's wheel"}
+    told = [line._replace(implementation=kinds[line.backend]) for line in found]
+    for table in (accuracy_table(told), cost_table(told)):
+        assert [at(table, name, "implementation").text for name in kinds] == list(kinds.values())
+    assert "implementation" not in [column.heading for column in paper_table(accuracy_table(told)).headings]
+    assert growth_table(told).headings == growth_table(found).headings  # of which nothing is known here
+
+
 def test_every_cell_can_be_sorted() -> None:
     found = of({"backend": "a", "ate_m": LOGS[:3]})
     table = cells_table(found[0].rows, {"room": "room", "a": "a"})

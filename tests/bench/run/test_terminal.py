@@ -48,6 +48,11 @@ def run(*rows: dict[str, Any]) -> list[Line]:
     return lines(Row(columns, "") for columns in rows)
 
 
+def made_by(found: list[Line], **kinds: str) -> list[Line]:
+    """The lines as those of a run that says whose programs its backends are."""
+    return [line._replace(implementation=kinds.get(line.backend.partition("[")[0], "")) for line in found]
+
+
 def many(seeds: int, *backends: str) -> list[Line]:
     return run(*(row(backend, seed) for backend in backends for seed in range(seeds)))
 
@@ -115,6 +120,16 @@ def test_the_verdict_names_what_to_use_in_a_few_lines() -> None:
     assert len(said.splitlines()) < 15
     (use,) = verdicts(found)["room"].uses
     assert use.why.rstrip(".") in " ".join(printed(found, 100, terminal=False).split())
+
+
+def test_whose_programs_the_costs_are_of_is_told_where_they_are_of_several() -> None:
+    found = many(6, "ekf", LONG, "isam2")
+    both = made_by(found, ekf="compiled here", fastslam="compiled here", isam2="GTSAM's wheel")
+    said = "GTSAM's wheel: isam2; compiled here: the others. Costs compare implementations, not algorithms alone."
+    assert f"  costs        {said}" in printed(both, 120, terminal=False)
+    assert all(len(line.rstrip()) <= 80 for line in printed(both, 80).splitlines())
+    for one in (found, made_by(found, ekf="compiled here", fastslam="compiled here", isam2="compiled here")):
+        assert "costs  " not in printed(one, 120, terminal=False)
 
 
 def test_a_run_of_nothing_but_skipped_cells_says_so_and_is_no_success() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
 from matplotlib.image import imread
 
 from slamduel.bench.claims.curves import MANY, medians, names
@@ -23,7 +24,7 @@ from slamduel.bench.study.study import Figure
 from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.study_report.figure import span
 from slamduel.bench.study_report.gallery import gallery, main
-from slamduel.bench.study_report.marks import Bound, Marks, marks
+from slamduel.bench.study_report.marks import Bound, Crossing, Marks, draw_across, marks
 from slamduel.bench.study_report.option_words import option_words
 from slamduel.bench.study_report.report import again, write
 from slamduel.bench.verdict.statistics import estimate
@@ -201,6 +202,18 @@ def test_where_lines_cross_it_says_whose_is_less(tmp_path: Path) -> None:
     svg = (tmp_path / "s" / "figures" / "s-1.svg").read_text(encoding="utf-8")
     assert "ukf is less" in svg
     assert "from 17.0 on" in svg
+
+
+def test_words_of_two_crossings_do_not_cover_each_other(tmp_path: Path) -> None:
+    found = evidence(small_study(tmp_path / "s", "s", TEXT, outcomes())).medians[0]
+    canvas = Canvas(figsize=(4, 3))
+    axes = canvas.subplots()
+    axes.set_xlim(0, 100)
+    near = [Crossing(at, at - 5, at + 5, f"isam2 is less\nfrom {at} on") for at in (50.0, 62.0)]
+    draw_across(axes, found, Marks((), near, {}))
+    canvas.draw_without_rendering()
+    one, other = (text.get_window_extent() for text in axes.texts)
+    assert not one.overlaps(other)
 
 
 def test_one_wild_interval_leaves_the_medians_their_room(tmp_path: Path) -> None:
