@@ -29,11 +29,22 @@ EVEN = 1 - 1e-9
 
 @dataclass(frozen=True)
 class Options:
-    """How many particles, where they are drawn, and when and how they are resampled."""
+    """How many particles, where they are drawn, and when and how they are resampled.
 
-    particles: int = option(100, "number of particles", minimum=1, maximum=10_000_000)
+    The defaults are chosen by the study `fastslam-defaults`: the smallest error at a cost of a step below iSAM2's.
+    """
+
+    particles: int = option(
+        500,
+        "number of particles; 500 is the most whose step costs less than isam2's on every log that comes along",
+        minimum=1,
+        maximum=10_000_000,
+    )
     version: int = option(
-        1, "1: FastSLAM 1.0, poses drawn from odometry; 2: 2.0, from sightings too", minimum=1, maximum=2
+        2,
+        "1: FastSLAM 1.0, poses drawn from odometry; 2: 2.0, from sightings too, which needs fewer particles",
+        minimum=1,
+        maximum=2,
     )
     resampling: str = option("systematic", "how ancestors are drawn", choices=tuple(SCHEMES))
     resample_below: float = option(
@@ -42,7 +53,7 @@ class Options:
 
 
 class FastSlam:
-    """FastSLAM: particles over the path, a 2x2 EKF a landmark in each; 1.0, or 2.0 with version=2.
+    """FastSLAM 2.0, or 1.0 with version=1: particles over the path, a 2x2 EKF for every landmark in each.
 
     The online pose is the particles' weighted mean; the solution is the path of the heaviest particle and its
     ancestors, with the map that this particle has. On a given map a particle cannot hold what landmarks' errors have in

@@ -25,7 +25,7 @@ from .side_by_side import REFERENCE, Together, chosen, measure_together
 from .tables import as_csv, backend_table, part_table, ratio_table, ratios_as_csv, reference_table, together_table
 from .timing import Row
 
-BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam,fastslam[version=2],smoother,isam2,fixed-lag"
+BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam[version=1],fastslam,smoother,isam2,fixed-lag"
 """Those that have a cost each step; `graph` has one at the end alone."""
 
 OPTIONS = ("backend", "sizes", "particles", "sightings", "steps", "seconds", "scattered")

@@ -104,7 +104,7 @@ class _Known:
     def fastslam(self, version: int, landmarks: int, particles: int) -> Timing | None:
         for label, options in self.options.items():
             plain = label.partition("[")[0] == "fastslam" and _changed(options) <= {"version", "particles"}
-            if plain and getattr(options, "version", 1) == version:
+            if plain and getattr(options, "version", None) == version:
                 return self.of(label, landmarks, particles)
         return None
 
@@ -146,11 +146,11 @@ def _particle_filters(known: _Known) -> Iterator[Ratio]:
     loop = known.of("particle loop", LOOP_LANDMARKS, LOOP_PARTICLES)
     fast = known.fastslam(1, LOOP_LANDMARKS, LOOP_PARTICLES)
     if loop and fast:
-        what = f"particle loop / fastslam, M={LOOP_PARTICLES} N={LOOP_LANDMARKS}, median step"
+        what = f"particle loop / fastslam 1.0, M={LOOP_PARTICLES} N={LOOP_LANDMARKS}, median step"
         yield _at_least(what, AGAINST_LOOP, loop.p50 / fast.p50)
     small, large = (known.fastslam(1, n, MANY) for n in (SMALL_MAP, LARGE_MAP))
     if small and large:
-        what = f"fastslam, N={LARGE_MAP:,} / N={SMALL_MAP}, M={MANY:,}, median step"
+        what = f"fastslam 1.0, N={LARGE_MAP:,} / N={SMALL_MAP}, M={MANY:,}, median step"
         yield _at_most(what, MAP_GROWTH, large.p50 / small.p50)
     for particles in known.particles:
         pairs = [(known.fastslam(2, n, particles), known.fastslam(1, n, particles)) for n in known.sizes]

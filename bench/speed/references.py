@@ -3,7 +3,7 @@
 `dsyrk`: one BLAS call that updates a triangle of the covariance by as many columns as the step's sightings have
 numbers; no dense filter that folds a step in at once does less. `memory`: that triangle read and written once, at the
 bandwidth that an array too large for the caches is copied with. `textbook`: EKF-SLAM in NumPy, every matrix in full.
-`particle loop`: FastSLAM with a Python loop over particles.
+`particle loop`: FastSLAM 1.0 with a Python loop over particles.
 """
 
 import time

@@ -48,10 +48,9 @@ def test_evo_prints_the_figures_of_the_table(tmp_path: Path, dataset: str, backe
 
 @pytest.mark.slow
 def test_fastslam_keeps_up_with_the_ekf_in_the_room() -> None:
-    """1,000 particles, the median over 5 logs of the ratio of the aligned online errors; and both beat odometry.
+    """2.0 with 1,000 particles, the median over 5 logs of the ratio of the aligned online errors; both beat odometry.
 
-    This is FastSLAM 2.0: 1.0 draws its particles without a look at the sightings, and the finer these are the more it
-    falls behind.
+    1.0 draws its particles without a look at the sightings, and the finer these are the more it falls behind.
     """
     errors = {name: np.zeros(LOGS) for name in ("dead-reckoning", "ekf", "fastslam")}
     for seed in range(LOGS):

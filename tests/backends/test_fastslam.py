@@ -91,7 +91,7 @@ def test_one_landmark_from_a_known_path_is_a_kalman_filter() -> None:
     R = np.array([[0.04, 1e-5], [1e-5, 1e-8]])
     H = np.array([[1.0, 0.0], [0.0, 1e-3]])  # at (1 km, 0)
     rng = np.random.default_rng(1)
-    backend = make(prior, particles=1)
+    backend = make(prior, particles=1, version=1)
     kalman = TextbookKalman(np.array([1000.0, 0.0]), np.diag([1.0, 1e-2]))
     backend._maps.add(4)
     backend._maps.filters[0] = np.array([1000.0, 0.0, 1.0, 0.0, 1e-2])[:, None]
@@ -241,7 +241,7 @@ def test_the_path_is_the_same_when_maps_are_handed_down_at_once(version: int) ->
 
 def test_after_resampling_no_two_particles_have_one_map() -> None:
     log = random_log(np.random.default_rng(11), 30, 6).log
-    backend = make(log.prior, particles=20, resample_below=1.0)
+    backend = make(log.prior, particles=20, version=1, resample_below=1.0)
     for step in log:
         backend.step(step)
     backend._resample()
@@ -274,7 +274,7 @@ def test_paths_are_those_of_the_ancestors() -> None:
 def test_the_solution_is_the_heaviest_particle() -> None:
     log, truth = random_log(np.random.default_rng(6), 80, 10)
     assert truth is not None
-    backend = make(log.prior, particles=60)
+    backend = make(log.prior, particles=60, version=1)
     path = np.array([backend.step(step) for step in log])
     solution, best = backend.finish(), int(np.argmax(backend._weights))
     assert solution.path[-1] == pytest.approx(backend._poses[:3, best])
@@ -287,7 +287,7 @@ def test_the_solution_is_the_heaviest_particle() -> None:
 
 def test_ancestors_are_counted() -> None:
     log = random_log(np.random.default_rng(7), 60, 8).log
-    backend = make(log.prior, particles=50, resample_below=1.0)
+    backend = make(log.prior, particles=50, version=1, resample_below=1.0)
     counts = [(backend.step(step), backend.belief().ancestors)[1] for step in log]
     assert counts[0] == 50
     assert all(after <= before for before, after in pairwise(counts))
@@ -372,7 +372,7 @@ def test_a_landmark_at_a_particles_place_takes_its_weight_and_no_more(version: i
 
 def test_five_hundred_sightings_in_a_frame_are_within_a_doubles_range() -> None:
     rng = np.random.default_rng(12)
-    backend = make(Prior(np.zeros(3), 1e-6 * np.eye(3)), particles=20)
+    backend = make(Prior(np.zeros(3), 1e-6 * np.eye(3)), particles=20, version=1)
     z = np.column_stack((rng.uniform(1, 9, 500), rng.uniform(-3, 3, 500)))
     cov = np.tile(np.diag([1e-8, 1e-8]), (500, 1, 1))
     for k in range(3):

@@ -219,7 +219,7 @@ def test_report_of_what_is_no_run_is_a_sentence(
 def test_list_names_everything_with_its_options(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    for words in ("dead-reckoning", "ekf", "isam2", "graph", "particles=100", "victoria-park", "markers=24", "robot=1"):
+    for words in ("dead-reckoning", "ekf", "isam2", "graph", "particles=500", "victoria-park", "markers=24", "robot=1"):
         assert words in said
     assert "isam2 (GTSAM's wheel)" in said
     assert "smoother (compiled here)" in said
@@ -229,7 +229,7 @@ def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     (fastslam,) = [entry for entry in found["backends"] if entry["name"] == "fastslam"]
-    assert {option["name"]: option["default"] for option in fastslam["options"]}["particles"] == "100"
+    assert {option["name"]: option["default"] for option in fastslam["options"]}["particles"] == "500"
     assert "victoria-park" in [entry["name"] for entry in found["datasets"]]
     whose = {entry["name"]: entry["implementation"] for entry in found["backends"]}
     assert (whose["ekf"], whose["isam2"]) == ("compiled here", "GTSAM's wheel")

@@ -119,7 +119,7 @@ def test_quotes_stand_round_a_whole_name(tmp_path: Any) -> None:
 
 
 def test_an_option_at_its_default_is_the_plain_backend() -> None:
-    assert backend_variants("fastslam[particles=100]")[0].label == "fastslam"
+    assert backend_variants("fastslam[particles=500]")[0].label == "fastslam"
 
 
 def test_a_path_is_short_for_a_log(tmp_path: Any) -> None:
