@@ -141,6 +141,7 @@ def offsets(w: Window, poses: Array, places: Array) -> None:
         width, size = 3 if k == POSE else 2, 3 + 2 * n
         if k != POSE:
             now[size - 2], now[size - 1] = now[3 + 2 * k], now[4 + 2 * k]
+            now[3 + 2 * k] = now[4 + 2 * k] = 0.0  # its own, which the row does not know: not a number, maybe
         for j in range(size):
             z[width + j] = now[j]
         solve_rows(w.reals, w.stages[t, BEGIN], width, width + size, z)

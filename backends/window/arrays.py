@@ -81,7 +81,8 @@ def made(prior: Prior, loss: int, scale: float) -> Window:
 def with_steps(w: Window, sightings: int) -> Window:
     """`w` with room for another pose and so many sightings of it; itself where it has that."""
     state = w.state
-    if state[POSES] < len(w.poses) and state[SIGHTINGS] + sightings <= len(w.sightings):
+    numbers = int(state[REALS]) + 3 * (2 * len(w.slots) + 7)
+    if state[POSES] < len(w.poses) and state[SIGHTINGS] + sightings <= len(w.sightings) and numbers <= len(w.reals):
         return w
     _drop(w)
     poses, seen = len(w.poses), len(w.sightings)
@@ -90,7 +91,14 @@ def with_steps(w: Window, sightings: int) -> Window:
     if 2 * (state[SIGHTINGS] + sightings) > seen:
         more = max(seen, 2 * sightings)
         w = w._replace(sightings=_longer(w.sightings, more), seen=_longer(w.seen, more))
-    return _with_arena(w)
+    return _with_numbers(_with_stages(w), numbers)
+
+
+def with_all(w: Window) -> Window:
+    """`w` with room for eliminating everything in it anew."""
+    poses = int(w.state[POSES] - w.state[BOTTOM])
+    landmarks = int(((w.marks[:, PRESENCE] != FREE) & (w.marks[:, SLOT] != FIXED)).sum())
+    return _with_numbers(w, (3 * poses + 2 * landmarks) * (2 * landmarks + 7))
 
 
 def row_of_new(w: Window, x: float, y: float) -> tuple[Window, int]:
@@ -158,15 +166,21 @@ def _with_rows(w: Window, rows: int, slots: int) -> Window:
         work=_longer(w.work, m * (m + 1) - len(w.work)),
     )
     w.marks[rows - more :] = FRESH, -1, FREE, 0
-    return _with_arena(w)
+    return _with_stages(w)
 
 
-def _with_arena(w: Window) -> Window:
-    """`w` with room for whatever may be eliminated; of that, what is not used is never touched."""
-    poses, landmarks, slots = len(w.poses), len(w.places), len(w.slots)
-    reals, used = np.empty((3 * poses + 2 * landmarks) * (2 * slots + 7)), int(w.state[REALS])
+def _with_stages(w: Window) -> Window:
+    """`w` with a stage for each row of poses and landmarks."""
+    return w._replace(stages=_longer(w.stages, len(w.poses) + len(w.places) - len(w.stages)))
+
+
+def _with_numbers(w: Window, numbers: int) -> Window:
+    """`w` with room for so many numbers of the stages."""
+    if numbers <= len(w.reals):
+        return w
+    reals, used = np.empty(max(numbers, 2 * len(w.reals))), int(w.state[REALS])
     reals[:used] = w.reals[:used]
-    return w._replace(stages=_longer(w.stages, poses + landmarks - len(w.stages)), reals=reals)
+    return w._replace(reals=reals)
 
 
 def _square(front: Array) -> Array:

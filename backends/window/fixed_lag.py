@@ -27,7 +27,7 @@ from . import _estimates, _step
 from ._chain import DONE, RETURNS
 from ._renewal import renew
 from ._window import BOTTOM, HELD, LEFT, OLD_POSES, OLD_SIGHTINGS, PRESENCE, SIGHTINGS
-from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_steps
+from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
 
 OVER = 32
 """The prior moves on when more poses have left than these, and than there are in the window."""
@@ -94,6 +94,7 @@ class FixedLag:
         )  # fmt: skip
         self._left += leaving
         if ended == RETURNS or anew:
+            self._window = window = with_all(window)
             ended, _ = renew(window, -1, KEEP, 0.0, False)
             if ended == DONE:
                 ended = solve(window, self._pose, self._cov)
@@ -220,7 +221,7 @@ class FixedLag:
 
         What has left first becomes a part of the prior. Nothing is done where nothing is off so far, unless `anyway`.
         """
-        w = self._window
+        self._window = w = with_all(self._window)
         ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
         if ended == DONE and (furthest > threshold or anyway):
             ended = solve(w, self._pose, self._cov)
