@@ -10,6 +10,7 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._models import wrap
 from ..smoothing._cholesky import factor, unsigned
+from ..smoothing._front import last_three
 from ..smoothing._relinearise import solve_rows
 from ._chain import DONE, INDEFINITE
 from ._window import AT, BEGIN, DSYRK, MANY, NAME, NOW, OWN, POSE, POSES, SLOTS, STAGES, Window, row
@@ -36,12 +37,17 @@ def factor_front(w: Window) -> int:
 
 
 @compiled
-def collect(y: Array, i: int, d: float, mean: Array, cov: Array) -> None:
-    """Add row `i` of Y, y (3, 3), and its part of d."""
-    for a in range(3):
-        mean[a] += y[i, a] * d
-        for b in range(3):
-            cov[a, b] += y[i, a] * y[i, b]
+def collect(y0: float, y1: float, y2: float, d: float, mean: Array, cov: Array) -> None:
+    """Add a row of Y, and its part of d."""
+    mean[0] += y0 * d
+    mean[1] += y1 * d
+    mean[2] += y2 * d
+    cov[0, 0] += y0 * y0
+    cov[1, 1] += y1 * y1
+    cov[2, 2] += y2 * y2
+    cov[0, 1] = cov[1, 0] = cov[0, 1] + y0 * y1
+    cov[0, 2] = cov[2, 0] = cov[0, 2] + y0 * y2
+    cov[1, 2] = cov[2, 1] = cov[1, 2] + y1 * y2
 
 
 @compiled
@@ -56,17 +62,17 @@ def through(w: Window, t: int, E: Array, mean: Array, cov: Array, y: Array) -> N
             for j in range(i):
                 s -= R[o + j * c + i] * y[j, a]
             y[i, a] = s / R[o + i * c + i]
-        collect(y, i, R[o + i * c + c - 1], mean, cov)
+        collect(y[i, 0], y[i, 1], y[i, 2], R[o + i * c + c - 1], mean, cov)
     if k == POSE:
         for a in range(3):
             E[a, 0] = E[a, 1] = E[a, 2] = 0.0
     for i in range(width):
         of = unsigned(o + i * c + width)
-        for a in range(3):
-            s = y[i, a]
-            if s != 0.0:
-                for j in range(unsigned(3 + 2 * n)):
-                    E[unsigned(a), j] -= s * R[of + j]
+        y0, y1, y2 = y[i, 0], y[i, 1], y[i, 2]
+        for j in range(unsigned(3 + 2 * n)):
+            E[0, j] -= y0 * R[of + j]
+            E[1, j] -= y1 * R[of + j]
+            E[2, j] -= y2 * R[of + j]
     if k != POSE:
         last = 3 + 2 * (n - 1)
         for a in range(3):
@@ -76,15 +82,17 @@ def through(w: Window, t: int, E: Array, mean: Array, cov: Array, y: Array) -> N
 
 
 @compiled
-def through_root(w: Window, i: int, m: int, E: Array, mean: Array, cov: Array, y: Array) -> None:
+def through_root(w: Window, i: int, m: int, E: Array, mean: Array, cov: Array) -> None:
     """The same of row `i` of the root, E being in its order."""
     o = unsigned(i * (m + 1))
-    for a in range(3):
-        y[0, a] = E[a, i] / w.work[o + unsigned(i)]
-        s = y[0, a]
-        for j in range(unsigned(i + 1), unsigned(m)):
-            E[unsigned(a), j] -= s * w.work[o + j]
-    collect(y, 0, w.work[i * (m + 1) + m], mean, cov)
+    d = w.work[o + unsigned(i)]
+    y0, y1, y2 = E[0, i] / d, E[1, i] / d, E[2, i] / d
+    for j in range(unsigned(i + 1), unsigned(m)):
+        t = w.work[o + j]
+        E[0, j] -= y0 * t
+        E[1, j] -= y1 * t
+        E[2, j] -= y2 * t
+    collect(y0, y1, y2, w.work[o + unsigned(m)], mean, cov)
 
 
 @compiled
@@ -109,17 +117,28 @@ def look(w: Window, t: int, at: int, mean: Array, cov: Array) -> None:
             E[a, j] = E[a, j + 3]
         E[a, 2 * n], E[a, 2 * n + 1], E[a, 2 * n + 2] = x0, x1, x2
     for i in range(first, m):
-        through_root(w, i, m, E, mean, cov, y)
+        through_root(w, i, m, E, mean, cov)
 
 
 @compiled
 def look_at_pose(w: Window, i: int, pose: Array, cov: Array) -> None:
     """Pose `i`'s estimate (3,) and its covariance (3, 3)."""
-    first_row = 0 * i  # a literal 0 would be a type of its own, and `look` be compiled once more
-    look(w, w.rows[i, AT] if i < w.state[POSES] - 1 else w.state[STAGES], first_row, pose, cov)
-    for a in range(3):
-        pose[a] += w.poses[i, a]
-    pose[2] = wrap(pose[2])
+    if i < w.state[POSES] - 1:
+        first_row = 0 * i  # a literal 0 would be a type of its own, and `look` be compiled once more
+        look(w, w.rows[i, AT], first_row, pose, cov)
+        for a in range(3):
+            pose[a] += w.poses[i, a]
+        pose[2] = wrap(pose[2])
+    else:
+        last_pose(w, pose, cov)
+
+
+@compiled
+def last_pose(w: Window, pose: Array, cov: Array) -> None:
+    """The last pose's estimate (3,) and its covariance (3, 3)."""
+    last_three(w.work, 2 * w.state[SLOTS] + 3, pose, cov)
+    at = w.poses[w.state[POSES] - 1]
+    pose[0], pose[1], pose[2] = at[0] + pose[0], at[1] + pose[1], wrap(at[2] + pose[2])
 
 
 @compiled

@@ -5,7 +5,7 @@ from ...frontend.se2 import Array, Ints
 from .._models import moved
 from ..smoothing._log import six
 from ._chain import DONE, RETURNS, eliminate, sight
-from ._estimates import factor_front, look_at_pose
+from ._estimates import factor_front, last_pose, look_at_pose
 from ._window import FIRST, HELD, LAST, MOTION, NOISE, POSES, SIGHTINGS, Window
 
 
@@ -62,5 +62,5 @@ def step(
     if ended == DONE:
         ended = factor_front(w)
     if ended == DONE:
-        look_at_pose(w, w.state[POSES] - 1, pose, cov)
+        last_pose(w, pose, cov)
     return ended
