@@ -174,11 +174,12 @@ def eliminate(w: Window, i: int) -> int:
         u1 = (R[k1 + j] - r01 * u0) * i1
         R[k0 + j], R[k1 + j], R[k2 + j] = u0, u1, (R[k2 + j] - r02 * u0 - r12 * u1) * i2
     subtract(w)
+    l0, l1, l2 = unsigned(o + 6), unsigned(o1 + 6), unsigned(o2 + 6)  # the landmarks' part
     for a in range(3):
         v0, v1, v2 = R[o + 3 + a], R[o1 + 3 + a], R[o2 + 3 + a]
-        to = unsigned(a * r) - unsigned(3)
-        for j in range(unsigned(6), unsigned(c - 1)):
-            F[to + j] = v0 * R[k0 + j] + v1 * R[k1 + j] + v2 * R[k2 + j]
+        to = unsigned(a * r + 3)
+        for j in range(unsigned(c - 7)):
+            F[to + j] = v0 * R[l0 + j] + v1 * R[l1 + j] + v2 * R[l2 + j]
         F[a * r + r - 1] = v0 * R[o + c - 1] + v1 * R[o1 + c - 1] + v2 * R[o2 + c - 1]
         for b in range(a, 3):
             here = v0 * R[o + b] + v1 * R[o1 + b] + v2 * R[o2 + b]

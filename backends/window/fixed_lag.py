@@ -156,7 +156,8 @@ class FixedLag:
                 continue
             held = self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i]), self._left)
             if not held:
-                self._held[landmark].append(first + i)
+                inside = [s for s in self._held[landmark] if s >= self._window.state[OLD_SIGHTINGS]]
+                self._held[landmark] = [*inside, first + i]
                 continue
             r, bearing = self._seen[i, :2].tolist()
             r, angle = max(r, NEAREST), heading + bearing
