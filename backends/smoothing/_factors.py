@@ -58,11 +58,19 @@ def distance(
 @compiled
 def add_sighting(g: Graph, s: int, F: Array, w: int, ip: int, il: int) -> None:
     """Sighting `s` into front F: pose at row `ip`, landmark at row `il`, or at -1 where it is held fixed."""
-    pose, landmark = g.sightings[s, POSE], g.sightings[s, LANDMARK]
-    v = g.values
-    dx, dy, e0, e1, q = distance(v[pose, 0], v[pose, 1], v[pose, 2], v[landmark, 0], v[landmark, 1], g.seen, s)
-    scale = weight(g.settings[LOSS], g.settings[SCALE], q)
-    z0, z1, z2 = scale * g.seen[s, 2], scale * g.seen[s, 3], scale * g.seen[s, 4]
+    x, m = g.values[g.sightings[s, POSE]], g.values[g.sightings[s, LANDMARK]]
+    add_seen(x[0], x[1], x[2], m[0], m[1], g.seen, s, g.settings, F, w, ip, il)
+
+
+@compiled
+def add_seen(
+    x: float, y: float, heading: float, mx: float, my: float,
+    seen: Array, s: int, settings: Array, F: Array, w: int, ip: int, il: int,
+) -> None:  # fmt: skip
+    """The same of row `s` of `seen` (n, 5), sighted from a pose, and of a landmark at (mx, my)."""
+    dx, dy, e0, e1, q = distance(x, y, heading, mx, my, seen, s)
+    scale = weight(settings[LOSS], settings[SCALE], q)
+    z0, z1, z2 = scale * seen[s, 2], scale * seen[s, 3], scale * seen[s, 4]
     r2 = dx * dx + dy * dy
     r = sqrt(r2)
     a, b, c, d = dx / r, dy / r, -dy / r2, dx / r2  # by the landmark; by the pose's place minus that, by its heading -1

@@ -248,7 +248,17 @@ def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
 @compiled
 def last_pose(g: Graph, m: int, pose: Array, cov: Array) -> None:
     """The last pose (3,) and its covariance (3, 3), from the root's last rows."""
-    F, w = g.work, m + 1
+    last_three(g.work, m, pose, cov)
+    v = g.values[g.state[LAST]]
+    pose[0], pose[1], pose[2] = v[0] + pose[0], v[1] + pose[1], wrap(v[2] + pose[2])
+    for i in range(3):
+        g.settings[LATEST + i] = pose[i]
+
+
+@compiled
+def last_three(F: Array, m: int, off: Array, cov: Array) -> None:
+    """The last three of `m` scalars, off (3,), and their covariance (3, 3), from [R d]."""
+    w = m + 1
     o = (m - 3) * w + m - 3
     a, b, c, d = F[o], F[o + 1], F[o + 2], F[o + 3]
     e, f, h = F[o + w + 1], F[o + w + 2], F[o + w + 3]
@@ -256,10 +266,7 @@ def last_pose(g: Graph, m: int, pose: Array, cov: Array) -> None:
     y2 = n / k
     y1 = (h - f * y2) / e
     y0 = (d - b * y1 - c * y2) / a
-    v = g.values[g.state[LAST]]
-    pose[0], pose[1], pose[2] = v[0] + y0, v[1] + y1, wrap(v[2] + y2)
-    for i in range(3):
-        g.settings[LATEST + i] = pose[i]
+    off[0], off[1], off[2] = y0, y1, y2
     i0, i1, i2 = 1.0 / a, 1.0 / e, 1.0 / k
     i01, i12 = -b * i0 * i1, -f * i1 * i2
     i02 = -(c * i2 + b * i12) * i0

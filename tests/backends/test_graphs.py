@@ -21,7 +21,10 @@ ROBUST = ("huber", "cauchy", "geman-mcclure")
 
 
 def make(name: str, prior: Prior, **options: Any) -> Any:
+    name, _, solver = name.partition(" by ")
     builder = find(name)
+    if solver:
+        options["solver"] = solver
     return builder.make(prior, builder.options(**options), np.random.default_rng(0))
 
 
@@ -57,7 +60,7 @@ def drive() -> Dataset:
 
 def test_the_smoothers_agree_where_the_window_is_longer_than_the_log(drive: Dataset) -> None:
     batch = final("graph", drive.log)
-    for name, options in (("isam2", {}), ("fixed-lag", {"lag": 1e9})):
+    for name, options in (("isam2", {}), ("fixed-lag by gtsam", {"lag": 1e9}), ("fixed-lag by own", {"lag": 1e9})):
         solution = final(name, drive.log, **options)
         assert solution.path == pytest.approx(batch.path, abs=1e-3), name
         assert solution.map.ids.tolist() == batch.map.ids.tolist()
@@ -67,7 +70,7 @@ def test_the_smoothers_agree_where_the_window_is_longer_than_the_log(drive: Data
 def test_isam2_and_a_long_window_agree_step_by_step(drive: Dataset) -> None:
     """One takes the pose from the top of the tree, the other from full back-substitution."""
     _, one = run("isam2", drive.log, relinearize_skip=1)
-    _, other = run("fixed-lag", drive.log, lag=1e9, relinearize_skip=1)
+    _, other = run("fixed-lag by gtsam", drive.log, lag=1e9, relinearize_skip=1)
     assert np.array(one) == pytest.approx(np.array(other), abs=1e-6)
 
 
@@ -76,7 +79,7 @@ def test_isam2_ends_at_the_optimum_of_victoria_park() -> None:
     log = source.make(source.options(), np.random.default_rng(0)).log.head(500)
     batch, solution = final("graph", log), final("isam2", log)
     assert solution.path[:, :2] == pytest.approx(batch.path[:, :2], abs=1e-2)
-    window = final("fixed-lag", log, lag=1e9)
+    window = final("fixed-lag by gtsam", log, lag=1e9)
     assert window.path[:, :2] == pytest.approx(batch.path[:, :2], abs=1e-2)
 
 
@@ -86,7 +89,7 @@ def test_the_last_update_relinearizes_whatever_the_skip(drive: Dataset) -> None:
     assert final("isam2", drive.log, **never).path == pytest.approx(batch.path, abs=1e-5)
 
 
-@pytest.mark.parametrize("name", ["isam2", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "fixed-lag by gtsam"])
 def test_asking_changes_nothing(name: str, drive: Dataset) -> None:
     plain, asked = make(name, drive.log.prior), make(name, drive.log.prior)
     for step in drive.log.head(100):
@@ -118,13 +121,13 @@ def test_wrong_ids_ruin_the_plain_graph_and_not_the_robust_one() -> None:
     for options in ({"loss": "cauchy"}, {"loss": "geman-mcclure"}, {"gnc": True}):
         assert rmse(final("graph", log, **options).path, truth.poses) < 1.5 * clean, options
         assert rmse(final("graph", wrong, **options).path, truth.poses) < 2 * clean, options
-    for name in ("isam2", "fixed-lag"):
-        options = {"lag": 1e9} if name == "fixed-lag" else {}
+    for name in ("isam2", "fixed-lag by gtsam", "fixed-lag by own"):
+        options = {"lag": 1e9} if name.startswith("fixed-lag") else {}
         assert rmse(final(name, wrong, **options).path, truth.poses) > 5 * clean, name
         assert rmse(final(name, wrong, loss="cauchy", **options).path, truth.poses) < 2 * clean, name
 
 
-@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag by gtsam", "fixed-lag by own"])
 @pytest.mark.parametrize("loss", ROBUST)
 def test_a_wrong_first_sighting_does_not_shut_out_the_right_ones(name: str, loss: str) -> None:
     motion = Odometry(np.array([0.1, 0.0, 0.02]), 1e-6 * np.eye(3))
@@ -138,14 +141,14 @@ def test_a_wrong_first_sighting_does_not_shut_out_the_right_ones(name: str, loss
         seen = RangeBearing(np.array([3]), z[None], np.diag([1e-4, 1e-4])[None])
         steps.append(Step(float(k), None if k == 0 else motion, seen, NO_LOOPS))
     log = Log.from_steps("liar", Prior(np.zeros(3), 1e-6 * np.eye(3)), steps)
-    options = {"lag": 1e9} if name == "fixed-lag" else {}
+    options = {"lag": 1e9} if name.startswith("fixed-lag") else {}
     solution = final(name, log, loss=loss, **options)
     assert np.hypot(*(solution.map.xy[0] - landmark)) < 0.02
     plain = final(name, log, **options)
     assert np.hypot(*(plain.map.xy[0] - landmark)) > 0.04
 
 
-@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag by gtsam", "fixed-lag by own"])
 def test_what_was_sighted_once_is_on_the_last_map(name: str, drive: Dataset) -> None:
     steps, ids = list(drive.log), drive.log.ids
     once = RangeBearing(np.array([10**9]), np.array([[2.0, 0.5]]), np.diag([1e-3, 1e-3])[None])
@@ -168,7 +171,7 @@ def test_a_landmark_starts_once_its_sightings_say_where_it_is() -> None:
         assert not known.alone()
 
 
-@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag by gtsam", "fixed-lag by own"])
 def test_sightings_that_say_next_to_nothing_move_nothing(name: str) -> None:
     """Sightings with a standard deviation of a kilometre among good ones: as if they were not there."""
     log = random_log(np.random.default_rng(28), 120, 8, noise=0.1, blind=0.0).log
@@ -247,7 +250,7 @@ def test_the_motion_between_two_sightings_is_chained_odometry() -> None:
 def test_landmarks_come_and_go() -> None:
     """One seen at the start and at the end alone, with another in view throughout."""
     log, truth = there_and_back()
-    backend = make("fixed-lag", log.prior, lag=5.0)
+    backend = make("fixed-lag by gtsam", log.prior, lag=5.0)
     keys = []
     for step in log:
         backend.step(step)
@@ -264,7 +267,7 @@ def test_landmarks_come_and_go() -> None:
 
 def test_a_pose_is_what_it_was_when_it_left_the_window() -> None:
     log, _ = there_and_back()
-    backend, twin = make("fixed-lag", log.prior, lag=5.0), make("fixed-lag", log.prior, lag=5.0)
+    backend, twin = make("fixed-lag by gtsam", log.prior, lag=5.0), make("fixed-lag by gtsam", log.prior, lag=5.0)
     inside: dict[int, Array] = {}
     for k, step in enumerate(log):
         backend.step(step)
@@ -274,15 +277,17 @@ def test_a_pose_is_what_it_was_when_it_left_the_window() -> None:
     assert backend.finish().path[:-6] == pytest.approx(np.array([inside[i] for i in range(len(log) - 6)]), abs=1e-12)
 
 
-def test_without_a_window_it_is_a_filter(drive: Dataset) -> None:
+@pytest.mark.parametrize("solver", ["own", "gtsam"])
+def test_without_a_window_it_is_a_filter(solver: str, drive: Dataset) -> None:
     """With no lag all but the last pose and what it sees is marginalised: the path is the online one."""
-    backend, path = run("fixed-lag", drive.log, lag=0.0)
+    backend, path = run("fixed-lag", drive.log, lag=0.0, solver=solver)
     assert backend.finish().path == pytest.approx(np.array(path), abs=1e-9)
 
 
-def test_a_gap_longer_than_the_window_is_bridged_by_odometry(drive: Dataset) -> None:
+@pytest.mark.parametrize("solver", ["own", "gtsam"])
+def test_a_gap_longer_than_the_window_is_bridged_by_odometry(solver: str, drive: Dataset) -> None:
     late = [step._replace(t=step.t + 1e4 * (k >= 100)) for k, step in enumerate(drive.log)]
-    _, path = run("fixed-lag", Log.from_steps("gap", drive.log.prior, late), lag=5.0)
+    _, path = run("fixed-lag", Log.from_steps("gap", drive.log.prior, late), lag=5.0, solver=solver)
     assert drive.truth is not None
     assert np.hypot(*(path[-1] - drive.truth.poses[-1])[:2]) < 1.0
 
@@ -296,7 +301,7 @@ def test_a_given_map_is_never_forgotten(with_covariance: bool) -> None:
     root = np.random.default_rng(9).normal(size=(2 * n, 2 * n))
     cov = 1e-5 * (root @ root.T + np.eye(2 * n)) if with_covariance else None
     log = Log.from_steps("given", log.prior._replace(map=truth.map._replace(cov=cov)), list(log))
-    backend, path = run("fixed-lag", log, lag=0.5)
+    backend, path = run("fixed-lag by gtsam", log, lag=0.5)
     _, ekf = run("ekf", log)
     assert set(backend._factors.keys.landmarks) == set(truth.map.ids.tolist())
     assert np.array(path) == pytest.approx(np.array(ekf), abs=5e-3)
@@ -327,7 +332,7 @@ def there_and_back() -> tuple[Log, Array]:
 # --- at the limits
 
 
-@pytest.mark.parametrize("name", ["isam2", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "fixed-lag by gtsam", "fixed-lag by own"])
 def test_a_long_stretch_without_landmarks_is_survived(name: str) -> None:
     ahead = Odometry(np.array([0.1, 0.0, 0.01]), np.diag([1e-4, 1e-4, 1e-4]))
     steps = [Step(float(k), ahead if k else None, NO_SIGHTINGS, NO_LOOPS) for k in range(3000)]
@@ -337,7 +342,7 @@ def test_a_long_stretch_without_landmarks_is_survived(name: str) -> None:
     assert np.array(path) == pytest.approx(np.array(reckoned), abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag by gtsam", "fixed-lag by own"])
 def test_a_landmark_at_no_distance_is_no_division_by_zero(name: str) -> None:
     log = random_log(np.random.default_rng(26), 30, 5, noise=0.3).log
     steps = list(log)
@@ -347,7 +352,7 @@ def test_a_landmark_at_no_distance_is_no_division_by_zero(name: str) -> None:
     assert np.isfinite(solution.path).all()
 
 
-@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag"])
+@pytest.mark.parametrize("name", ["isam2", "graph", "fixed-lag by gtsam", "fixed-lag by own"])
 def test_what_gtsam_cannot_solve_is_diverged_in_its_words(name: str) -> None:
     steps = list(random_log(np.random.default_rng(27), 10, 3).log)
     bad = RangeBearing(np.array([1]), np.array([[np.nan, 0.0]]), np.eye(2)[None])

@@ -1,0 +1,127 @@
+"""Fixed-lag smoothing by GTSAM: iSAM2 over the last seconds alone, with what is older marginalised.
+
+Poses and landmarks come and go as in `window/fixed_lag.py`.
+"""
+
+from collections import deque
+
+import gtsam
+import numpy as np
+
+from ...frontend.factors import Map, Prior, Step
+from ...frontend.se2 import Array
+from ..api import Belief, Diverged, Pose, Solution
+from ..window.fixed_lag import Options
+from ._gtsam import FAILURES, Factors, array, failure, pose2, to_world
+
+
+class GtsamFixedLag:
+    """The incremental fixed-lag smoother (GTSAM): iSAM2 over the last seconds, landmarks coming and going."""
+
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        del rng
+        params = gtsam.ISAM2Params()
+        params.setRelinearizeThreshold(options.relinearize_threshold)
+        params.relinearizeSkip = options.relinearize_skip
+        params.setFactorization("QR")
+        params.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(0.0))
+        self._prior, self._options = prior, options
+        self._smoother = gtsam.IncrementalFixedLagSmoother(options.lag, params)
+        self._factors = Factors(prior, options.loss, options.loss_scale)
+        self._pose = pose2(prior.pose)
+        self._path: list[Array] = []  # of the poses that left the window
+        self._window: deque[float] = deque()  # the times of those in it
+        self._seen: dict[int, float] = {}  # landmark -> time of its last sighting, in this order
+        self._given = () if prior.map is None else tuple(prior.map.ids.tolist())
+        self._kept = -np.inf  # when the given landmarks were last kept from leaving
+        self._gone: dict[int, Array] = {}  # landmark -> (2,) where it was when it last left
+
+    def step(self, step: Step) -> Pose:
+        """Add the step's factors, let go of what is older than the lag and ask for the latest pose."""
+        k = len(self._path) + len(self._window)
+        guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
+        graph, values = self._factors.prior() if k == 0 else (gtsam.NonlinearFactorGraph(), gtsam.Values())
+        more, more_values = self._factors.step(k, step, guess, since=len(self._path))
+        graph.push_back(more)
+        values.insert(more_values)
+        times = self._refreshed(k, step)
+        leaving = self._let_go(step.t - self._options.lag)
+        self._update(graph, values, times)
+        self._factors.forget(leaving)
+        self._pose = self._latest(k)
+        return array(self._pose)
+
+    def belief(self) -> Belief:
+        """The latest pose and its marginal covariance."""
+        if not self._window:
+            return Belief(self._prior.pose, self._prior.cov)
+        pose = array(self._pose)
+        key = self._factors.keys.pose(len(self._path) + len(self._window) - 1)
+        return Belief(pose, to_world(pose, self._smoother.marginalCovariance(key)))
+
+    def map(self) -> Map:
+        """The landmarks in the window at the current estimate, and the others where they were when they last left."""
+        if not self._window:
+            return self._prior.map or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
+        inside = {i: self._smoother.calculateEstimatePoint2(key) for i, key in self._factors.keys.landmarks.items()}
+        places = self._gone | inside
+        return Map(np.fromiter(places, np.int64, len(places)), np.array([*places.values()]).reshape(-1, 2), None)
+
+    def finish(self) -> Solution:
+        """Each pose as it left the window, the last ones as they are at the end, relinearized once more."""
+        for _ in range(self._options.final_checks * self._options.relinearize_skip):
+            self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
+        first = len(self._path)
+        keys = [self._factors.keys.pose(first + i) for i in range(len(self._window))]
+        last = [array(self._smoother.calculateEstimatePose2(key)) for key in keys]
+        path = np.array([*self._path, *last]).reshape(-1, 3)
+        return Solution(path, self._factors.with_newcomers(path, self.map()))
+
+    def _refreshed(self, k: int, step: Step) -> dict[int, float]:
+        """The times that this step gives to variables: its own pose, what it sighted, and a given map in good time."""
+        keys = self._factors.keys
+        self._window.append(step.t)
+        sighted = [landmark for landmark in step.sightings.ids.tolist() if landmark in keys.landmarks]
+        if self._given and self._kept <= step.t - self._options.lag / 2:
+            sighted, self._kept = [*self._given, *sighted], step.t
+        for landmark in sighted:
+            self._seen.pop(landmark, None)
+            self._seen[landmark] = step.t
+        return {keys.pose(k): step.t} | {keys.landmark(landmark): step.t for landmark in sighted}
+
+    def _let_go(self, before: float) -> list[int]:
+        """Remember every variable whose time is before `before`, which the next update lets go; the landmarks of them.
+
+        The estimate is that of the last step: the update that takes the next one in lets them go in one go with it.
+        """
+        while self._window[0] < before:
+            key = self._factors.keys.pose(len(self._path))
+            self._path.append(array(self._smoother.calculateEstimatePose2(key)))
+            self._window.popleft()
+        leaving: list[int] = []
+        for landmark, t in self._seen.items():
+            if t >= before:
+                break
+            leaving.append(landmark)
+        for landmark in leaving:
+            del self._seen[landmark]
+            self._gone.pop(landmark, None)
+            self._gone[landmark] = self._smoother.calculateEstimatePoint2(self._factors.keys.landmark(landmark))
+        return leaving
+
+    def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, times: dict[int, float]) -> None:
+        """Fold factors in."""
+        try:
+            self._smoother.update(graph, values, times)  # pyright: ignore[reportArgumentType] - Mapping is invariant
+        except FAILURES as error:
+            raise Diverged(failure(error)) from None
+
+    def _latest(self, k: int) -> gtsam.Pose2:
+        """The pose of step `k`."""
+        try:
+            pose = self._smoother.calculateEstimatePose2(self._factors.keys.pose(k))
+        except FAILURES as error:
+            raise Diverged(failure(error)) from None
+        if not np.isfinite(array(pose)).all():
+            raise Diverged("the latest pose is not finite")
+        return pose

@@ -1,0 +1,66 @@
+"""A window's step in one call."""
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._models import moved
+from ..smoothing._log import six
+from ._chain import DONE, RETURNS, eliminate, sight
+from ._estimates import factor_front, last_pose, look_at_pose
+from ._window import FIRST, HELD, LAST, MOTION, NOISE, POSES, SIGHTINGS, Window
+
+
+@compiled
+def add_pose(w: Window, motion: Array, pose: Array) -> None:
+    """Another pose, `motion` (4, 3) from where the last one is estimated to be: itself and its covariance."""
+    i = w.state[POSES]
+    w.state[POSES] = i + 1
+    p = w.poses[i]
+    p[0], p[1], p[2] = moved(pose[0], pose[1], pose[2], motion[0, 0], motion[0, 1], motion[0, 2])
+    for a in range(3):
+        p[MOTION + a] = motion[0, a]
+    six(motion, 1, p, NOISE)
+    w.rows[i + 1, FIRST] = w.rows[i, FIRST]
+
+
+@compiled
+def add_sightings(w: Window, landmarks: Ints, seen: Array) -> None:
+    """Sightings (k, 6) from the last pose: range, bearing and their covariance. HELD ones await their landmark."""
+    i, s = w.state[POSES] - 1, w.state[SIGHTINGS]
+    for k in range(len(landmarks)):
+        rr, rb, bb = seen[k, 2], (seen[k, 3] + seen[k, 4]) / 2, seen[k, 5]
+        d = 1.0 / (rr * bb - rb * rb)
+        w.sightings[s] = landmarks[k]
+        w.seen[s, 0], w.seen[s, 1] = seen[k, 0], seen[k, 1]
+        w.seen[s, 2], w.seen[s, 3], w.seen[s, 4] = bb * d, -rb * d, rr * d
+        if landmarks[k] != HELD:
+            w.marks[landmarks[k], LAST] = i
+        s += 1
+    w.state[SIGHTINGS] = w.rows[i + 1, FIRST] = s
+
+
+@compiled
+def step(
+    w: Window, first: int, path: Array, covs: Array, motion: Array, landmarks: Ints, seen: Array,
+    pose: Array, cov: Array,
+) -> int:  # fmt: skip
+    """Go on by `motion` and fold in what is sighted; `pose` (3,) and `cov` (3, 3) become the latest.
+
+    The poses from `first` on leave, their estimates into path (n, 3) and covs (n, 3, 3). Where a landmark that was
+    eliminated is sighted, all is to be eliminated anew. With an empty `motion` the last pose's sightings are folded in.
+    """
+    for k in range(len(path)):
+        look_at_pose(w, first + k, path[k], covs[k])
+    if len(motion):
+        add_pose(w, motion, pose)
+        add_sightings(w, landmarks, seen)
+        if w.state[POSES] == 1:
+            return RETURNS
+        ended = eliminate(w, w.state[POSES] - 2)
+        if ended != DONE:
+            return ended
+    ended = sight(w, w.state[POSES] - 1)
+    if ended == DONE:
+        ended = factor_front(w)
+    if ended == DONE:
+        last_pose(w, pose, cov)
+    return ended

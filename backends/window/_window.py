@@ -1,0 +1,60 @@
+"""The arrays of a fixed-lag smoother: the poses of its window, what they sighted, and a chain of eliminated variables.
+
+Poses are eliminated oldest first. What is left after each is information about the next pose and the landmarks, the
+front; the rows of R and d that each variable leaves behind are a stage of the chain (see `_chain`). Where the window
+begins, all that is known from before is such a front, too: the prior.
+
+A front is a matrix as in `_factors`: the pose in rows 0 to 2, the landmark of slot k in rows 3 + 2k and 4 + 2k.
+"""
+
+from typing import NamedTuple
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+
+
+class Window(NamedTuple):
+    """All arrays of a window; in each, more rows than are in use."""
+
+    state: Ints  # (STATE,) counts
+    poses: Array  # (P, 12) linearisation point (3), the motion into the pose (3) and its covariance (6)
+    rows: Ints  # (P + 1, 2)
+    sightings: Ints  # (S,) landmarks, or HELD
+    seen: Array  # (S, 5) range, bearing, and the information of both: rr, rb, bb
+    places: Array  # (V, 2) linearisation points of the landmarks: x, y (m)
+    marks: Ints  # (V, 4)
+    slots: Ints  # (N, 2) the landmarks of the front, and those of the prior
+    front: Array  # 2 N + 3 rows of 2 N + 4 numbers
+    prior: Array  # the same
+    stages: Ints  # (T, 4)
+    reals: Array  # [R d] of the stages, one after another
+    work: Array  # the front once more, its pose last, as [R d]
+    settings: Array  # (2,) robust loss and its scale
+
+
+# state; BOTTOM is the pose that the prior is about; OLD_POSES and OLD_SIGHTINGS are out of the tables
+POSES, BOTTOM, SIGHTINGS, SLOTS, KNOWN, STAGES, REALS, DSYRK, OLD_POSES, OLD_SIGHTINGS, STATE = range(11)
+# poses
+POINT, MOTION, NOISE = 0, 3, 6
+# rows: where a pose's sightings begin; the stage in which it is eliminated
+FIRST, AT = range(2)
+# marks: a landmark's slot in the front, or one of the kinds below; the last pose that sighted it, or -1; whether it is
+# in the window; whether it stays linearised where it is
+SLOT, LAST, PRESENCE, STAYS = range(4)
+# slot: not in the front yet, eliminated, held fixed
+FRESH, RETIRED, FIXED = -1, -2, -3
+# presence: what is FREE is no landmark
+IN, LEFT, FREE = range(3)
+# slots
+NOW, BEFORE = range(2)
+# stages: the slot that was eliminated, or POSE; the front's landmarks then; where its numbers begin; whose it is
+OWN, MANY, BEGIN, NAME = range(4)
+POSE = -1
+HELD = -1
+"""A sighting of a landmark that is not believed in yet."""
+
+
+@compiled
+def row(w: Window) -> int:
+    """Numbers of a front's row."""
+    return 2 * len(w.slots) + 4

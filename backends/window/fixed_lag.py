@@ -1,0 +1,239 @@
+"""Fixed-lag smoothing in the plane: Gauss-Newton on J over the last seconds, what is older being a Gaussian prior.
+
+A pose leaves the window `lag` seconds after its step. A landmark leaves `lag` seconds after its last sighting, with all
+that was known of it: sighted again it is a new one, so a step's cost is bounded and a loop is never closed. What has
+left is remembered as it was then. A landmark of a given map never leaves.
+
+The poses are eliminated oldest first (see `_chain`), so a step eliminates one, and what the prior would be once the
+oldest ones have left is there already: it is only worked out when points of linearisation are moved, and then without
+what has left, which stays linearised where it stood.
+"""
+
+import math
+from collections import defaultdict, deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...frontend.factors import Map, Prior, RangeBearing, Step
+from ...frontend.options import option
+from ...frontend.se2 import Array
+from ..api import Belief, Diverged, Pose, Solution
+from ..models import place
+from ..newcomers import Newcomers
+from ..smoothing.forest import INDEFINITE_J
+from ..smoothing.smoother import LOSSES, NEAREST, TOLERANCE
+from . import _estimates, _step
+from ._chain import DONE, RETURNS
+from ._renewal import renew
+from ._window import BOTTOM, HELD, LEFT, OLD_POSES, OLD_SIGHTINGS, PRESENCE, SIGHTINGS
+from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
+
+OVER = 32
+"""The prior moves on when more poses have left than these, and than there are in the window."""
+
+KEEP = 8
+"""How many poses a landmark stays in the front after its last sighting."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How long the window is, when its variables are linearised anew, and which sightings are believed."""
+
+    lag: float = option(20.0, "length of the window, s; a loop that takes longer is not closed", minimum=1e-3)
+    relinearize_threshold: float = option(
+        0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
+    )
+    relinearize_skip: int = option(10, "steps between checks for variables to relinearize", minimum=1)
+    final_checks: int = option(10, "checks for variables to relinearize at the end of the log", minimum=0)
+    loss: str = option("none", "robust loss of the sightings", choices=tuple(LOSSES))
+    loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
+
+
+class FixedLag:
+    """Fixed-lag smoothing of its own: poses and landmarks of the last seconds, the rest a Gaussian prior."""
+
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        del rng
+        names = list(LOSSES)
+        self._options = options
+        self._window = made(prior, names.index(options.loss), options.loss_scale or LOSSES[options.loss])
+        self._robust = options.loss != "none"
+        self._newcomers = Newcomers(two=self._robust)
+        self._times = deque[float]()  # of the poses in the window
+        self._left = self._since = 0  # poses that have left; steps since the last check
+        self._path, self._covs = np.zeros((64, 3)), np.zeros((64, 3, 3))  # of those that have left
+        self._row: dict[int, int] = {} if prior.map is None else {i: k for k, i in enumerate(prior.map.ids.tolist())}
+        self._given = frozenset(self._row)
+        self._sighted: dict[int, float] = {}  # landmark -> time of its last sighting, in this order
+        self._gone: dict[int, Array] = {}  # landmark -> (2,) where it was when it last left
+        self._held: defaultdict[int, list[int]] = defaultdict(list)  # sightings that are held back
+        self._motion = np.zeros((4, 3))
+        self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
+        self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
+
+    def step(self, step: Step) -> Pose:
+        """Let go of what is older than the lag, go on by the motion and fold in what is sighted."""
+        k, ids = self._left + len(self._times), step.sightings.ids.tolist()
+        if self._robust:
+            self._newcomers.move(step.odometry)
+        if step.odometry is not None:
+            self._motion[0], self._motion[1:] = step.odometry
+        if ids:
+            self._write(step.sightings)
+        rows = [self._row.get(i, HELD) for i in ids]
+        anew = (HELD in rows and self._name(k, step.sightings, rows)) or k == 0
+        self._refresh(step.t, ids)
+        leaving = self._let_go(step.t - self._options.lag)
+        self._window = window = with_steps(self._window, len(ids))
+        self._times.append(step.t)
+        a, b, first = self._left, self._left + leaving, self._left - int(window.state[OLD_POSES])
+        ended = _step.step(
+            window, first, self._path[a:b], self._covs[a:b], self._motion, np.array(rows, np.int64), self._seen,
+            self._pose, self._cov,
+        )  # fmt: skip
+        self._left += leaving
+        if ended == RETURNS or anew:
+            self._window = window = with_all(window)
+            ended, _ = renew(window, -1, KEEP, 0.0, False)
+            if ended == DONE:
+                ended = solve(window, self._pose, self._cov)
+        if ended != DONE:
+            raise Diverged(INDEFINITE_J)
+        self._check()
+        pose = self._pose.copy()
+        if not math.isfinite(pose[0] + pose[1] + pose[2]):
+            raise Diverged("the latest pose is not finite")
+        return pose
+
+    def belief(self) -> Belief:
+        """The latest pose and its marginal covariance."""
+        return Belief(self._pose.copy(), self._cov.copy())
+
+    def map(self) -> Map:
+        """The landmarks in the window at the current estimate, and the others where they were when they last left."""
+        w = self._window
+        off = offsets(w)[1] if self._times else np.zeros_like(w.places)
+        places = self._gone | {i: w.places[row] + off[row] for i, row in self._row.items()}
+        return Map(np.fromiter(places, np.int64, len(places)), np.array([*places.values()]).reshape(-1, 2), None)
+
+    def finish(self) -> Solution:
+        """Each pose as it left the window, the last ones as they are at the end, relinearized until nothing moves."""
+        for _ in range(self._options.final_checks):
+            if self._relinearise(0.0, anyway=False) <= TOLERANCE:
+                break
+        n, inside = self._left, len(self._times)
+        path, covs = np.zeros((n + inside, 3)), np.zeros((n + inside, 3, 3))
+        path[:n], covs[:n] = self._path[:n], self._covs[:n]
+        for k in range(n, n + inside):
+            _estimates.look_at_pose(self._window, k - int(self._window.state[OLD_POSES]), path[k], covs[k])
+        landmarks = self.map()
+        if not (np.isfinite(path).all() and np.isfinite(landmarks.xy).all()):
+            raise Diverged("the optimum is not finite")
+        return Solution(path, self._with_newcomers(path, landmarks), covs)
+
+    def _write(self, sightings: RangeBearing) -> None:
+        """Copy sightings to where the compiled code reads them."""
+        n = len(sightings.ids)
+        if n > len(self._seen):
+            self._seen = np.zeros((2 * n, 6))
+        self._seen[:n, :2] = sightings.z
+        self._seen[:n, 2:] = sightings.cov.reshape(n, 4)
+
+    def _name(self, k: int, sightings: RangeBearing, rows: list[int]) -> bool:
+        """Write the rows of new landmarks into `rows`; HELD stays where one is held back.
+
+        Returns whether such a new one was sighted before, from a pose of the window.
+        """
+        x, y, heading = self._pose.tolist()
+        (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
+        x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
+        before = False
+        first = int(self._window.state[SIGHTINGS] + self._window.state[OLD_SIGHTINGS])
+        for i, landmark in enumerate(sightings.ids.tolist()):
+            if rows[i] != HELD or landmark in self._row:
+                rows[i] = self._row[landmark]
+                continue
+            held = self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i]), self._left)
+            if not held:
+                inside = [s for s in self._held[landmark] if s >= self._window.state[OLD_SIGHTINGS]]
+                self._held[landmark] = [*inside, first + i]
+                continue
+            r, bearing = self._seen[i, :2].tolist()
+            r, angle = max(r, NEAREST), heading + bearing
+            self._window, rows[i] = row_of_new(self._window, x + r * math.cos(angle), y + r * math.sin(angle))
+            self._row[landmark] = rows[i]
+            earlier = self._held.pop(landmark, [])
+            for sighting in earlier[len(earlier) + 1 - len(held) :]:
+                self._window.sightings[sighting - self._window.state[OLD_SIGHTINGS]] = rows[i]
+                before = True
+        return before
+
+    def _refresh(self, t: float, ids: list[int]) -> None:
+        """These landmarks are sighted now."""
+        for landmark in ids:
+            if landmark in self._row and landmark not in self._given:
+                self._sighted.pop(landmark, None)
+                self._sighted[landmark] = t
+
+    def _let_go(self, before: float) -> int:
+        """Remember every landmark that was not sighted since `before`; how many poses are older than that."""
+        leaving = 0
+        while leaving < len(self._times) and self._times[0] < before:
+            self._times.popleft()
+            leaving += 1
+        while self._left + leaving > len(self._path):
+            self._path = np.concatenate((self._path, np.zeros_like(self._path)))
+            self._covs = np.concatenate((self._covs, np.zeros_like(self._covs)))
+        for landmark in self._old(before):
+            self._forget(landmark)
+        return leaving
+
+    def _old(self, before: float) -> list[int]:
+        """The landmarks that were not sighted since `before`."""
+        old = list[int]()
+        for landmark, t in self._sighted.items():
+            if t >= before:
+                break
+            old.append(landmark)
+        return old
+
+    def _forget(self, landmark: int) -> None:
+        """Remember where a landmark is; sighted again it is a new one."""
+        w, row = self._window, self._row.pop(landmark)
+        del self._sighted[landmark]
+        self._gone.pop(landmark, None)
+        self._gone[landmark] = look_at_landmark(w, row)
+        w.marks[row, PRESENCE] = LEFT
+
+    def _check(self) -> None:
+        """Relinearise where it is time for that, or where much has left."""
+        self._since += 1
+        inside, start = len(self._times), self._left - int(self._window.state[OLD_POSES])
+        much = start - int(self._window.state[BOTTOM]) > max(OVER, inside)
+        if self._since >= self._options.relinearize_skip:
+            self._since = 0
+            self._relinearise(self._options.relinearize_threshold, anyway=much)
+        elif much:
+            self._relinearise(np.inf, anyway=True)
+
+    def _relinearise(self, threshold: float, *, anyway: bool) -> float:
+        """Move what is off by more than `threshold` (m, rad); how far the furthest was off.
+
+        What has left first becomes a part of the prior. Nothing is done where nothing is off so far, unless `anyway`.
+        """
+        self._window = w = with_all(self._window)
+        ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
+        if ended == DONE and (furthest > threshold or anyway):
+            ended = solve(w, self._pose, self._cov)
+        if ended != DONE:
+            raise Diverged(INDEFINITE_J)
+        return furthest
+
+    def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
+        """The map, and on it, without covariance, what is still held back: where its last sighting has it."""
+        alone = {i: held for i, held in self._newcomers.alone().items() if i not in landmarks.ids}
+        if not alone:
+            return landmarks
+        more = np.array([place(path[k], z)[0] for k, z, _ in alone.values()])
+        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)

@@ -1,0 +1,127 @@
+"""The fixed-lag smoother against dense Schur complements, against GTSAM's, and against smoothing of the whole log."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dense_window import DenseWindow
+from hard_logs import with_given
+from random_logs import random_log
+from slamduel.backends.api import Diverged
+from slamduel.backends.registry import find
+from slamduel.backends.window import fixed_lag
+from slamduel.backends.window.fixed_lag import FixedLag, Options
+from slamduel.bench.measure.misfit import cost
+from slamduel.frontend.factors import Log, Odometry
+from slamduel.frontend.se2 import Array
+
+KINDS = ("plain", "blocks", "joint", "fixed")
+
+
+def make(log: Log, **options: Any) -> FixedLag:
+    return FixedLag(log.prior, Options(**options), np.random.default_rng(0))
+
+
+def run(log: Log, **options: Any) -> tuple[FixedLag, Array]:
+    backend = make(log, **options)
+    return backend, np.array([backend.step(step) for step in log])
+
+
+def drawn(seed: int, kind: str, steps: int = 60) -> Log:
+    """A log whose landmarks come and go."""
+    rng = np.random.default_rng(seed)
+    made = random_log(rng, steps, 12, noise=0.3, radius=float(rng.uniform(2, 5)), blind=float(rng.uniform(0, 0.6)))
+    return made.log if kind == "plain" else with_given(made, kind, rng).log
+
+
+def eliminated_at_random(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    """Landmarks leave the front at once, soon or hardly ever, and the prior moves on at once or late."""
+    monkeypatch.setattr(fixed_lag, "KEEP", int(rng.choice([0, 1, 3, 1000])))
+    monkeypatch.setattr(fixed_lag, "OVER", int(rng.choice([0, 5, 1000])))
+
+
+@pytest.mark.parametrize("kind", KINDS[:3])
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_the_textbook_one(seed: int, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Relinearised at every step; a landmark that comes back is a new one, and what has left is what it was then."""
+    rng = np.random.default_rng(seed)
+    eliminated_at_random(monkeypatch, rng)
+    log = drawn(seed, kind)
+    lag = float(np.median(np.diff(log.t)) * rng.integers(1, 12))
+    backend, dense = make(log, lag=lag, relinearize_skip=1, relinearize_threshold=0.0), DenseWindow(log.prior, lag)
+    for step in log:
+        pose, (expected, cov) = backend.step(step), dense.step(step)
+        assert pose == pytest.approx(expected, abs=1e-8)
+        found = backend.belief().cov
+        assert found is not None
+        assert np.abs(found - cov).max() < 1e-7 * np.abs(cov).max()
+    landmarks = dense.gone | dense.inside()
+    found = backend.map()
+    assert set(found.ids.tolist()) == set(landmarks)
+    assert found.xy == pytest.approx(np.array([landmarks[i] for i in found.ids.tolist()]), abs=1e-7)
+    solution, n = backend.finish(), len(dense.left)
+    assert n > len(log) // 2
+    assert solution.path[:n] == pytest.approx(np.array([pose for pose, _ in dense.left]), abs=1e-8)
+    assert solution.cov is not None
+    there = np.array([cov for _, cov in dense.left])
+    assert np.abs(solution.cov[:n] - there).max() < 1e-7 * np.abs(there).max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_step_is_gtsams(kind: str) -> None:
+    """Relinearised at other steps, and other landmarks held back: to second order alone."""
+    log = drawn(5, kind, 150)
+    lag, builder = float(20 * np.median(np.diff(log.t))), find("fixed-lag")
+    peer: Any = builder.make(log.prior, builder.options(lag=lag, solver="gtsam"), np.random.default_rng(0))
+    _, path = run(log, lag=lag)
+    assert path == pytest.approx(np.array([peer.step(step) for step in log]), abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_with_a_lag_longer_than_the_log_it_ends_where_smoothing_all_of_it_does(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    eliminated_at_random(monkeypatch, np.random.default_rng(seed))
+    log = drawn(seed, KINDS[seed % 4])
+    builder = find("smoother")
+    smoother: Any = builder.make(log.prior, builder.options(), np.random.default_rng(0))
+    for step in log:
+        smoother.step(step)
+    backend, _ = run(log, lag=1e9, final_checks=50)
+    found, best = backend.finish(), smoother.finish()
+    one, other = cost(log, found.path, found.map), cost(log, best.path, best.map)
+    assert one is not None
+    assert other is not None
+    assert one.total == pytest.approx(other.total, rel=1e-9, abs=1e-9)
+    assert found.path == pytest.approx(best.path, abs=1e-6)
+    assert found.cov is not None
+    assert np.abs(found.cov - best.cov).max() < 1e-5 * np.abs(best.cov).max()
+
+
+def test_its_tables_stay_as_long_as_the_window() -> None:
+    log = random_log(np.random.default_rng(7), 2000, 60, noise=0.3, width=30.0, blind=0.3).log
+    lag = float(15 * np.median(np.diff(log.t)))
+    for often in (10, 10**6):
+        backend, path = run(log, lag=lag, relinearize_skip=often)
+        assert np.isfinite(path).all()
+        assert len(backend._window.poses) <= 256  # pyright: ignore[reportPrivateUsage]
+        assert len(backend._window.places) <= 64  # pyright: ignore[reportPrivateUsage]
+
+
+def test_asking_changes_nothing() -> None:
+    log = drawn(8, "plain", 80)
+    plain, asked = make(log, lag=5.0), make(log, lag=5.0)
+    for step in log:
+        assert plain.step(step).tobytes() == asked.step(step).tobytes()
+        asked.belief()
+        asked.map()
+    assert plain.finish().path.tobytes() == asked.finish().path.tobytes()
+
+
+def test_odometry_without_a_covariance_ends_with_a_sentence() -> None:
+    steps = list(drawn(9, "plain", 20))
+    steps[10] = steps[10]._replace(odometry=Odometry(np.zeros(3), np.zeros((3, 3))))
+    with pytest.raises(Diverged, match="not positive definite"):
+        run(Log.from_steps("wrong", drawn(9, "plain").prior, steps))
