@@ -6,7 +6,7 @@ import numpy as np
 
 from ...frontend.factors import Prior
 from ...frontend.options import option
-from ..api import Backend
+from ..api import COMPILED_HERE, GTSAM_WHEEL, Backend, Builder
 from ..window import fixed_lag
 
 
@@ -26,5 +26,9 @@ def make(prior: Prior, options: Options, rng: np.random.Generator) -> Backend:
     return GtsamFixedLag(prior, options, rng)
 
 
-from ..api import Backend
-from ..window import fixed_lag
+def implementation(options: Options) -> str:
+    """Whose program the solver is."""
+    return COMPILED_HERE if options.solver == "own" else GTSAM_WHEEL
+
+
+build = Builder(make, options=Options, forgets=True, implementation=implementation)
