@@ -34,7 +34,7 @@ class Graph(NamedTuple):
     rest: Array  # what the root has from cliques that do not know its pose
     work: Array  # one front; between calls, the root's [R d]
     spots: Ints  # where a clique's separators stand in its parent's front: see `_front.places`
-    settings: Array  # (3,) robust loss and its scale; range of the furthest sighting
+    settings: Array  # (4,) robust loss and its scale; range of the furthest sighting; damping
 
 
 # state
@@ -49,7 +49,7 @@ A, B, NEXT_A, NEXT_B, LOOP = range(5)
 # linked: what the link says of B's offset, its information, and a loop closure's motion and covariance
 OFFSET, INFORMATION, MOTION, COVARIANCE = 0, 3, 9, 12
 # settings
-LOSS, SCALE, FURTHEST = range(3)
+LOSS, SCALE, FURTHEST, DAMPING = range(4)
 # steps
 DELTA, NOISE, POINT = 0, 3, 9
 # cliques: of variables MEMBERS, the first of them FRONTALS; of scalars SIZE, the first of them FRONT

@@ -39,8 +39,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         TOP: set(),
         "gaussian": {TOP},
         "particles": {TOP},
-        "graphs": {TOP},
         "smoothing": {TOP},
+        "graphs": {TOP, "smoothing"},
     },
     "datasets": {
         TOP: set(),
