@@ -55,13 +55,17 @@ class Batch:
 
     def start_at(self, path: Array, landmarks: Map) -> None:
         """Write all of it down, poses at `path` (n, 3), and landmarks where the map has them."""
+        self.write_at(path, landmarks)
+        self.order()
+
+    def write_at(self, path: Array, landmarks: Map) -> None:
+        """The same, and neither order nor eliminate."""
         self._columns = self._columns._replace(start=path)
         self._write(len(path))
         values = self.forest.g.values
         for landmark, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
             if landmark in self.variable:
                 values[self.variable[landmark], :2] = xy
-        self.order()
 
     def start_by_odometry(self) -> None:
         """Write all of it down, poses where dead reckoning has them."""
@@ -72,8 +76,8 @@ class Batch:
     def start_by_chunks(self) -> None:
         """Write it down chunk by chunk, each solved before the next one is written; now and then linearise anew.
 
-        Meanwhile it has Huber's loss where it is to have none. Without it gross errors lead chunks astray, and to one of
-        many minima: on MRCLAM 6, robot 3, from 1.9e4 to 1.3e5 by where chunks end; with it always to the same.
+        Meanwhile it has Huber's loss where it is to have none. Without it gross errors lead chunks astray, to one
+        of many minima: on MRCLAM 6, robot 3, from 1.9e4 to 1.3e5 by where chunks end; with it always to the same.
         """
         forest, relinearised = self.forest, 0
         loss = forest.g.settings[LOSS : SCALE + 1].copy()
@@ -107,18 +111,31 @@ class Batch:
         """Move everything to where J is least: see `minimise`."""
         return minimise(self.forest, tolerance, iterations)
 
-    def solution(self) -> Solution:
-        """Where everything is, and, if J is curved there in every direction, the covariances of poses and map."""
-        forest, n = self.forest, len(self._log)
-        path, values = forest.g.steps[:n, POINT:].copy(), forest.g.values.copy()
-        ids = np.fromiter(self.variable, np.int64, len(self.variable))
-        variables = np.fromiter(self.variable.values(), np.int64, len(ids))
-        if not np.isfinite(path).all() or not np.isfinite(values[variables]).all():
+    def place(self) -> tuple[Array, Map]:
+        """The path (n, 3) and the landmarks, where they are linearised."""
+        g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
+        return g.steps[: len(self._log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
+
+    def solution(self, joint_up_to: int) -> Solution:
+        """Where everything is, and, if J is curved there in every direction, the covariances of poses and map.
+
+        That of the map is joint, and worked out for up to so many landmarks.
+        """
+        forest = self.forest
+        path, landmarks = self.place()
+        if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
+        cov = None
         if eliminate(forest):
-            with contextlib.suppress(Diverged):  # the order in which all landmarks come last may have no digits left
-                return Solution(path, joint_map(forest, ids, variables, values), forest.pose_covariances())
-        return Solution(path, Map(ids, values[variables, :2], None))
+            cov = forest.pose_covariances()
+            if len(landmarks.ids) <= joint_up_to:
+                with contextlib.suppress(Diverged):  # with all landmarks last there may be no digits left
+                    landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values)
+        return Solution(path, landmarks, cov)
+
+    def _variables(self) -> Ints:
+        """Those of the landmarks."""
+        return np.fromiter(self.variable.values(), np.int64, len(self.variable))
 
     def _lead_on(self, end: int) -> None:
         """Take the latest pose, which is the newest variable's after a solution, to step `end` - 1 by the motions."""

@@ -34,6 +34,9 @@ class Options:
     iterations: int = option(1000, "most iterations", minimum=1)
     loss: str = option("none", "robust loss of the sightings", choices=("none", "huber", "cauchy", "geman-mcclure"))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
+    joint_up_to: int = option(
+        5000, "landmarks up to which a map comes with its joint covariance, which takes long to work out", minimum=0
+    )
     gnc: bool = option(False, "leave out sightings by graduated non-convexity; loss is then that of the start")
 
 

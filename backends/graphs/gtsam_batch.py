@@ -56,6 +56,8 @@ class GtsamBatch:
             raise Diverged(failure(error)) from None
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
+        if len(landmarks.ids) > options.joint_up_to:
+            return Solution(path, landmarks)
         with contextlib.suppress(*FAILURES):  # J may be flat somewhere, as where a landmark is at the robot itself
             cov = joint_covariance(factors.keys, gtsam.Marginals(graph, optimum))
             return Solution(path, landmarks._replace(cov=cov))

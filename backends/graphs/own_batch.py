@@ -30,7 +30,7 @@ def optimum(prior: Prior, options: "Options", steps: Sequence[Step]) -> Solution
     if options.gnc:
         leave_out(batch, options.iterations)
     batch.fit(options.relative_tolerance, options.iterations)
-    return batch.solution()
+    return batch.solution(options.joint_up_to)
 
 
 def _start_robustly(batch: Batch, prior: Prior, options: "Options", steps: Sequence[Step]) -> None:
