@@ -67,8 +67,9 @@ class Row(NamedTuple):
     @property
     def ratio(self) -> float | None:
         """How many times faster ours is; None where they end at different minima."""
-        one, other = self.own.cost, self.gtsam.cost
-        return self.gtsam.ms / self.own.ms if abs(one - other) <= THE_SAME * max(one, other) else None
+        most = max(self.own.cost, self.gtsam.cost)
+        same = most < np.inf and abs(self.own.cost - self.gtsam.cost) <= THE_SAME * most
+        return self.gtsam.ms / self.own.ms if same else None
 
 
 def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
@@ -96,7 +97,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 
 def measured(name: str, log: Log, start: str, rounds: int) -> Row:
-    """Both solvers in turns, so many times; the fastest run of each. Our first one, which loads code, is not counted."""
+    """Both solvers in turns, so many times; the fastest run of each. Our first, which loads code, is not counted."""
     path, landmarks = started(log, start)
     own, gtsam = [_own(log, path, landmarks)], list[Run]()
     for _ in range(rounds):
