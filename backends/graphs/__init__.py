@@ -1,1 +1,1 @@
-"""Estimators that solve a factor graph, with GTSAM."""
+"""Estimators that solve a factor graph: with GTSAM, and in batch on the tree of `smoothing`."""

@@ -2,8 +2,8 @@
 
 The residual of a motion is the plain difference of poses, between(a, b) - delta with its heading wrapped, in the frame
 before the motion, and that of the prior pose - prior in the world: so the product has J (`bench/measure/misfit.py`).
-GTSAM takes the logarithm of SE(2) instead, which is another J where residuals are large: 2e-5 of itself on Victoria
-Park, whose optimum that moves by 6e-5 m. Offsets are of plain x, y and heading, so covariances are the world's.
+GTSAM takes the logarithm of SE(2) instead: `graphs/graph.py` has what that comes to. Offsets are of plain x, y and
+heading, so covariances are the world's.
 
 A front is a matrix (m, m + 1) in one row of numbers, `w` = m + 1 of them to a row: its upper triangle, and the
 right-hand side in its last column.

@@ -14,6 +14,7 @@ from ._factors import add_link, add_pose, add_sighting
 from ._graph import (
     BOUND,
     CHILD,
+    DAMPING,
     DSYRK,
     END,
     FACTOR,
@@ -139,6 +140,13 @@ def refresh_given(g: Graph, c: int) -> None:
 
 
 @compiled
+def damp(g: Graph, F: Array, w: int, n: int) -> None:
+    """Levenberg's damping on the diagonal of front F's first `n` rows, which are eliminated."""
+    for i in range(n):
+        F[i * w + i] += g.settings[DAMPING]
+
+
+@compiled
 def eliminate(g: Graph, c: int) -> None:
     """Sum clique `c`'s front and eliminate it."""
     q = g.cliques[c]
@@ -166,6 +174,7 @@ def eliminate(g: Graph, c: int) -> None:
     while child > 0:
         add_child(g, child, F, w)
         child = g.cliques[child, NEXT]
+    damp(g, F, w, front)
     g.state[WORK] += front * m * m
     if not factor(F, m, front, g.state[DSYRK]):
         g.state[FAILED] = 1
@@ -221,6 +230,7 @@ def factor_root(g: Graph) -> int:
     add_sightings(g, pose, F, w)
     if pose == 0:
         add_prior(g, F, w)
+    damp(g, F, w, m)
     if not factor(F, m, m, g.state[DSYRK]):
         g.state[FAILED] = 1
     return m

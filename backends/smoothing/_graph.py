@@ -34,7 +34,7 @@ class Graph(NamedTuple):
     rest: Array  # what the root has from cliques that do not know its pose
     work: Array  # one front; between calls, the root's [R d]
     spots: Ints  # where a clique's separators stand in its parent's front: see `_front.places`
-    settings: Array  # (7,) robust loss and its scale; range of the furthest sighting; see below for the rest
+    settings: Array  # (8,) robust loss and its scale; range of the furthest sighting; see below for the rest
 
 
 # state
@@ -49,7 +49,7 @@ A, B, NEXT_A, NEXT_B, LOOP = range(5)
 # linked: what the link says of B's offset, its information, and a loop closure's motion and covariance
 OFFSET, INFORMATION, MOTION, COVARIANCE = 0, 3, 9, 12
 # settings; LATEST is the estimate of the last pose, and it is linearised there if it is off by more than ENOUGH
-LOSS, SCALE, FURTHEST, LATEST, ENOUGH = 0, 1, 2, 3, 6
+LOSS, SCALE, FURTHEST, DAMPING, LATEST, ENOUGH = 0, 1, 2, 3, 4, 7
 # steps
 DELTA, NOISE, POINT = 0, 3, 9
 # cliques: of variables MEMBERS, the first of them FRONTALS; of scalars SIZE, the first of them FRONT

@@ -40,7 +40,7 @@ def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
         rest=np.zeros(0),
         work=np.zeros(0),
         spots=np.zeros(0, np.int64),
-        settings=np.array((loss, scale, 0.0, 0.0, 0.0, 0.0, enough)),
+        settings=np.array((loss, scale, 0.0, 0.0, 0.0, 0.0, 0.0, enough)),
     )
     g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
     return with_front(with_root(g, 32), 70)
@@ -78,4 +78,6 @@ def copied(g: Graph) -> Graph:
 
 
 def _longer(array: Any, more: int) -> Any:
-    return np.concatenate((array, np.zeros((more, *array.shape[1:]), array.dtype)))
+    out = np.zeros((len(array) + more, *array.shape[1:]), array.dtype)  # pages that are not touched yet cost nothing
+    out[: len(array)] = array
+    return out

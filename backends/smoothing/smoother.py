@@ -24,6 +24,7 @@ from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, 
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
 from .given import add_map
+from .maps import joint_map
 
 LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874}
 """Robust losses, in the order of their numbers in `_factors`, and the scales at which they are 95 % efficient."""
@@ -264,15 +265,9 @@ class Smoother:
     def _map(self, values: Array) -> Map:
         """All landmarks, where `values` (v, 3) has the variables."""
         ids, variables = self._landmarks()
-        n = len(ids)
-        if n > self._options.joint_up_to:
+        if len(ids) > self._options.joint_up_to:
             return Map(ids, values[variables, :2], None)
-        cov = np.zeros((2 * n, 2 * n))  # zero for what is held fixed
-        moving = np.flatnonzero(self._forest.g.variables[variables, WIDTH])
-        if len(moving):
-            rows = (2 * moving[:, None] + (0, 1)).ravel()
-            cov[np.ix_(rows, rows)] = self._forest.joint(variables[moving])[:-3, :-3]
-        return Map(ids, values[variables, :2], cov)
+        return joint_map(self._forest, ids, variables, values)
 
     def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
         """The map, and on it, without covariance, what is still held back: where its last sighting has it."""

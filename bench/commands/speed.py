@@ -1,5 +1,6 @@
 """`bench speed`: what a step of every backend costs as the map grows, and of some in turns; with `--frontend`, what a
-marker's corners cost; with `--pool`, what the processes of a study add to its cells.
+marker's corners cost; with `--batch`, what the batch optimum costs; with `--pool`, what the processes of a study add to
+its cells.
 
 Each study prints tables, and writes them as CSV with a picture where it is asked to.
 """
@@ -8,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from ...frontend.errors import InputError
-from ..speed import backends, frontend, pool
+from ..speed import backends, batch, frontend, pool
 from ..words.console import screen_console
 
 
@@ -16,6 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
     add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
+    add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
     add("--pool", action="store_true", help="many small cells on a pool of processes, not the backends")
     add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a look: little of everything, for no figure that counts")
@@ -24,15 +26,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--quiet", action="store_true", help="print nothing but errors")
     backends.arguments(parser.add_argument_group("backends"))
     frontend.arguments(parser.add_argument_group("--frontend"))
+    batch.arguments(parser.add_argument_group("--batch"))
     pool.arguments(parser.add_argument_group("--pool"))
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Measure and print; 0, whatever was found."""
-    if namespace.frontend and namespace.pool:
-        raise InputError("--frontend --pool: expected one of them, they are studies of their own")
-    studies = {"frontend": frontend, "pool": pool, "": backends}
-    name = "frontend" if namespace.frontend else "pool" if namespace.pool else ""
+    studies = {"frontend": frontend, "batch": batch, "pool": pool, "": backends}
+    named = [name for name in studies if name and getattr(namespace, name)]
+    if len(named) > 1:
+        raise InputError(f"--{' --'.join(named)}: expected one of them, they are studies of their own")
+    name = named[0] if named else ""
     chosen = studies.pop(name)
     _check(namespace, tuple(option for other in studies.values() for option in other.OPTIONS))
     console = screen_console(quiet=namespace.quiet)
@@ -45,8 +49,9 @@ def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
     """InputError for an option of the study that was not asked for, and for what neither can work with."""
     for name in foreign:
         if getattr(namespace, name) not in (None, False):
-            asked = "without --frontend backends are timed"
+            asked = "without --frontend, --batch or --pool backends are timed"
             asked = "--pool times the pool" if namespace.pool else asked
+            asked = "--batch times the batch solvers" if namespace.batch else asked
             asked = "--frontend times the detector" if namespace.frontend else asked
             raise InputError(f"--{name}: {asked}, which has no such option")
     if namespace.seed < 0:

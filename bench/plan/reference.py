@@ -48,7 +48,10 @@ class Outliers(NamedTuple):
 
 
 def reference(log: Log) -> Truth | None:
-    """The optimum of J by `graph`; None where there is none. Kept in the user's cache by the log's digest."""
+    """The optimum of J by `graph`, which another solver's confirm (`tests/backends/test_graph.py`); None where none is.
+
+    Kept in the user's cache by the log's digest.
+    """
     entry = cache.folder() / f"reference-{_key(log)}.npz"
     with contextlib.suppress(InputError):
         return archive.load(entry).truth
@@ -110,9 +113,9 @@ def _found(log: Log) -> Truth | None:
 
 
 def _optimum(log: Log, loss: str = "none") -> Solution | None:
-    from ...backends.graphs import graph  # gtsam
+    from ...backends.graphs import graph  # numba
 
-    batch = graph.build.make(log.prior, graph.Options(loss=loss), np.random.default_rng(0))
+    batch = graph.build.make(log.prior, graph.Options(loss=loss, joint_up_to=0), np.random.default_rng(0))
     for step in log.identified():
         batch.step(step)
     try:
@@ -123,7 +126,7 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
 
 def _key(log: Log) -> str:
     """What the optimum depends on: the factors, the code that finds it and the library it uses."""
-    total = hashlib.sha256(f"{log.digest} gtsam {metadata.version('gtsam')}\n".encode())
+    total = hashlib.sha256(f"{log.digest} numba {metadata.version('numba')}\n".encode())
     for file in [Path(__file__), *sorted(Path(backends.__file__).parent.rglob("*.py"))]:
         total.update(file.read_bytes())
     return total.hexdigest()

@@ -5,21 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dense_fit import Dense, dense_fit
-from hard_logs import with_given, with_loops
+from against_dense import KINDS, agrees, dense, of_kind
+from hard_logs import with_loops
 from random_logs import random_log
-from slamduel.backends.api import Diverged, Solution
+from slamduel.backends.api import Diverged
 from slamduel.backends.smoothing import forest, smoother
 from slamduel.backends.smoothing.smoother import Options, Smoother, build
-from slamduel.bench.measure.misfit import cost
-from slamduel.frontend.factors import Dataset, Log, Odometry, Prior, RangeBearing, RelativePoses, Step
+from slamduel.frontend.factors import Log, Odometry, Prior, RangeBearing, RelativePoses, Step
 from slamduel.frontend.se2 import Array
 
 pytestmark = pytest.mark.slow
 
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
-KINDS = ("plain", "loops", "blocks", "joint", "fixed")
 
 
 def make(log: Log, **options: Any) -> Smoother:
@@ -29,38 +27,6 @@ def make(log: Log, **options: Any) -> Smoother:
 def run(log: Log, **options: Any) -> tuple[Smoother, Array]:
     backend = make(log, **options)
     return backend, np.array([backend.step(step) for step in log])
-
-
-def of_kind(kind: str, made: Dataset, rng: np.random.Generator) -> Log:
-    if kind == "plain":
-        return made.log
-    made = with_loops(made, 4, rng)
-    return made.log if kind == "loops" else with_given(made, kind, rng).log
-
-
-def dense(log: Log, found: Solution, iterations: int = 6, **loss: Any) -> Dense:
-    """The optimum next to what was found."""
-    return dense_fit(log, found.path, dict(zip(found.map.ids.tolist(), found.map.xy, strict=True)), iterations, **loss)
-
-
-def agrees(log: Log, found: Solution) -> None:
-    best, n = dense(log, found), len(log)
-    fitted = cost(log, found.path, found.map)
-    assert fitted is not None
-    assert fitted.total == pytest.approx(best.cost, rel=1e-9, abs=1e-9)
-    assert found.path == pytest.approx(best.path, abs=1e-6)
-    assert found.cov is not None
-    for k in range(n):
-        there = best.cov[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        assert np.abs(found.cov[k] - there).max() < 1e-5 * np.abs(there).max()
-    assert found.map.cov is not None
-    moving = [i for i, landmark in enumerate(found.map.ids.tolist()) if landmark in best.xy]
-    order = list(best.xy)
-    here = np.array([2 * i + a for i in moving for a in (0, 1)], int)
-    there = np.array([3 * n + 2 * order.index(int(found.map.ids[i])) + a for i in moving for a in (0, 1)], int)
-    if len(here):
-        cov = best.cov[np.ix_(there, there)]
-        assert np.abs(found.map.cov[np.ix_(here, here)] - cov).max() < 1e-5 * np.abs(cov).max()
 
 
 def reorganised_at_random(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:

@@ -39,9 +39,9 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         TOP: set(),
         "gaussian": {TOP},
         "particles": {TOP},
-        "graphs": {TOP, "window"},
         "smoothing": {TOP},
         "window": {TOP, "smoothing"},
+        "graphs": {TOP, "smoothing", "window"},
     },
     "datasets": {
         TOP: set(),

@@ -7,7 +7,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from motions import between_jacobians
-from slamduel.frontend.factors import Log
+from slamduel.frontend.factors import Log, Map
 from slamduel.frontend.se2 import Array, Ints, act, between, wrap
 
 
@@ -15,9 +15,10 @@ class Fit(NamedTuple):
     path: Array  # (n, 3)
     ids: Ints  # (l,)
     xy: Array  # (l, 2)
-    motions: Array  # (n - 1, 3) whitened residuals
+    motions: Array  # (n - 1 and loop closures, 3) whitened residuals
     sightings: Array  # (s, 2) whitened residuals
     cost: float  # J
+    furthest: float  # m, rad; how far the last step moved what it moved furthest
 
 
 def points(log: Log, path: Array) -> Array:
@@ -26,19 +27,28 @@ def points(log: Log, path: Array) -> Array:
     return act(path[log.sighting_step], np.stack((range_ * np.cos(bearing), range_ * np.sin(bearing)), axis=-1))
 
 
-def fitted(log: Log, start: Array, iterations: int) -> Fit:
-    """The optimum near the path `start` (n, 3), after so many steps; every landmark begins at its sightings' mean."""
+def fitted(log: Log, start: Array, iterations: int, landmarks: Map | None = None) -> Fit:
+    """The optimum near the path `start` (n, 3), after so many steps; every landmark begins at its sightings' mean.
+
+    Or where `landmarks` has it. Loop closures come after the motions.
+    """
     ids, which = np.unique(log.ids, return_inverse=True)
     n, m, step, path = len(log), len(ids), log.sighting_step, start.copy()
-    counts = np.bincount(which)[:, None]
-    xy = np.stack([np.bincount(which, column) for column in points(log, path).T], axis=-1) / counts
+    if landmarks is None:
+        counts = np.bincount(which)[:, None]
+        xy = np.stack([np.bincount(which, column) for column in points(log, path).T], axis=-1) / counts
+    else:
+        xy = landmarks.xy[[landmarks.ids.tolist().index(i) for i in ids.tolist()]].reshape(m, 2)
+    before = np.concatenate((np.arange(n - 1), log.loop_to))
+    after = np.concatenate((np.arange(1, n), log.loop_step))
+    deltas = np.concatenate((log.delta[1:], log.loop_delta))
     white_start, white_motion, white_z = (
         np.asarray(np.linalg.inv(np.linalg.cholesky(cov)), np.float64)
-        for cov in (log.prior.cov, log.delta_cov[1:], log.z_cov)
+        for cov in (log.prior.cov, np.concatenate((log.delta_cov[1:], log.loop_cov)), log.z_cov)
     )
 
     def residuals() -> tuple[Array, Array, Array]:
-        motion = between(path[:-1], path[1:]) - log.delta[1:]
+        motion = between(path[before], path[after]) - deltas
         away = xy[which] - path[step, :2]
         z = np.stack((np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0]) - path[step, 2]), axis=-1) - log.z
         motion[:, 2], z[:, 1] = wrap(motion[:, 2]), wrap(z[:, 1])
@@ -50,28 +60,30 @@ def fitted(log: Log, start: Array, iterations: int) -> Fit:
             np.einsum("mij,mj->mi", white_z, z),
         )
 
-    k, s = np.arange(n - 1), np.arange(len(step))
+    k, s, motions, furthest = np.arange(len(before)), np.arange(len(step)), len(before), 0.0
     for _ in range(iterations):
-        by_before, by_after = between_jacobians(path[:-1], path[1:])
+        by_before, by_after = between_jacobians(path[before], path[after])
         away = xy[which] - path[step, :2]
         r = np.hypot(*away.T)
         by_xy = np.stack((away / r[:, None], away[:, ::-1] * [-1, 1] / r[:, None] ** 2), axis=1)
         by_pose = np.concatenate((-by_xy, np.broadcast_to([[0.0], [-1.0]], (len(r), 2, 1))), axis=2)
         blocks = [
             _entries(white_start[None], np.zeros(1, int), np.zeros(1, int)),
-            _entries(white_motion @ by_before, 3 + 3 * k, 3 * k),
-            _entries(white_motion @ by_after, 3 + 3 * k, 3 * k + 3),
-            _entries(white_z @ by_pose, 3 * n + 2 * s, 3 * step),
-            _entries(white_z @ by_xy, 3 * n + 2 * s, 3 * n + 2 * which),
+            _entries(white_motion @ by_before, 3 + 3 * k, 3 * before),
+            _entries(white_motion @ by_after, 3 + 3 * k, 3 * after),
+            _entries(white_z @ by_pose, 3 + 3 * motions + 2 * s, 3 * step),
+            _entries(white_z @ by_xy, 3 + 3 * motions + 2 * s, 3 * n + 2 * which),
         ]
         values, rows, columns = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        jacobian: Any = scipy.sparse.csr_matrix((values, (rows, columns)), shape=(3 * n + 2 * len(step), 3 * n + 2 * m))
+        shape = (3 + 3 * motions + 2 * len(step), 3 * n + 2 * m)
+        jacobian: Any = scipy.sparse.csr_matrix((values, (rows, columns)), shape=shape)
         left = np.concatenate([part.ravel() for part in residuals()])
         change: Any = scipy.sparse.linalg.spsolve((jacobian.T @ jacobian).tocsc(), -(jacobian.T @ left))
+        furthest = float(np.abs(change).max())
         path, xy = path + change[: 3 * n].reshape(-1, 3), xy + change[3 * n :].reshape(-1, 2)
         path[:, 2] = wrap(path[:, 2])
     first, motion, z = residuals()
-    return Fit(path, ids, xy, motion, z, float((first**2).sum() + (motion**2).sum() + (z**2).sum()))
+    return Fit(path, ids, xy, motion, z, float((first**2).sum() + (motion**2).sum() + (z**2).sum()), furthest)
 
 
 def aligned(xy: Array, onto: Array) -> Array:

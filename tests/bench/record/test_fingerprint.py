@@ -90,6 +90,7 @@ LOGS = {"circle", "matlab-report", "victoria-park"}
         ("backends/particles/fastslam.py", {"fastslam"}),
         ("backends/graphs/isam2.py", {"isam2", "graph"}),
         ("backends/graphs/graph.py", {"graph"}),
+        ("backends/graphs/gauss_newton.py backends/smoothing/_front.py", {"graph"}),
         ("backends/api.py", BACKENDS),
         ("datasets/worlds/circle.py", {"circle"}),
         ("datasets/published/victoria_park.py", {"victoria-park"}),

@@ -341,7 +341,10 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
         (["--seed", "-1"], "--seed -1: expected 0 or more"),
         (["--backend", "efk"], "did you mean 'ekf'?"),
         (["--csv", "nowhere/t.csv"], "--csv nowhere/t.csv: there is no folder nowhere"),
-        (["--crowded", "3"], "--crowded: without --frontend backends are timed, which has no such option"),
+        (
+            ["--crowded", "3"],
+            "--crowded: without --frontend, --batch or --pool backends are timed, which has no such option",
+        ),
         (["--frontend", "--sizes", "10"], "--sizes: --frontend times the detector, which has no such option"),
         (["--frontend", "--scattered"], "--scattered: --frontend times the detector"),
     ],

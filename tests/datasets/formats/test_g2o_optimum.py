@@ -1,4 +1,4 @@
-"""A g2o file written from a log has, in GTSAM, the optimum of the backend `graph`: by two readers not ours."""
+"""A g2o file written from a log has, in GTSAM, the optimum of `graph[solver=gtsam]`: by two readers not ours."""
 
 import os
 from pathlib import Path
@@ -70,7 +70,7 @@ LOGS = {
 
 def optimum(log: Log) -> Solution:
     builder = find("graph")
-    backend = builder.make(log.prior, builder.options(), np.random.default_rng(0))
+    backend = builder.make(log.prior, builder.options(solver="gtsam"), np.random.default_rng(0))
     for step in log.identified():
         backend.step(step)
     solution = backend.finish()

@@ -1,0 +1,202 @@
+"""A whole log as one forest: all its factors written down, each variable at its first value.
+
+From dead reckoning come values that are of use where odometry is good. From chunks of the log come better ones: each
+chunk is solved and linearised anew before odometry leads on from where it ended.
+"""
+
+import contextlib
+
+import numpy as np
+
+from ...frontend.factors import Log, Map
+from ...frontend.se2 import Array, Ints, compose
+from ..api import Diverged, Solution
+from ..smoothing import _log, _relinearise
+from ..smoothing._factors import HUBER, NONE
+from ..smoothing._graph import DAMPING, FULL, LAST, LOSS, NO_VARIABLE, POINT, SCALE, STEP, WIDTH, WORK
+from ..smoothing._whole_log import Columns, write_steps
+from ..smoothing.forest import Forest
+from ..smoothing.given import add_map
+from ..smoothing.maps import joint_map
+from ..smoothing.smoother import LEAST, LOSSES, NO_COVARIANCE, PATIENCE
+from .first_values import first_values
+from .gauss_newton import FIRST_DAMPING, Fit, eliminate, minimise
+
+CHUNK = 100
+"""Most steps of a chunk."""
+
+TURNED = 0.1
+"""rad; a chunk is no longer than by odometry alone the heading is known to this (1 sd).
+
+Further off, a start is no start: on Huang's circle, where the wheels lose 2 degrees a second, chunks of 100 steps end
+where J is two thousand times its least.
+"""
+
+EVERY, THRESHOLD = 20, 0.03
+"""Steps after which what is off by more (m, rad) is linearised anew, at the end of a chunk."""
+
+
+class Batch:
+    """The factors of a log, all sightings at once, with a robust loss of these."""
+
+    def __init__(self, log: Log, loss: int, scale: float) -> None:
+        prior, n = log.prior, len(log)
+        ids, self._which = np.unique(log.ids, return_inverse=True)
+        self._log, self._written, self._ids = log, 0, ids.tolist()
+        forest = self.forest = Forest(loss, scale)
+        forest.room(n, n + len(ids), len(log.ids), n + len(log.loop_to), 0)
+        self._columns = _columns(log)
+        forest.pose[:], forest.cov[:] = prior.pose, prior.cov
+        _log.move(forest.g, self._columns.motions[0], forest.pose, forest.cov)
+        self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
+        self.variable: dict[int, int] = {} if prior.map is None else add_map(forest, prior.map)
+        """Landmark id -> its variable, in the order in which they were first seen."""
+        self._variable_of = np.array([self.variable.get(i, NO_VARIABLE) for i in self._ids], np.int64)
+
+    def start_at(self, path: Array, landmarks: Map) -> None:
+        """Write all of it down, poses at `path` (n, 3), and landmarks where the map has them."""
+        self.write_at(path, landmarks)
+        self.order()
+
+    def write_at(self, path: Array, landmarks: Map) -> None:
+        """The same, and neither order nor eliminate."""
+        self._columns = self._columns._replace(start=path)
+        self._write(len(path))
+        values = self.forest.g.values
+        for landmark, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
+            if landmark in self.variable:
+                values[self.variable[landmark], :2] = xy
+
+    def start_by_odometry(self) -> None:
+        """Write all of it down, poses where dead reckoning has them."""
+        for end in chunks(self._log):
+            self._write(end)
+        self.order()
+
+    def start_by_chunks(self) -> None:
+        """Write it down chunk by chunk, each solved before the next one is written; now and then linearise anew.
+
+        Meanwhile it has Huber's loss where it is to have none. Without it gross errors lead chunks astray, to one
+        of many minima: on MRCLAM 6, robot 3, from 1.9e4 to 1.3e5 by where chunks end; with it always to the same.
+        """
+        forest, relinearised = self.forest, 0
+        loss = forest.g.settings[LOSS : SCALE + 1].copy()
+        if loss[0] == NONE:
+            forest.g.settings[LOSS : SCALE + 1] = HUBER, LOSSES["huber"]
+        forest.g.settings[DAMPING] = FIRST_DAMPING  # what is seen from its own place alone has no curvature yet
+        for end in chunks(self._log):
+            touched, state = self._write(end), forest.g.state
+            everything = int(state[LAST]) == 0 or bool(state[WORK] > PATIENCE * state[FULL] + LEAST)
+            seen = _relinearise.sighted(forest.g, self._newest)
+            forest.reorganise(self._newest, seen, touched, everything=everything)
+            if end - relinearised >= EVERY:
+                forest.relinearise(THRESHOLD)
+                relinearised = end
+            self._lead_on(end)
+        forest.g.settings[LOSS : SCALE + 1] = loss
+        self.order()
+
+    def order(self) -> None:
+        """Order and eliminate all; where it is not positive definite, the forest's state says so."""
+        forest = self.forest
+        forest.g.settings[DAMPING] = 0.0
+        with contextlib.suppress(Diverged):
+            forest.reorganise(self._newest, _relinearise.sighted(forest.g, self._newest), everything=True)
+
+    def refit(self) -> None:
+        """Eliminate all anew, factors having changed."""
+        eliminate(self.forest)
+
+    def fit(self, tolerance: float, iterations: int) -> Fit:
+        """Move everything to where J is least: see `minimise`."""
+        return minimise(self.forest, tolerance, iterations)
+
+    def place(self) -> tuple[Array, Map]:
+        """The path (n, 3) and the landmarks, where they are linearised."""
+        g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
+        return g.steps[: len(self._log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
+
+    def solution(self, joint_up_to: int) -> Solution:
+        """Where everything is, and, if J is curved there in every direction, the covariances of poses and map.
+
+        That of the map is joint, and worked out for up to so many landmarks.
+        """
+        forest = self.forest
+        path, landmarks = self.place()
+        if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
+            raise Diverged("the optimum is not finite")
+        cov = None
+        if eliminate(forest):
+            cov = forest.pose_covariances()
+            if len(landmarks.ids) <= joint_up_to:
+                with contextlib.suppress(Diverged):  # with all landmarks last there may be no digits left
+                    landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values)
+        return Solution(path, landmarks, cov)
+
+    def _variables(self) -> Ints:
+        """Those of the landmarks."""
+        return np.fromiter(self.variable.values(), np.int64, len(self.variable))
+
+    def _lead_on(self, end: int) -> None:
+        """Take the latest pose, which is the newest variable's after a solution, to step `end` - 1 by the motions."""
+        newest = int(self.forest.g.variables[self._newest, STEP])
+        for delta in self._log.delta[newest + 1 : end]:
+            self.forest.pose[:] = compose(self.forest.pose, delta)
+
+    def _write(self, end: int) -> Ints:
+        """Write the steps up to `end` down; the variables that are new or have new factors."""
+        forest, columns, first = self.forest, self._columns, self._written
+        g, last = forest.g, self._newest
+        rows = slice(columns.sighting_first[first], columns.sighting_first[end])
+        which = self._which[rows]
+        fresh, at = np.unique(which[self._variable_of[which] == NO_VARIABLE], return_index=True)
+        for k in fresh[np.argsort(at)].tolist():
+            self._variable_of[k] = self.variable[self._ids[k]] = _log.add_variable(g, 2, 0.0, 0.0, 0.0)
+        columns.landmarks[rows] = self._variable_of[which]
+        self._newest = write_steps(g, columns, first, end, last, forest.pose, forest.cov)
+        if self._newest == NO_VARIABLE:
+            raise Diverged(NO_COVARIANCE)
+        self._written = end
+        if len(fresh):
+            step = np.repeat(np.arange(first, end), np.diff(columns.sighting_first[first : end + 1]))
+            mine = np.isin(which, fresh)
+            log, of = self._log, np.searchsorted(fresh, which[mine])
+            xy = first_values(g.steps[step[mine], POINT:], log.z[rows][mine], log.z_cov[rows][mine], of, len(fresh))
+            g.values[self._variable_of[fresh], :2] = xy
+        loops = columns.loop_to[columns.loop_first[first] : columns.loop_first[end]]
+        own = g.at[first:end][columns.poses[first:end]]
+        touched = np.unique(np.concatenate((own, [last], columns.landmarks[rows], g.at[loops])))
+        return touched[g.variables[touched, WIDTH] > 0]
+
+
+def chunks(log: Log) -> list[int]:
+    """Where chunks of the log end: the step after the last one of each."""
+    turned = np.concatenate(([0.0], np.cumsum(log.delta_cov[1:, 2, 2])))  # rad^2, the heading's variance at each step
+    ends = [0]
+    while ends[-1] < len(turned):
+        first = ends[-1]
+        known = int(np.searchsorted(turned, turned[max(first - 1, 0)] + TURNED**2, side="right"))
+        ends.append(min(max(known, first + 1), first + CHUNK, len(turned)))
+    return ends[1:]
+
+
+def _columns(log: Log) -> Columns:
+    """What the compiled code reads, as arrays that can be written to."""
+    n, s = len(log), len(log.ids)
+    motions = np.empty((n, 4, 3))
+    motions[:, 0], motions[:, 1:] = log.delta, log.delta_cov
+    motions[0, 0], motions[0, 1:] = log.prior.pose, log.prior.cov
+    poses = np.diff(log.sighting_first) + np.diff(log.loop_first) > 0
+    poses[log.loop_to] = poses[0] = True
+    return Columns(
+        motions,
+        poses,
+        log.sighting_first.copy(),
+        np.full(s, NO_VARIABLE),
+        np.concatenate((log.z, log.z_cov.reshape(s, 4)), axis=1),
+        log.loop_first.copy(),
+        log.loop_to.copy(),
+        log.loop_delta.copy(),
+        log.loop_cov.copy(),
+        np.zeros((0, 3)),
+    )

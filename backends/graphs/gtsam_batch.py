@@ -1,0 +1,151 @@
+"""The optimum of J by GTSAM's Levenberg-Marquardt, started from iSAM2's path: a check that shares nothing with ours.
+
+GTSAM's error is half of J. It also has graduated non-convexity.
+"""
+
+import contextlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import gtsam
+import numpy as np
+
+from ...frontend.factors import Prior, Step
+from ..api import Diverged, Solution
+from . import isam2
+from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
+
+if TYPE_CHECKING:
+    from .graph import Options
+
+CHUNK = 100
+"""Most steps handed to iSAM2 at once while it makes the starting point: as good a start as one by one, much cheaper."""
+
+TURNED = 0.1
+"""rad; no more are handed over at once than by odometry alone leave the heading known to this (1 sd).
+
+Further off, a start is no start: on Huang's circle, where the wheels lose 2 degrees a second, chunks of 100 steps leave
+Levenberg-Marquardt where J is two thousand times its least.
+"""
+
+INLIERS = 0.999
+"""Share of right sightings that graduated non-convexity is to keep, by the chi-square of 2 degrees of freedom."""
+
+
+class GtsamBatch:
+    """Batch GraphSLAM by GTSAM."""
+
+    def __init__(self, prior: Prior, options: "Options", steps: Sequence[Step]) -> None:
+        self._prior, self._options, self._steps = prior, options, steps
+
+    def optimum(self) -> Solution:
+        """Path, map and, where J is curved in every direction, the map's joint covariance."""
+        options = self._options
+        robust = options.gnc or options.loss != "none"
+        factors = Factors(self._prior, "none" if options.gnc else options.loss, options.loss_scale, at_once=True)
+        try:
+            if options.start == "odometry":
+                graph, values = self._reckoned_start(factors)
+            else:
+                graph, values = self._robust_start(factors) if robust else self._start(factors)
+            if options.gnc:
+                graph = self._inliers(graph, values)
+            optimum = gtsam.LevenbergMarquardtOptimizer(graph, values, self._levenberg_marquardt()).optimize()
+            path, landmarks = path_and_map(factors.keys, len(self._steps), optimum)
+        except FAILURES as error:
+            raise Diverged(failure(error)) from None
+        if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
+            raise Diverged("the optimum is not finite")
+        if len(landmarks.ids) > options.joint_up_to:
+            return Solution(path, landmarks)
+        with contextlib.suppress(*FAILURES):  # J may be flat somewhere, as where a landmark is at the robot itself
+            cov = joint_covariance(factors.keys, gtsam.Marginals(graph, optimum))
+            return Solution(path, landmarks._replace(cov=cov))
+        return Solution(path, landmarks)
+
+    def _start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """The whole graph, and iSAM2's estimate of it, which LM needs on long logs: from dead reckoning it diverges."""
+        params = gtsam.ISAM2Params()
+        params.relinearizeSkip = 1
+        params.setFactorization("QR")
+        isam = gtsam.ISAM2(params)
+        pose = pose2(self._prior.pose)
+        graph, values = factors.prior()
+        held, turned = 0, 0.0  # steps since iSAM2 was last handed some, and the variance of the turns in them
+        for k, step in enumerate(self._steps):
+            if step.odometry is not None:
+                pose = pose.compose(pose2(step.odometry.delta))
+                turned += step.odometry.cov[2, 2]
+            more, more_values = factors.step(k, step, pose)
+            graph.push_back(more)
+            values.insert(more_values)
+            held += 1
+            if held == CHUNK or turned > TURNED**2 or k == len(self._steps) - 1:
+                isam.update(graph, values)
+                pose = isam.calculateEstimatePose2(factors.keys.pose(k))
+                graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+                held, turned = 0, 0.0
+        return isam.getFactorsUnsafe(), isam.calculateBestEstimate()
+
+    def _reckoned_start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """The whole graph, and dead reckoning."""
+        pose = pose2(self._prior.pose)
+        graph, values = factors.prior()
+        for k, step in enumerate(self._steps):
+            if step.odometry is not None:
+                pose = pose.compose(pose2(step.odometry.delta))
+            more, more_values = factors.step(k, step, pose)
+            graph.push_back(more)
+            values.insert(more_values)
+        return graph, values
+
+    def _robust_start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """The whole graph, and the estimate of an iSAM2 that takes the steps one by one with a robust loss.
+
+        A landmark of which no two sightings agreed starts where its first one has it.
+        """
+        loss = self._options.loss
+        start = isam2.Options(loss="cauchy" if loss == "none" else loss, loss_scale=self._options.loss_scale)
+        online = isam2.Isam2(self._prior, start, np.random.default_rng(0))
+        for step in self._steps:
+            online.step(step)
+        path, landmarks, _ = online.finish()
+        graph, values = factors.prior()
+        for k, step in enumerate(self._steps):
+            more, more_values = factors.step(k, step, pose2(path[k]))
+            graph.push_back(more)
+            values.insert(more_values)
+        values.update(factors.keys.pose(0), pose2(path[0]))
+        for landmark, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
+            values.update(factors.keys.landmark(landmark), xy)
+        return graph, values
+
+    def _inliers(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
+        """The graph without the sightings that graduated non-convexity leaves out; a landmark keeps its best one."""
+        sightings = [i for i in range(graph.size()) if isinstance(graph.at(i), gtsam.BearingRangeFactor2D)]
+        params = gtsam.GncLMParams(self._levenberg_marquardt())
+        params.setLossType(gtsam.GncLossType.TLS)
+        params.setKnownInliers(sorted(set(range(graph.size())).difference(sightings)))
+        params.setAllowNonNoiseModelFactors(True)
+        gnc = gtsam.GncLMOptimizer(graph, values, params)
+        gnc.setInlierCostThresholdsAtProbability(INLIERS)
+        values.update(gnc.optimize())
+        weights = np.array(gnc.getWeights())
+        best: dict[int, int] = {}
+        for i in sightings:
+            landmark = graph.at(i).keys()[1]
+            if landmark not in best or weights[i] > weights[best[landmark]]:
+                best[landmark] = i
+        weights[list(best.values())] = 1.0
+        kept = gtsam.NonlinearFactorGraph()
+        for i in np.flatnonzero(weights > 0.5).tolist():
+            kept.add(graph.at(i))
+        return kept
+
+    def _levenberg_marquardt(self) -> gtsam.LevenbergMarquardtParams:
+        """Tolerances as the options have them."""
+        params = gtsam.LevenbergMarquardtParams()
+        params.setRelativeErrorTol(self._options.relative_tolerance)
+        params.setAbsoluteErrorTol(0.0)
+        params.setMaxIterations(self._options.iterations)
+        return params

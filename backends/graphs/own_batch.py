@@ -1,0 +1,47 @@
+"""The optimum of J on the tree of the incremental smoother, which is ordered once: see `batch`."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...frontend.factors import Log, Prior, Step
+from ..api import Solution
+from ..smoothing.smoother import LOSSES, Smoother
+from ..smoothing.smoother import Options as SmootherOptions
+from .batch import Batch
+from .graduated import leave_out
+
+if TYPE_CHECKING:
+    from .graph import Options
+
+
+def optimum(prior: Prior, options: "Options", steps: Sequence[Step]) -> Solution:
+    """Path, map and, where J is curved in every direction, the covariances of both; Diverged where there is none."""
+    log = Log.from_steps("batch", prior, steps)
+    loss = "none" if options.gnc else options.loss
+    batch = Batch(log, list(LOSSES).index(loss), options.loss_scale or LOSSES[loss])
+    if options.start == "odometry":
+        batch.start_by_odometry()
+    elif options.gnc or options.loss != "none":
+        _start_robustly(batch, prior, options, steps)
+    else:
+        batch.start_by_chunks()
+    if options.gnc:
+        leave_out(batch, options.iterations)
+    batch.fit(options.relative_tolerance, options.iterations)
+    return batch.solution(options.joint_up_to)
+
+
+def _start_robustly(batch: Batch, prior: Prior, options: "Options", steps: Sequence[Step]) -> None:
+    """Begin where a smoother with a robust loss ends that takes the steps one by one.
+
+    A landmark of which no two sightings agreed starts where its last one has it.
+    """
+    loss = "cauchy" if options.loss == "none" else options.loss
+    wanted = SmootherOptions(loss=loss, loss_scale=options.loss_scale, joint_up_to=0)
+    online = Smoother(prior, wanted, np.random.default_rng(0))
+    for step in steps:
+        online.step(step)
+    path, landmarks, _ = online.finish()
+    batch.start_at(path, landmarks)

@@ -1,0 +1,72 @@
+"""Writing down many steps of a log in one call, and linearising all of it anew."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from ._graph import LINKS, NO_VARIABLE, POINT, STEPS, VARIABLES, Graph
+from ._links import relink
+from ._log import add_loop, add_pose_after, add_sightings_of, move
+
+
+class Columns(NamedTuple):
+    """A log of n steps, s sightings and l loop closures as columns."""
+
+    motions: Array  # (n, 4, 3) motion and covariance; of step 0 the prior's pose and covariance
+    poses: NDArray[np.bool]  # (n,) steps whose poses are variables
+    sighting_first: Ints  # (n + 1,)
+    landmarks: Ints  # (s,) their variables
+    seen: Array  # (s, 6) range, bearing and the covariance of both
+    loop_first: Ints  # (n + 1,)
+    loop_to: Ints  # (l,) the earlier step
+    loop_delta: Array  # (l, 3)
+    loop_cov: Array  # (l, 3, 3)
+    start: Array  # (n, 3) where poses are linearised, or none: where the motions lead
+
+
+@compiled
+def write_steps(g: Graph, log: Columns, first: int, end: int, newest: int, pose: Array, cov: Array) -> int:
+    """Write down steps `first` to `end`; there is room, and pose 0 is a variable already.
+
+    `newest` is the last pose that is a variable; `pose` (3,) and `cov` (3, 3) go on from the latest by the motions.
+    Returns the new newest, or NO_VARIABLE where a motion or a loop has no covariance.
+    """
+    for k in range(first, end):
+        if k > 0:
+            move(g, log.motions[k], pose, cov)
+        if len(log.start):
+            for i in range(3):
+                pose[i] = g.steps[k, POINT + i] = log.start[k, i]
+        if not log.poses[k]:
+            continue
+        if k > 0:
+            newest = add_pose_after(g, newest, k)
+            if newest == NO_VARIABLE:
+                return NO_VARIABLE
+        for i in range(3):
+            g.values[newest, i] = pose[i]
+        a, b = log.sighting_first[k], log.sighting_first[k + 1]
+        add_sightings_of(g, newest, log.landmarks[a:b], log.seen[a:b])
+        for t in range(log.loop_first[k], log.loop_first[k + 1]):
+            if not add_loop(g, int(g.at[log.loop_to[t]]), newest, log.loop_delta[t], log.loop_cov[t]):
+                return NO_VARIABLE
+    return newest
+
+
+@compiled
+def linearise_at(g: Graph, path: Array, values: Array) -> None:
+    """Everything is where `path` (T, 3) and `values` (V, 3) have it, and is to be eliminated anew.
+
+    A link that is no more positive definite shows in the elimination.
+    """
+    for k in range(g.state[STEPS]):
+        for i in range(3):
+            g.steps[k, POINT + i] = path[k, i]
+    for v in range(g.state[VARIABLES]):
+        for i in range(3):
+            g.values[v, i] = values[v, i]
+    for k in range(g.state[LINKS]):
+        relink(g, k)
