@@ -7,9 +7,9 @@ that.
 from typing import Any
 
 import numpy as np
-from numba import carray
 from numba.core import types
 from numba.extending import intrinsic as numba_intrinsic
+from numba.np.numpy_support import carray
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Ints
