@@ -30,8 +30,19 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
     dispatcher: Any = njit(cache=True, error_model="numpy")(function)
     dispatcher._cache._cache_file._source_stamp = stamp(file)
+    dispatcher.get_call_template = _without_literals(dispatcher.get_call_template)
     _dispatchers.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
+
+
+def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
+    """A call with a constant is one with any number: numba would compile the function once more for its type."""
+    from numba.core.types import unliteral
+
+    def found(args: Any, kws: Any) -> Any:
+        return template([unliteral(a) for a in args], {name: unliteral(a) for name, a in kws.items()})
+
+    return found
 
 
 _dispatchers: list[Any] = []

@@ -11,14 +11,13 @@ import numpy as np
 from ...frontend.factors import Log, Map
 from ...frontend.se2 import Array, Ints, compose
 from ..api import Diverged, Solution
-from ..smoothing import _log, _relinearise
+from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
 from ..smoothing._graph import DAMPING, FULL, LAST, LOSS, NO_VARIABLE, POINT, SCALE, STEP, WIDTH, WORK
-from ..smoothing._whole_log import Columns, write_steps
 from ..smoothing.forest import Forest
-from ..smoothing.given import add_map
-from ..smoothing.maps import joint_map
+from ..smoothing.maps import add_map, joint_map
 from ..smoothing.smoother import LEAST, LOSSES, NO_COVARIANCE, PATIENCE
+from ._whole_log import Columns, write_steps
 from .first_values import first_values
 from .gauss_newton import FIRST_DAMPING, Fit, eliminate, minimise
 
@@ -87,7 +86,7 @@ class Batch:
         for end in chunks(self._log):
             touched, state = self._write(end), forest.g.state
             everything = int(state[LAST]) == 0 or bool(state[WORK] > PATIENCE * state[FULL] + LEAST)
-            seen = _relinearise.sighted(forest.g, self._newest)
+            seen = _opening.sighted(forest.g, self._newest)
             forest.reorganise(self._newest, seen, touched, everything=everything)
             if end - relinearised >= EVERY:
                 forest.relinearise(THRESHOLD)
@@ -101,7 +100,7 @@ class Batch:
         forest = self.forest
         forest.g.settings[DAMPING] = 0.0
         with contextlib.suppress(Diverged):
-            forest.reorganise(self._newest, _relinearise.sighted(forest.g, self._newest), everything=True)
+            forest.reorganise(self._newest, _opening.sighted(forest.g, self._newest), everything=True)
 
     def refit(self) -> None:
         """Eliminate all anew, factors having changed."""

@@ -13,9 +13,10 @@ import numpy as np
 
 from ...frontend.se2 import Ints
 from ..api import Diverged
-from ..smoothing import _front, _relinearise, _whole_log
+from ..smoothing import _cost, _front, _offsets
 from ..smoothing._graph import CLIQUES, DAMPING, FAILED, POINT, RESUM, STEPS, TODO, VARIABLES
 from ..smoothing.forest import INDEFINITE_J, Forest
+from . import _whole_log
 
 LEAST_SHARE = 1e-6
 """Of a step; where J does not fall by so little of it, it is given up."""
@@ -68,18 +69,18 @@ class Descent:
         self._off, self._steps_off = np.zeros((g.state[VARIABLES], 3)), np.zeros((g.state[STEPS], 3))
         self._path, self._values = np.empty_like(self._steps_off), np.zeros_like(self._off)
         here = np.ascontiguousarray(g.steps[: g.state[STEPS], POINT:])
-        self.cost = _relinearise.cost(g, here, g.values)
+        self.cost = _cost.cost(g, here, g.values)
         if not np.isfinite(self.cost):
             raise Diverged(f"J is {self.cost} at the start")
 
     def step(self) -> Move:
         """Go where the solution leads, or a share of the way by which J falls."""
         g, off, steps_off, share = self._g, self._off, self._steps_off, 1.0
-        _relinearise.offsets(g, self._order, off)
-        _relinearise.inner_offsets(g, off, -1.0, steps_off)
+        _offsets.offsets(g, self._order, off)
+        _offsets.inner_offsets(g, off, -1.0, steps_off)
         while True:
-            furthest, _ = _relinearise.candidate(g, off, steps_off, share, -1.0, self._path, self._values)
-            cost = _relinearise.cost(g, self._path, self._values)
+            furthest, _ = _offsets.candidate(g, off, steps_off, share, -1.0, self._path, self._values)
+            cost = _cost.cost(g, self._path, self._values)
             if cost <= self.cost * (1 + ROUNDING):
                 fall, self.cost = self.cost - cost, cost
                 _whole_log.linearise_at(g, self._path, self._values)

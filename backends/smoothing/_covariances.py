@@ -142,6 +142,14 @@ def of_inner(g: Graph, k: int, C: Array, ia: int, ib: int, rows: Array, out: Arr
 
 
 @compiled
+def take_out(C: Array, place: int, out: Array) -> None:
+    """The 3 rows and columns of C from `place` on, into `out`."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = C[place + i, place + j]
+
+
+@compiled
 def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
     """Covariances of all steps' poses into `out` (T, 3, 3); the root is factored. Update matrices are lost in it."""
     m = 2 * g.state[ROOT] + 3
@@ -149,7 +157,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
     rows = np.empty((g.state[STEPS], 27))
     invert(g.work, 0, m + 1, m, C)
     last = g.variables[g.state[LAST], STEP]
-    out[last] = C[m - 3 : m, m - 3 : m]
+    take_out(C, m - 3, out[last])
     for t in range(g.state[ROOT]):
         g.variables[g.root[t], PLACE] = 2 * t
     g.variables[g.state[LAST], PLACE] = m - 3
@@ -165,7 +173,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
             v = g.ints[start + t]
             g.variables[v, PLACE] = place
             if t < g.cliques[c, FRONTALS] and g.variables[v, WIDTH] == 3:
-                out[g.variables[v, STEP]] = C[place : place + 3, place : place + 3]
+                take_out(C, place, out[g.variables[v, STEP]])
             place += g.variables[v, WIDTH]
         for t in range(start + members, start + members + g.cliques[c, BOUND]):
             k = g.ints[t]

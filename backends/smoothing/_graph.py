@@ -7,35 +7,36 @@ left over for its separators and is summed into its parent. Whatever is not elim
 the landmarks about it.
 """
 
-from typing import NamedTuple
-
 from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from .._arrays import Arrays, Integers, IntegerTable, Numbers, Table, at
 
 
-class Graph(NamedTuple):
+class Graph(Arrays):
     """All arrays of a smoother; in each, more rows than are in use."""
 
-    state: Ints  # (STATE,) counts and heads of lists
-    variables: Ints  # (V, 9)
-    values: Array  # (V, 3) linearisation points: x, y (m), heading (rad)
-    sightings: Ints  # (S, 2)
-    seen: Array  # (S, 5) range, bearing, and the information of both: rr, rb, bb
-    links: Ints  # (K, 5)
-    linked: Array  # (K, 18)
-    steps: Array  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
-    at: Ints  # (T,) the variable of a step's pose, or NO_VARIABLE less the link that it is in
-    cliques: Ints  # (C, 12)
-    ints: Ints  # arena: variables and links of cliques
-    reals: Array  # arena: [R d] and update matrices
-    free: Ints  # (2, CLASSES) heads of lists of free blocks, by size
-    root: Ints  # landmarks in the root
-    todo: Ints  # (C,) cliques to eliminate, children before parents
-    rest: Array  # what the root has from cliques that do not know its pose
-    work: Array  # one front; between calls, the root's [R d]
-    spots: Ints  # where a clique's separators stand in its parent's front: see `_front.places`
-    settings: Array  # (8,) robust loss and its scale; range of the furthest sighting; see below for the rest
+    state: Integers  # (STATE,) counts and heads of lists
+    variables: IntegerTable  # (V, 9)
+    values: Table  # (V, 3) linearisation points: x, y (m), heading (rad)
+    sightings: IntegerTable  # (S, 2)
+    seen: Table  # (S, 5) range, bearing, and the information of both: rr, rb, bb
+    links: IntegerTable  # (K, 5)
+    linked: Table  # (K, 18)
+    steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
+    at: Integers  # (T,) the variable of a step's pose, or NO_VARIABLE less the link that it is in
+    cliques: IntegerTable  # (C, 12)
+    ints: Integers  # arena: variables and links of cliques
+    reals: Numbers  # arena: [R d] and update matrices
+    free: IntegerTable  # (2, CLASSES) heads of lists of free blocks, by size
+    root: Integers  # landmarks in the root
+    todo: Integers  # (C,) cliques to eliminate, children before parents
+    rest: Numbers  # what the root has from cliques that do not know its pose
+    work: Numbers  # one front; between calls, the root's [R d]
+    spots: Integers  # where a clique's separators stand in its parent's front: see `_front.places`
+    settings: Numbers  # (8,) robust loss and its scale; range of the furthest sighting; see below for the rest
 
+
+graph = at(Graph)
+"""The graph at an address."""
 
 # state
 VARIABLES, SIGHTINGS, LINKS, STEPS, CLIQUES, SPARE, INTS, REALS, STAMP, ROOT, NEAR, FAR, LAST = range(13)

@@ -143,8 +143,10 @@ def inner(g: Graph, first: int, last: int, out: Array) -> None:
     S, off, K = np.zeros(6), np.zeros(3), np.empty((3, 3))
     for i in range(n):
         carry(g, first + 1 + i, off, S)
-        out[i, 0:6] = S
-        out[i, 18:21] = off
+        for j in range(6):
+            out[i, j] = S[j]
+        for j in range(3):
+            out[i, 18 + j] = off[j]
     N, back = np.zeros(6), np.zeros(3)  # of the pose as seen from `last`
     ax, ay = g.steps[first, POINT], g.steps[first, POINT + 1]
     bx, by = g.steps[last, POINT], g.steps[last, POINT + 1]

@@ -16,10 +16,10 @@ from ._graph import (
     STEPS,
     VARIABLES,
     Graph,
+    graph,
 )
 from ._log import add_pose_after, add_sightings_of, move
 from ._recentre import recentre
-from ._table import graph
 from ._tree import advance
 
 DONE, FULL_ARRAYS, OUTSIDE, INDEFINITE = range(4)
@@ -49,15 +49,15 @@ def has_room(g: Graph, sightings: int) -> bool:
 
 @compiled
 def plain_step(
-    arrays: Ints, newest: int, cap: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
+    address: int, newest: int, cap: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
 ) -> tuple[int, int]:
     """Go on by `motion` (4, 3), itself and its covariance, and fold in what is seen of `landmarks` (k,), variables.
 
-    `arrays` is the table of the graph. New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range,
+    `address` is that of the graph. New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range,
     bearing and their covariance; `pose` (3,) and `cov` (3, 3) become the latest. Returns how it ended, and the variable
     of the newest pose that is one.
     """
-    g = graph(arrays)
+    g = graph(address)
     if not has_room(g, len(landmarks)):
         return FULL_ARRAYS, newest
     move(g, motion, pose, cov)
@@ -76,9 +76,9 @@ def plain_step(
 
 
 @compiled
-def root_offset(arrays: Ints) -> float:
+def root_offset(address: int) -> float:
     """How far the root's variables are off from where they are linearised, the largest (m, rad)."""
-    g = graph(arrays)
+    g = graph(address)
     m = 2 * g.state[ROOT] + 3
     y, most = np.empty(m), 0.0
     solve_rows(g.work, 0, m, m, y)

@@ -52,7 +52,7 @@ def with_rows(g: Graph, table: str, rows: int) -> Graph:
     if rows <= have:
         return g
     more = max(have, rows - have)
-    return g._replace(**{name: _longer(getattr(g, name), more) for name in TOGETHER[table]})
+    return g.replaced(**{name: _longer(getattr(g, name), more) for name in TOGETHER[table]})
 
 
 def with_root(g: Graph, landmarks: int) -> Graph:
@@ -62,19 +62,14 @@ def with_root(g: Graph, landmarks: int) -> Graph:
     room = max(2 * len(g.root), landmarks)
     g.state[RESUM] = 1
     root = _longer(g.root, room - len(g.root))
-    return with_front(g._replace(root=root, rest=np.zeros(2 * room * (2 * room + 1))), 2 * room + 3)
+    return with_front(g.replaced(root=root, rest=np.zeros(2 * room * (2 * room + 1))), 2 * room + 3)
 
 
 def with_front(g: Graph, size: int) -> Graph:
     """`g` with room for a front of so many scalars."""
     if 2 * size <= len(g.spots):
         return g
-    return g._replace(work=np.zeros(size * (size + 1) + 4 * size), spots=np.zeros(2 * size, np.int64))
-
-
-def copied(g: Graph) -> Graph:
-    """The same, sharing nothing."""
-    return g._replace(**{name: getattr(g, name).copy() for name in g._fields})
+    return g.replaced(work=np.zeros(size * (size + 1) + 4 * size), spots=np.zeros(2 * size, np.int64))
 
 
 def _longer(array: Any, more: int) -> Any:

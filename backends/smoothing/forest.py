@@ -7,7 +7,7 @@ from scipy.linalg import solve_triangular
 
 from ...frontend.se2 import Array, Ints
 from ..api import Diverged
-from . import _covariances, _front, _graph, _ordering, _recentre, _relinearise, _tree
+from . import _cost, _covariances, _front, _graph, _offsets, _opening, _ordering, _recentre, _relinearise, _tree
 from ._graph import (
     CLIQUES,
     FULL,
@@ -25,8 +25,7 @@ from ._graph import (
     Graph,
 )  # fmt: skip
 from ._step import SPARE_INTS, SPARE_REALS
-from ._table import table
-from .arrays import copied, made, with_front, with_root, with_rows
+from .arrays import made, with_front, with_root, with_rows
 
 NOBODY = np.zeros(0, np.int64)
 
@@ -55,15 +54,10 @@ class Forest:
     """A factor graph, its forest of cliques and their root, from which the last pose and its covariance are known."""
 
     def __init__(self, loss: int, scale: float, enough: float = 0.0) -> None:
-        self.use(made(loss, scale, enough))
+        self.g = made(loss, scale, enough)
         self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
         self.cost = np.inf  # J where it was linearised last
         self._whole_variables = 0  # when all was ordered last
-
-    def use(self, g: Graph) -> None:
-        """Go on with these arrays."""
-        if getattr(self, "g", None) is not g:
-            self.g, self.table = g, table(g)
 
     def room(self, steps: int, variables: int, sightings: int, links: int, fresh: int) -> None:
         """Have room for so many more of each, `fresh` landmarks more in the root, and a clique about it."""
@@ -76,7 +70,7 @@ class Forest:
         g = with_rows(g, "sightings", int(state[SIGHTINGS]) + sightings)
         g = with_rows(g, "links", int(state[LINKS]) + links)
         g = with_rows(g, "cliques", int(state[CLIQUES]) + 1)
-        self.use(_with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS))
+        self.g = _with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS)
 
     def advance(self, x: int) -> None:
         """A plain step: the root goes on to pose `x`, which sees its landmarks and new ones; there is room for them."""
@@ -101,7 +95,7 @@ class Forest:
             state[INTS], state[REALS], state[CLIQUES] = state[_graph.GIVEN_INTS], state[_graph.GIVEN_REALS], 1
             state[CLIQUES] += state[_graph.GIVEN]
         g = with_rows(g, "cliques", int(state[CLIQUES]) + count)
-        self.use(_with_arenas(g, ints, reals))
+        self.g = _with_arenas(g, ints, reals)
         _tree.rebuild(self.g, x, wanted, opened, plan, count, left, everything)
         state[WIDEST] = widest if everything else max(state[WIDEST], widest)
         if everything:
@@ -134,7 +128,7 @@ class Forest:
             if share == 0.0:
                 return 0.0
             if share < 1.0:
-                _relinearise.candidate(g, off, steps_off, share, threshold, estimate.path, estimate.values)
+                _offsets.candidate(g, off, steps_off, share, threshold, estimate.path, estimate.values)
         again, total = _relinearise.settle(g, order, estimate.path, estimate.values)
         if again > total / 2 and total * self._whole_variables >= AS_MUCH * state[FULL] * state[VARIABLES]:
             self.reorganise(int(state[LAST]), g.root[: state[ROOT]].copy(), everything=True)
@@ -146,9 +140,9 @@ class Forest:
         """The joint covariance (2n + 3, 2n + 3) of landmark variables and the last pose, which is a variable."""
         other = Forest.__new__(Forest)
         other.pose, other.cov = np.zeros(3), np.zeros((3, 3))
-        other.use(copied(self.g))
+        other.g = self.g.copied()
         last = int(self.g.state[LAST])
-        seen = np.setdiff1d(_relinearise.sighted(self.g, last), landmarks)
+        seen = np.setdiff1d(_opening.sighted(self.g, last), landmarks)
         other.reorganise(last, np.concatenate((landmarks, seen)), everything=True)
         m = 2 * (len(landmarks) + len(seen)) + 3
         inverse: Array = solve_triangular(other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m], np.eye(m))
@@ -157,9 +151,9 @@ class Forest:
 
     def pose_covariances(self) -> Array:
         """(n, 3, 3) of all steps' poses."""
-        g = copied(self.g)
+        g = self.g.copied()
         out = np.zeros((g.state[STEPS], 3, 3))
-        _covariances.pose_covariances(g, _relinearise.top_down(g), int(g.state[WIDEST]), out)
+        _covariances.pose_covariances(g, _offsets.top_down(g), int(g.state[WIDEST]), out)
         return out
 
     def _share_that_falls(self, off: Array, steps_off: Array) -> float:
@@ -167,10 +161,10 @@ class Forest:
         g = self.g
         path, values = np.empty_like(steps_off), np.zeros_like(off)
         here = np.ascontiguousarray(g.steps[: len(path), _graph.POINT :])
-        J, share = _relinearise.cost(g, here, g.values), 1.0
+        J, share = _cost.cost(g, here, g.values), 1.0
         for _ in range(HALVINGS):
-            _relinearise.candidate(g, off, steps_off, share, -1.0, path, values)
-            self.cost = _relinearise.cost(g, path, values)
+            _offsets.candidate(g, off, steps_off, share, -1.0, path, values)
+            self.cost = _cost.cost(g, path, values)
             if self.cost <= J:
                 return share
             share /= 2
@@ -180,12 +174,12 @@ class Forest:
     def _solution(self, threshold: float) -> tuple[Ints, Estimate, Array, Array]:
         """The cliques top down, the estimate of what is off by more than `threshold`, and all offsets."""
         g, state = self.g, self.g.state
-        order = _relinearise.top_down(g)
+        order = _offsets.top_down(g)
         off, steps_off = np.zeros((state[VARIABLES], 3)), np.zeros((state[STEPS], 3))
-        _relinearise.offsets(g, order, off)
-        _relinearise.inner_offsets(g, off, threshold, steps_off)
+        _offsets.offsets(g, order, off)
+        _offsets.inner_offsets(g, off, threshold, steps_off)
         path, values = np.empty_like(steps_off), np.zeros_like(off)
-        furthest, turn = _relinearise.candidate(g, off, steps_off, 1.0, threshold, path, values)
+        furthest, turn = _offsets.candidate(g, off, steps_off, 1.0, threshold, path, values)
         return order, Estimate(path, values, furthest, turn), off, steps_off
 
 

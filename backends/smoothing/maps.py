@@ -1,11 +1,35 @@
-"""The map of a forest, with the joint covariance of its landmarks."""
+"""Maps: one that is given, as variables with a joint prior or held fixed, and that of a forest."""
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ...frontend.factors import Map
 from ...frontend.se2 import Array, Ints
-from ._graph import WIDTH
+from . import _graph, _log, _tree
+from ._graph import FACTOR, FAR, GIVEN, GIVEN_INTS, GIVEN_REALS, INTS, LISTED, NEXT, REALS, TODO, UPDATE, WIDTH
+from .arrays import with_front, with_rows
 from .forest import Forest
+
+
+def add_map(forest: Forest, known: Map) -> dict[int, int]:
+    """Put a given map into a graph that has its first pose alone; the variables of its landmarks, by id.
+
+    What is correlated is one clique that eliminates nothing: its update matrix is the information that is given. It is
+    made once and never opened, and stays at the front of the arenas.
+    """
+    forest.room(0, len(known.ids), 0, 0, 0)
+    width = 0 if known.cov is None else 2
+    variables = [_log.add_variable(forest.g, width, x, y, 0.0) for x, y in known.xy.tolist()]
+    if known.cov is not None:
+        together = np.abs(known.cov).reshape(len(variables), 2, len(variables), 2).max(axis=(1, 3)) > 0
+        count, which = connected_components(together, directed=False)
+        for k in range(count):
+            members = np.flatnonzero(which == k)
+            rows = (2 * members[:, None] + (0, 1)).ravel()
+            _add(forest, np.array(variables)[members], known.xy[members].ravel(), known.cov[np.ix_(rows, rows)])
+    state = forest.g.state
+    state[GIVEN_INTS], state[GIVEN_REALS] = state[INTS], state[REALS]
+    return dict(zip(known.ids.tolist(), variables, strict=True))
 
 
 def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array) -> Map:
@@ -17,3 +41,24 @@ def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array) -> Map:
         rows = (2 * moving[:, None] + (0, 1)).ravel()
         cov[np.ix_(rows, rows)] = forest.joint(variables[moving])[:-3, :-3]
     return Map(ids, values[variables, :2], cov)
+
+
+def _add(forest: Forest, variables: Ints, mean: Array, cov: Array) -> None:
+    """A clique of landmarks (n,) with the mean (2n,) and the covariance (2n, 2n) that are given."""
+    n = 2 * len(variables)
+    g, state = forest.g, forest.g.state
+    g = with_rows(with_front(g, n), "cliques", int(state[_graph.CLIQUES]) + 1)
+    g = with_rows(with_rows(g, "ints", int(state[INTS]) + 2 * n + 16), "reals", int(state[REALS]) + n * (n + 6) + 32)
+    forest.g = g
+    c = _tree.new_clique(g, 0, len(variables), 0, 0, n)
+    q = g.cliques[c]
+    g.ints[q[LISTED] : q[LISTED] + len(variables)] = variables
+    q[FACTOR] = _graph.reserve_reals(g, n)
+    g.reals[q[FACTOR] : q[FACTOR] + n] = mean
+    rows = np.concatenate((np.linalg.inv(cov), np.zeros((n, 1))), axis=1)
+    upper = rows[np.arange(n)[:, None] <= np.arange(n + 1)]
+    g.reals[q[UPDATE] : q[UPDATE] + len(upper)] = upper
+    q[NEXT], state[FAR] = state[FAR], c
+    state[GIVEN] += 1
+    g.todo[state[TODO]] = c
+    state[TODO] += 1

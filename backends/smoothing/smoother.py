@@ -19,12 +19,11 @@ from ...frontend.se2 import Array, Ints
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
-from . import _log, _relinearise, _step
+from . import _log, _opening, _step
 from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
-from .given import add_map
-from .maps import joint_map
+from .maps import add_map, joint_map
 
 LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874}
 """Robust losses, in the order of their numbers in `_factors`, and the scales at which they are 95 % efficient."""
@@ -160,7 +159,7 @@ class Smoother:
         if self._since >= skip:
             return True
         early = EARLY * self._options.relinearize_threshold
-        return self._since % tenth == 0 and _step.root_offset(self._forest.table) > early
+        return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
 
     def _write(self, sightings: RangeBearing) -> None:
         """Copy sightings to where the compiled code reads them."""
@@ -176,7 +175,7 @@ class Smoother:
         ended, newest = FULL_ARRAYS, self._newest
         while ended == FULL_ARRAYS:
             ended, newest = plain_step(
-                forest.table, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
+                forest.g.address, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
             )
             if ended == FULL_ARRAYS:
                 forest.room(1, 1, len(landmarks), 1, len(landmarks))
@@ -210,7 +209,7 @@ class Smoother:
         forest, g = self._forest, self._forest.g
         seen = landmarks[landmarks >= 0]
         seen = seen[g.variables[seen, WIDTH] == 2]
-        wanted = _relinearise.about(g, self._newest, REACH * g.settings[FURTHEST], 3 * CAP // 4, seen)
+        wanted = _opening.about(g, self._newest, REACH * g.settings[FURTHEST], 3 * CAP // 4, seen)
         everything = everything or bool(g.state[WORK] > PATIENCE * g.state[FULL] + LEAST)
         forest.reorganise(self._newest, wanted, touched, everything=everything)
 

@@ -10,8 +10,7 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._models import wrap
 from ..smoothing._cholesky import factor, unsigned
-from ..smoothing._front import last_three
-from ..smoothing._relinearise import solve_rows
+from ..smoothing._front import last_three, solve_rows
 from ._chain import DONE, INDEFINITE
 from ._window import AT, BEGIN, DSYRK, MANY, NAME, NOW, OWN, POSE, POSES, SLOTS, STAGES, Window, row
 

@@ -7,29 +7,27 @@ begins, all that is known from before is such a front, too: the prior.
 A front is a matrix as in `_factors`: the pose in rows 0 to 2, the landmark of slot k in rows 3 + 2k and 4 + 2k.
 """
 
-from typing import NamedTuple
-
 from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from .._arrays import Arrays, Integers, IntegerTable, Numbers, Table
 
 
-class Window(NamedTuple):
+class Window(Arrays):
     """All arrays of a window; in each, more rows than are in use."""
 
-    state: Ints  # (STATE,) counts
-    poses: Array  # (P, 12) linearisation point (3), the motion into the pose (3) and its covariance (6)
-    rows: Ints  # (P + 1, 2)
-    sightings: Ints  # (S,) landmarks, or HELD
-    seen: Array  # (S, 5) range, bearing, and the information of both: rr, rb, bb
-    places: Array  # (V, 2) linearisation points of the landmarks: x, y (m)
-    marks: Ints  # (V, 4)
-    slots: Ints  # (N, 2) the landmarks of the front, and those of the prior
-    front: Array  # 2 N + 3 rows of 2 N + 4 numbers
-    prior: Array  # the same
-    stages: Ints  # (T, 4)
-    reals: Array  # [R d] of the stages, one after another
-    work: Array  # the front once more, its pose last, as [R d]
-    settings: Array  # (2,) robust loss and its scale
+    state: Integers  # (STATE,) counts
+    poses: Table  # (P, 12) linearisation point (3), the motion into the pose (3) and its covariance (6)
+    rows: IntegerTable  # (P + 1, 2)
+    sightings: Integers  # (S,) landmarks, or HELD
+    seen: Table  # (S, 5) range, bearing, and the information of both: rr, rb, bb
+    places: Table  # (V, 2) linearisation points of the landmarks: x, y (m)
+    marks: IntegerTable  # (V, 4)
+    slots: IntegerTable  # (N, 2) the landmarks of the front, and those of the prior
+    front: Numbers  # 2 N + 3 rows of 2 N + 4 numbers
+    prior: Numbers  # the same
+    stages: IntegerTable  # (T, 4)
+    reals: Numbers  # [R d] of the stages, one after another
+    work: Numbers  # the front once more, its pose last, as [R d]
+    settings: Numbers  # (2,) robust loss and its scale
 
 
 # state; BOTTOM is the pose that the prior is about; OLD_POSES and OLD_SIGHTINGS are out of the tables

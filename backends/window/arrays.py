@@ -87,10 +87,10 @@ def with_steps(w: Window, sightings: int) -> Window:
     _drop(w)
     poses, seen = len(w.poses), len(w.sightings)
     if 2 * state[POSES] > poses:
-        w = w._replace(poses=_longer(w.poses, poses), rows=_longer(w.rows, poses))
+        w = w.replaced(poses=_longer(w.poses, poses), rows=_longer(w.rows, poses))
     if 2 * (state[SIGHTINGS] + sightings) > seen:
         more = max(seen, 2 * sightings)
-        w = w._replace(sightings=_longer(w.sightings, more), seen=_longer(w.seen, more))
+        w = w.replaced(sightings=_longer(w.sightings, more), seen=_longer(w.seen, more))
     return _with_numbers(_with_stages(w), numbers)
 
 
@@ -157,7 +157,7 @@ def _drop(w: Window) -> None:
 def _with_rows(w: Window, rows: int, slots: int) -> Window:
     """`w` with so many rows for landmarks, and a front that has room for so many of them."""
     more, m = rows - len(w.places), 2 * slots + 3
-    w = w._replace(
+    w = w.replaced(
         places=_longer(w.places, more),
         marks=_longer(w.marks, more),
         slots=_longer(w.slots, slots - len(w.slots)),
@@ -171,7 +171,7 @@ def _with_rows(w: Window, rows: int, slots: int) -> Window:
 
 def _with_stages(w: Window) -> Window:
     """`w` with a stage for each row of poses and landmarks."""
-    return w._replace(stages=_longer(w.stages, len(w.poses) + len(w.places) - len(w.stages)))
+    return w.replaced(stages=_longer(w.stages, len(w.poses) + len(w.places) - len(w.stages)))
 
 
 def _with_numbers(w: Window, numbers: int) -> Window:
@@ -180,7 +180,7 @@ def _with_numbers(w: Window, numbers: int) -> Window:
         return w
     reals, used = np.empty(max(numbers, 2 * len(w.reals))), int(w.state[REALS])
     reals[:used] = w.reals[:used]
-    return w._replace(reals=reals)
+    return w.replaced(reals=reals)
 
 
 def _square(front: Array) -> Array:

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from ._graph import LINKS, NO_VARIABLE, POINT, STEPS, VARIABLES, Graph
-from ._links import relink
-from ._log import add_loop, add_pose_after, add_sightings_of, move
+from ..smoothing._graph import LINKS, NO_VARIABLE, POINT, STEPS, VARIABLES, Graph
+from ..smoothing._links import relink
+from ..smoothing._log import add_loop, add_pose_after, add_sightings_of, move
 
 
 class Columns(NamedTuple):

@@ -1,0 +1,165 @@
+"""Arrays under names that compiled code is handed all at once, by one address.
+
+To numba a NamedTuple of twenty arrays is 120 numbers, which each call of a function passes on, and each function's code
+takes apart and puts together: it doubles the time that compiling takes, and a call from Python spends a microsecond on
+every three arrays. Here a function gets the address of a table that has, for each array, its own address and its shape,
+and reads from it what it uses.
+"""
+
+from functools import cache
+from typing import Annotated, Any, Self, get_args, get_type_hints
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)  # fmt: skip
+from numba.np.arrayobj import populate_array
+from numba.np.numpy_support import as_dtype, from_dtype
+
+from ..frontend.se2 import Array, Ints
+
+Numbers = Annotated[Array, 1]
+Table = Annotated[Array, 2]
+Integers = Annotated[Ints, 1]
+IntegerTable = Annotated[Ints, 2]
+
+WORDS = 3
+"""Of an array in the table: its address, rows, and columns."""
+
+
+class Arrays:
+    """Contiguous arrays, which a subclass names, each annotated as one of the four kinds above.
+
+    Compiled code has the arrays as attributes, and can change what is in them. They have to be kept for as long as it
+    runs. `address` is what `at` makes the same of in compiled code: to pass a whole number costs less than to pass an
+    object.
+    """
+
+    def __init__(self, **arrays: Any) -> None:
+        kinds = layout(type(self))
+        table = np.zeros((len(kinds), WORDS), np.int64)
+        for row, (name, dtype, ndim) in zip(table, kinds, strict=True):
+            array = arrays[name]
+            if array.dtype != dtype or array.ndim != ndim or not array.flags.c_contiguous:
+                raise TypeError(
+                    f"{name} is {array.dtype} of {array.ndim} dimensions, expected {dtype} of {ndim}, C order"
+                )
+            row[:] = array.ctypes.data, *array.shape, *[1] * (2 - ndim)
+        self._arrays, self._table = arrays, table
+        self.address: int = table.ctypes.data
+        vars(self).update(arrays)
+
+    def replaced(self, **arrays: Any) -> Self:
+        """The same but for these arrays."""
+        return type(self)(**{**self._arrays, **arrays})
+
+    def copied(self) -> Self:
+        """The same, sharing nothing."""
+        return type(self)(**{name: array.copy() for name, array in self._arrays.items()})
+
+
+def layout(kind: type[Arrays]) -> tuple[tuple[str, str, int], ...]:
+    """Name, dtype and dimensions of each array of a subclass, in order."""
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple((name, *_of(hint)) for name, hint in hints.items())
+
+
+def at(kind: type[Arrays]) -> Any:
+    """A function for compiled code: from the `address` of such arrays, the arrays."""
+    made = _known(kind)
+
+    def whole(typing: Any, address: Any) -> Any:
+        del typing, address
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            del signature
+            return builder.inttoptr(values[0], context.get_value_type(made))
+
+        return made(types.intp), generate
+
+    return intrinsic(whole)
+
+
+def _of(hint: Any) -> tuple[str, int]:
+    """Dtype and dimensions of what is so annotated."""
+    array, ndim = get_args(hint)
+    return np.dtype(get_args(get_args(array)[1])[0]).name, ndim
+
+
+class ArraysType(types.Type):
+    """The type of a subclass's objects in compiled code."""
+
+    def __init__(self, kind: type[Arrays]) -> None:
+        kinds = layout(kind)
+        self.places = {name: row for row, (name, _, _) in enumerate(kinds)}
+        self.kinds = {name: types.Array(from_dtype(np.dtype(dtype)), ndim, "C") for name, dtype, ndim in kinds}
+        super().__init__(name=f"{kind.__name__}({', '.join(f'{name} {dtype} {ndim}' for name, dtype, ndim in kinds)})")
+
+
+@cache
+def _known(kind: type[Arrays]) -> ArraysType:
+    return ArraysType(kind)
+
+
+@register_model(ArraysType)
+class _Pointer(models.PrimitiveModel):
+    def __init__(self, dmm: Any, kind: Any) -> None:
+        super().__init__(dmm, kind, ir.IntType(64).as_pointer())
+
+
+@infer_getattr
+class _Attributes(AttributeTemplate):
+    key = ArraysType
+
+    def generic_resolve(self, typ: Any, attr: str) -> Any:
+        return typ.kinds.get(attr)
+
+
+@lower_getattr_generic(ArraysType)
+def _attribute(context: Any, builder: Any, kind: Any, pointer: Any, name: str) -> Any:
+    """The array of that name. What the table says stays: a loop need not read it again."""
+    array = kind.kinds[name]
+    invariant = builder.module.add_metadata([])
+
+    def word(n: int) -> Any:
+        value = builder.load(builder.gep(pointer, [ir.Constant(ir.IntType(64), WORDS * kind.places[name] + n)]))
+        value.set_metadata("invariant.load", invariant)
+        return value
+
+    shape = [word(1 + n) for n in range(array.ndim)]
+    size = ir.Constant(ir.IntType(64), as_dtype(array.dtype).itemsize)
+    strides = [size] if array.ndim == 1 else [builder.mul(size, shape[1]), size]
+    made = context.make_array(array)(context, builder)
+    populate_array(
+        made,
+        data=builder.inttoptr(word(0), made.data.type),
+        shape=cgutils.pack_array(builder, shape),
+        strides=cgutils.pack_array(builder, strides),
+        itemsize=size,
+        meminfo=None,
+    )
+    return made._getvalue()
+
+
+@typeof_impl.register(Arrays)
+def _type_of(value: Any, context: Any) -> ArraysType:
+    del context
+    return _known(type(value))
+
+
+@unbox(ArraysType)
+def _unboxed(kind: Any, value: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(value, "address")
+    pointer = c.builder.bitcast(c.pyapi.long_as_voidptr(address), c.context.get_value_type(kind))
+    c.pyapi.decref(address)
+    return NativeValue(pointer, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))

@@ -1,0 +1,97 @@
+"""J of a path and of variables."""
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array
+from .._models import wrap
+from ._factors import distance, loss
+from ._graph import (
+    COVARIANCE,
+    DELTA,
+    END,
+    FACTOR,
+    FIRST,
+    GIVEN,
+    LANDMARK,
+    LINKS,
+    LISTED,
+    LOOP,
+    LOSS,
+    MEMBERS,
+    MOTION,
+    NOISE,
+    SCALE,
+    STEP,
+    STEPS,
+    UPDATE,
+    VARIABLES,
+    WIDTH,
+    A,
+    B,
+    Graph,
+)  # fmt: skip
+from ._links import inverse, motion_offset
+
+
+@compiled
+def square_of(W: Array, k: int, e0: float, e1: float, e2: float) -> float:
+    """e' W e, W having six numbers from `k` on."""
+    return (
+        W[k] * e0 * e0 + W[k + 3] * e1 * e1 + W[k + 5] * e2 * e2
+        + 2 * (W[k + 1] * e0 * e1 + W[k + 2] * e0 * e2 + W[k + 4] * e1 * e2)
+    )  # fmt: skip
+
+
+@compiled
+def motion_cost(p: Array, q: Array, motion: Array, k: int, covariance: int) -> float:
+    """The squared Mahalanobis distance of poses p and q from motion[k : k + 3], its covariance from `covariance` on."""
+    e0, e1, e2, c, s = motion_offset(p[0], p[1], p[2], q[0], q[1], q[2], motion[k], motion[k + 1], motion[k + 2])
+    W = np.empty(6)
+    if not inverse(motion, covariance, W, 0):
+        return np.inf
+    return square_of(W, 0, c * e0 + s * e1, c * e1 - s * e0, e2)
+
+
+@compiled
+def cost(g: Graph, path: Array, values: Array) -> float:
+    """J of a path (T, 3) and of variables at `values` (V, 3)."""
+    p = g.steps[0]
+    W = np.empty(6)
+    if not inverse(p, NOISE, W, 0):
+        return np.inf
+    total = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
+    for k in range(1, g.state[STEPS]):
+        total += motion_cost(path[k - 1], path[k], g.steps[k], DELTA, NOISE)
+    for k in range(g.state[LINKS]):
+        if g.links[k, LOOP]:
+            first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
+            L = g.linked[k]
+            total += motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
+    for v in range(g.state[VARIABLES]):
+        if g.variables[v, WIDTH] != 3:
+            continue
+        x = path[g.variables[v, STEP]]
+        for s in range(g.variables[v, FIRST], g.variables[v, END]):
+            landmark = g.sightings[s, LANDMARK]
+            if landmark >= 0:
+                q = distance(x[0], x[1], x[2], values[landmark, 0], values[landmark, 1], g.seen, s)[4]
+                total += loss(g.settings[LOSS], g.settings[SCALE], q)
+    for c in range(1, 1 + g.state[GIVEN]):
+        total += given_cost(g, c, values)
+    return total
+
+
+@compiled
+def given_cost(g: Graph, c: int, values: Array) -> float:
+    """What a part of a given map adds to J."""
+    start, m, at, f = g.cliques[c, LISTED], 2 * g.cliques[c, MEMBERS], g.cliques[c, UPDATE], g.cliques[c, FACTOR]
+    total = 0.0
+    for i in range(m):
+        a = values[g.ints[start + i // 2], i % 2] - g.reals[f + i]
+        for j in range(i, m):
+            b = values[g.ints[start + j // 2], j % 2] - g.reals[f + j]
+            total += (1.0 if i == j else 2.0) * a * g.reals[at] * b
+            at += 1
+        at += 1
+    return total

@@ -1,0 +1,151 @@
+"""Solving for all offsets, and where they take path and variables."""
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._models import wrap
+from ._front import solve_rows
+from ._graph import (
+    CHILD,
+    FACTOR,
+    FAR,
+    FRONT,
+    FRONTALS,
+    LAST,
+    LINKS,
+    LISTED,
+    LOOP,
+    MEMBERS,
+    NEAR,
+    NEXT,
+    POINT,
+    ROOT,
+    SIZE,
+    STEP,
+    STEPS,
+    VARIABLES,
+    WIDTH,
+    A,
+    B,
+    Graph,
+)  # fmt: skip
+from ._links import inner, motion_offset
+
+
+@compiled
+def top_down(g: Graph) -> Ints:
+    """All cliques, parents before their children."""
+    out = np.empty(len(g.cliques), np.int64)
+    n = 0
+    for head in (g.state[NEAR], g.state[FAR]):
+        c = head
+        while c > 0:
+            out[n] = c
+            n += 1
+            c = g.cliques[c, NEXT]
+    i = 0
+    while i < n:
+        c = g.cliques[out[i], CHILD]
+        while c > 0:
+            out[n] = c
+            n += 1
+            c = g.cliques[c, NEXT]
+        i += 1
+    return out[:n]
+
+
+@compiled
+def offsets(g: Graph, order: Ints, out: Array) -> None:
+    """What all variables are off from where they are linearised, (V, 3); `order` has parents before their children."""
+    m = 2 * g.state[ROOT] + 3
+    y = np.empty(len(g.spots) + 3)
+    solve_rows(g.work, 0, m, m, y)
+    for t in range(g.state[ROOT]):
+        out[g.root[t], 0], out[g.root[t], 1] = y[2 * t], y[2 * t + 1]
+    for i in range(3):
+        out[g.state[LAST], i] = y[m - 3 + i]
+    for c in order:
+        start, frontals, members = g.cliques[c, LISTED], g.cliques[c, FRONTALS], g.cliques[c, MEMBERS]
+        if frontals == 0:
+            continue
+        k = g.cliques[c, FRONT]
+        for t in range(start + frontals, start + members):
+            v = g.ints[t]
+            for i in range(g.variables[v, WIDTH]):
+                y[k] = out[v, i]
+                k += 1
+        solve_rows(g.reals, g.cliques[c, FACTOR], g.cliques[c, FRONT], g.cliques[c, SIZE], y)
+        k = 0
+        for t in range(start, start + frontals):
+            v = g.ints[t]
+            for i in range(g.variables[v, WIDTH]):
+                out[v, i] = y[k]
+                k += 1
+
+
+@compiled
+def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
+    """The same of the steps, (T, 3), zeros so far: of variables, and between two of which one is off by a threshold."""
+    rows = np.empty((64, 27))
+    for v in range(g.state[VARIABLES]):
+        if g.variables[v, WIDTH] == 3:
+            for i in range(3):
+                out[g.variables[v, STEP], i] = off[v, i]
+    for k in range(g.state[LINKS]):
+        if g.links[k, LOOP]:
+            continue
+        a, b = g.links[k, A], g.links[k, B]
+        first, last = g.variables[a, STEP], g.variables[b, STEP]
+        n = last - first - 1
+        far = 0.0
+        for i in range(3):
+            far = max(far, abs(off[a, i]), abs(off[b, i]))
+        if n == 0 or far <= threshold:
+            continue
+        if n > len(rows):
+            rows = np.empty((2 * n, 27))
+        inner(g, first, last, rows)
+        for i in range(n):
+            row = rows[i]
+            for j in range(3):
+                t = row[18 + j]
+                for i2 in range(3):
+                    t += row[3 * j + i2] * off[a, i2] + row[9 + 3 * j + i2] * off[b, i2]
+                out[first + 1 + i, j] = t
+
+
+@compiled
+def candidate(
+    g: Graph, off: Array, steps_off: Array, share: float, threshold: float, path: Array, values: Array
+) -> tuple[float, float]:
+    """Path (T, 3) and values (V, 3) a `share` of the way to where they should be; how far the furthest has to go.
+
+    That is the largest offset (m, rad) and the largest of a heading.
+    """
+    most = turn = 0.0
+    n = g.variables[g.state[LAST], STEP] + 1
+    for k in range(n):
+        o = steps_off[k]
+        far = max(abs(o[0]), abs(o[1]), abs(o[2]))
+        most, turn = max(most, far), max(turn, abs(o[2]))
+        go = share if far > threshold else 0.0
+        for i in range(3):
+            path[k, i] = g.steps[k, POINT + i] + go * o[i]
+        path[k, 2] = wrap(path[k, 2])
+    for k in range(n, g.state[STEPS]):  # after the last variable: as the motions have it
+        p, q, d = path[k - 1], path[k], g.steps[k]
+        e = motion_offset(p[0], p[1], p[2], 0.0, 0.0, 0.0, d[0], d[1], d[2])
+        q[0], q[1], q[2] = e[0], e[1], e[2]
+    for v in range(g.state[VARIABLES]):
+        width = g.variables[v, WIDTH]
+        if width == 3:
+            k = g.variables[v, STEP]
+            values[v, 0], values[v, 1], values[v, 2] = path[k, 0], path[k, 1], path[k, 2]
+            continue
+        o = off[v]
+        far = max(abs(o[0]), abs(o[1])) if width == 2 else 0.0
+        most = max(most, far)
+        go = share if far > threshold else 0.0
+        values[v, 0], values[v, 1] = g.values[v, 0] + go * o[0], g.values[v, 1] + go * o[1]
+    return most, turn

@@ -1,0 +1,250 @@
+"""The quotient graph of an elimination: variables, and elements, which are sets of them (Amestoy, Davis, Duff 1996).
+
+An element is a set of variables that will be in one front: a link, or what a clique that stays, or one that is new, has
+left over. A variable that is eliminated absorbs the elements it is in, and they are what its clique is summed from; so
+the order, and which clique is whose child, come out of one pass. Sightings are no elements: they are known to their
+pose alone, and a landmark waits until its poses are gone. A factor must be absorbed by a clique that eliminates one of
+its variables, or it would be counted again when that clique is opened.
+
+The degree of a variable is bounded from above by the sum over its elements of what they have beside the front that was
+just eliminated. A variable with none beside it goes with that front.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Ints
+from . import _graph
+from ._graph import Graph
+
+MOST = 2000
+"""Scalars from which on degrees are not told apart."""
+
+# variables: NAME in the graph; MANY elements from FIRST on; landmarks from SEES up to the next one's; how many poses it
+# waits for; its degree, and how it stands in the list of those of its degree
+NAME, WIDTH, FIRST, MANY, SEES, WAITS, DEGREE, LISTED, BEFORE, AFTER, COLUMNS = range(11)
+# LISTED: in a list, or goes with another
+LISTED_NOW, MERGED = 1, 2
+# elements: a clique that stays, a link or a new clique, NAMED so; in `pool`, COUNT variables from START on; how many
+# scalars these are, and how many of them are BESIDE the front of variable FOR
+KIND, NAMED, START, COUNT, SIZE, ALIVE, BESIDE, FOR, FIELDS = range(9)
+OLD, BINDING, NEW = range(3)
+
+
+class Quotient(NamedTuple):
+    """The graph; of its variables, those that are kept come first."""
+
+    variables: Ints  # (n + 1, COLUMNS)
+    elements: Ints  # (e, FIELDS)
+    of: Ints  # the elements of variables
+    seen: Ints  # the landmarks of variables
+    heads: Ints  # (MOST + 1,) lists by degree
+
+
+@compiled
+def longer(numbers: Ints, used: int, more: int) -> Ints:
+    """`numbers` with room for `more` after those `used`."""
+    if used + more <= len(numbers):
+        return numbers
+    bigger = np.empty(2 * (used + more), np.int64)
+    for i in range(used):
+        bigger[i] = numbers[i]
+    return bigger
+
+
+@compiled
+def next_link(g: Graph, k: int, v: int) -> int:
+    """The link after `k` in variable `v`'s list."""
+    return g.links[k, _graph.NEXT_A] if g.links[k, _graph.A] == v else g.links[k, _graph.NEXT_B]
+
+
+@compiled
+def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, Ints, int, int]:
+    """The graph to begin with; the variables of its elements, how many numbers that is, and how many elements."""
+    n, stamp = len(names), g.state[_graph.STAMP]
+    V = np.zeros((n + 1, COLUMNS), np.int64)
+    numbers = bound = looks = 0
+    for t in range(len(stay)):
+        numbers += g.cliques[stay[t], _graph.MEMBERS] - g.cliques[stay[t], _graph.FRONTALS]
+    for i in range(n):
+        v = names[i]
+        V[i, NAME], V[i, WIDTH], V[i, BEFORE], V[i, AFTER] = v, g.variables[v, _graph.WIDTH], -1, -1
+        if V[i, WIDTH] == 3:
+            looks += g.variables[v, _graph.END] - g.variables[v, _graph.FIRST]
+            k = g.variables[v, _graph.LINK]
+            while k >= 0:
+                bound += 1
+                k = next_link(g, k, v)
+    E = np.zeros((len(stay) + bound + n, FIELDS), np.int64)
+    pool, seen = np.empty(numbers + 2 * bound + 16 * n + 64, np.int64), np.empty(looks, np.int64)
+    e = top = 0
+    for t in range(len(stay)):
+        q = g.cliques[stay[t]]
+        members, frontals = q[_graph.MEMBERS], q[_graph.FRONTALS]
+        begin(E, e, OLD, stay[t], top, members - frontals, q[_graph.SIZE] - q[_graph.FRONT])
+        for u in range(q[_graph.LISTED] + frontals, q[_graph.LISTED] + members):
+            i = g.variables[g.ints[u], _graph.PLACE]
+            pool[top] = i
+            V[i, MANY] += 1
+            top += 1
+        e += 1
+    looks = 0
+    for i in range(n):
+        V[i, SEES] = looks
+        v = names[i]
+        if V[i, WIDTH] < 3:
+            continue
+        if i >= kept:
+            for s in range(g.variables[v, _graph.FIRST], g.variables[v, _graph.END]):
+                landmark = g.sightings[s, _graph.LANDMARK]
+                if landmark >= 0 and g.variables[landmark, _graph.WIDTH]:
+                    seen[looks] = g.variables[landmark, _graph.PLACE]
+                    V[seen[looks], WAITS] += 1
+                    looks += 1
+        k = g.variables[v, _graph.LINK]
+        while k >= 0:
+            other = g.links[k, _graph.B]
+            if g.links[k, _graph.A] == v and g.variables[other, _graph.MARK] == stamp:
+                j = g.variables[other, _graph.PLACE]
+                begin(E, e, BINDING, k, top, 2, 6)
+                pool[top], pool[top + 1] = i, j
+                V[i, MANY] += 1
+                V[j, MANY] += 1
+                top += 2
+                e += 1
+            k = next_link(g, k, v)
+    V[n, SEES] = looks
+    for i in range(n):
+        V[i + 1, FIRST] = V[i, FIRST] + V[i, MANY] + V[i, WAITS] + 1
+        V[i, MANY] = 0
+    Q = Quotient(V, E, np.empty(V[n, FIRST], np.int64), seen, np.full(MOST + 1, -1, np.int64))
+    for f in range(e):
+        for t in range(E[f, START], E[f, START] + E[f, COUNT]):
+            i = pool[t]
+            Q.of[V[i, FIRST] + V[i, MANY]] = f
+            V[i, MANY] += 1
+            V[i, DEGREE] += E[f, SIZE] - V[i, WIDTH]
+    for i in range(n - 1, kept - 1, -1):
+        if V[i, WAITS] == 0:
+            enlist(Q, i, V[i, DEGREE] + 2 * (V[i + 1, SEES] - V[i, SEES]))
+    return Q, pool, top, e
+
+
+@compiled
+def begin(E: Ints, e: int, kind: int, named: int, start: int, count: int, size: int) -> None:
+    """Element `e` is there."""
+    E[e, KIND], E[e, NAMED], E[e, START], E[e, COUNT], E[e, SIZE], E[e, ALIVE] = kind, named, start, count, size, 1
+    E[e, FOR] = -1
+
+
+@compiled
+def enlist(Q: Quotient, i: int, degree: int) -> None:
+    """Variable `i` is first in the list of its degree."""
+    V, d = Q.variables, min(degree, MOST)
+    V[i, DEGREE], V[i, LISTED], V[i, BEFORE], V[i, AFTER] = d, LISTED_NOW, -1, Q.heads[d]
+    if Q.heads[d] >= 0:
+        V[Q.heads[d], BEFORE] = i
+    Q.heads[d] = i
+
+
+@compiled
+def delist(Q: Quotient, i: int) -> None:
+    """Variable `i` is in no list."""
+    V = Q.variables
+    before, after = V[i, BEFORE], V[i, AFTER]
+    if before >= 0:
+        V[before, AFTER] = after
+    else:
+        Q.heads[V[i, DEGREE]] = after
+    if after >= 0:
+        V[after, BEFORE] = before
+    V[i, LISTED] = 0
+
+
+@compiled
+def absorb(Q: Quotient, p: int, pool: Ints, top: int, near: Ints, gone: Ints) -> tuple[int, int]:
+    """Variable `p`'s elements are no more: their other variables, into pool[top:], have `near` = p.
+
+    Returns how many those are, and how many elements `gone` has.
+    """
+    V, E = Q.variables, Q.elements
+    k = n = 0
+    near[p] = p
+    for t in range(V[p, FIRST], V[p, FIRST] + V[p, MANY]):
+        e = Q.of[t]
+        if E[e, ALIVE] == 0:
+            continue
+        E[e, ALIVE] = 0
+        gone[n] = e
+        n += 1
+        for u in range(E[e, START], E[e, START] + E[e, COUNT]):
+            i = pool[u]
+            if near[i] != p:
+                near[i] = p
+                pool[top + k] = i
+                k += 1
+    for t in range(V[p, SEES], V[p + 1, SEES]):
+        i = Q.seen[t]
+        V[i, WAITS] -= 1
+        if near[i] != p:
+            near[i] = p
+            pool[top + k] = i
+            k += 1
+    return k, n
+
+
+@compiled
+def measure(Q: Quotient, p: int, front: Ints) -> None:
+    """How many scalars each element of the front's variables has beside it."""
+    V, E = Q.variables, Q.elements
+    for u in range(len(front)):
+        i = front[u]
+        for t in range(V[i, FIRST], V[i, FIRST] + V[i, MANY]):
+            e = Q.of[t]
+            if E[e, ALIVE]:
+                if E[e, FOR] != p:
+                    E[e, FOR], E[e, BESIDE] = p, E[e, SIZE]
+                E[e, BESIDE] -= V[i, WIDTH]
+
+
+@compiled
+def review(Q: Quotient, p: int, front: Ints, near: Ints, kept: int, gone: Ints, n: int) -> int:
+    """The degrees of the front's variables beside it; a clique that has nothing beside it is absorbed, too."""
+    V, E = Q.variables, Q.elements
+    for u in range(len(front)):
+        i = front[u]
+        left = degree = 0
+        for t in range(V[i, FIRST], V[i, FIRST] + V[i, MANY]):
+            e = Q.of[t]
+            if E[e, ALIVE] == 0:
+                continue
+            if E[e, BESIDE] == 0 and E[e, KIND] != BINDING:
+                E[e, ALIVE] = 0
+                gone[n] = e
+                n += 1
+                continue
+            Q.of[V[i, FIRST] + left] = e
+            left += 1
+            degree += E[e, BESIDE]
+        V[i, MANY] = left
+        for t in range(V[i, SEES], V[i + 1, SEES]):
+            if near[Q.seen[t]] != p:
+                degree += 2
+        if V[i, LISTED] == LISTED_NOW:
+            delist(Q, i)
+        V[i, DEGREE] = degree
+    for u in range(len(front)):
+        i = front[u]
+        if V[i, DEGREE] == 0 and i >= kept and V[i, WAITS] == 0:
+            V[i, LISTED] = MERGED
+            for t in range(V[i, FIRST], V[i, FIRST] + V[i, MANY]):
+                e = Q.of[t]
+                if E[e, ALIVE]:
+                    E[e, ALIVE] = 0
+                    gone[n] = e
+                    n += 1
+            for t in range(V[i, SEES], V[i + 1, SEES]):
+                V[Q.seen[t], WAITS] -= 1
+    return n
