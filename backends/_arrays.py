@@ -47,31 +47,42 @@ class Arrays:
 
     def __init__(self, **arrays: Any) -> None:
         kinds = layout(type(self))
-        table = np.zeros((len(kinds), WORDS), np.int64)
-        for row, (name, dtype, ndim) in zip(table, kinds, strict=True):
-            array = arrays[name]
-            if array.dtype != dtype or array.ndim != ndim or not array.flags.c_contiguous:
-                raise TypeError(
-                    f"{name} is {array.dtype} of {array.ndim} dimensions, expected {dtype} of {ndim}, C order"
-                )
-            row[:] = array.ctypes.data, *array.shape, *[1] * (2 - ndim)
-        self._arrays, self._table = arrays, table
-        self.address: int = table.ctypes.data
-        vars(self).update(arrays)
+        self._hold({}, np.zeros((len(kinds), WORDS), np.int64), {name: arrays[name] for name, _, _ in kinds})
 
     def replaced(self, **arrays: Any) -> Self:
         """The same but for these arrays."""
-        return type(self)(**{**self._arrays, **arrays})
+        made = object.__new__(type(self))
+        made._hold(self._arrays, self._table.copy(), arrays)
+        return made
 
     def copied(self) -> Self:
         """The same, sharing nothing."""
-        return type(self)(**{name: array.copy() for name, array in self._arrays.items()})
+        return self.replaced(**{name: array.copy() for name, array in self._arrays.items()})
+
+    def _hold(self, before: dict[str, Any], table: Ints, arrays: dict[str, Any]) -> None:
+        """Hold the arrays from `before` and, instead of some of them, `arrays`, which are written into the table."""
+        kinds = places(type(self))
+        for name, array in arrays.items():
+            row, dtype, ndim = kinds[name]
+            if array.dtype != dtype or array.ndim != ndim or not array.flags.c_contiguous:
+                raise TypeError(f"{name} is {array.dtype} of {array.ndim} dimensions, expected {dtype} of {ndim}")
+            table[row] = array.ctypes.data, array.shape[0], array.shape[-1]
+        self._arrays, self._table = {**before, **arrays}, table
+        self.address: int = table.ctypes.data
+        vars(self).update(self._arrays)
 
 
+@cache
 def layout(kind: type[Arrays]) -> tuple[tuple[str, str, int], ...]:
     """Name, dtype and dimensions of each array of a subclass, in order."""
     hints = get_type_hints(kind, include_extras=True)
     return tuple((name, *_of(hint)) for name, hint in hints.items())
+
+
+@cache
+def places(kind: type[Arrays]) -> dict[str, tuple[int, Any, int]]:
+    """Row in the table, dtype and dimensions of each, by name."""
+    return {name: (row, np.dtype(dtype), ndim) for row, (name, dtype, ndim) in enumerate(layout(kind))}
 
 
 def at(kind: type[Arrays]) -> Any:
