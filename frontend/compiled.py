@@ -7,7 +7,10 @@ begin with an underscore; they import what they call from one another, by relati
 """
 
 import ast
+import contextlib
+import fcntl
 import hashlib
+import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -31,6 +34,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     dispatcher: Any = njit(cache=True, error_model="numpy")(function)
     dispatcher._cache._cache_file._source_stamp = stamp(file)
     dispatcher.get_call_template = _without_literals(dispatcher.get_call_template)
+    dispatcher.compile = _in_turn(dispatcher, dispatcher.compile)
     _dispatchers.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
 
@@ -43,6 +47,42 @@ def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
         return template([unliteral(a) for a in args], {name: unliteral(a) for name, a in kws.items()})
 
     return found
+
+
+def _in_turn(dispatcher: Any, compile_: Callable[..., Any]) -> Callable[..., Any]:
+    """Where another process is compiling the same function, wait for it and load what it has made.
+
+    A lock a function: it is held while those that it calls are compiled, but calls go one way only, so that no two
+    processes wait for one another.
+    """
+    name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
+    place = int.from_bytes(hashlib.sha256(name.encode()).digest()[:7])
+
+    def found(signature: Any) -> Any:
+        known = dispatcher.overloads.get(tuple(signature)) if isinstance(signature, tuple) else None
+        if known is not None:
+            return known.entry_point
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_EX, 1, place)
+        try:
+            return compile_(signature)
+        finally:
+            with contextlib.suppress(OSError):
+                fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_UN, 1, place)
+
+    return found
+
+
+@cache
+def _locks(folder: str) -> int:
+    """A descriptor of the file whose bytes are the locks of the functions kept in a folder; it stays open."""
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    return os.open(Path(folder) / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+
+
+def kept(dispatcher: Any) -> bool:
+    """Whether machine code of this function is known here or kept on disk."""
+    return bool(dispatcher.overloads or dispatcher._cache._cache_file._load_index())
 
 
 _dispatchers: list[Any] = []

@@ -19,7 +19,7 @@ from ._graph import (
     graph,
 )
 from ._log import add_pose_after, add_sightings_of, move
-from ._recentre import recentre
+from ._relinearise import recentre
 from ._tree import advance
 
 DONE, FULL_ARRAYS, OUTSIDE, INDEFINITE = range(4)

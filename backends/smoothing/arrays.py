@@ -20,7 +20,7 @@ TOGETHER = {
 
 
 def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
-    """The arrays of a smoother that has nothing yet, with a robust loss of the sightings; `enough`: see `_recentre`."""
+    """The arrays of a smoother that has nothing yet, with a robust loss; `enough` is of `_relinearise`."""
     g = Graph(
         state=np.zeros(STATE, np.int64),
         variables=np.zeros((64, 9), np.int64),

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from ...frontend.compile_ahead import compile_ahead
 from ...frontend.se2 import Array, Ints
 from ..api import Diverged
-from . import _cost, _covariances, _front, _graph, _offsets, _opening, _ordering, _recentre, _relinearise, _tree
+from . import _cost, _covariances, _front, _graph, _offsets, _opening, _ordering, _relinearise, _tree
 from ._graph import (
     CLIQUES,
     FULL,
@@ -54,6 +55,7 @@ class Forest:
     """A factor graph, its forest of cliques and their root, from which the last pose and its covariance are known."""
 
     def __init__(self, loss: int, scale: float, enough: float = 0.0) -> None:
+        compile_ahead(f"{__package__}.kernels")
         self.g = made(loss, scale, enough)
         self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
         self.cost = np.inf  # J where it was linearised last
@@ -85,7 +87,7 @@ class Forest:
     def reorganise(self, x: int, wanted: Ints, touched: Ints = NOBODY, *, everything: bool = False) -> None:
         """The root becomes pose `x` and the landmarks `wanted`; `touched` variables are new or have new factors."""
         state = self.g.state
-        if x != state[LAST] and not everything and not _recentre.recentre(self.g):
+        if x != state[LAST] and not everything and not _relinearise.recentre(self.g):
             raise Diverged(INDEFINITE_J)
         opened, plan, count, left, room = _ordering.plan(self.g, x, wanted, touched, everything)
         ints, reals, widest, work = room.tolist()
