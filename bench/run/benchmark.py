@@ -15,7 +15,7 @@ from ..verdict.walsh import MOST
 from .runner import Watcher, recorded_plan, run
 
 DEFAULTS: dict[str, Any] = {
-    "backend": "dead-reckoning,ekf,fastslam,isam2",
+    "backend": "dead-reckoning,ekf,fastslam,isam2,smoother",
     "dataset": "aruco-room,victoria-park",
     "seeds": 10,
     "timeout_s": 1800.0,
