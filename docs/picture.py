@@ -19,7 +19,13 @@ from ..frontend.se2 import Array
 
 SEED = 2
 FRAME = 30
-COLOURS = {"dead-reckoning": "#999999", "fastslam": "#d55e00", "ekf": "#0072b2", "isam2": "#009e73", "smoother": "#cc79a7"}
+COLOURS = {
+    "dead-reckoning": "#999999",
+    "fastslam": "#d55e00",
+    "ekf": "#0072b2",
+    "isam2": "#009e73",
+    "smoother": "#cc79a7",
+}
 
 
 def main(results: Path, picture: Path) -> None:
