@@ -74,7 +74,7 @@ class Options:
 
 
 class Smoother:
-    """Incremental smoothing of its own: a causal pose each step, the smoothed path and map at the end."""
+    """Incremental smoothing, by this package: a causal pose each step, the smoothed path and map at the end."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng

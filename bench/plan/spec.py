@@ -162,7 +162,8 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
     if not isinstance(value, str):
         outside = value != value or (low is not None and value < low) or (high is not None and value > high)
     if outside:
-        raise InputError(f"{where}: option {field.name}={text} is out of range; expected {_expected(field, kind)}.")
+        how = "is not one of its values" if choices is not None else "is out of range"
+        raise InputError(f"{where}: option {field.name}={text} {how}; expected {_expected(field, kind)}.")
     return value
 
 

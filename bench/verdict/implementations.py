@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from ...backends.api import COMPILED_HERE
-from ..words.names import tags
 from ..words.numerals import listed
 from .summary import Line
 
@@ -13,13 +12,13 @@ CAUTION = "Costs compare implementations, not algorithms alone."
 def sentence(lines: Sequence[Line]) -> str:
     """Say which backend is whose program, where those of one dataset that are done are of several; else "".
 
-    What most of them are comes last, and names none of them: "GTSAM's wheel: isam2; compiled here: the others."
+    What most of them are comes last, and names none of them: "GTSAM's wheel: isam2; compiled here: the others." The
+    labels are in full: an option may choose the program.
     """
     known = [line for line in lines if line.done and line.implementation]
-    called = tags(line.backend for line in known)
     by_kind: dict[str, list[str]] = {}
     for line in known:
-        by_kind.setdefault(line.implementation, []).append(called[line.backend])
+        by_kind.setdefault(line.implementation, []).append(line.backend)
     if len(by_kind) < 2:
         return ""
     most = max(by_kind, key=lambda kind: (len(by_kind[kind]), kind == COMPILED_HERE))

@@ -47,7 +47,7 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
         ([("share", "nan")], "option share=nan is out of range; expected a number from 0 to 1."),
         ([("share", "inf")], "option share=inf is out of range; expected a number from 0 to 1."),
         ([("loud", "maybe")], "option loud=maybe: found 'maybe', expected true or false."),
-        ([("shape", "oval")], "option shape=oval is out of range; expected one of round, square."),
+        ([("shape", "oval")], "option shape=oval is not one of its values; expected one of round, square."),
         ([("path", "")], "option path is empty, expected text."),
         ([("count", "3"), ("count", "4")], "option count is given twice, expected once."),
     ],
