@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..record.study_table import StudyTable
+from ..record.cell_table import CellTable
 from ..study.claim import Claim
 from ..verdict.statistics import FEWEST
 from ..words.columns import TIMES
@@ -63,7 +63,7 @@ def measures(claims: Sequence[Claim]) -> list[str]:
     return [*found, *["timing_alone"] * any(name in TIMES for name in found)]
 
 
-def answer(claim: Claim, table: StudyTable) -> Answer:
+def answer(claim: Claim, table: CellTable) -> Answer:
     """The claim held against the table, which has the columns of `measures`."""
     try:
         parts = tuple(Part(value, _found(claim, value, part)) for value, part in _split(claim, table))
@@ -82,7 +82,7 @@ def _answer(claim: Claim, worst: Part, parts: tuple[Part, ...]) -> Answer:
     return Answer(claim, found.verdict, sentence, figures, waiting, parts)
 
 
-def _found(claim: Claim, value: Any, table: StudyTable) -> Found:
+def _found(claim: Claim, value: Any, table: CellTable) -> Found:
     """As `_tested`; where that value cannot be tested, why."""
     try:
         return _tested(claim, value, table)
@@ -90,7 +90,7 @@ def _found(claim: Claim, value: Any, table: StudyTable) -> Found:
         return nothing(str(trouble))
 
 
-def _split(claim: Claim, table: StudyTable) -> Iterator[tuple[Any, StudyTable]]:
+def _split(claim: Claim, table: CellTable) -> Iterator[tuple[Any, CellTable]]:
     """The part of the table for each value of `each` that all sides have, or all sides but those that have none."""
     if not claim.each:
         yield None, table
@@ -107,14 +107,14 @@ def _split(claim: Claim, table: StudyTable) -> Iterator[tuple[Any, StudyTable]]:
     none = np.array([value is None for value in column.tolist()])
     for value in common:
         mine = rows[none | (column == value)]
-        yield value, StudyTable({name: values[mine] for name, values in table.columns.items()})
+        yield value, CellTable({name: values[mine] for name, values in table.columns.items()})
 
 
 def _sides(claim: Claim) -> list[Mapping[str, Any]]:
     return [claim.first] if claim.kind in ("value", "grows") else [claim.first, claim.second]
 
 
-def _tested(claim: Claim, value: Any, table: StudyTable) -> Found:
+def _tested(claim: Claim, value: Any, table: CellTable) -> Found:
     """What is found for this value of `each`; it stays open as long as cells are waiting that it is to be told by."""
     where = {**claim.where, claim.each: value} if claim.each else claim.where
     rows = [selected(table, own, where) for own in _sides(claim)]

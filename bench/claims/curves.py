@@ -7,7 +7,7 @@ import numpy as np
 
 from ...frontend.se2 import Array
 from ..measure.status import FAILED
-from ..record.study_table import StudyTable
+from ..record.cell_table import CellTable
 from ..study.study import Figure
 from ..verdict.medians import ERRORS
 from ..verdict.statistics import FEWEST, estimate
@@ -65,7 +65,7 @@ class Medians(NamedTuple):
         return [self.places[x, by] for x in self.xs if (x, by) in self.places]
 
 
-def medians(figure: Figure, table: StudyTable) -> Medians:
+def medians(figure: Figure, table: CellTable) -> Medians:
     """The figure's numbers."""
     rows = table.rows(figure.where) if figure.where else slice(None)
     xs, at = _coded(table.columns[figure.x][rows])
@@ -125,7 +125,7 @@ def _sorted(values: list[Any]) -> list[Any]:
     return (sorted(known) if _numbers(known) else known) + [None] * (len(known) < len(values))
 
 
-def _called(figure: Figure, table: StudyTable, bys: Sequence[Any]) -> dict[Any, str]:
+def _called(figure: Figure, table: CellTable, bys: Sequence[Any]) -> dict[Any, str]:
     """Names; what has no value of the parameter is called by its backends."""
     words = figure.by.rpartition(".")[2].replace("_", " ")
     found: dict[Any, str] = {
@@ -144,7 +144,7 @@ def names(parameter: str, values: Iterable[Any]) -> dict[Any, str]:
     return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
 
 
-def _lacking(parameter: str, figure: Figure, table: StudyTable) -> str:
+def _lacking(parameter: str, figure: Figure, table: CellTable) -> str:
     """The backends that have no value of the parameter."""
     rows = table.rows(figure.where)
     backends = table.values("backend", rows[table.columns[parameter][rows] == None])  # noqa: E711 - of each element

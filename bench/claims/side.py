@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...frontend.se2 import Array, Ints
 from ..measure.status import FAILED
-from ..record.study_table import StudyTable
+from ..record.cell_table import CellTable
 from ..verdict.medians import ERRORS
 from ..verdict.ranking import ROUNDING
 from ..words.numerals import listed
@@ -91,12 +91,12 @@ def _columns(side: Side, along: list[Any]) -> Array:
     return side.values[:, [0] * len(along) if side.along == [None] else [side.along.index(x) for x in along]]
 
 
-def parameters(table: StudyTable) -> list[str]:
+def parameters(table: CellTable) -> list[str]:
     """The names of its cells' parameters."""
     return [name for name, column in table.columns.items() if column.dtype == object and name not in NO_PARAMETERS]
 
 
-def selected(table: StudyTable, own: Mapping[str, Any], where: Mapping[str, Any]) -> Rows:
+def selected(table: CellTable, own: Mapping[str, Any], where: Mapping[str, Any]) -> Rows:
     """The rows with a side's own values, and those of `where` that its cells know of.
 
     Untestable without any.
@@ -119,7 +119,7 @@ def selected(table: StudyTable, own: Mapping[str, Any], where: Mapping[str, Any]
     return rows
 
 
-def numbered(table: StudyTable, sides: Sequence[Rows], along: str) -> Ints:
+def numbered(table: CellTable, sides: Sequence[Rows], along: str) -> Ints:
     """A number for the log of each of the table's rows, (n,); -1 for those of no side.
 
     A log is told by its seed; of a dataset that draws nothing all seeds are one log, by its digest. Datasets may be
@@ -149,7 +149,7 @@ def numbered(table: StudyTable, sides: Sequence[Rows], along: str) -> Ints:
     return numbers
 
 
-def _several(table: StudyTable, rows: Rows, along: str) -> bool:
+def _several(table: CellTable, rows: Rows, along: str) -> bool:
     """Whether a side has several datasets; Untestable where it has several values of another parameter."""
     several = False
     for name in parameters(table):
@@ -168,7 +168,7 @@ def _ambiguous(name: str, values: Sequence[Any]) -> str:
     return f"a side has cells with {name} = {listed(shown)}; expected one value, by a side's own {name}, where or each"
 
 
-def side(table: StudyTable, measure: str, rows: Rows, logs: Ints, along: str) -> Side:
+def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> Side:
     """What the rows have of the measure; `logs` (n,) as from `numbered`.
 
     What several cells have on one log, of a backend that draws at random, is averaged. Untestable where `along` is not

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..measure.status import FAILED
-from ..record.study_table import StudyTable
+from ..record.cell_table import CellTable
 from .curves import worded
 from .side import parameters
 
@@ -55,7 +55,7 @@ class Standing(NamedTuple):
         return sum(self.counts.get(status, 0) for status in FAILED)
 
 
-def standing(table: StudyTable) -> Standing:
+def standing(table: CellTable) -> Standing:
     """How far the study is."""
     statuses, reasons = table.columns["status"], table.columns["reason"]
     counts = Counter(statuses.tolist())
@@ -75,7 +75,7 @@ def _without_numbers(reason: str) -> str:
     return re.sub(r"\d[\d.,]*(e[+-]?\d+)?", "#", reason)
 
 
-def _where(table: StudyTable, rows: Sequence[int]) -> list[tuple[str, str]]:
+def _where(table: CellTable, rows: Sequence[int]) -> list[tuple[str, str]]:
     """The parameters of which these cells have not every value that the study has."""
     found: list[tuple[str, str]] = []
     for name in parameters(table):

@@ -14,19 +14,18 @@ from rich.console import Console
 from rich.table import Table
 
 from ...frontend.errors import InputError, Interrupted
+from ..engine.engine import Tally, Wanted, run
 from ..plan.values import count
-from ..record.study_schema import FILE
-from ..record.study_store import StudyStore
+from ..record.schema import FILE
+from ..record.store import Store
 from ..study import file as study_file
 from ..study.only import choice
 from ..study.progress import StudyScreen
-from ..study.runner import Tally, Wanted, refuse_another, run
-from ..study.study import Study
+from ..study.study import Study, about, refuse_another
 from ..words.console import plain, screen_console
 from ..words.numerals import counted
 from ..workers.executor import Executor
-
-EXECUTORS = ("local", "here", "dask", "slurm")
+from . import executors
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,16 +46,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--limit", type=count, metavar="N", help="run at most so many cells now")
     parser.add_argument("--retry", action="store_true", help="run cells again that failed")
-    parser.add_argument(
-        "--executor",
-        choices=EXECUTORS,
-        default="local",
-        help="where cells run: processes of this machine (default), this very process, a Dask cluster, SLURM's jobs",
-    )
-    parser.add_argument(
-        "--jobs", type=count, metavar="N", help="local: processes (default one a core); slurm: jobs (default 4)"
-    )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
+    executors.arguments(parser, jobs="local: processes (default one a core); slurm: jobs (default 4)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -75,36 +65,15 @@ def main(namespace: argparse.Namespace) -> int:
     again = [Path(sys.argv[0]).name, *sys.argv[1:]]
     try:
         with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
-            tally = run(study, out, executor, wanted, again, screen)
+            tally = run(study, out, executor, wanted, about(study, out, again), screen)
     except KeyboardInterrupt:
         raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
     return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
 
 
 def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], None]) -> Executor:
-    """What runs the cells. InputError for options that do not go together."""
-    kind, address = namespace.executor, namespace.scheduler
-    if address is not None and kind != "dask":
-        raise InputError(f"--scheduler {address}: found --executor {kind} beside it, expected --executor dask.")
-    if namespace.jobs is not None and kind in ("here", "dask"):
-        raise InputError(f"--jobs {namespace.jobs}: found --executor {kind} beside it, expected local or slurm.")
-    if kind == "here":
-        from ..workers.here_executor import Here
-
-        return Here()
-    if kind == "local":
-        from ..workers.local_executor import Local
-
-        return Local(namespace.jobs or os.cpu_count() or 1)
-    if kind == "slurm":
-        from ..workers.slurm_executor import Slurm
-
-        return Slurm(namespace.jobs or 4, exclusive=any(cell.timed for cell in study.cells), say=say)
-    if address is None:
-        raise InputError("--executor dask: expected --scheduler ADDRESS beside it, tcp://host:port or a file.")
-    from ..workers.dask_executor import Dask
-
-    return Dask(address, say=say)
+    exclusive = any(cell.timed for cell in study.cells)
+    return executors.executor(namespace, namespace.jobs, os.cpu_count() or 1, exclusive=exclusive, say=say)
 
 
 def _list(console: Console) -> None:
@@ -128,9 +97,9 @@ def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespa
     with contextlib.ExitStack() as stack:
         if out.exists() and not out.is_dir():
             raise InputError(f"--out {out}: is no folder, expected one, or the name of a new one.")
-        store = stack.enter_context(StudyStore(out)) if (out / FILE).is_file() else None
+        store = stack.enter_context(Store(out)) if (out / FILE).is_file() else None
         if store is not None:
-            refuse_another(store, study)
+            refuse_another(study, out, store.about())
         executor = stack.enter_context(contextlib.closing(_executor(namespace, study, console.print)))
         found = estimate(study, store, executor, wanted)
         head, *rows = found.table()

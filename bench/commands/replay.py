@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from ...frontend.errors import InputError
-from ..record.reader import Store
+from ..record.store import Store
 from ..words.numerals import counted, listed
 
 KINDS = (".html", ".gif", ".mp4", ".rrd")

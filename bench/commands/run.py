@@ -1,6 +1,7 @@
 """`bench run`: several backends on several logs, into a folder with a report."""
 
 import argparse
+import contextlib
 import json
 import sys
 import textwrap
@@ -8,13 +9,14 @@ import time
 from pathlib import Path
 
 from ..plan.values import count, positive
-from ..record.reader import Store
+from ..record.store import Store
 from ..run.benchmark import DEFAULTS, benchmark
 from ..run.document import SCHEMA, document
 from ..run.progress import Screen
 from ..run.terminal import conclude, status, verdicts
 from ..verdict.summary import lines
 from ..words.console import screen_console
+from . import executors
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,9 +37,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", type=count, metavar="N", help=f"logs, or tries, of each (default {d['seeds']})")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
-    parser.add_argument(
-        "--jobs", type=count, default=1, metavar="N", help="cells at once; more than 1 marks all timings (default 1)"
-    )
+    executors.arguments(parser, jobs="cells at once; more than 1 marks all timings (default 1; slurm: 4 jobs)")
+    parser.add_argument("--retry", action="store_true", help="run cells again that failed")
     parser.add_argument(
         "--timeout", dest="timeout_s", type=positive, metavar="S", help=f"limit a cell (default {d['timeout_s']:g} s)"
     )
@@ -72,10 +73,13 @@ def main(namespace: argparse.Namespace) -> int:
     given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
     given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}
     console = screen_console(quiet=namespace.quiet, aside=namespace.json)
+    command = [Path(sys.argv[0]).name, *sys.argv[1:]]
     with Screen(console) as screen:
-        plan = benchmark(given, out, namespace.jobs, [Path(sys.argv[0]).name, *sys.argv[1:]], screen)
+        chosen = executors.executor(namespace, namespace.jobs, 1, exclusive=namespace.jobs is None, say=screen.say)
+        with contextlib.closing(chosen) as executor:
+            plan = benchmark(given, out, executor, command, screen, retry=namespace.retry)
     with Store(out) as store:
-        found = lines(store.cells(), store.run()["implementations"])
+        found = lines(store.cells(), store.about()["implementations"])
     ended, report = status(found), out / "report.html"
     if namespace.json:
         words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks())

@@ -1,6 +1,5 @@
 """`bench speed`: what a step of every backend costs as the map grows, and of some in turns; with `--frontend`, what a
-marker's corners cost; with `--batch`, what the batch optimum costs; with `--pool`, what the processes of a study add to
-its cells.
+marker's corners cost; with `--batch`, what the batch optimum costs.
 
 Each study prints tables, and writes them as CSV with a picture where it is asked to.
 """
@@ -9,7 +8,7 @@ import argparse
 from pathlib import Path
 
 from ...frontend.errors import InputError
-from ..speed import backends, batch, frontend, pool
+from ..speed import backends, batch, frontend
 from ..words.console import screen_console
 
 
@@ -18,7 +17,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
     add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
-    add("--pool", action="store_true", help="many small cells on a pool of processes, not the backends")
     add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a look: little of everything, for no figure that counts")
     add("--csv", type=Path, metavar="FILE", help="also write the figures")
@@ -27,12 +25,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     backends.arguments(parser.add_argument_group("backends"))
     frontend.arguments(parser.add_argument_group("--frontend"))
     batch.arguments(parser.add_argument_group("--batch"))
-    pool.arguments(parser.add_argument_group("--pool"))
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Measure and print; 0, whatever was found."""
-    studies = {"frontend": frontend, "batch": batch, "pool": pool, "": backends}
+    studies = {"frontend": frontend, "batch": batch, "": backends}
     named = [name for name in studies if name and getattr(namespace, name)]
     if len(named) > 1:
         raise InputError(f"--{' --'.join(named)}: expected one of them, they are studies of their own")
@@ -49,8 +46,7 @@ def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
     """InputError for an option of the study that was not asked for, and for what neither can work with."""
     for name in foreign:
         if getattr(namespace, name) not in (None, False):
-            asked = "without --frontend, --batch or --pool backends are timed"
-            asked = "--pool times the pool" if namespace.pool else asked
+            asked = "without --frontend or --batch backends are timed"
             asked = "--batch times the batch solvers" if namespace.batch else asked
             asked = "--frontend times the detector" if namespace.frontend else asked
             raise InputError(f"--{name}: {asked}, which has no such option")

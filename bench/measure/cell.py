@@ -1,4 +1,4 @@
-"""One cell of a run, in the process of its own in which it lives: dataset variant x backend variant x seed -> a row.
+"""Runs one cell, dataset variant x backend variant x seed, in a worker: the result is a row and arrays.
 
 Limits are set, the backend is driven through the log, and only then is the truth read and the outcome judged.
 """
@@ -14,7 +14,6 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Diverged, TruthWanted
-from ...datasets import archive
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Log, Truth
@@ -36,13 +35,6 @@ class Job:
     oracle: bool = False  # tell the backend the truth, if it wants to know
 
 
-@dataclass(frozen=True, kw_only=True)
-class Task(Job):
-    """A job on a log that has been prepared."""
-
-    log: Path  # its archive
-
-
 @dataclass(frozen=True)
 class Result:
     """How a cell ended: its row's values by column, what a report draws by name, and the traceback of an error."""
@@ -58,11 +50,6 @@ def generator(seed: int, backend: str) -> np.random.Generator:
     """A backend's own randomness: drawn from (seed, backend variant), the same in every process."""
     word = int.from_bytes(hashlib.sha256(backend.encode()).digest()[:8], "big")
     return np.random.default_rng(np.random.SeedSequence([seed, word, 0]))
-
-
-def run(task: Task) -> Result:
-    """The cell's result; the truth is not read before the backend has done."""
-    return run_on(task, lambda: archive.load_log(task.log), lambda: archive.load(task.log).truth)
 
 
 def run_on(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:

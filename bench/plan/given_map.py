@@ -16,8 +16,8 @@ from ...datasets import registry as datasets
 from ...frontend.errors import InputError
 from ...frontend.factors import Log, Map
 from ...frontend.se2 import Array
-from ..record.reader import Store
 from ..record.schema import FILE, Row, label
+from ..record.store import Store
 from ..words.numerals import counted
 from .landmark_file import block_diagonal, read_landmarks
 from .spec import DatasetVariant
@@ -158,10 +158,10 @@ def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap
 
 
 def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
-    """The arrays of a cell's map; InputError where they cannot be read."""
+    """The arrays of a cell's map; InputError where the record has none."""
     arrays = store.arrays(row, ARRAYS)
     if not any(name in arrays for name in ("map_ids", "final_map_ids")):
-        raise InputError(f"--map {source}: {' '.join(store.left_out)} Expected a cell whose map can be read.")
+        raise InputError(f"--map {source}: the study keeps no maps, expected one with keep = true, or a run.")
     return arrays
 
 

@@ -1,6 +1,5 @@
 """What a run consists of: dataset variants x backend variants x seeds, as cells."""
 
-import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -42,18 +41,16 @@ class Plan:
     oracle: bool = False  # backends that want to know are told the truth
 
     def cells(self) -> list[Cell]:
-        """All cells, in an order that is shuffled but always the same.
+        """All cells.
 
         Where neither the log nor the backend draws random numbers every seed would give the same cell: it is run once.
         """
-        cells = [
+        return [
             Cell(dataset, backend, seed)
             for dataset in self.datasets
             for backend in self.backends
             for seed in self._seeds(dataset, backend)
         ]
-        random.Random(0).shuffle(cells)
-        return cells
 
     def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
         wanted = range(self.seeds if dataset.source.seeded or _random(backend) else 1)

@@ -1,4 +1,4 @@
-"""The files of a run's folder, all made from its record: cells.csv, metrics.csv, run.json, and what evo reads."""
+"""Writes the files of a run's folder from its record: cells.csv, metrics.csv, run.json, and paths that evo reads."""
 
 import csv
 import io
@@ -13,8 +13,8 @@ from ...frontend.files import write_whole
 from ...frontend.se2 import Array
 from ...frontend.tum import write_tum
 from ..measure.misfit import TERMS
-from .reader import Store
 from .schema import COLUMNS, MORE, Row, label
+from .store import Store
 
 STEPS = (
     "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",
@@ -45,15 +45,14 @@ def export(store: Store) -> None:
     for row in rows:
         c = row.columns
         place = folder / slugs[label(c["dataset"], c["dataset_options"])] / str(c["seed"])
-        truth = store.truth(c["dataset"], c["dataset_options"], c["seed"])
+        truth = store.truth(row)
         if truth and not (place / "truth.tum").exists():
             place.mkdir(parents=True, exist_ok=True)
             write_tum(place / "truth.tum", truth["t"], truth["poses"])
         if c["status"] == "done":
             arrays = store.arrays(row)
-            if arrays:  # else they are damaged, and the record says so
-                _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
-                terms += _terms(row, arrays)
+            _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
+            terms += _terms(row, arrays)
     write_whole(folder / "cost.csv", _csv(COST, terms))
 
 

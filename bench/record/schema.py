@@ -1,13 +1,15 @@
-"""What the record of a run holds: an SQLite file, from which everything else in its folder can be made again.
+"""The record of a run or of a study: an SQLite file with every result under the key of all that determines it.
 
-run    what was asked for and where it ran, as JSON by name
-logs   a row a (dataset variant, seed): digest, and the truth as arrays
-cells  a row a cell: the columns of cells.csv and of metrics.csv, and its arrays (numpy's .npz) for plots and exports
+about    facts of the whole, as JSON by name: what was asked for, the machine, the command
+logs     one row per log: under the key of what it was made from, its digest; none where it could not be made
+results  one row per result: the columns of cells.csv and metrics.csv, under its key; nothing is ever taken out
+arrays   under the key of a log or a result, its arrays as numpy's .npz, where they are kept
+plan     one row per cell as it stands: its parameters, and the keys of its log and, once it is known, of its result
+cells    the plan with its results: the view for readers
 """
 
 import io
-import sqlite3
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,15 +45,55 @@ MORE = (
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 
+_COUNTS = (
+    "seed", "steps", "sightings", "ignored", "landmarks", "timing_alone", "landmarks_missed", "landmarks_spurious",
+    "final_landmarks_missed", "final_landmarks_spurious", "ancestors_left",
+)  # fmt: skip
+
+
+def kind(column: str) -> str:
+    """The SQL type of a column of cells.csv or metrics.csv."""
+    return "TEXT" if column in TEXTS else "INTEGER" if column in _COUNTS else "REAL"
+
+
 FILE = "results.sqlite"
-VERSION = 1
+VERSION = 2
+APPLICATION = 0x536C6144
+"""SQLite's application_id: "SlaD"."""
+
+MEASURED = {name: kind(name) for name in (*COLUMNS, *MORE) if name not in (*KEY, "status", "reason")}
+"""The columns that a result fills, with their types."""
+
+ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REAL", "traceback": "TEXT"}
+"""Where a result came from: wall time, machine, when it was recorded (s since 1970), and an error's traceback."""
+
+RESULT = (*COLUMNS, *MORE, *ABOUT)
+"""The columns of a result after its key."""
+
+_LAST = ", ".join(f"results.{name}" for name in (*MEASURED, *ABOUT, "key"))
+_FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log"))
+
+CELLS = f"""
+CREATE VIEW cells AS
+    SELECT {_FIRST}, results.status, results.reason, {_LAST} FROM plan JOIN results ON plan.key = results.key
+    UNION ALL
+    SELECT {_FIRST}, CASE WHEN plan.trouble IS NULL THEN 'waiting' ELSE 'error' END, plan.trouble, {_LAST}
+    FROM plan LEFT JOIN results ON plan.key = results.key WHERE results.key IS NULL
+    ORDER BY 1;
+"""
+"""In two halves, since a column of a view has a type only where it is a table's."""
 
 SCHEMA = f"""
-CREATE TABLE run (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE logs (dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT, truth_kind TEXT, arrays BLOB,
-                   PRIMARY KEY (dataset, dataset_options, seed));
-CREATE TABLE cells ({", ".join((*COLUMNS, *MORE))}, arrays BLOB, traceback TEXT,
-                    PRIMARY KEY (dataset, dataset_options, backend, options, seed));
+CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE logs (key TEXT PRIMARY KEY, dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT,
+                   truth_digest TEXT, truth_kind TEXT, sketch TEXT);
+CREATE TABLE results (key TEXT PRIMARY KEY, {", ".join(f"{name} {kind(name)}" for name in (*COLUMNS, *MORE))},
+                      {", ".join(f"{name} {what}" for name, what in ABOUT.items())});
+CREATE TABLE arrays (key TEXT PRIMARY KEY, archive BLOB NOT NULL);
+CREATE TABLE plan (place INTEGER PRIMARY KEY, dataset TEXT, dataset_options TEXT, backend TEXT, options TEXT,
+                   seed INTEGER, parameters TEXT, log TEXT, key TEXT, trouble TEXT);
+{CELLS}
+PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION};
 """
 
@@ -62,32 +104,22 @@ def label(name: str, options: str) -> str:
 
 
 class Row(NamedTuple):
-    """A cell of the record: its columns by name, those of MORE among them; None where there is no value."""
+    """A cell that has ended: its columns by name, those of MORE among them; None where there is no value."""
 
     columns: Mapping[str, Any]
     traceback: str
+    log: str = ""  # the key of its log
+    result: str = ""  # the key of its result
 
     @property
     def key(self) -> tuple[str, str, str, str, int]:
-        """What tells this cell from every other."""
+        """Tells this cell from every other."""
         c = self.columns
         return c["dataset"], c["dataset_options"], c["backend"], c["options"], c["seed"]
 
 
-def columns(db: sqlite3.Connection) -> list[str]:
-    """Those of COLUMNS and MORE that its table of cells has: a record of an earlier version has not all."""
-    there = {row[1] for row in db.execute("PRAGMA table_info(cells)")}
-    return [name for name in (*COLUMNS, *MORE) if name in there]
-
-
-def rows(names: Sequence[str], found: Iterable[Sequence[Any]]) -> list[Row]:
-    """From (*values of `names`, traceback), as read; what is not among them is None."""
-    none = dict.fromkeys((*COLUMNS, *MORE))
-    return [Row(none | dict(zip(names, values, strict=True)), traceback) for *values, traceback in found]
-
-
 def packed(arrays: Mapping[str, Any]) -> bytes:
-    """An archive of arrays, as numpy has it."""
+    """An archive of arrays, as numpy writes it."""
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **arrays)
     return file.getvalue()

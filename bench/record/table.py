@@ -1,4 +1,4 @@
-"""The cells of a study or of a run as one table for other programs: a row a cell, what it was and all that came of it.
+"""Exports the cells of a study or of a run as one table for other programs: one row per cell, with all its values.
 
 Of a study its parameters come first, each in a column of its name; a measure that has the name of a parameter, as
 `steps` may, is called `measured_steps` then. Of a run the columns are those of cells.csv and metrics.csv.
@@ -6,17 +6,14 @@ Of a study its parameters come first, each in a column of its name; a measure th
 
 import contextlib
 import json
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
-from .reader import Store
-from .schema import COLUMNS, MORE
-from .schema import FILE as RUN
-from .study_schema import FILE, kind
-from .study_store import KINDS, StudyStore
+from .schema import COLUMNS, FILE, MORE, kind
+from .store import KINDS, Store
 from .table_files import CsvFile, ParquetFile, TableFile
 
 ROWS = 2_000
@@ -25,29 +22,30 @@ ROWS = 2_000
 NAMES = {"dataset": "TEXT", "backend": "TEXT", "seed": "INTEGER"}
 """The parameters that the cells of every study have."""
 
+INNER = ("place", "parameters", "log", "traceback")
+"""Columns of the view that an exported table leaves out."""
+
 
 class Cells(NamedTuple):
     """A table that is read as it goes along."""
 
     kinds: Mapping[str, str]  # every column, in order -> TEXT, INTEGER, REAL or BOOLEAN
     rows: Iterator[Sequence[Any]]
-    left_out: Callable[[], Sequence[str]] = tuple  # sentences on what could not be read, once all rows are
 
 
 def holds_cells(folder: Path) -> bool:
     """Whether it is the folder of a study or of a run."""
-    return (folder / FILE).is_file() or (folder / RUN).is_file()
+    return (folder / FILE).is_file()
 
 
 def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[tuple[Path, str]]:
     """Write the cells of the study or run in `folder`, all files or none; the files with what is in them.
 
-    What could not be read of a damaged run is left out, and said after these. InputError where a file cannot be
-    written, or the cells not be read.
+    InputError where a file cannot be written, or the cells not be read.
     """
     wanted = [(made, path) for made, path in ((CsvFile, csv), (ParquetFile, parquet)) if path is not None]
     for _, path in wanted:
-        if path.is_dir() or path.name.startswith((FILE, RUN)):  # with what SQLite keeps beside them
+        if path.is_dir() or path.name.startswith(FILE):  # with what SQLite keeps beside them
             raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'a record'}, expected a file to be made.")
     if csv is not None and parquet is not None and csv.absolute() == parquet.absolute():
         raise InputError(f"--csv and --parquet: found {csv} for both, expected a file each.")
@@ -57,8 +55,7 @@ def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[t
         except OSError as error:
             paths = " and ".join(str(path) for _, path in wanted)
             raise InputError(f"{paths}: cannot be written ({error.strerror or error}).") from error
-        said = [(path, f"{count:,} cells, {len(cells.kinds)} columns") for _, path in wanted]
-        return [*said, *((folder, sentence) for sentence in cells.left_out())]
+        return [(path, f"{count:,} cells, {len(cells.kinds)} columns") for _, path in wanted]
 
 
 def _written(files: Sequence[TableFile], rows: Iterator[Sequence[Any]]) -> int:
@@ -80,23 +77,22 @@ def _written(files: Sequence[TableFile], rows: Iterator[Sequence[Any]]) -> int:
 
 @contextlib.contextmanager
 def _opened(folder: Path) -> Generator[Cells]:
-    if (folder / FILE).is_file():
-        with StudyStore(folder) as store:
+    with Store(folder) as store:
+        if store.about().get("kind") == "study":
             yield _of_study(store)
-    else:
-        with Store(folder) as store:
+        else:
             names = (*COLUMNS, *MORE)
             rows = ([row.columns[name] for name in names] for row in store.cells())
-            yield Cells({name: kind(name) for name in names}, rows, lambda: store.left_out)
+            yield Cells({name: kind(name) for name in names}, rows)
 
 
-def _of_study(store: StudyStore) -> Cells:
-    names, sets, rows = store.cells()
+def _of_study(store: Store) -> Cells:
+    names, sets, rows = store.view()
     swept = dict.fromkeys(name for found in sets.values() for name in found if name not in NAMES)
     parameters = dict(NAMES) | {name: _kind([found.get(name) for found in sets.values()]) for name in swept}
     spelt = {text: [_spelt(found.get(name), parameters[name]) for name in swept] for text, found in sets.items()}
     at = names.index("parameters")
-    others = [k for k, name in enumerate(names) if name not in (*NAMES, "place", "parameters")]
+    others = [k for k, name in enumerate(names) if name not in (*NAMES, *INNER)]
     kinds = parameters | {
         f"measured_{names[k]}" if names[k] in parameters else names[k]: KINDS.get(names[k], "TEXT") for k in others
     }

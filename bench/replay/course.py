@@ -1,6 +1,7 @@
 """A backend driven through its log once more, in a process of its own, and asked at some steps what it thinks."""
 
 import time
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +18,11 @@ MAP_S = 20.0
 """CPU time that asking for maps may take all in all: a smoother's takes long where there are thousands of steps."""
 
 
-class Task(NamedTuple):
-    """All that a worker needs to know."""
+class ReplayTask(NamedTuple):
+    """One backend on the log that is archived at a path."""
 
-    cell: cells.Task
+    job: cells.Job
+    log: Path
     frames: Ints  # (f,) the steps at which it is asked, the last one among them
 
 
@@ -43,11 +45,11 @@ class Course(NamedTuple):
     ended: str  # why it came no farther, "" where it came to the end
 
 
-def run(task: Task) -> Course:
+def run(task: ReplayTask) -> Course:
     """Step by step as in the run. Nothing a backend raises gets out of here: it ends the course."""
-    cell, course = task.cell, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
+    cell, course = task.job, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
     try:
-        log, truth = archive.load(cell.log)
+        log, truth = archive.load(task.log)
         builder = backends.find(cell.name)
         if len(log.loop_to) and not builder.loops:
             return course._replace(ended="the log has loop closures, which this backend does not take")

@@ -17,12 +17,16 @@ from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.se2 import Array, Ints
-from ..plan import prepare
-from ..plan.plan import Cell, Plan
+from ..engine.engine import job_of
+from ..engine.key import log_seed
+from ..engine.log_files import LogFiles
+from ..plan.plan import Cell
+from ..plan.prepare import prepared
+from ..plan.recorded import recorded
 from ..plan.spec import Variant
-from ..record.reader import Store
+from ..plan.work import PlannedCell, Work
 from ..record.schema import Row
-from ..run.runner import task
+from ..record.store import Store
 from ..words.numerals import listed
 from ..words.styles import Look, looks
 from ..workers.tasks import execute
@@ -62,26 +66,25 @@ class Replay(NamedTuple):
 class Choice(NamedTuple):
     """The cells of one log."""
 
-    plan: Plan
+    work: Work
     cells: Sequence[Cell]
     seed: int
     others: Sequence[str]  # the datasets of the run that were not chosen
     rows: dict[tuple[str, str, str, str, int], Row]  # the record's, by the cell's key
 
 
-def choose(store: Store, dataset: str | None, backends: str | None, seed: int | None) -> Choice:
+def choose(store: Store, dataset: str | None, names: str | None, seed: int | None) -> Choice:
     """The cells to show: of the named dataset, else of the first; of all backends where none is named.
 
     InputError, which says what there is, for a name or a seed that the run has not.
     """
-    words = store.run().get("plan")
-    if words is None:
-        raise InputError(f"{store.folder}: the record has no plan of its run; expected a run that was begun.")
-    plan = Plan.from_words(words)
+    work = recorded(store)
     rows = {row.key: row for row in store.cells()}
-    chosen = plan.datasets[0] if dataset is None else _named(dataset, plan.datasets, "--dataset")
-    wanted = [_named(name, plan.backends, "--backend") for name in _names(backends)] if backends else plan.backends
-    cells = [cell for cell in plan.cells() if cell.dataset is chosen and any(cell.backend is b for b in wanted)]
+    datasets = list(dict.fromkeys(cell.cell.dataset for cell in work.cells))
+    backends = list(dict.fromkeys(cell.cell.backend for cell in work.cells))
+    chosen = datasets[0] if dataset is None else _named(dataset, datasets, "--dataset")
+    wanted = [_named(name, backends, "--backend") for name in _names(names)] if names else backends
+    cells = [c.cell for c in work.cells if c.cell.dataset == chosen and c.cell.backend in wanted]
     done = {cell.seed for cell in cells if cell.key in rows and rows[cell.key].columns["status"] == "done"}
     seeds = sorted({cell.seed for cell in cells})
     if seed is None:
@@ -90,8 +93,8 @@ def choose(store: Store, dataset: str | None, backends: str | None, seed: int | 
         there = listed([str(number) for number in seeds])
         raise InputError(f"--seed {seed}: this run has no such log of {chosen.label}, expected {there}.")
     shown = [_cell(cells, backend, seed) for backend in dict.fromkeys(wanted)]
-    others = [other.label for other in plan.datasets if other is not chosen]
-    return Choice(plan, [cell for cell in shown if cell is not None], seed, others, rows)
+    others = [other.label for other in datasets if other != chosen]
+    return Choice(work, [cell for cell in shown if cell is not None], seed, others, rows)
 
 
 def replay(store: Store, choice: Choice, frames: int, workers: int) -> Replay:
@@ -104,7 +107,7 @@ def replay(store: Store, choice: Choice, frames: int, workers: int) -> Replay:
         log = _log(store, choice, path)
         n = len(log.log)
         shown = np.unique(np.linspace(0, n - 1, min(frames, n)).round().astype(np.int64))
-        look = looks(backend.label for backend in choice.plan.backends)
+        look = looks(cell.cell.backend.label for cell in choice.work.cells)
         parts = list(_parts(store, choice, path, shown, workers))
     labels = [cell.backend.label for cell in choice.cells]
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
@@ -112,26 +115,34 @@ def replay(store: Store, choice: Choice, frames: int, workers: int) -> Replay:
 
 
 def _log(store: Store, choice: Choice, path: Path) -> Dataset:
-    """The log of the cells, its archive at `path`; InputError where it is another than the recorded one."""
-    dataset, plan = choice.cells[0].dataset, choice.plan
-    seed = choice.seed if dataset.source.seeded else 0
-    known = None if plan.map is None else plan.map.of(dataset, choice.seed)
-    made = prepare.run(prepare.Task(dataset.name, dataset.options, seed, path, known))
-    before = store.digest(dataset.name, dataset.given, choice.cells[0].seed)
-    if before is not None and made.digest != before:
+    """The log of the cells, its archive at `path`: the one that is kept beside the record, else made again.
+
+    InputError where it is another than the recorded one.
+    """
+    cell = choice.cells[0]
+    dataset, given = cell.dataset, choice.work.map
+    of = next(planned.log for planned in store.planned() if planned.key == cell.key)
+    before = store.logs().get(of)
+    made = None if before is None else LogFiles(store.folder).read(dataset.name, before)
+    if made is None:
+        known = None if given is None else given.of(dataset, choice.seed)
+        made = prepared(dataset.name, dataset.options, log_seed(cell), known)
+    if before is not None and made.log.digest != before.digest:
         raise InputError(
-            f"{store.folder}: {dataset.label}, seed {choice.seed}, is another log now than when this run was made: its "
-            f"digest is {made.digest[:12]}, expected {before[:12]}; bench run into a new folder gives one to replay."
+            f"{store.folder}: {dataset.label}, seed {choice.seed}, is another log now than when this was run: its "
+            f"digest is {made.log.digest[:12]}, expected {before.digest[:12]}; run it into a new folder to replay it."
         )
-    return archive.load(path)
+    archive.save(path, made)
+    return made
 
 
 def _parts(store: Store, choice: Choice, path: Path, frames: Ints, workers: int) -> Iterator[tuple[Course, Array, str]]:
     """Course, recorded step times and remark of every cell, in order."""
     able = [cell for cell in choice.cells if cell.backend.builder is not None]
-    tasks = [replay_cell.Task(task(choice.plan, cell, path), frames) for cell in able]
+    jobs = [job_of(choice.work, PlannedCell(cell, {})) for cell in able]
+    tasks = [replay_cell.ReplayTask(job, path, frames) for job in jobs]
     courses: dict[Cell, Course] = {}
-    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=choice.plan.timeout_s):
+    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=choice.work.timeout_s):
         courses[able[ended.task]] = ended.value or _none("took too long" if ended.death == "timeout" else ended.death)
     for cell in choice.cells:
         course = courses.get(cell) or _none(cell.backend.missing)
@@ -175,7 +186,7 @@ def _difference(path: Array, recorded: Array) -> str:
 
 def _cell(cells: Sequence[Cell], backend: Variant, seed: int) -> Cell | None:
     """The backend's cell on the log; where log and backend are the same for all seeds, the one there is."""
-    own = [cell for cell in cells if cell.backend is backend]
+    own = [cell for cell in cells if cell.backend == backend]
     same = [cell for cell in own if cell.seed == seed]
     return next(iter(same or [cell for cell in own if not cell.dataset.source.seeded]), None)
 

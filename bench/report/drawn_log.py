@@ -8,8 +8,8 @@ import numpy as np
 
 from ...frontend.se2 import Array
 from ..measure.times import length
-from ..record.reader import Store
 from ..record.schema import Row
+from ..record.store import Store
 from ..verdict.summary import Line, logs
 from ..words.styles import BASELINE, Look
 
@@ -59,11 +59,10 @@ def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs:
         return None
     seed, typical = _drawn(done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
-    c = shown[0][1].columns
     return Scene(
         kind=lines[0].truth_kind,
         seed=seed,
-        known=store.truth(c["dataset"], c["dataset_options"], seed),
+        known=store.truth(shown[0][1]),
         traces=[
             Trace(name, slugs[name], looks[name], bool(row.columns["timing_alone"]), store.arrays(row))
             for name, row in ((line.backend, row) for line, row in shown)

@@ -7,8 +7,8 @@ from pathlib import Path
 from ...frontend.files import write_whole
 from ..drawing.latex import latex
 from ..drawing.page import PURPOSES, rendered, script
-from ..record.reader import Store
 from ..record.schema import Row, label
+from ..record.store import Store
 from ..words.columns import COLUMNS, STATISTICS, WORKED_OUT
 from .section import Section, sections
 from .tables import cells_table, paper_table
@@ -36,7 +36,6 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         "given": run.get("map"),
         "definitions": COLUMNS | WORKED_OUT | STATISTICS,
         "script": script("report.js"),
-        "left_out": store.left_out,
     }
     for section in parts:
         _write_figures(store.folder / FIGURES, section, figures)

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..drawing.figure import GROUPS, Exhibit
 from ..drawing.table import Table
-from ..record.reader import Store
 from ..record.schema import Row
+from ..record.store import Store
 from ..verdict.implementations import sentence
 from ..verdict.summary import Line, lines, remarks, representative
 from ..verdict.verdict import Verdict, verdict

@@ -2,17 +2,18 @@
 
 import contextlib
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...frontend.errors import InputError, Interrupted
 from ..plan.plan import Plan
-from ..plan.values import as_whole
-from ..record.reader import Store
+from ..record.store import Store
 from ..report.report import write_report
 from ..verdict.walsh import MOST
-from .runner import Watcher, recorded_plan, run
+from ..workers.executor import Executor
+from .progress import Screen
+from .runner import recorded_plan, run
 
 DEFAULTS: dict[str, Any] = {
     "backend": "dead-reckoning,ekf,fastslam,isam2,smoother",
@@ -27,15 +28,22 @@ DEFAULTS: dict[str, Any] = {
 """What a run is when nothing is said."""
 
 
-def benchmark(given: Mapping[str, Any], out: Path, workers: int, command: list[str], watcher: Watcher) -> Plan:
+def benchmark(
+    given: Mapping[str, Any],
+    out: Path,
+    executor: Executor,
+    command: Sequence[str],
+    watcher: Screen,
+    *,
+    retry: bool = False,
+) -> Plan:
     """Run what `given` says, and DEFAULTS where it says nothing, into `out`; or go on with the run that is in there.
 
     InputError where that run is another one than what is asked for.
     """
-    workers = as_whole("jobs", workers, 1)
     plan = planned(given, out)
     try:
-        run(plan, out, workers, command, watcher)
+        run(plan, out, executor, command, watcher, retry=retry)
     except KeyboardInterrupt:
         if not begun(out):
             raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None

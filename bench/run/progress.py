@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rich import box
@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..plan.plan import Cell
+from ..plan.work import PlannedCell
 from ..record.schema import COLUMNS, MORE, Row
 from ..verdict.summary import Line, lines, remarks
 from ..words.console import plain, watched
@@ -56,52 +57,57 @@ class Screen:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def preparing(self, logs: int) -> None:
-        """That many logs are to be made: from now on there is something to see."""
+    def looking(self, logs: int) -> None:
+        """So many logs are to be made: from now on there is something to see."""
         if watched(self._console) and not self._console.quiet:
             self._live.start()
-        self._stage, self._done, self._total = "preparing logs", 0, logs
+        if logs:
+            self._stage, self._done, self._total = "preparing logs", 0, logs
 
-    def prepared(self, name: str) -> None:
+    def looked(self, name: str) -> None:
         """One is ready."""
         del name
         self._done += 1
 
-    def running(self, cells: Sequence[Cell], before: Sequence[Row], workers: int) -> None:
-        """These cells are to be run; `before` are in the record already."""
-        if before:
+    def say(self, sentence: str) -> None:
+        """Print a remark for the user."""
+        self._console.print(plain(sentence), highlight=False, soft_wrap=True)
+
+    def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
+        """These cells are to be run; `recorded` have a result already."""
+        if done:
             self._console.print(
-                f"{counted(len(before), 'cell')} in the record already, {len(cells)} to be run", highlight=False
+                f"{counted(done, 'cell')} in the record already, {len(cells)} to be run", highlight=False
             )
-        self._rows = list(before)
-        self._planned = Counter(_kind(c) for c in cells)
-        self._planned.update((line.dataset, line.backend) for line in lines(before) for _ in line.rows)
+        todo = {cell.cell.key for cell in cells}
+        self._rows = [row for row in recorded if row.key not in todo]
+        self._planned = Counter(_kind(c.cell) for c in cells)
+        self._planned.update((line.dataset, line.backend) for line in lines(self._rows) for _ in line.rows)
         self._names = called(list(dict.fromkeys(dataset for dataset, _ in self._planned)))
-        self._pace = Pace((_kind(c) for c in cells if c.backend.builder is not None), workers)
+        self._pace = Pace((_kind(c.cell) for c in cells), slots)
         self._stage, self._done, self._total = "running cells", 0, len(cells)
         self._latest = self._told = time.monotonic()
         self._draw()
 
-    def finished(self, cell: Cell, row: dict[str, Any], seconds: float) -> None:
+    def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         """One has ended; on a terminal it is said at once, and once, where it did not go well, elsewhere always."""
-        self._rows.append(Row(dict.fromkeys((*COLUMNS, *MORE)) | row, ""))
+        self._rows.append(Row({**dict.fromkeys((*COLUMNS, *MORE)), **row}, ""))
         self._done += 1
         self._latest = time.monotonic()
-        if cell.backend.builder is not None:
-            self._pace.took(_kind(cell), seconds)
+        self._pace.took(_kind(cell.cell), seconds)
         said = remarks(row["reason"])
-        news = cell.backend.label, row["status"], said
+        news = cell.cell.backend.label, row["status"], said
         if not self._live.is_started or (news[1:] != ("done", "") and news not in self._told_of):
             self._told_of.add(news)
-            self._say(cell, row, said)
-        self._warn(cell.dataset.label, row)
+            self._say(cell.cell, row, said)
+        self._warn(cell.cell.dataset.label, row)
         self._draw()
 
     def reporting(self) -> None:
         """All have; the report is written."""
         self._stage, self._done, self._total = "writing the report", 0, 0
 
-    def _say(self, cell: Cell, row: dict[str, Any], said: str) -> None:
+    def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
         error = row.get("ate_m", row.get("final_ate_m"))
         parts = [self._names[cell.dataset.label], cell.backend.label, f"seed {cell.seed}"]
         parts += [] if error is None else [f"ATE {error:.3f} m"]
@@ -117,7 +123,7 @@ class Screen:
             f"{count}{status} {text}{left and f'; {left}'}", highlight=False, soft_wrap=not self._live.is_started
         )
 
-    def _warn(self, dataset: str, row: dict[str, Any]) -> None:
+    def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
         """Say once that a log shows nothing: its backends are not worth waiting for."""
         if row["status"] == "done" and unseen([row["sightings"]]) and dataset not in self._warned:
             self._warned.add(dataset)

@@ -18,11 +18,12 @@ from ...frontend.se2 import Array
 from ..drawing.page import rendered
 from ..plan.spec import backend_variants, dataset_at, dataset_variants
 from ..plan.values import as_whole
-from ..record.reader import Store
+from ..record.store import Store
 from ..report.section import sections
 from ..verdict.summary import lines
 from ..verdict.verdict import Verdict
 from ..words.console import screen_console
+from ..workers.local_executor import Local
 from .benchmark import DEFAULTS, begun, benchmark, planned
 from .progress import Screen
 from .runner import LOGS
@@ -147,7 +148,9 @@ def run(
     as_whole("jobs", jobs, 1)
     planned(given, folder)
     with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
-        benchmark(given, folder, jobs, [ASKER, *(f"{name}={value}" for name, value in given.items())], screen)
+        words = [ASKER, *(f"{name}={value}" for name, value in given.items())]
+        with contextlib.closing(Local(jobs)) as executor:
+            benchmark(given, folder, executor, words, screen)
     return Result(folder)
 
 

@@ -17,8 +17,8 @@ from ..plan.spec import (
     nearest,
     read_options,
 )
+from ..plan.work import PlannedCell
 from .entries import Entries, shown
-from .study import StudyCell
 from .toml_lines import Place
 
 KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
@@ -39,10 +39,10 @@ class Combination(NamedTuple):
     timed: bool
     key: tuple[Any, ...]  # another for all that are not the same cells
 
-    def cells(self) -> Iterator[StudyCell]:
+    def cells(self) -> Iterator[PlannedCell]:
         """A cell a seed."""
         for seed in self.seeds:
-            yield StudyCell(Cell(self.dataset, self.backend, seed), {**self.parameters, "seed": seed}, self.timed)
+            yield PlannedCell(Cell(self.dataset, self.backend, seed), {**self.parameters, "seed": seed}, self.timed)
 
 
 class _Side:

@@ -7,15 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from ..engine.engine import Wanted, batch_of
+from ..engine.key import log_key, log_seed, made_once, result_key
+from ..engine.log_files import LogFiles
 from ..measure.status import FAILED
-from ..record.study_store import Known, StudyStore
+from ..plan.work import PlannedCell
+from ..record.store import Known, Store
 from ..words.numerals import counted, lasting
 from ..workers.batch import KeptLog
 from ..workers.executor import Executor
-from .key import log_key, log_seed, made_once, result_key
-from .log_files import LogFiles
-from .runner import Wanted, batch_of
-from .study import Study, StudyCell
+from .study import Study
 
 BUDGET_S = 20.0
 """Of wall time for cells that are timed now."""
@@ -89,7 +90,7 @@ class Estimate:
 
 
 def estimate(
-    study: Study, store: StudyStore | None, executor: Executor, wanted: Wanted, budget_s: float = BUDGET_S
+    study: Study, store: Store | None, executor: Executor, wanted: Wanted, budget_s: float = BUDGET_S
 ) -> Estimate:
     """How long the cells that are wanted of the study will take with as many slots as the executor has.
 
@@ -129,7 +130,7 @@ class _Averages:
         return self._by_pair.get(pair, self._by_names.get(_names(pair)))
 
 
-def _pair(cell: StudyCell) -> Pair:
+def _pair(cell: PlannedCell) -> Pair:
     return cell.cell.key[:4]
 
 
@@ -137,7 +138,7 @@ def _names(pair: Pair) -> tuple[str, str]:
     return pair[0], pair[2]
 
 
-def _done(study: Study, store: StudyStore | None, wanted: Wanted) -> list[bool]:
+def _done(study: Study, store: Store | None, wanted: Wanted) -> list[bool]:
     """Whether each cell has ended, and is not to be run again."""
     if store is None:
         return [False] * len(study.cells)
@@ -156,7 +157,7 @@ def _done(study: Study, store: StudyStore | None, wanted: Wanted) -> list[bool]:
 
 
 def _timed_now(
-    study: Study, store: StudyStore | None, cells: Sequence[StudyCell], executor: Executor, budget_s: float
+    study: Study, store: Store | None, cells: Sequence[PlannedCell], executor: Executor, budget_s: float
 ) -> dict[Pair, tuple[float, int]]:
     """What one cell a pair takes, of as many pairs as there is time for.
 
@@ -180,16 +181,16 @@ def _timed_now(
     return found
 
 
-def _first_of_each(cells: Iterable[StudyCell]) -> list[StudyCell]:
+def _first_of_each(cells: Iterable[PlannedCell]) -> list[PlannedCell]:
     """A cell a pair: in rounds, of which each has one pair of every two names."""
-    by_names: dict[tuple[str, str], dict[Pair, StudyCell]] = {}
+    by_names: dict[tuple[str, str], dict[Pair, PlannedCell]] = {}
     for cell in cells:
         by_names.setdefault(_names(_pair(cell)), {}).setdefault(_pair(cell), cell)
     ranked = [(rank, cell) for group in by_names.values() for rank, cell in enumerate(group.values())]
     return [cell for _, cell in sorted(ranked, key=lambda one: one[0])]
 
 
-def _kept(store: StudyStore, cell: StudyCell) -> KeptLog | None:
+def _kept(store: Store, cell: PlannedCell) -> KeptLog | None:
     """The cell's log, where the study has a copy of it."""
     log = store.logs().get(log_key(cell.cell)) if made_once(cell.cell) else None
     entry = log and LogFiles(store.folder).entry(cell.cell.dataset.name, log)
@@ -197,7 +198,7 @@ def _kept(store: StudyStore, cell: StudyCell) -> KeptLog | None:
 
 
 def _took(
-    study: Study, cell: StudyCell, kept: KeptLog | None, executor: Executor, timeout_s: float
+    study: Study, cell: PlannedCell, kept: KeptLog | None, executor: Executor, timeout_s: float
 ) -> tuple[float, bool]:
     """Seconds that the cell takes, and whether it came to an end of its own."""
     mine = replace(batch_of(study, cell, {0: cell}, kept), timeout_s=timeout_s, keep=False)
@@ -206,7 +207,9 @@ def _took(
     return finished.seconds, finished.result.status != "timeout"
 
 
-def _shares(study: Study, done: Sequence[bool], todo: Sequence[StudyCell], each: Sequence[float | None]) -> list[Share]:
+def _shares(
+    study: Study, done: Sequence[bool], todo: Sequence[PlannedCell], each: Sequence[float | None]
+) -> list[Share]:
     """By dataset and backend, in the order of the study."""
     rows: dict[tuple[str, str], list[float]] = {}
     for cell, is_done in zip(study.cells, done, strict=True):

@@ -6,7 +6,8 @@ from typing import Any
 
 from ...frontend.errors import InputError
 from ..plan.spec import nearest
-from .study import Study, StudyCell
+from ..plan.work import PlannedCell
+from .study import Study
 
 MOST = 12
 """Values that a sentence names."""
@@ -17,7 +18,7 @@ _VALUE = re.compile(r"""(?:"[^"]*"|\[[^\]]*\]|[^,\["])+""")
 _LIST = re.compile(f"{_VALUE.pattern}(?:,{_VALUE.pattern})*")
 
 
-def choice(study: Study, only: Sequence[str]) -> Callable[[StudyCell], bool]:
+def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
     """Whether a cell is meant by all of `only`, of which each is the text after an --only.
 
     Values of one parameter are alternatives, in one --only or in several; a * in one stands for anything, a ? for any
@@ -42,7 +43,7 @@ def choice(study: Study, only: Sequence[str]) -> Callable[[StudyCell], bool]:
                 raise InputError(f"--only {text}: no cell has {name}={pattern.strip()}, expected {_one_of(known)}.")
             allowed.setdefault(name, set()).update(found)
 
-    def chosen(cell: StudyCell) -> bool:
+    def chosen(cell: PlannedCell) -> bool:
         return all(cell.parameters[name] in values for name, values in allowed.items())
 
     if not any(map(chosen, study.cells)):

@@ -1,15 +1,17 @@
 """A study while it goes on: a bar with the time left on a terminal, elsewhere a line now and then; failures at once."""
 
 import time
-from typing import Self
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ..measure.status import FAILED
+from ..plan.work import PlannedCell
+from ..record.schema import Row
 from ..words.console import plain, watched
 from ..words.numerals import counted
-from .study import StudyCell
 
 AGAIN_S = 30.0
 """s between two lines where nobody watches."""
@@ -57,22 +59,26 @@ class StudyScreen:
             self._done, self._total = 0, logs
             self._progress.reset(self._task, total=logs, description=f"looking at {counted(logs, 'log')}", failed="")
 
-    def looked(self) -> None:
+    def looked(self, name: str) -> None:
         """One has been."""
+        del name
         self._advance("log", "")
 
-    def running(self, cells: int, done: int, slots: int) -> None:
-        """So many cells are to be run."""
-        self._done, self._total = 0, cells
+    def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
+        """These cells are to be run."""
+        del recorded
+        self._done, self._total = 0, len(cells)
         if done:
-            self._console.print(f"{counted(done, 'cell')} have a result already, {cells} to be run", highlight=False)
-        self._progress.reset(self._task, total=cells, description=f"running, {slots} at once", failed="")
+            self._console.print(
+                f"{counted(done, 'cell')} have a result already, {len(cells)} to be run", highlight=False
+            )
+        self._progress.reset(self._task, total=len(cells), description=f"running, {slots} at once", failed="")
 
-    def finished(self, cell: StudyCell, status: str, reason: str, seconds: float) -> None:
+    def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         """One has ended."""
         del seconds
-        if status in FAILED:
-            self._say(cell, status, reason)
+        if row["status"] in FAILED:
+            self._say(cell, row["status"], row["reason"])
         failed = sum(self._failed.values())
         self._advance("cell", f"{failed} failed" if failed else "")
 
@@ -83,7 +89,7 @@ class StudyScreen:
             self._told = time.monotonic()
             self._console.print(f"{self._done} of {counted(self._total, what)} done", highlight=False)
 
-    def _say(self, cell: StudyCell, status: str, reason: str) -> None:
+    def _say(self, cell: PlannedCell, status: str, reason: str) -> None:
         kind = cell.cell.backend.label, status
         self._failed[kind] = self._failed.get(kind, 0) + 1
         if self._failed[kind] <= NAMED:

@@ -4,20 +4,14 @@ A cell's parameters are what the study tells it apart by: `dataset` and `backend
 the options that it sweeps, each by its own name; every cell has all of them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from pathlib import Path
+from typing import Any, Literal
 
-from ..plan.plan import Cell
+from ...frontend.errors import InputError
+from ..plan.work import Work
 from .claim import Claim
-
-
-class StudyCell(NamedTuple):
-    """One backend on one log, and where it stands in the study."""
-
-    cell: Cell
-    parameters: Mapping[str, Any]  # dataset, backend, seed and what is swept -> value; None: it has no such option
-    timed: bool  # it is to run alone on its machine
 
 
 @dataclass(frozen=True)
@@ -33,8 +27,8 @@ class Figure:
     caption: str
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, kw_only=True)
+class Study(Work):
     """A study as its file has it, in one of its sizes."""
 
     name: str
@@ -44,16 +38,31 @@ class Study:
     finding: str  # what was published, "" for a question of one's own
     note: str  # what a reader of the answer has to know, such as why it is another than the published one
     size: Literal["quick", "full"]
-    cells: tuple[StudyCell, ...]
     figures: tuple[Figure, ...]
     claims: tuple[Claim, ...]
-    keep: bool  # paths and other arrays go into the store, too
-    oracle: bool
-    timeout_s: float  # a cell
-    memory_mb: int  # a cell
     text: str  # the file
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """The names of the cells' parameters: dataset, backend, seed, then what is swept."""
         return tuple(self.cells[0].parameters) if self.cells else ()
+
+
+def about(study: Study, folder: Path, command: Sequence[str]) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
+    """The facts of the study for its record in `folder`, from those that are in it, which must be of the same study."""
+
+    def facts(known: Mapping[str, Any]) -> Mapping[str, Any]:
+        refuse_another(study, folder, known)
+        named = {"name": study.name, "size": study.size, "text": study.text}
+        return {"kind": "study", "command": list(command), **named}
+
+    return facts
+
+
+def refuse_another(study: Study, folder: Path, known: Mapping[str, Any]) -> None:
+    """InputError where a record with the facts `known` is of something else than this study, of whatever text."""
+    if known.get("kind", "study") != "study":
+        raise InputError(f"--out {folder}: holds a run; expected a new folder, or one of the study {study.name}.")
+    name = known.get("name", study.name)
+    if name != study.name:
+        raise InputError(f"--out {folder}: holds the study {name}, expected {study.name} or another folder.")

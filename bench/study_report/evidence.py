@@ -17,8 +17,8 @@ from ..claims.curves import Medians, medians
 from ..claims.found import Verdict
 from ..claims.standing import Standing, standing
 from ..drawing.figure import Exhibit
-from ..record.study_store import StudyStore
-from ..record.study_table import StudyTable
+from ..record.cell_table import CellTable
+from ..record.store import Store
 from ..study import file as study_file
 from ..study.study import Study
 from ..words.numerals import counted
@@ -53,7 +53,7 @@ class Evidence:
     folder: Path
     study: Study
     words: Mapping[str, Any]  # of the store
-    table: StudyTable
+    table: CellTable
     conclusion: Conclusion
 
     @property
@@ -130,8 +130,8 @@ def _measured(found: Answer) -> str:
 
 def evidence(folder: Path) -> Evidence:
     """Of the study in the folder; InputError where there is none."""
-    with StudyStore(folder) as store:
-        words = store.words()
+    with Store(folder) as store:
+        words = store.about()
         lacks = [name for name in WORDS if name not in words]
         if lacks:
             raise InputError(

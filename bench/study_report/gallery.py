@@ -14,7 +14,7 @@ from urllib.parse import quote
 from ...frontend.errors import InputError, SlamduelError
 from ...frontend.files import write_whole
 from ..drawing.page import rendered
-from ..record.study_schema import FILE
+from ..record.schema import FILE
 from ..words.numerals import counted, lasting
 from .evidence import SIGNS, VERDICTS, Evidence, evidence
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...datasets import registry as datasets
-from ..record.study_table import StudyTable
+from ..record.cell_table import CellTable
 
 LONGEST = 84
 """Letters that an axis has room for, in two lines."""
 
 
-def option_words(parameter: str, table: StudyTable) -> str:
+def option_words(parameter: str, table: CellTable) -> str:
     """With its unit, where somebody of the study has an option of that name and its help is short; else the name."""
     name = parameter.rpartition(".")[2]
     plain = name.replace("_", " ")

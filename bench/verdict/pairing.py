@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
 from ...frontend.sketch import ROUNDING, distance, from_words
-from ..record.reader import Store
 from ..record.schema import Row
+from ..record.store import Store
 from ..words.numerals import counted, listed
 from .summary import Line, lines
 
@@ -30,7 +30,6 @@ class Side(NamedTuple):
     folder: Path
     run: Mapping[str, Any]
     lines: Mapping[tuple[str, str], Line]  # by dataset and backend
-    left_out: Sequence[str]
 
 
 class Pair(NamedTuple):
@@ -65,12 +64,12 @@ def side(folder: Path) -> Side:
     """A run's folder; InputError where it is none."""
     with Store(folder) as store:
         found = {(line.dataset, line.backend): line for line in lines(store.cells())}
-        return Side(folder, store.run(), found, list(store.left_out))
+        return Side(folder, store.run(), found)
 
 
 def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = False) -> Facing:
     """The two runs' cells in pairs; InputError where they have none in common."""
-    notes = [f"{one.folder}: {sentence}" for one in (old, new) for sentence in one.left_out]
+    notes: list[str] = []
     common = [key for key in new.lines if key in old.lines]
     if not common:
         raise InputError(f"{new.folder}: has no backend on any dataset in common with {old.folder}, expected one.")

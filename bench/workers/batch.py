@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...datasets import archive, cache
+from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.truth import digest
 from ...frontend.errors import InputError, SlamduelError
-from ...frontend.factors import Dataset
+from ...frontend.factors import Dataset, Map
+from ...frontend.sketch import sketch
 from ..measure import cell
 from ..measure.cell import Job, Result
-from ..plan.reference import known
+from ..plan.prepare import prepared
 
 HOST = platform.node()
 
@@ -42,6 +43,7 @@ class Batch:
     keep: bool  # the arrays of the result and of the truth come back, too
     kept: KeptLog | None = None  # the log is loaded instead of made
     whole: bool = False  # the log itself comes back, too
+    map: Map | None = None  # goes into the log's prior
 
     @property
     def log(self) -> tuple[str, Any, int, tuple[str, str] | None]:
@@ -57,6 +59,7 @@ class LogFacts(NamedTuple):
     truth_kind: str
     truth: dict[str, Any]  # t, poses, ids, xy: where it is to be kept
     archive: bytes = b""  # the log and its truth: where they are to come back whole
+    sketch: Any = None  # of such a log, as JSON has it
 
     @property
     def digests(self) -> tuple[str, str]:
@@ -91,7 +94,7 @@ class Logs:
         """The batch's log, and all that is known of it; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
-            dataset = _made(batch) if batch.kept is None else _loaded(batch.kept)
+            dataset = _loaded(batch.kept) if batch.kept else _made(batch)
             found = dataset, facts_of(dataset)
         self._kept[batch.log] = found
         while len(self._kept) > LOGS_KEPT:
@@ -111,7 +114,7 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
     if not batch.keep:
         facts = facts._replace(truth={})
     if batch.whole:
-        facts = facts._replace(archive=archive.packed(dataset))
+        facts = facts._replace(archive=archive.packed(dataset), sketch=sketch(dataset.log).words())
     made(facts)
     if not batch.jobs:
         yield Finished(batch, None, facts, Result("done", ""), time.perf_counter() - began, False, HOST)
@@ -130,8 +133,7 @@ def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
 
 
 def _made(batch: Batch) -> Dataset:
-    made = cache.prepared(batch.dataset, datasets.find(batch.dataset), batch.options, batch.seed)
-    return Dataset(made.log, known(made.log, made.truth))
+    return prepared(batch.dataset, batch.options, batch.seed, batch.map)
 
 
 def _loaded(kept: KeptLog) -> Dataset:

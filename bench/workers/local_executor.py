@@ -1,10 +1,11 @@
-"""Cells in processes of this machine: each does many, is watched meanwhile, and is replaced when it goes wrong.
+"""Runs cells in processes of this machine: each does many, is watched meanwhile, and is replaced when it goes wrong.
 
-What a process has done before must not show in a result. So an error in one that has done other jobs, and every death,
-is tried once more by a new process before it is believed: the first may be the fault of a job before, or of somebody
-who killed the process.
+A process's earlier jobs must not show in a result. So an error in one that has done other jobs, and every death, is
+tried once more by a new process before it is believed. Where cells run alone, to be timed, each backend has a process
+of its own: threads or patches that a plug-in leaves behind cannot reach the others.
 """
 
+import os
 import shutil
 import tempfile
 import time
@@ -30,6 +31,12 @@ AHEAD = 2
 """Batches in a worker's hands, so that it never waits for whoever takes the results in."""
 
 
+MOST_CREWS = 8
+"""Backends whose processes are kept when cells run alone: each holds its libraries and its last few logs."""
+
+Crew = list[PoolWorker]
+
+
 class Local:
     """A pool of `workers` processes, forked from one server. One thread at a time may use it; others have their own."""
 
@@ -37,35 +44,52 @@ class Local:
 
     def __init__(self, workers: int) -> None:
         self.slots = workers
-        self._workers: list[PoolWorker] = []
+        self._crews: dict[str, Crew] = {}  # by backend where cells run alone, else under ""
         self._calls = 0
         self._finish: Finalize | None = None
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
-        """Each job as it ends; `alone`: while one is at work nothing else is, whoever takes the results in included."""
+        """Each job as it ends; `alone`, as always with one slot: nothing else runs meanwhile, the caller included.
+
+        Where there are no jobs, only logs to be made, every core is used.
+        """
         if self._finish is None:
             self._folder = Path(tempfile.mkdtemp(prefix="slamduel-"))
-            self._finish = Finalize(
-                self, _finish, (self._workers, self._folder), exitpriority=1
-            )  # at exit at the latest
+            self._finish = Finalize(self, _finish, (self._crews, self._folder), exitpriority=1)  # at exit at the latest
         self._calls += 1
-        most, ahead = (1, 1) if alone else (self.slots, AHEAD)
-        while len(self._workers) > most:
-            self._workers.pop().process.kill()
-        queue = BatchQueue(_single(batches) if alone else batches)
+        if not any(batch.jobs for batch in batches):
+            yield from self._work(BatchQueue(batches), self._crew(""), max(self.slots, os.cpu_count() or 1), AHEAD)
+        elif alone or self.slots == 1:
+            _end(self._crew(""))
+            for batch in _single(batches):
+                crew = self._crew(batch.jobs[0][1].backend)
+                for finished in self._work(BatchQueue([batch]), crew, 1, 1):
+                    yield finished._replace(alone=True)
+        else:
+            yield from self._work(BatchQueue(batches), self._crew(""), self.slots, AHEAD)
+
+    def _crew(self, name: str) -> Crew:
+        """The processes under that name; the name used longest ago loses its own where there are too many."""
+        self._crews[name] = self._crews.pop(name, [])
+        while len(self._crews) > MOST_CREWS:
+            _end(self._crews.pop(next(iter(self._crews))))
+        return self._crews[name]
+
+    def _work(self, queue: BatchQueue, crew: Crew, most: int, ahead: int) -> Generator[Finished]:
+        """Each job of the queue as it ends, done by at most so many processes."""
+        _end(crew, keep=most)
         try:
             while True:
-                self._hand_out(queue, most, ahead)
-                busy = [worker for worker in self._workers if worker.batches]
+                self._hand_out(queue, crew, most, ahead)
+                busy = [worker for worker in crew if worker.batches]
                 if not busy:
                     return
                 for worker in _ready(busy):
-                    for finished in self._heard(worker, queue):
-                        yield finished._replace(alone=alone)
+                    yield from self._heard(worker, queue, crew)
         finally:
-            for worker in list(self._workers):
+            for worker in list(crew):
                 if worker.batches:
-                    self._end(worker)
+                    _dismiss(worker, crew)
 
     def close(self) -> None:
         """End every worker."""
@@ -73,30 +97,30 @@ class Local:
             self._finish()
             self._finish = None
 
-    def _hand_out(self, queue: BatchQueue, most: int, ahead: int) -> None:
+    def _hand_out(self, queue: BatchQueue, crew: Crew, most: int, ahead: int) -> None:
         """Give every worker something to do, and where there is plenty something for when it has done that."""
-        for worker in [worker for worker in self._workers if not worker.batches]:
+        for worker in [worker for worker in crew if not worker.batches]:
             if worker.done >= MOST_JOBS or (queue.doubts and not worker.fresh):
-                self._end(worker)
-        while len(self._workers) < most and len(queue) > sum(not worker.batches for worker in self._workers):
-            self._workers.append(PoolWorker(self._folder))
+                _dismiss(worker, crew)
+        while len(crew) < most and len(queue) > sum(not worker.batches for worker in crew):
+            crew.append(PoolWorker(self._folder))
         for depth in range(ahead):
-            for worker in self._workers:
-                plenty = not depth or len(queue) > len(self._workers)
+            for worker in crew:
+                plenty = not depth or len(queue) > len(crew)
                 if worker.batches <= depth and worker.done < MOST_JOBS and plenty:
-                    others = {log for other in self._workers if other is not worker for log in other.logs}
+                    others = {log for other in crew if other is not worker for log in other.logs}
                     batch = queue.take(reversed(worker.logs), others, fresh=worker.fresh)
                     if batch is not None:
                         worker.give(self._calls, batch)
 
-    def _heard(self, worker: PoolWorker, queue: BatchQueue) -> Iterator[Finished]:
-        """What a worker has to say, or what its end or its silence means."""
+    def _heard(self, worker: PoolWorker, queue: BatchQueue, crew: Crew) -> Iterator[Finished]:
+        """The worker's next result, or the result of its death or its silence."""
         if not worker.process.pipe.poll():
             if time.monotonic() >= worker.deadline:
                 limit = worker.doing().timeout_s
                 late = Result("timeout", f"was not finished after {limit:g} s of wall time and was stopped")
                 ended = list(worker.failed(late))
-                self._give_up(worker, queue, worker.rest())
+                _give_up(worker, queue, crew, worker.rest())
                 yield from ended
             return
         try:
@@ -104,26 +128,33 @@ class Local:
         except (EOFError, OSError):
             ended = list(worker.failed(Result("error", worker.process.death())))
             tried_again = queue.try_again(worker.doing())
-            self._give_up(worker, queue, worker.rest())
+            _give_up(worker, queue, crew, worker.rest())
             yield from [] if tried_again else ended
             return
         if finished is None:
             return
         if finished.result.status == "error" and finished.log is not None:
             used = worker.done > 1
-            self._give_up(worker, queue, worker.left())
+            _give_up(worker, queue, crew, worker.left())
             if used and queue.try_again(replace(finished.batch, jobs=finished.batch.jobs[:1])):
                 return
         yield finished
 
-    def _give_up(self, worker: PoolWorker, queue: BatchQueue, rest: Sequence[Batch]) -> None:
-        """End the worker and let others do the rest."""
-        queue.put_back(reversed(rest))
-        self._end(worker)
 
-    def _end(self, worker: PoolWorker) -> None:
-        self._workers.remove(worker)
-        worker.process.kill()
+def _give_up(worker: PoolWorker, queue: BatchQueue, crew: Crew, rest: Sequence[Batch]) -> None:
+    """End the worker and let others do the rest."""
+    queue.put_back(reversed(rest))
+    _dismiss(worker, crew)
+
+
+def _dismiss(worker: PoolWorker, crew: Crew) -> None:
+    crew.remove(worker)
+    worker.process.kill()
+
+
+def _end(crew: Crew, keep: int = 0) -> None:
+    while len(crew) > keep:
+        crew.pop().process.kill()
 
 
 def _single(batches: Sequence[Batch]) -> Iterator[Batch]:
@@ -143,8 +174,8 @@ def _ready(busy: Sequence[PoolWorker]) -> list[PoolWorker]:
     return [w for w in busy if now >= w.deadline or any(channel in ready for channel in w.process.channels)]
 
 
-def _finish(workers: list[PoolWorker], folder: Path) -> None:
+def _finish(crews: dict[str, Crew], folder: Path) -> None:
     """End all; without it, who ends without `close` would wait for them for ever."""
-    while workers:
-        workers.pop().process.kill()
+    for crew in crews.values():
+        _end(crew)
     shutil.rmtree(folder, ignore_errors=True)

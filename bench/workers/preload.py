@@ -11,7 +11,6 @@ import gc
 from ...backends import registry
 from ...frontend.errors import InputError
 from ..measure import cell  # noqa: F401
-from ..plan import prepare  # noqa: F401
 from . import batch  # noqa: F401
 
 with contextlib.suppress(ImportError):  # a worker that needs one of these and cannot have it will say so itself

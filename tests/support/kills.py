@@ -70,7 +70,7 @@ def started(folder: Path, *more: str) -> subprocess.Popen[bytes]:
 
 def rows(folder: Path) -> list[tuple[Any, ...]]:
     """Everything that the store says of the study's cells, but for times and places."""
-    with sqlite3.connect(f"file:{folder / 'study.sqlite'}?mode=ro", uri=True) as db:
+    with sqlite3.connect(f"file:{folder / 'results.sqlite'}?mode=ro", uri=True) as db:
         found = db.execute("SELECT * FROM cells")
         kept = [k for k, about in enumerate(found.description) if not any(part in about[0] for part in TIMES)]
         return [tuple(row[k] for k in kept) for row in found]
@@ -78,7 +78,7 @@ def rows(folder: Path) -> list[tuple[Any, ...]]:
 
 def stray(folder: Path) -> tuple[int, int]:
     """How many results the store holds, and how many of them belong to no cell of the study."""
-    with sqlite3.connect(f"file:{folder / 'study.sqlite'}?mode=ro", uri=True) as db:
+    with sqlite3.connect(f"file:{folder / 'results.sqlite'}?mode=ro", uri=True) as db:
         (every,) = db.execute("SELECT count(*) FROM results").fetchone()
         (lost,) = db.execute("SELECT count(*) FROM results WHERE key NOT IN (SELECT key FROM plan)").fetchone()
     return every, lost

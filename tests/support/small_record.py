@@ -1,13 +1,13 @@
 """A small record of a run, made without running anything, for the tests of what reads one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slamduel.bench.record.schema import COLUMNS, label
-from slamduel.bench.record.writer import Recorder
+from slamduel.bench.record.schema import COLUMNS, KEY, label
+from slamduel.bench.record.store import Known, Store
 from slamduel.frontend.se2 import Array
 
 STEPS, LANDMARKS = 60, 5
@@ -23,6 +23,9 @@ RUN: dict[str, Any] = {
         "packages": {"numpy": "2.0", "gtsam": None},
         "revision": None,
     },
+    "kind": "run",
+    "random": [],
+    "implementations": {},
     "workers": 2,
     "timing_policy": "With a stop watch. GTSAM is a generic wheel.",
     "started": 1.7e9,
@@ -34,12 +37,21 @@ class Record:
 
     def __init__(self, folder: Path, seed: int = 1) -> None:
         folder.mkdir()
-        self.store = Recorder(folder)
+        self.store = Store(folder, writing=True)
         self._rng = np.random.default_rng(seed)
         self._folders: dict[str, str] = {}
-        for name, value in RUN.items():
-            self.store.put_run(name, value)
+        self._plan: list[tuple[Any, ...]] = []
+        self.store.put_about(RUN)
         self._name("", "")
+
+    def put(self, row: dict[str, Any], arrays: dict[str, Any], traceback: str = "") -> None:
+        """Keep a cell's row and arrays, under a key made of its name, instead of those of before."""
+        named = tuple(row[name] for name in KEY)
+        key, log = f"result {named}", f"log {(row['dataset'], row['dataset_options'], row['seed'])}"
+        self._plan = [planned for planned in self._plan if planned[:5] != named]
+        self._plan.append((*named, {"dataset": named[0], "backend": named[2]}, log, key))
+        put(self.store, key, row | {"traceback": traceback}, arrays)
+        self.store.put_plan(self._plan)
 
     def log(self, dataset: str, kind: str, seed: int = 0, *, steps: int = STEPS, landmarks: int = LANDMARKS) -> Array:
         """Keep a log's truth, a circle; "" for one whose path nobody knows. Returns the path either way."""
@@ -48,7 +60,8 @@ class Record:
         arrays = {"t": t, "poses": poses}
         if landmarks:
             arrays |= {"ids": np.arange(landmarks), "xy": self._rng.normal(0, 3, (landmarks, 2))}
-        self.store.put_log(dataset, "", seed, f"d{seed}" * 32, kind, arrays if kind else {})
+        known = Known(f"d{seed}" * 32, f"t{seed}" if kind else "", kind)
+        self.store.put_log(f"log {(dataset, '', seed)}", (dataset, "", seed), known, arrays if kind else {})
         self._name(dataset, "")
         return poses
 
@@ -69,7 +82,7 @@ class Record:
     ) -> dict[str, Any]:
         """Keep a cell that is done, `off` metres from the path of `log`; its row. Columns given replace those made."""
         poses = self.log(dataset, kind, seed, steps=steps)
-        known = self.store.truth(dataset, "", seed)
+        known = self.store.archive(f"log {(dataset, '', seed)}")
         rng = self._rng
         arrays: dict[str, Any] = {
             "t": 0.1 * np.arange(steps),
@@ -106,7 +119,7 @@ class Record:
             row |= terms | {"j_final" if "final" in paths else "j_online": row["cost_j"]}
             row |= dict(zip(("j_prior", "j_odometry", "j_sightings"), arrays["cost_terms"].tolist(), strict=False))
             row["j_final" if "final" in paths else "j_online"] = row["cost_j"]
-        self.store.put_cell(row, {name: a for name, a in arrays.items() if name not in leave_out}, "")
+        self.put(row, {name: a for name, a in arrays.items() if name not in leave_out})
         return row
 
     def failed(
@@ -116,7 +129,7 @@ class Record:
         self.log(dataset, kind, seed)
         row = self._key(dataset, backend, "", seed)
         row |= {"status": status, "reason": reason, "digest": f"d{seed}" * 32, "truth_kind": kind, "timing_alone": 1}
-        self.store.put_cell(row, {}, traceback)
+        self.put(row, {}, traceback)
 
     def _key(self, dataset: str, backend: str, options: str, seed: int) -> dict[str, Any]:
         self._name(backend, options)
@@ -125,5 +138,12 @@ class Record:
     def _name(self, name: str, options: str) -> None:
         if name:
             self._folders.setdefault(label(name, options), f"folder-{len(self._folders)}")
-        self.store.put_run("folders", self._folders)
-        self.store.put_run("options", {name: {"particles": 10} for name in self._folders})
+        options = {name: {"particles": 10} for name in self._folders}
+        self.store.put_about({"folders": self._folders, "options": options})
+
+
+def put(store: Store, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+    """Keep a result, whatever the record has under the key."""
+    with store.together() as db:
+        db.execute("DELETE FROM results WHERE key = ?", (key,))
+        store.put_result(key, row, arrays)

@@ -1,13 +1,17 @@
 """A run of a few cells in this process, and the rows that it leaves."""
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from slamduel.bench.plan.plan import Cell, Plan
-from slamduel.bench.record.reader import Store
+from slamduel.bench.engine.engine import Watcher
+from slamduel.bench.plan.plan import Plan
+from slamduel.bench.plan.work import PlannedCell
 from slamduel.bench.record.schema import Row
+from slamduel.bench.record.store import Store
 from slamduel.bench.run.runner import run
+from slamduel.bench.workers.local_executor import Local
 
 TIMES = {
     "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
@@ -22,13 +26,12 @@ class Silent:
     def __init__(self) -> None:
         self.ended: list[str] = []
 
-    def preparing(self, logs: int) -> None: ...
-    def prepared(self, name: str) -> None: ...
-    def running(self, cells: Sequence[Cell], before: Sequence[Row], workers: int) -> None: ...
-    def finished(self, cell: Cell, row: dict[str, Any], seconds: float) -> None:
-        self.ended.append(f"{cell.backend.label} {row['status']}")
-
-    def reporting(self) -> None: ...
+    def looking(self, logs: int) -> None: ...
+    def looked(self, name: str) -> None: ...
+    def say(self, sentence: str) -> None: ...
+    def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None: ...
+    def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        self.ended.append(f"{cell.cell.backend.label} {row['status']}")
 
 
 def go(
@@ -36,7 +39,13 @@ def go(
 ) -> dict[str, Row]:
     """Run, and the rows by backend label and seed."""
     words = {"backend": backends, "dataset": str(dataset), "seeds": seeds, "timeout_s": timeout_s, "memory_mb": 1000}
-    run(Plan.from_words(words), folder, workers, ["bench", "run"], Silent())
+    return again(Plan.from_words(words), folder, Silent(), workers)
+
+
+def again(plan: Plan, folder: Path, watcher: Watcher, workers: int = 1) -> dict[str, Row]:
+    """Run a plan, or go on with it."""
+    with contextlib.closing(Local(workers)) as executor:
+        run(plan, folder, executor, ["bench", "run"], watcher)
     return rows(folder)
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import create_autospec
 
-from slamduel.bench.record.study_store import StudyStore
-from slamduel.bench.study.runner import Watcher
+from slamduel.bench.engine.engine import Watcher
+from slamduel.bench.record.store import Store
 
 ENVIRONMENT = {"processor": "abacus & sons", "memory_gb": None, "packages": {"slamduel": "0.1.0", "evo": None}}
 
@@ -28,16 +28,24 @@ def small_study(folder: Path, name: str, text: str, outcomes: Iterable[Outcome],
     """The folder, with the study of this text and these cells in its store."""
     folder.mkdir(parents=True, exist_ok=True)
     cells = list(outcomes)
-    with StudyStore(folder, writing=True) as store:
+    with Store(folder, writing=True) as store:
         command = ["bench", "ablate", f"{name}.toml"]
-        words = {"name": name, "size": size, "text": text, "command": command, "executor": "local"}
-        store.put_words({**words, "environment": ENVIRONMENT, "started": 1.8e9})
-        store.put_plan([(*_key(cell), cell.parameters, f"key {k}") for k, cell in enumerate(cells)])
+        words: dict[str, Any] = {"kind": "study", "name": name, "size": size, "text": text, "command": command}
+        words |= {"executor": "local", "workers": 2, "folders": {}, "environment": ENVIRONMENT, "started": 1.8e9}
+        store.put_about(words)
+        store.put_plan([(*_key(cell), cell.parameters, f"log {k}", f"key {k}") for k, cell in enumerate(cells)])
         for k, cell in enumerate(cells):
             if cell.status != "waiting":
                 named = dict(zip(("dataset", "dataset_options", "backend", "options", "seed"), _key(cell), strict=True))
                 log = f"log {[(n, v) for n, v in cell.parameters.items() if n != 'backend']}"
-                row = {"status": cell.status, "reason": "", "digest": log, "seconds": 0.5, "timing_alone": 1}
+                row = {
+                    "status": cell.status,
+                    "reason": "",
+                    "digest": log,
+                    "seconds": 0.5,
+                    "timing_alone": 1,
+                    "steps": 9,
+                }
                 store.put_result(f"key {k}", row | named | dict(cell.columns), {})
     return folder
 

@@ -10,7 +10,7 @@ import pytest
 
 from slamduel.bench.claims.answer import Answer, answer, measures
 from slamduel.bench.claims.conclusion import conclude, document
-from slamduel.bench.record.study_table import StudyTable, numbers, words
+from slamduel.bench.record.cell_table import CellTable, numbers, words
 from slamduel.bench.study.claim import Claim
 from slamduel.bench.verdict.statistics import estimate, shift
 from slamduel.bench.verdict.walsh import MOST as MOST_LOGS
@@ -23,7 +23,7 @@ SIX = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 NUMBERS = ("ate_m", "final_ate_m", "nees", "growth_steps", "step_us_mean", "timing_alone")
 
 
-def table(cells: Sequence[Mapping[str, Any]]) -> StudyTable:
+def table(cells: Sequence[Mapping[str, Any]]) -> CellTable:
     """Of cells by column; done, on a log of its own a seed, and without a value where nothing else is said."""
     swept = dict.fromkeys(name for cell in cells for name in cell if name not in NUMBERS)
     usual = {"dataset": "room", "status": "done", "reason": ""}
@@ -34,7 +34,7 @@ def table(cells: Sequence[Mapping[str, Any]]) -> StudyTable:
     columns["digest"] = words(
         [None if c.get("status") == "waiting" else c.get("digest", f"{c.get('dataset')} {c['seed']}") for c in cells]
     )
-    return StudyTable(columns | {name: numbers([cell.get(name) for cell in cells]) for name in NUMBERS})
+    return CellTable(columns | {name: numbers([cell.get(name) for cell in cells]) for name in NUMBERS})
 
 
 def cells(values: Sequence[float | None] | Array, measure: str = "ate_m", **same: Any) -> list[dict[str, Any]]:
@@ -61,7 +61,7 @@ def alike(by: float, measure: str = "ate_m") -> Claim:
     return Claim("alike", "They are alike", measure, EKF, UKF, 1 / (1 + by), 1 + by)
 
 
-def both(first: Sequence[float | None] | Array, second: Sequence[float | None] | Array, **rest: Any) -> StudyTable:
+def both(first: Sequence[float | None] | Array, second: Sequence[float | None] | Array, **rest: Any) -> CellTable:
     return table([*cells(first, **rest), *cells(second, **rest, backend="ukf")])
 
 
@@ -259,7 +259,7 @@ def crosses(low: float = -inf, high: float = inf, first: Mapping[str, Any] = UKF
     return Claim("crosses", "The UKF overtakes", "step_us_mean", first, second, low, high, along="tags", **rest)
 
 
-def crossing(at: Sequence[float], sizes: Sequence[float] = (10, 30, 100, 300)) -> StudyTable:
+def crossing(at: Sequence[float], sizes: Sequence[float] = (10, 30, 100, 300)) -> CellTable:
     """On each log the EKF's cost is a square and the UKF's a straight line, which meet at that size."""
     return table(
         [

@@ -15,7 +15,7 @@ import pytest
 
 from random_logs import random_log
 from slamduel.bench.cli import main
-from slamduel.bench.record.reader import Store
+from slamduel.bench.record.store import Store
 from slamduel.datasets.formats import log_folder as logfile
 
 

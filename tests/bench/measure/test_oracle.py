@@ -9,9 +9,8 @@ import pytest
 from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.measure.status import TOLD
-from slamduel.bench.record.reader import Store
 from slamduel.bench.record.schema import Row
-from slamduel.bench.record.writer import Recorder
+from slamduel.bench.record.store import Store
 from slamduel.datasets.formats import log_folder as logfile
 
 BACKEND = "oracle_backends:true_poses"
@@ -90,9 +89,8 @@ def test_a_run_that_goes_on_tells_it_still(
     out = tmp_path / "run"
     words = ("--backend", f"{BACKEND},{WITHOUT}", "--dataset", log_folder)
     go(out, *words, "--oracle")
-    with Recorder(out) as store:
-        assert store._db is not None  # pyright: ignore[reportPrivateUsage]
-        store._db.execute("DELETE FROM cells")  # pyright: ignore[reportPrivateUsage]
+    with Store(out, writing=True) as store, store.together() as record:
+        record.execute("DELETE FROM results")
     found = go(out)
     assert found[f"{BACKEND}[]"].columns["reason"] == TOLD
     assert go(out, *words, "--oracle") == found

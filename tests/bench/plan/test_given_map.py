@@ -20,18 +20,17 @@ from slamduel.bench.measure.score import JOINT_MOST, score
 from slamduel.bench.plan.given_map import BLOCKS, FIXED, JOINT, GivenMap, localising, read
 from slamduel.bench.plan.landmark_file import block_diagonal
 from slamduel.bench.plan.plan import Plan
-from slamduel.bench.plan.prepare import Task
-from slamduel.bench.plan.prepare import run as prepare
+from slamduel.bench.plan.prepare import prepared
 from slamduel.bench.plan.spec import dataset_variants
-from slamduel.bench.record.reader import Store
 from slamduel.bench.record.schema import FILE
-from slamduel.bench.record.writer import Recorder
+from slamduel.bench.record.store import Store
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log, Map, Prior, Truth
 from slamduel.frontend.se2 import Array, wrap
 from small_log import small_dataset
+from small_record import put
 
 HALF = 60
 GAUSSIAN = ("ekf", "isam2", "graph")
@@ -269,9 +268,8 @@ def test_what_cannot_be_told_apart_or_found_is_a_sentence(worlds: Path, tmp_path
     own = small_dataset()
     log_folder.write(tmp_path / "own", own.log, own.truth)
     variant = dataset_variants(str(tmp_path / "own"))[0]
-    task = Task(variant.name, variant.options, 0, tmp_path / "x.npz", own.log.prior.map)
     with pytest.raises(InputError, match="dataset log has a map of its own in its prior"):
-        prepare(task)
+        prepared(variant.name, variant.options, 0, own.log.prior.map)
 
 
 @pytest.mark.usefixtures("no_report")
@@ -297,11 +295,11 @@ def test_an_older_record_has_the_covariance_of_each_landmark_alone(worlds: Path,
     """Records were once kept without the joint covariance, and without counts of ancestors and refused sightings."""
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / FILE).write_bytes((worlds / "mapped" / FILE).read_bytes())
-    with Recorder(tmp_path / "old") as store:
+    with Store(tmp_path / "old", writing=True) as store:
         for row in list(store.cells()):
             lacking = ("map_joint", "final_map_joint", "ancestors", "refused", "cost_terms")
             left = {name: array for name, array in store.arrays(row).items() if name not in lacking}
-            store.put_cell(row.columns, left, row.traceback)
+            put(store, row.result, row.columns, left)
     assert main(["report", str(tmp_path / "old")]) == 0
     with (cell(tmp_path / "old", "ekf") / "steps.csv").open(newline="") as file:
         steps = list(csv.DictReader(file))

@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from places import ROOT
+from slamduel.bench.engine import key as study_key
+from slamduel.bench.engine.key import ELSEWHERE, JUDGE, backend_key, from_files, log_key, result_key, source_key
 from slamduel.bench.plan.plan import Cell
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record import fingerprint as code
 from slamduel.bench.record import library_version
 from slamduel.bench.record.fingerprint import closure, fingerprint, source
 from slamduel.bench.record.imports import imports
-from slamduel.bench.record.study_store import Known
-from slamduel.bench.study import key as study_key
-from slamduel.bench.study.key import ELSEWHERE, JUDGE, backend_key, from_files, log_key, result_key, source_key
+from slamduel.bench.record.store import Known
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.registry import Source
 
@@ -102,7 +102,7 @@ LOGS = {"circle", "matlab-report", "victoria-park"}
         (
             (
                 "bench/report/figures.py bench/report/report.py bench/drawing/page.py "
-                "bench/record/study_store.py bench/verdict/verdict.py"
+                "bench/record/store.py bench/verdict/verdict.py"
             ),
             set(),
         ),

@@ -13,12 +13,12 @@ import pytest
 
 from random_logs import random_log
 from slamduel.bench.cli import main
-from slamduel.bench.record.reader import Store
-from slamduel.bench.record.writer import Recorder
+from slamduel.bench.record.store import Store
 from slamduel.bench.replay import rerun
 from slamduel.bench.replay.replay import Replay, choose, replay
 from slamduel.bench.replay.view import View, ellipses, view
 from slamduel.datasets.formats import log_folder
+from small_record import put
 
 STEPS, FRAMES = 40, 14
 BACKENDS = "ekf,graph,misbehaving:raises,oracle_backends:true_poses"
@@ -117,11 +117,11 @@ def test_an_ellipse_holds_95_percent() -> None:
 
 def test_another_path_than_the_recorded_one_is_told(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "run")
-    with Recorder(tmp_path / "run") as store:
+    with Store(tmp_path / "run", writing=True) as store:
         row = next(row for row in store.cells() if row.columns["backend"] == "ekf")
         arrays = store.arrays(row)
         arrays["online"][7, 0] = np.nextafter(arrays["online"][7, 0], np.inf)
-        store.put_cell(row.columns, arrays, "")
+        put(store, row.result, row.columns, arrays)
     (part,) = again(tmp_path / "run", backends="ekf").parts
     assert part.remark.startswith("NOT THE RECORDED PATH: another from step 7 on, by up to ")
 
@@ -142,7 +142,7 @@ def test_another_log_than_the_recorded_one_is_refused(
         record.execute("UPDATE logs SET digest = ?", ("f" * 64,))
     record.close()
     said = refused(capsys, tmp_path / "run", "--out", tmp_path / "x.html")
-    assert "is another log now than when this run was made" in said
+    assert "is another log now than when this was run" in said
     assert "expected ffffffffffff" in said
     assert os.listdir(tmp_path) == ["run"]
 

@@ -57,7 +57,7 @@ def add(record: Record, backend: str, options: str, seed: int, rng: np.random.Ge
     if backend == "fastslam":
         more |= {"n_eff": rng.uniform(40, 100, STEPS), "ancestors": np.linspace(100, 1, STEPS).round()}
     (kept,) = [found for found in record.store.cells() if found.key == tuple(row[name] for name in KEY)]
-    record.store.put_cell(row, record.store.arrays(kept) | more, "")
+    record.put(row, record.store.arrays(kept) | more)
 
 
 KEY = ("dataset", "dataset_options", "backend", "options", "seed")

@@ -67,7 +67,7 @@ class Page(HTMLParser):
 def record(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Record]:
     """Two datasets, one of them with a reference only; every way a cell can end."""
     made = Record(tmp_path_factory.mktemp("run") / "r")
-    made.store.put_run("implementations", WHOSE)
+    made.store.put_about({"implementations": WHOSE})
     for seed in range(3):
         made.cell("room", "truth", "ekf", seed=seed, off=0.1, ate_m=0.1 + 0.01 * seed, step_us_p50=1234.4 + seed)
         made.cell("room", "truth", "isam2", seed=seed, off=0.2, paths=("online", "final"), alone=seed > 0)

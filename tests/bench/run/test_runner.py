@@ -20,15 +20,15 @@ from places import SUPPORT
 from random_logs import random_log
 from slamduel.bench.measure.status import SURVEYED
 from slamduel.bench.record.lock import claimed
-from slamduel.bench.record.reader import Store
 from slamduel.bench.record.schema import COLUMNS, Row
-from slamduel.bench.run.runner import recorded_plan, run
+from slamduel.bench.record.store import Store
+from slamduel.bench.run.runner import recorded_plan
 from slamduel.bench.workers.tasks import execute
 from slamduel.datasets.formats import log_folder as logfile
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log
 from slamduel.frontend.tum import read_tum
-from small_run import TIMES, Silent, go, rows
+from small_run import TIMES, Silent, again, go, rows
 
 
 @pytest.fixture(scope="module")
@@ -235,9 +235,9 @@ def test_a_killed_run_goes_on_and_ends_like_an_undisturbed_one(tmp_path: Path, l
         process.wait()
     plan = recorded_plan(out)
     assert plan is not None
-    again = Silent()
-    run(plan, out, 1, ["bench", "run"], again)
-    assert 0 < len(again.ended) <= 11 - 8
+    watcher = Silent()
+    again(plan, out, watcher)
+    assert 0 < len(watcher.ended) <= 11 - 8
     assert without_times(out) == without_times(tmp_path / "undisturbed")
     assert arrays(out).keys() == arrays(tmp_path / "undisturbed").keys()
 

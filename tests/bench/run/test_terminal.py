@@ -8,6 +8,7 @@ import pty
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from slamduel.bench.plan.plan import Cell, Plan
+from slamduel.bench.plan.plan import Plan
+from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.bench.run.document import document
@@ -195,17 +197,18 @@ def test_a_time_is_told_no_finer_than_it_is_known() -> None:
     assert told == ["some seconds left"] * 2 + ["about 40 s left", "about 5 min left", "about 2.5 h left"]
 
 
-def plan(seeds: int = 2) -> list[Cell]:
-    return Plan.from_words(DEFAULTS | {"backend": "ekf,ukf", "dataset": "circle,bailey", "seeds": seeds}).cells()
+def plan(seeds: int = 2) -> Sequence[PlannedCell]:
+    words = DEFAULTS | {"backend": "ekf,ukf", "dataset": "circle,bailey", "seeds": seeds}
+    return work_of(Plan.from_words(words)).cells
 
 
-def watch(console: Console, cells: list[Cell], **columns: Any) -> None:
+def watch(console: Console, cells: Sequence[PlannedCell], **columns: Any) -> None:
     with Screen(console) as screen:
-        screen.preparing(1)
-        screen.prepared("a log")
-        screen.running(cells, [], 1)
+        screen.looking(1)
+        screen.looked("a log")
+        screen.running(cells, 0, 1, [])
         for cell in cells:
-            key = dict(zip(("dataset", "dataset_options", "backend", "options", "seed"), cell.key, strict=True))
+            key = dict(zip(("dataset", "dataset_options", "backend", "options", "seed"), cell.cell.key, strict=True))
             screen.finished(cell, row("ekf") | key | columns, 60.0)
         screen.reporting()
 
@@ -216,7 +219,7 @@ def test_in_a_pipe_a_cell_is_a_plain_line() -> None:
     watch(console, cells)
     said = console.file.getvalue().splitlines()  # pyright: ignore[reportAttributeAccessIssue]
     assert len(said) == len(cells) == 8
-    assert said[2].startswith(f"3 of 8 done {cells[2].dataset.label} · {cells[2].backend.label} · seed ")
+    assert said[2].startswith(f"3 of 8 done {cells[2].cell.dataset.label} · {cells[2].cell.backend.label} · seed ")
     assert ESCAPE not in "".join(said)
 
 

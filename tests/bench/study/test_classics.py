@@ -1,14 +1,17 @@
 """The studies that come along: each says what it asks and whom it follows, and its cells run to what it measures."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from slamduel.bench.engine.engine import Wanted, run
+from slamduel.bench.plan.work import PlannedCell
+from slamduel.bench.record.schema import Row
 from slamduel.bench.study import file as study_file
-from slamduel.bench.study.runner import Wanted, run
-from slamduel.bench.study.study import Study, StudyCell
+from slamduel.bench.study.study import Study, about
 from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.workers.local_executor import Local
 
@@ -31,24 +34,24 @@ class Watched:
     def looking(self, logs: int) -> None:
         """Nobody asks."""
 
-    def looked(self) -> None:
+    def looked(self, name: str) -> None:
         """Nobody asks."""
 
     def say(self, sentence: str) -> None:
         """Nobody asks."""
 
-    def running(self, cells: int, done: int, slots: int) -> None:
+    def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
         """Nobody asks."""
 
-    def finished(self, cell: StudyCell, status: str, reason: str, seconds: float) -> None:
+    def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         del seconds
-        if status != "done":
-            self.amiss.append((cell.cell.dataset.label, cell.cell.backend.label, status, reason))
+        if row["status"] != "done":
+            self.amiss.append((cell.cell.dataset.label, cell.cell.backend.label, row["status"], row["reason"]))
 
 
-def few(study: Study) -> list[StudyCell]:
+def few(study: Study) -> list[PlannedCell]:
     """Of every backend, as the file writes it, the first and the last it is swept to, on the first log of either."""
-    by: dict[str, dict[str, StudyCell]] = {}
+    by: dict[str, dict[str, PlannedCell]] = {}
     for cell in study.cells:
         by.setdefault(cell.parameters["backend"], {}).setdefault(cell.cell.backend.label, cell)
     variants = [list(swept.values()) for swept in by.values()]
@@ -81,7 +84,7 @@ def test_its_cells_run_and_have_what_it_measures(name: str, pool: Local, tmp_pat
     chosen = {(cell.cell.key, cell.cell.seed) for cell in few(study)}
     watched = Watched()
     wanted = Wanted(lambda cell: (cell.cell.key, cell.cell.seed) in chosen, None, False)
-    tally = run(study, tmp_path, pool, wanted, ["bench", "ablate", name], watched)
+    tally = run(study, tmp_path, pool, wanted, about(study, tmp_path, ["bench", "ablate", name]), watched)
     assert not watched.amiss
     assert tally.done == len(chosen)
     found = evidence(tmp_path)

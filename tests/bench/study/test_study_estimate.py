@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
+from slamduel.bench.engine.engine import Wanted, run
 from slamduel.bench.measure.cell import Result
-from slamduel.bench.record.study_store import StudyStore
+from slamduel.bench.record.store import Store
 from slamduel.bench.study.estimate import Estimate, estimate
-from slamduel.bench.study.runner import Wanted, run
-from slamduel.bench.study.study import Study
+from slamduel.bench.study.study import Study, about
 from slamduel.bench.words.numerals import lasting
 from slamduel.bench.workers.batch import Batch, Finished, LogFacts
 from small_study import silent
@@ -37,7 +37,7 @@ class Stopwatch:
         pass
 
 
-def estimated(found: Study, executor: Stopwatch, store: StudyStore | None = None, **wanted: Any) -> Estimate:
+def estimated(found: Study, executor: Stopwatch, store: Store | None = None, **wanted: Any) -> Estimate:
     asked = Wanted(wanted.get("chosen", lambda cell: True), wanted.get("limit"), False)
     return estimate(found, store, executor, asked, wanted.get("budget_s", 20.0))
 
@@ -79,9 +79,10 @@ def test_what_there_was_no_time_for_is_named() -> None:
 def test_results_that_are_there_are_not_run_again_and_tell_how_long_the_others_take(tmp_path: Path) -> None:
     text = '[[cells]]\ndataset = "bailey"\nbackend = ["ekf", "fastslam"]\nseeds = 4\n'
     executor = Stopwatch()
-    run(study(text), tmp_path, executor, Wanted(lambda cell: cell.cell.seed < 3, None, False), [], silent())
+    few = Wanted(lambda cell: cell.cell.seed < 3, None, False)
+    run(study(text), tmp_path, executor, few, about(study(text), tmp_path, []), silent())
     executor.asked.clear()
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         same = estimated(study(text), executor, store)
         other = estimated(study(text.replace('"ekf"', '"ekf[gate=0.5]"')), executor, store, limit=6)
     assert not executor.asked

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from slamduel.bench.engine import logs as study_logs
+from slamduel.bench.engine.engine import Tally, Wanted, run
+from slamduel.bench.engine.key import log_key
+from slamduel.bench.engine.log_files import FOLDER, LogFiles, same
 from slamduel.bench.measure.cell import Result
-from slamduel.bench.record.study_store import Known, StudyStore
-from slamduel.bench.study import logs as study_logs
-from slamduel.bench.study import runner
+from slamduel.bench.plan import prepare
+from slamduel.bench.record.store import Known, Store
 from slamduel.bench.study.estimate import estimate
 from slamduel.bench.study.file import made
-from slamduel.bench.study.key import log_key
-from slamduel.bench.study.log_files import FOLDER, LogFiles, same
-from slamduel.bench.study.runner import Tally, Wanted, run
-from slamduel.bench.workers import batch as work
+from slamduel.bench.study.study import about
 from slamduel.bench.workers import dask_task
 from slamduel.bench.workers.batch import Batch, Finished, facts_of, unmade
 from slamduel.bench.workers.here_executor import Here
@@ -98,13 +98,20 @@ class Asked(NamedTuple):
 def go(folder: Path, text: str = STUDY, wanted: Wanted = EVERYTHING, *, lost: bool = False) -> Asked:
     """Go on with the study."""
     executor, watcher = Several(lost), silent()
-    tally = run(made("study.toml", text, full=False), folder, executor, wanted, [], watcher)
+    study = made("study.toml", text, full=False)
+    tally = run(study, folder, executor, wanted, about(study, folder, []), watcher)
     return Asked(executor.ran, tally, [call.args[0] for call in watcher.say.call_args_list])  # type: ignore[attr-defined]
+
+
+def in_room(text: str, folder: Path, pool: Local) -> Tally:
+    """Go on with the study in processes."""
+    study = made("study.toml", text, full=False)
+    return run(study, folder, pool, EVERYTHING, about(study, folder, []), silent())
 
 
 def digests(folder: Path) -> set[str]:
     """Of the logs that the study's results are on."""
-    with StudyStore(folder) as store:
+    with Store(folder) as store:
         return set(store.table([]).columns["digest"].tolist())
 
 
@@ -161,7 +168,7 @@ def test_where_it_is_another_one_by_then_that_is_said_and_all_runs_on_that(tmp_p
 
 def test_a_log_that_cannot_be_made_fails_its_cells_with_the_reason(tmp_path: Path, workshop: Workshop) -> None:
     assert go(tmp_path, lost=True) == Asked(0, Tally(6, 6, 6), [])
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         assert set(store.table([]).columns["reason"].tolist()) == {"the log could not be made: it rains"}
     assert go(tmp_path).ran == 0
     assert workshop.makings == 0
@@ -171,8 +178,7 @@ def test_a_log_that_cannot_be_made_fails_its_cells_with_the_reason(tmp_path: Pat
 
 def test_other_code_makes_it_anew(tmp_path: Path, workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:
     def edit(word: str) -> None:
-        for module in (runner, study_logs):
-            monkeypatch.setattr(module, "log_key", lambda cell: f"{word} {log_key(cell)}")
+        monkeypatch.setattr(study_logs, "log_key", lambda cell, given: f"{word} {log_key(cell, given)}")
 
     go(tmp_path)
     edit("new")
@@ -193,7 +199,7 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[float
     def study(off: float) -> str:
         poses = np.zeros((len(log), 3)) + off
         path = Truth(log.t, poses, None, None, "reference", "reference")
-        monkeypatch.setattr(work, "known", lambda log, truth: path)
+        monkeypatch.setattr(prepare, "known", lambda log, truth: path)
         return f'cells = [{{dataset = "{tmp_path}/log", backend = ["ekf", "ukf"]}}]\n'
 
     return study
@@ -228,12 +234,12 @@ def test_two_makings_differ_by_rounding_or_by_more() -> None:
 def test_rendered_logs_reach_processes_of_this_machine(tmp_path: Path) -> None:
     pool = Local(2)
     try:
-        assert run(made("study.toml", ROOM, full=False), tmp_path, pool, EVERYTHING, [], silent()) == Tally(6, 6, 0)
+        assert in_room(ROOM, tmp_path, pool) == Tally(6, 6, 0)
         assert len(kept(tmp_path)) == len(digests(tmp_path)) == 2
         for file in kept(tmp_path):
             file.unlink()
         room = ROOM.replace('"ukf"', '"invariant-ekf"')
-        assert run(made("study.toml", room, full=False), tmp_path, pool, EVERYTHING, [], silent()) == Tally(6, 6, 0)
+        assert in_room(room, tmp_path, pool) == Tally(6, 6, 0)
         assert len(kept(tmp_path)) == len(digests(tmp_path)) == 2
     finally:
         pool.close()
@@ -281,7 +287,7 @@ def test_what_a_killed_writer_has_left_goes(tmp_path: Path, workshop: Workshop) 
 
 def test_an_estimate_runs_on_the_copies(tmp_path: Path, workshop: Workshop) -> None:
     go(tmp_path)
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         study = made("study.toml", FASTSLAM, full=False)
         found = estimate(study, store, Several(), EVERYTHING)
     assert (found.todo, found.timed_now > 0) == (2, True)

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slamduel.bench.engine.engine import Tally, Wanted, run
 from slamduel.bench.measure.cell import Result
-from slamduel.bench.record.study_store import StudyStore
+from slamduel.bench.record.store import Store
 from slamduel.bench.study.file import made
 from slamduel.bench.study.only import choice
-from slamduel.bench.study.runner import Tally, Wanted, run
+from slamduel.bench.study.study import about
 from slamduel.bench.workers.batch import Batch, Finished, unmade
 from slamduel.bench.workers.here_executor import Here
 from slamduel.datasets.formats import log_folder
@@ -59,13 +60,13 @@ def go(
     """The cells that were run, none of them twice, and how far the study is."""
     study, executor = made("study.toml", text, full=False), executor or Counting()
     wanted = Wanted(choice(study, only), limit, retry)
-    tally = run(study, folder, executor, wanted, ["bench", "ablate", "study.toml"], silent())
+    tally = run(study, folder, executor, wanted, about(study, folder, ["bench", "ablate", "study.toml"]), silent())
     assert len(set(executor.ran)) == len(executor.ran)
     return set(executor.ran), tally
 
 
 def statuses(folder: Path) -> list[str]:
-    with StudyStore(folder) as store:
+    with Store(folder) as store:
         return store.table([]).columns["status"].tolist()
 
 
@@ -80,7 +81,7 @@ def test_one_option_runs_its_cells_and_none_when_it_is_put_back(tmp_path: Path) 
     assert ran == {("ekf[gate=0.99]", 0), ("ekf[gate=0.99]", 1)}
     assert tally == Tally(6, 6, 0)
     assert go(tmp_path) == (set(), Tally(6, 6, 0))
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         assert len(store.statuses()) == 8  # nothing is thrown away
 
 
@@ -163,7 +164,7 @@ def test_cells_that_can_only_be_the_same_are_one_result(tmp_path: Path) -> None:
     text = f'cells = [{{dataset = ["{tmp_path}/one", "{tmp_path}/other"], backend = "ekf"}}]\n'
     folder = tmp_path / "out"
     assert go(folder, text)[1] == Tally(2, 2, 0)
-    with StudyStore(folder) as store:
+    with Store(folder) as store:
         values = store.table(["ate_m"]).columns["ate_m"]
         assert len(store.statuses()) == 1
     assert np.isfinite(values[0])
@@ -174,5 +175,5 @@ def test_a_folder_of_another_study_is_left_alone(tmp_path: Path) -> None:
     go(tmp_path)
     study = made("other.toml", STUDY, full=False)
     with pytest.raises(InputError, match="holds the study study, expected other or another folder"):
-        run(study, tmp_path, Counting(), Wanted(lambda _: True, None, False), [], silent())
+        run(study, tmp_path, Counting(), Wanted(), about(study, tmp_path, []), silent())
     assert go(tmp_path)[0] == set()

@@ -18,8 +18,8 @@ from matplotlib.image import imread
 from slamduel.bench.claims.curves import MANY, medians, names
 from slamduel.bench.cli import main as bench
 from slamduel.bench.drawing.svg import PAPER
-from slamduel.bench.record.study_store import StudyStore
-from slamduel.bench.record.study_table import StudyTable
+from slamduel.bench.record.cell_table import CellTable
+from slamduel.bench.record.store import Store
 from slamduel.bench.study.study import Figure
 from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.study_report.figure import span
@@ -241,7 +241,7 @@ def test_one_wild_interval_leaves_the_medians_their_room(tmp_path: Path) -> None
     ],
 )
 def test_an_axis_is_called_what_its_option_is(option: str, dataset: str, label: str) -> None:
-    table = StudyTable({"dataset": np.array([dataset], object), "backend": np.array(["ekf"], object),
+    table = CellTable({"dataset": np.array([dataset], object), "backend": np.array(["ekf"], object),
                         option: np.array([1], object)})  # fmt: skip
     assert option_words(option, table) == label
 
@@ -286,7 +286,7 @@ def test_figures_are_files(page: Path) -> None:
 
 
 def test_no_study_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected the folder of a study"):
+    with pytest.raises(InputError, match="expected the folder of a run or a study"):
         write(tmp_path)
 
 
@@ -301,7 +301,7 @@ def test_a_median_keeps_its_places() -> None:
         "status": np.array(["done"] * n, object),
         "ate_m": values,
     }
-    found = medians(Figure("noise", "ate_m", "backend", {}, "", "", ""), StudyTable(columns))
+    found = medians(Figure("noise", "ate_m", "backend", {}, "", "", ""), CellTable(columns))
     assert list(found.xs) == [0.1, 0.2]
     for k, key in enumerate([(0.2, "a"), (0.2, "b"), (0.1, "a"), (0.1, "b")]):
         exact, place = estimate(values[k::4].tolist()), found.places[key]
@@ -327,16 +327,16 @@ def test_the_gallery_counts_findings_and_leads_to_reports(page: Path, tmp_path: 
     first = evidence(root / "tags").answers[0]
     assert parted(first.sentence, first.claim.says) in text
     (root / "broken").mkdir()
-    (root / "broken" / "study.sqlite").write_text("no database")
+    (root / "broken" / "results.sqlite").write_text("no database")
     assert main([str(root)]) == 0
-    assert "broken/study.sqlite" in said(index)
+    assert "broken/results.sqlite" in said(index)
 
 
 def test_what_goes_on_is_the_whole_study(page: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(page.parent, tmp_path / "tags")
     typed = "bench ablate tags.toml --only backend=ekf --out tags --limit=3 --retry --limit 4"
-    with StudyStore(folder, writing=True) as store:
-        store.put_words({"command": typed.split()})
+    with Store(folder, writing=True) as store:
+        store.put_about({"command": typed.split()})
     lines = set(again(evidence(folder)).values())
     assert lines <= {f"bench ablate tags.toml --out tags{more}" for more in ("", " --retry", " --full")}
     assert "bench ablate tags.toml --out tags" in lines
@@ -378,15 +378,15 @@ def test_pages_fit_are_quiet_and_ask_for_nothing(browser: Any, page: Path) -> No
             shown.close()
 
 
-def test_the_command_writes_it_again_and_others_say_that_it_is_no_run(
+def test_the_command_writes_it_again_and_others_read_it_as_a_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = small_study(tmp_path / "again", "again", TEXT, outcomes())
     assert bench(["report", str(folder), "--figures", "png"]) == 0
     assert capsys.readouterr().out == f"report: {folder / 'report.html'}\n"
     assert len(list((folder / "figures").glob("*.png"))) == len(evidence(folder).study.figures)
-    assert bench(["compare", str(folder), str(folder)]) == 2
-    assert "holds a study, study.sqlite, and no run; expected the folder of a run." in capsys.readouterr().err
+    assert bench(["compare", str(folder), str(folder)]) == 0
+    assert "the same to the last bit" in capsys.readouterr().out
 
 
 def test_no_estimate_where_it_could_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -400,17 +400,17 @@ def test_no_estimate_where_it_could_not_run(tmp_path: Path, capsys: pytest.Captu
 @pytest.mark.parametrize(
     ("spoil", "sentence"),
     [
-        ("DELETE FROM study WHERE name = 'size'", "has no size of the study yet; expected one that was begun"),
-        ("UPDATE study SET value = '{' WHERE name = 'size'", "expected the store of a study, whole"),
-        ("UPDATE plan SET parameters = '{' WHERE place = 0", "expected the store of a study, whole"),
-        ("UPDATE results SET ate_m = 'x' WHERE key = 'key 0'", "expected the store of a study, whole"),
+        ("DELETE FROM about WHERE name = 'size'", "has no size of the study yet; expected one that was begun"),
+        ("UPDATE about SET value = '{' WHERE name = 'size'", "expected the record of a run or a study, whole"),
+        ("UPDATE plan SET parameters = '{' WHERE place = 0", "expected the record of a run or a study, whole"),
+        ("UPDATE results SET ate_m = 'x' WHERE key = 'key 0'", "expected the record of a run or a study, whole"),
     ],
 )
 def test_a_store_that_makes_no_sense_is_a_sentence(
     tmp_path: Path, spoil: str, sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = small_study(tmp_path / "s", "s", TEXT, outcomes())
-    with sqlite3.connect(folder / "study.sqlite") as db:
+    with sqlite3.connect(folder / "results.sqlite") as db:
         db.execute(spoil)
     db.close()
     assert bench(["report", str(folder)]) == 2

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.bench.record.schema import CELLS
+from slamduel.bench.record.store import Store
 from slamduel.bench.verdict.changes import (
     FEW,
     GAIN,
@@ -59,8 +61,7 @@ def run(
                 "digest": digest(seed),
             }
             record.cell("room", "truth", backend, seed=seed, **failed)
-    record.store.put_run("random", [backend] * random)
-    record.store.put_run("cells", logs)
+    record.store.put_about({"random": [backend] * random, "cells": logs})
     record.store.close()
     return folder
 
@@ -186,10 +187,8 @@ def test_times_from_another_machine_are_left_out(tmp_path: Path, name: str, valu
 
 
 def elsewhere(folder: Path, **environment: Any) -> None:
-    from slamduel.bench.record.writer import Recorder
-
-    with Recorder(folder) as store:
-        store.put_run("environment", RUN["environment"] | environment)
+    with Store(folder, writing=True) as store:
+        store.put_about({"environment": RUN["environment"] | environment})
 
 
 def test_what_differs_between_the_runs_is_listed(tmp_path: Path) -> None:
@@ -213,11 +212,16 @@ def test_other_logs_are_left_out_unless_told_otherwise(tmp_path: Path) -> None:
 
 def sketched(folder: Path, seeds: int, off: float, frame: str = "f") -> Path:
     """With sketches of its logs, all `off` standard deviations from those of `off` = 0."""
-    from slamduel.bench.record.writer import Recorder
+    return sketches(folder, {seed: Sketch(frame, np.full(SUMS, seed + off)).words() for seed in range(seeds)})
 
-    words = {f"room, seed {seed}": Sketch(frame, np.full(SUMS, seed + off)).words() for seed in range(seeds)}
-    with Recorder(folder) as store:
-        store.put_run("sketches", words)
+
+def sketches(folder: Path, by_seed: dict[int, Any]) -> Path:
+    """The run with these sketches of its logs, and no others."""
+    with sqlite3.connect(folder / "results.sqlite") as record:
+        record.execute("UPDATE logs SET sketch = NULL")
+        for seed, words in by_seed.items():
+            record.execute("UPDATE logs SET sketch = ? WHERE seed = ?", (json.dumps(words), seed))
+    record.close()
     return folder
 
 
@@ -252,23 +256,18 @@ def test_other_instructions_allow_for_rounding_and_one_processor_allows_for_none
 
 
 def test_a_damaged_sketch_is_none(tmp_path: Path) -> None:
-    from slamduel.bench.record.writer import Recorder
-
     old = sketched(run(tmp_path / "old"), LOGS, 0.0)
     new = run(tmp_path / "new", digest=lambda seed: f"{'x' if seed < 1 else 'd'}{seed}")
-    for words in ({}, {"room, seed 0": None}, {"room, seed 0": {"frame": "f", "sums": "none"}}):
-        with Recorder(new) as store:
-            store.put_run("sketches", words)
-        assert told(old, new)["ATE online, m"].n == LOGS - 1
+    for damaged in ({}, {0: None}, {0: {"frame": "f", "sums": "none"}}):
+        assert told(old, sketches(new, damaged))["ATE online, m"].n == LOGS - 1
 
 
 def test_a_record_without_newer_columns_is_compared(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new")
-    from slamduel.bench.record.writer import Recorder
-
-    with Recorder(old) as store:
-        store.put_run("truths", None)
-        store._db.execute("ALTER TABLE cells DROP COLUMN peak_mb")  # type: ignore[union-attr]
+    with sqlite3.connect(old / "results.sqlite") as record:
+        view = CELLS.replace("results.peak_mb, ", "")
+        record.executescript(f"DROP VIEW cells; ALTER TABLE results DROP COLUMN peak_mb; {view}")
+    record.close()
     assert "memory, MB" not in told(old, new)
     assert told(old, new)["ATE online, m"].verdict == SAME
 
@@ -339,6 +338,6 @@ def test_from_failing_has_no_interval(tmp_path: Path) -> None:
 def changed(folder: Path, column: str, value: Any) -> Path:
     """The run with another value in every cell."""
     with sqlite3.connect(folder / "results.sqlite") as record:
-        record.execute(f"UPDATE cells SET {column} = ?", (value,))
+        record.execute(f"UPDATE results SET {column} = ?", (value,))
     record.close()
     return folder

@@ -13,10 +13,10 @@ pytest.importorskip("distributed", reason="Dask is not installed")
 import older_machine
 import slamduel
 from dask_processes import WITHOUT, Processes
+from slamduel.bench.engine.engine import Tally, Wanted, run
 from slamduel.bench.measure.cell import Job
 from slamduel.bench.plan import spec
 from slamduel.bench.study.file import made
-from slamduel.bench.study.runner import Tally, Wanted, run
 from slamduel.bench.workers import dask_cluster
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.dask_cluster import Cluster

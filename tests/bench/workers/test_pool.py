@@ -21,16 +21,13 @@ import pytest
 from places import SUPPORT
 from random_logs import random_log
 from slamduel.backends import registry as backends
-from slamduel.bench.measure import cell
 from slamduel.bench.measure.cell import Job, Result
 from slamduel.bench.measure.memory import limited
-from slamduel.bench.plan import prepare
 from slamduel.bench.workers import local_executor
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.batch_queue import BatchQueue
 from slamduel.bench.workers.here_executor import Here
 from slamduel.bench.workers.local_executor import Local
-from slamduel.bench.workers.tasks import execute
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.factors import Log
@@ -93,7 +90,7 @@ def pool() -> Generator[Local]:
     assert not children()
 
 
-def test_numbers_are_those_of_a_process_each_in_any_order(pool: Local, tmp_path: Path) -> None:
+def test_numbers_are_those_of_this_process_in_any_order(pool: Local) -> None:
     batches = [batch(MANY, seed=seed, first=10 * seed, keep=True) for seed in (0, 1)]
     here = by_index(Here().run(batches, alone=False))
     single = [dataclasses.replace(one, jobs=(job,)) for one in batches for job in one.jobs]
@@ -103,11 +100,8 @@ def test_numbers_are_those_of_a_process_each_in_any_order(pool: Local, tmp_path:
     for index, result in here.items():
         assert result.status == "done"
         assert numbers(result) == numbers(pooled[index])
-    first, archive = batches[0], tmp_path / "log.npz"
-    prepare.run(prepare.Task(first.dataset, first.options, first.seed, archive))
-    tasks = [cell.Task(**vars(job), log=archive) for _, job in first.jobs]
-    for ended in execute(cell.run, tasks, workers=2):
-        assert numbers(ended.value) == numbers(pooled[first.jobs[ended.task][0]])
+    alone = by_index(pool.run(single, alone=True))
+    assert {index: numbers(result) for index, result in alone.items()} == {k: numbers(r) for k, r in here.items()}
 
 
 def test_whatever_a_backend_does_it_is_one_result(pool: Local) -> None:
@@ -188,12 +182,29 @@ def test_workers_are_replaced_after_many_cells_and_after_an_error(monkeypatch: p
     pool.close()
 
 
-def test_alone_is_one_process(pool: Local) -> None:
+def test_alone_every_backend_has_a_process_of_its_own(pool: Local) -> None:
     list(pool.run([batch(["ekf"], seed=seed, first=seed) for seed in range(3)], alone=False))
     assert len(children()) == 2
-    for finished in pool.run([batch(["ekf", "ekf"], seed=seed, first=10 * seed) for seed in range(2)], alone=True):
+    seen: list[set[int]] = []
+    for finished in pool.run([batch(["ekf", "ukf"], seed=seed, first=10 * seed) for seed in range(2)], alone=True):
         assert finished.alone
-        assert len(children()) == 1
+        seen.append(children())
+    assert [len(pids) for pids in seen] == [1, 2, 2, 2]
+    assert seen[1] == seen[2] == seen[3]
+
+
+def test_alone_no_more_than_so_many_backends_keep_theirs(monkeypatch: pytest.MonkeyPatch, pool: Local) -> None:
+    monkeypatch.setattr(local_executor, "MOST_CREWS", 2)
+    for _ in pool.run([batch(["ekf", "ukf", "dead-reckoning"])], alone=True):
+        assert len(children()) <= 2
+
+
+def test_logs_are_made_on_every_core() -> None:
+    pool = Local(1)
+    made = list(pool.run([batch([], seed=seed) for seed in range(6)], alone=False))
+    assert [finished.log is not None for finished in made] == [True] * 6
+    assert len(children()) == min(6, os.cpu_count() or 1)
+    pool.close()
 
 
 def test_who_stops_listening_leaves_nothing_at_work(pool: Local) -> None:

@@ -1,8 +1,8 @@
-"""The store of a study: read while another process writes, and written by one, at once and for good.
+"""Reads and writes a record, while at most one process writes and any number reads.
 
-Every result is committed as it comes, which costs a fraction of a millisecond, so that whatever kills the writer takes
-none of them with it. A result that is there stays as it is, whatever comes later under its key; but one that failed
-makes way, and so does one without arrays to the same with them.
+Every result is committed as it comes, which costs a fraction of a millisecond, so that a killed writer loses none. A
+result stays, whatever comes later under its key; but one that failed is replaced, and so is one without arrays by the
+same with them.
 """
 
 import contextlib
@@ -15,32 +15,38 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...frontend.errors import InputError
 from ..measure.status import FAILED
-from .schema import packed, unpacked
-from .study_db import BROKEN, damaged, read_only, unwritable, writable
-from .study_schema import ABOUT, FILE, MEASURED, RESULT
-from .study_table import StudyTable, numbers, words
+from .cell_table import CellTable, numbers, words
+from .database import BROKEN, damaged, read_only, unwritable, writable
+from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
+from .validity import wrong_arrays, wrong_row
 
 KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
 """The columns of a result that a table may have, and their types."""
-
 
 _PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
 
 
 class Known(NamedTuple):
-    """A log that the store knows."""
+    """A log that the record knows."""
 
     digest: str
     truth_digest: str  # of what its cells are scored by, "" where there is nothing
     truth_kind: str
 
 
-class StudyStore:
-    """An open store; one process at a time writes, any number reads meanwhile.
+class Planned(NamedTuple):
+    """A cell as the record has it."""
 
-    InputError where the folder has none, or its file cannot be used: then nothing has been changed.
-    """
+    key: tuple[str, str, str, str, int]  # dataset, its options, backend, its options, seed
+    parameters: Mapping[str, Any]
+    log: str  # the key of its log
+    result: str | None  # the key of its result, once that is known
+
+
+class Store:
+    """An open record. InputError where the folder has none, or it cannot be used: then nothing has been changed."""
 
     def __init__(self, folder: Path, *, writing: bool = False) -> None:
         self.folder = folder
@@ -56,16 +62,73 @@ class StudyStore:
         """Close the file; what was written is in it."""
         self._db.close()
 
-    def words(self) -> dict[str, Any]:
-        """What is known of the study as a whole: text, size, command, environment, executor, started, finished."""
+    def about(self) -> dict[str, Any]:
+        """Facts of the whole by name, such as command, environment, started; a study's text, a run's plan."""
         with self._read():
-            return {name: json.loads(value) for name, value in self._all("SELECT name, value FROM study")}
+            return {name: json.loads(value) for name, value in self._all("SELECT name, value FROM about")}
 
-    def put_words(self, words: Mapping[str, Any]) -> None:
+    def put_about(self, facts: Mapping[str, Any]) -> None:
         """Keep such facts."""
-        rows = [(name, json.dumps(value)) for name, value in words.items()]
+        rows = [(name, json.dumps(value)) for name, value in facts.items()]
         with self._writing() as db:
-            db.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", rows)
+            db.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", rows)
+
+    def run(self) -> dict[str, Any]:
+        """The facts of the whole, with `sketches` and `truths`' digests by log: what run.json has.
+
+        InputError where the record has nothing yet.
+        """
+        about = self.about()
+        if "folders" not in about:
+            raise InputError(f"{self.folder}: nothing of a run or a study is in it yet; expected one that was begun.")
+        sketches: dict[str, Any] = {}
+        truths: dict[str, str | None] = {}
+        query = """SELECT DISTINCT plan.dataset, plan.dataset_options, plan.seed, truth_digest, truth_kind, sketch
+                   FROM plan JOIN logs ON plan.log = logs.key WHERE digest IS NOT NULL"""
+        for dataset, options, seed, truth, kind, sketch in self._all(query):
+            name = f"{label(dataset, options)}, seed {seed}"
+            truths[name] = truth if kind == "truth" else None
+            if sketch:
+                sketches[name] = json.loads(sketch)
+        return about | {"sketches": sketches, "truths": truths}
+
+    def planned(self) -> list[Planned]:
+        """Every cell of the plan, in its order."""
+        names = ", ".join(KEY)
+        with self._read():
+            return [
+                Planned((d, do, b, o, seed), json.loads(parameters) | {"seed": seed}, log, key)
+                for d, do, b, o, seed, parameters, log, key in self._all(
+                    f"SELECT {names}, parameters, log, key FROM plan ORDER BY place"
+                )
+            ]
+
+    def cells(self) -> Iterator[Row]:
+        """Every cell that has ended, by dataset, backend and seed.
+
+        InputError where a row makes no sense, as after somebody has edited it.
+        """
+        names = (*COLUMNS, *MORE)
+        there = {row[1] for row in self._all("PRAGMA table_info(cells)")}
+        asked = ", ".join(name if name in there else f"NULL AS {name}" for name in names)
+        order = ", ".join(KEY)
+        query = f"SELECT {asked}, traceback, log, key FROM cells WHERE status <> 'waiting' ORDER BY {order}"
+        for *values, traceback, log, key in self._all(query):
+            row = Row(dict(zip(names, values, strict=True)), traceback or "", log or "", key or "")
+            if problem := wrong_row(row.columns):
+                raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
+            yield row
+
+    def truth(self, row: Row) -> dict[str, Any]:
+        """The arrays of the cell's log: `t`, `poses`, where landmarks are known `ids`, `xy`; empty without truth."""
+        return self.archive(row.log)
+
+    def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
+        """A cell's arrays by name; of `names`, where given, those that it has."""
+        found = self.archive(row.result, names)
+        if problem := wrong_arrays(found, row.columns["steps"]):
+            raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
+        return found
 
     def logs(self, *, arrays: bool = False) -> dict[str, Known]:
         """What is known of logs, by their keys; with `arrays`, but for those whose truth's are not kept."""
@@ -85,18 +148,20 @@ class StudyStore:
         """The keys of those that could not be made."""
         return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
 
-    def put_log(self, key: str, of: tuple[str, str, int], known: Known, arrays: Mapping[str, Any]) -> None:
+    def put_log(
+        self, key: str, of: tuple[str, str, int], known: Known, arrays: Mapping[str, Any], sketch: Any = None
+    ) -> None:
         """Keep what is known of a log; `of` are dataset, options and seed, `arrays` those of its truth."""
         with self._writing() as db:
             same = db.execute("SELECT 1 FROM logs WHERE key = ? AND truth_digest = ?", (key, known[1])).fetchone()
-            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?)", (key, *of, *known))
+            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (key, *of, *known, _json(sketch)))
             if arrays or not same:
                 _keep(db, key, arrays)
 
     def put_unmade(self, key: str, of: tuple[str, str, int]) -> None:
         """Keep that a log could not be made, unless it once could; `of` as above."""
         with self._writing() as db:
-            db.execute("INSERT OR IGNORE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL)", (key, *of))
+            db.execute("INSERT OR IGNORE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL, NULL)", (key, *of))
 
     def statuses(self, *, arrays: bool = False) -> dict[str, str]:
         """The status of every result, by its key; with `arrays`, without those that ought to have some and do not."""
@@ -117,11 +182,11 @@ class StudyStore:
             _keep(db, key, arrays)
         return True
 
-    def arrays(self, key: str) -> dict[str, Any]:
+    def archive(self, key: str, names: Collection[str] | None = None) -> dict[str, Any]:
         """Those of a log's truth or of a result, by name; none where they were not to be kept."""
         found = self._all("SELECT archive FROM arrays WHERE key = ?", (key,))
         try:
-            return unpacked(found[0][0]) if found else {}
+            return unpacked(found[0][0], names) if found else {}
         except Exception as error:  # a damaged archive may raise anything
             raise damaged(self.folder / FILE, f"the arrays of {key} cannot be read") from error
 
@@ -132,13 +197,13 @@ class StudyStore:
         return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
 
     def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
-        """The study's cells from now on: (dataset, dataset_options, backend, options, seed, parameters, key) each.
+        """The study's cells from now on: (dataset, dataset_options, backend, options, seed, parameters, log, key) each.
 
         Only what differs from what is there is written.
         """
         texts: dict[str, str] = {}
-        encoded = [(*row[:5], _encoded(row[5], texts), row[6]) for row in rows]
-        query = "SELECT dataset, dataset_options, backend, options, seed, parameters, key FROM plan ORDER BY place"
+        encoded = [(*row[:5], _encoded(row[5], texts), *row[6:]) for row in rows]
+        query = f"SELECT {', '.join(KEY)}, parameters, log, key FROM plan ORDER BY place"
         before = self._all(query)
         if before == encoded:
             return
@@ -146,14 +211,14 @@ class StudyStore:
         changed = [(place, *row) for place, row in enumerate(encoded) if old.get(place) != row]
         with self._writing() as db:
             db.execute("DELETE FROM plan WHERE place >= ?", (len(encoded),))
-            db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
+            db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
 
     def settle(self, place: int, key: str | None, trouble: str | None) -> None:
         """The key of a cell's result, or why there is none."""
         with self._writing() as db:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
-    def table(self, measures: Sequence[str]) -> StudyTable:
+    def table(self, measures: Sequence[str]) -> CellTable:
         """The study's cells: their parameters, status, reason and digest, and these columns of KINDS.
 
         A parameter that is called as one of the columns is the one that has the name.
@@ -174,9 +239,9 @@ class StudyStore:
         trouble, missing = words(troubles), at < 0
         table["status"][missing] = ["waiting" if said is None else "error" for said in trouble[missing]]
         table["reason"][missing] = trouble[missing]
-        return StudyTable(table)
+        return CellTable(table)
 
-    def cells(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
+    def view(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
         """The view `cells`: the names of its columns, what its `parameters` mean, and its rows, each as it is read.
 
         The seed is not among the parameters, since it has a column. What is written meanwhile is not seen.
@@ -215,10 +280,10 @@ class StudyStore:
             raise damaged(self.folder / FILE, error) from None
 
     @contextlib.contextmanager
-    def together(self) -> Generator[None]:
+    def together(self) -> Generator[sqlite3.Connection]:
         """Whatever is put meanwhile is kept as one, or nothing of it."""
-        with self._writing():
-            yield
+        with self._writing() as db:
+            yield db
 
     @contextlib.contextmanager
     def _writing(self) -> Generator[sqlite3.Connection]:
@@ -235,6 +300,15 @@ class StudyStore:
         finally:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
+
+
+def _named(row: Row) -> str:
+    dataset, dataset_options, backend, options, seed = row.key
+    return f"{label(dataset, dataset_options)} \N{MIDDLE DOT} {label(backend, options)} \N{MIDDLE DOT} seed {seed}"
+
+
+def _json(value: Any) -> str | None:
+    return None if value is None else json.dumps(value)
 
 
 def _keep(db: sqlite3.Connection, key: str, arrays: Mapping[str, Any]) -> None:

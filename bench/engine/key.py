@@ -1,4 +1,4 @@
-"""What determines a log and a result, as keys of the store: the same key, the same numbers to the last bit.
+"""Computes the keys of logs and results in a record: the same key, the same numbers to the last bit.
 
 A log's key is over the dataset, its options, its seed and the code that makes it. A result's is over the digests of the
 log and its truth, the backend with its options, its randomness and its code, and the code that runs and judges it. A
@@ -17,7 +17,7 @@ from ..measure import cell as judge
 from ..plan import reference
 from ..plan.plan import Cell
 from ..record.fingerprint import fingerprint
-from ..record.study_store import Known
+from ..record.store import Known
 
 JUDGE = judge.__name__
 """The module that runs a cell and judges what comes of it."""
@@ -50,9 +50,9 @@ def made_once(cell: Cell) -> bool:
     return from_files(cell) or not cell.dataset.source.portable
 
 
-def log_key(cell: Cell) -> str:
-    """Of the cell's log."""
-    return _digest(f"log {source_key(cell.dataset.name, cell.dataset.options)} {log_seed(cell)}")
+def log_key(cell: Cell, given: str = "") -> str:
+    """Of the cell's log; `given` is the digest of the map in its prior."""
+    return _digest(f"log {source_key(cell.dataset.name, cell.dataset.options)} {log_seed(cell)} {given}")
 
 
 def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:

@@ -1,4 +1,4 @@
-"""A study's cells as columns: parameters, status, and the measures that were asked for."""
+"""The cells of a record as columns: parameters, status, and the measures that were asked for."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class StudyTable:
-    """Rows in the order of the study's cells.
+class CellTable:
+    """Rows in the order of the plan.
 
     `columns[name]` is an array (n,): of objects for parameters, status and other words, of float64 with NaN for
     measures. A cell that has not run has the status "waiting".
@@ -28,7 +28,7 @@ class StudyTable:
         return np.flatnonzero(chosen)
 
     def values(self, name: str, rows: NDArray[np.intp]) -> list[Any]:
-        """The values that the rows have of a parameter, each once, in the order of the study."""
+        """The values that the rows have of a parameter, each once, in the order of the plan."""
         return list(dict.fromkeys(self.columns[name][rows].tolist()))
 
 

@@ -13,12 +13,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from slamduel.bench.record.database import FORMER
 from slamduel.bench.record.lock import claimed
-from slamduel.bench.record.schema import FILE as RUN
-from slamduel.bench.record.study_store import Known, StudyStore
+from slamduel.bench.record.schema import FILE
+from slamduel.bench.record.store import Known, Store
 from slamduel.frontend.errors import InputError
 
-FILE = "study.sqlite"
 ARRAYS = {"t": np.array([0.0, 0.1]), "online": np.array([[0.1, 0.2, 0.3]])}
 
 
@@ -28,18 +28,27 @@ def result(seed: int = 0, status: str = "done", **more: Any) -> dict[str, Any]:
     return row | {"reason": "", "digest": f"d{seed}", "ate_m": 0.1 + seed, "steps": 500, "host": "here"} | more
 
 
-def database(store: StudyStore) -> sqlite3.Connection:
+def database(store: Store) -> sqlite3.Connection:
     return store._db  # pyright: ignore[reportPrivateUsage]
 
 
 def cell(seed: int, key: str | None, **swept: Any) -> tuple[Any, ...]:
     """A row of the plan."""
-    return "circle", "", "ekf", "", seed, {"dataset": "circle", "backend": "ekf", "seed": seed, **swept}, key
+    return (
+        "circle",
+        "",
+        "ekf",
+        "",
+        seed,
+        {"dataset": "circle", "backend": "ekf", "seed": seed, **swept},
+        f"log {seed}",
+        key,
+    )
 
 
 def filled(folder: Path, count: int = 3) -> None:
     """A store of so many results."""
-    with StudyStore(folder, writing=True) as store:
+    with Store(folder, writing=True) as store:
         store.put_plan([cell(k, f"k{k}") for k in range(count)])
         for k in range(count):
             store.put_result(f"k{k}", result(k), {})
@@ -47,7 +56,7 @@ def filled(folder: Path, count: int = 3) -> None:
 
 def test_the_table_is_the_plan_with_its_results(tmp_path: Path) -> None:
     tenth = 0.1 + 0.2  # no short decimal
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         store.put_plan(
             [
                 cell(1, "a", tags=6, gate=None, robust=True),
@@ -59,7 +68,7 @@ def test_the_table_is_the_plan_with_its_results(tmp_path: Path) -> None:
         assert store.put_result("a", result(1, ate_m=tenth, nees=None), {})
         assert store.put_result("of an option that is swept no more", result(9), {})
         store.settle(1, None, "the log could not be made: no such file")
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         table = store.table(["ate_m", "nees", "seconds", "host", "steps"])
     columns = {name: column.tolist() for name, column in table.columns.items()}
     assert list(columns)[:6] == ["dataset", "backend", "seed", "tags", "gate", "robust"]
@@ -79,14 +88,14 @@ def test_the_table_is_the_plan_with_its_results(tmp_path: Path) -> None:
 
 
 def test_an_empty_study_is_a_table_without_rows(tmp_path: Path) -> None:
-    StudyStore(tmp_path, writing=True).close()
-    with StudyStore(tmp_path) as store:
+    Store(tmp_path, writing=True).close()
+    with Store(tmp_path) as store:
         assert len(store.table(["ate_m"])) == 0
-        assert store.statuses() == store.logs() == store.words() == {}
+        assert store.statuses() == store.logs() == store.about() == {}
 
 
 def test_a_parameter_keeps_its_name_beside_a_measure(tmp_path: Path) -> None:
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         store.put_plan([cell(0, "a", steps=50)])
         store.put_result("a", result(steps=49), {})
         assert store.table(["steps", "ate_m"]).columns["steps"].tolist() == [50]
@@ -94,7 +103,7 @@ def test_a_parameter_keeps_its_name_beside_a_measure(tmp_path: Path) -> None:
 
 def test_a_plan_that_stays_is_not_written_again(tmp_path: Path) -> None:
     plan = [cell(seed, f"k{seed}", tags=6) for seed in range(20)]
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         store.put_plan(plan)
         store.settle(3, "k3", "as it was")
 
@@ -112,7 +121,7 @@ def test_a_plan_that_stays_is_not_written_again(tmp_path: Path) -> None:
 
 
 def test_the_first_result_of_a_key_stays_but_for_a_failure(tmp_path: Path) -> None:
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         store.put_plan([cell(0, "a")])
 
         def found() -> tuple[str, float]:
@@ -130,7 +139,7 @@ def test_the_first_result_of_a_key_stays_but_for_a_failure(tmp_path: Path) -> No
 
 def test_arrays_that_are_wanted_later_are_got_later(tmp_path: Path) -> None:
     known = Known("d", "t", "truth")
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         store.put_log("log", ("circle", "", 0), known, {})
         store.put_log("blind", ("log", "", 0), Known("d", "", ""), {})
         store.put_result("a", result(), {})
@@ -144,24 +153,24 @@ def test_arrays_that_are_wanted_later_are_got_later(tmp_path: Path) -> None:
         assert store.statuses(arrays=True) == {"a": "done", "b": "diverged"}
         assert set(store.logs(arrays=True)) == {"log", "blind"}
         assert set(store.logs_made()) == {("circle", "", 0), ("log", "", 0)}
-    with StudyStore(tmp_path) as store:
-        for name, array in store.arrays("a").items():
+    with Store(tmp_path) as store:
+        for name, array in store.archive("a").items():
             np.testing.assert_array_equal(array, ARRAYS[name])
-        assert store.arrays("log")["t"].tolist() == [0.0, 0.1]
-        assert store.arrays("b") == {}
-    with StudyStore(tmp_path, writing=True) as store:
+        assert store.archive("log")["t"].tolist() == [0.0, 0.1]
+        assert store.archive("b") == {}
+    with Store(tmp_path, writing=True) as store:
         store.put_log("log", ("circle", "", 0), known._replace(truth_digest="another"), {})
-        assert store.arrays("log") == {}
+        assert store.archive("log") == {}
 
 
 def test_other_programs_read_it_while_it_is_written(tmp_path: Path) -> None:
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         store.put_plan([cell(k, f"k{k}", tags=6) for k in range(3)])
         reader = sqlite3.connect(f"file:{tmp_path / FILE}?mode=ro", uri=True)
         frame = pd.DataFrame()
         for k in range(3):
             store.put_result(f"k{k}", result(k), {})
-            with StudyStore(tmp_path) as other:
+            with Store(tmp_path) as other:
                 assert other.table([]).columns["status"].tolist() == ["done"] * (k + 1) + ["waiting"] * (2 - k)
             frame = pd.read_sql("SELECT * FROM cells", reader)
             assert frame["ate_m"].tolist()[: k + 1] == [0.1 + seed for seed in range(k + 1)]
@@ -176,8 +185,8 @@ def test_other_programs_read_it_while_it_is_written(tmp_path: Path) -> None:
 def test_nothing_that_was_kept_goes_with_a_writer_that_is_killed(tmp_path: Path) -> None:
     script = f"""
 from pathlib import Path
-from slamduel.bench.record.study_store import StudyStore
-store = StudyStore(Path({str(tmp_path)!r}), writing=True)
+from slamduel.bench.record.store import Store
+store = Store(Path({str(tmp_path)!r}), writing=True)
 for k in range(10**6):
     store.put_result(f"k{{k}}", {{"status": "done", "seed": k}}, {{}})
     print(k, flush=True)
@@ -188,15 +197,15 @@ for k in range(10**6):
         writer.send_signal(signal.SIGKILL)
         said += writer.stdout.readlines()
     last = max(int(word) for word in said if word.endswith("\n"))
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         assert len(store.statuses()) > last >= 49
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         assert len(store.statuses()) - 1 in (last, last + 1)
         assert store.put_result("after", result(), {})
 
 
 def test_a_full_disk_is_a_sentence_and_costs_nothing_that_was_written(tmp_path: Path) -> None:
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         pages = database(store).execute("PRAGMA page_count").fetchone()[0]
         database(store).execute(f"PRAGMA max_page_count = {pages + 2}")
         kept: list[str] = []
@@ -206,25 +215,25 @@ def test_a_full_disk_is_a_sentence_and_costs_nothing_that_was_written(tmp_path: 
                 store.put_result(f"k{k}", result(k, reason="x" * 500), {})
                 kept.append(f"k{k}")
 
-        with pytest.raises(InputError, match=r"study\.sqlite: cannot be written to: database or disk is full"):
+        with pytest.raises(InputError, match=r"results\.sqlite: cannot be written to: database or disk is full"):
             fill()
         assert kept
         assert list(store.statuses()) == kept
         database(store).execute(f"PRAGMA max_page_count = {pages + 1000}")
         assert store.put_result("more", result(), ARRAYS)
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         assert list(store.statuses()) == [*kept, "more"]
 
 
 def test_a_store_that_cannot_be_written_to_is_a_sentence(tmp_path: Path) -> None:
     filled(tmp_path)
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         database(store).execute("PRAGMA query_only = ON")
-        with pytest.raises(InputError, match=r"study\.sqlite: cannot be written to: attempt to write a readonly"):
-            store.put_words({"finished": 1})
+        with pytest.raises(InputError, match=r"results\.sqlite: cannot be written to: attempt to write a readonly"):
+            store.put_about({"finished": 1})
         assert len(store.statuses()) == 3
-    with pytest.raises(InputError, match=r"study\.sqlite: cannot be written to: unable to open"):
-        StudyStore(tmp_path / "nowhere", writing=True)
+    with pytest.raises(InputError, match=r"results\.sqlite: cannot be written to: unable to open"):
+        Store(tmp_path / "nowhere", writing=True)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
@@ -232,10 +241,10 @@ def test_a_store_in_a_folder_that_cannot_be_written_to_is_read(tmp_path: Path) -
     filled(tmp_path)
     os.chmod(tmp_path, 0o555)
     try:
-        with StudyStore(tmp_path) as store:
+        with Store(tmp_path) as store:
             assert len(store.statuses()) == 3
-        with pytest.raises(InputError, match="cannot be written to"), StudyStore(tmp_path, writing=True) as store:
-            store.put_words({"finished": 1})
+        with pytest.raises(InputError, match="cannot be written to"), Store(tmp_path, writing=True) as store:
+            store.put_about({"finished": 1})
     finally:
         os.chmod(tmp_path, 0o755)
 
@@ -263,36 +272,92 @@ def _damaged(path: Path) -> None:
     path.write_bytes(content)
 
 
+def _version_1(path: Path) -> None:
+    path.unlink()
+    db = sqlite3.connect(path)
+    db.executescript("CREATE TABLE run (x); CREATE TABLE cells (x); PRAGMA user_version = 1;")
+    db.close()
+
+
+WHOLE = "expected the record of a run or a study, whole. Nothing was changed; cells.csv beside it has the results; "
+
+
 @pytest.mark.parametrize(
     ("spoil", "sentence"),
     [
-        (_no_database, "file is not a database; expected the store of a study, whole. Nothing was changed."),
-        (_other_tables, "found other tables, expected a study's store."),
-        (_later_version, "found a store of format 99, expected 1: another version of slamduel wrote it."),
-        (_damaged, "expected the store of a study, whole. Nothing was changed."),
+        (_no_database, f"file is not a database; {WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
+        (_other_tables, "found other tables, expected a record."),
+        (_later_version, "found a record of format 99, expected 2: another version of slamduel wrote it."),
+        (_version_1, "bench run into a new folder makes a new one."),
+        (_damaged, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
     ],
 )
-def test_what_is_no_sound_store_is_named_and_left_alone(tmp_path: Path, spoil: Any, sentence: str) -> None:
+def test_what_is_no_sound_record_is_named_and_left_alone(tmp_path: Path, spoil: Any, sentence: str) -> None:
     filled(tmp_path, 40)
-    spoil(tmp_path / FILE)
-    before = (tmp_path / FILE).read_bytes()
+    (tmp_path / "cells.csv").touch()
+    path = tmp_path / FILE
+    spoil(path)
+    before = path.read_bytes()
     for writing in (False, True):
-        with pytest.raises(InputError) as caught, StudyStore(tmp_path, writing=writing) as store:
+        with pytest.raises(InputError) as caught, Store(tmp_path, writing=writing) as store:
             store.table(["ate_m"])
-        assert str(caught.value).startswith(f"{tmp_path / FILE}: ")
-        assert str(caught.value).endswith(sentence)
-        assert (tmp_path / FILE).read_bytes() == before
+        assert str(caught.value).startswith(f"{path}: ")
+        assert str(caught.value).endswith(sentence.format(path=path))
+        assert path.read_bytes() == before
 
 
 def test_a_folder_of_something_else_is_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"study\.sqlite is not here; expected the folder of a study\."):
-        StudyStore(tmp_path)
-    (tmp_path / RUN).touch()
-    with pytest.raises(InputError, match=r"holds a run, results\.sqlite, and no study; expected the folder of a study"):
-        StudyStore(tmp_path)
-    with pytest.raises(InputError, match=r"holds a run, results\.sqlite; expected a new folder, or a study's\."):
-        StudyStore(tmp_path, writing=True)
-    assert [path.name for path in tmp_path.iterdir()] == [RUN]
+    with pytest.raises(InputError, match=r"results\.sqlite is not here; expected the folder of a run or a study\."):
+        Store(tmp_path)
+    (tmp_path / FORMER).touch()
+    with pytest.raises(
+        InputError, match=r"holds a study of an earlier version, study\.sqlite, .*; expected the folder"
+    ):
+        Store(tmp_path)
+    with pytest.raises(InputError, match=r"holds a study of an earlier version, study\.sqlite, .*; expected a new"):
+        Store(tmp_path, writing=True)
+    assert [path.name for path in tmp_path.iterdir()] == [FORMER]
+
+
+@pytest.mark.parametrize(
+    ("statement", "sentence"),
+    [
+        ("UPDATE results SET status = 'lost'", "status is 'lost', expected done, diverged"),
+        ("UPDATE results SET ate_m = 'far'", "ate_m is 'far', expected a number"),
+        ("UPDATE results SET nees = -1", "nees is -1, expected 0 or more"),
+        ("UPDATE results SET steps = NULL", "steps None, expected whole numbers"),
+        ("UPDATE results SET digest = x'ff'", "digest is b"),
+    ],
+)
+def test_a_row_that_somebody_edited_is_refused_by_its_name(tmp_path: Path, statement: str, sentence: str) -> None:
+    filled(tmp_path, 1)
+    db = sqlite3.connect(tmp_path / FILE)
+    db.execute(statement)
+    db.commit()
+    db.close()
+    with Store(tmp_path) as store, pytest.raises(InputError) as caught:
+        list(store.cells())
+    assert "circle \N{MIDDLE DOT} ekf \N{MIDDLE DOT} seed 0" in str(caught.value)
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "sentence"),
+    [
+        ({"t": np.zeros(3)}, "t is 3 of float64, expected numbers, 2"),
+        ({"t": np.zeros(2), "online": np.zeros((2, 2))}, "online is 2 x 2 of float64, expected numbers, 2 x 3"),
+        ({"t": np.zeros(2), "at": np.array([5])}, "at names a step outside the 2 there are"),
+        ({"t": np.array(["a", "b"])}, "t is 2 of <U1, expected numbers, 2"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(tmp_path: Path, arrays: dict[str, Any], sentence: str) -> None:
+    with Store(tmp_path, writing=True) as store:
+        store.put_plan([cell(0, "k0")])
+        store.put_result("k0", result(steps=2), arrays)
+        (row,) = store.cells()
+        with pytest.raises(InputError) as caught:
+            store.arrays(row)
+    assert sentence in str(caught.value)
 
 
 def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> None:
@@ -300,11 +365,11 @@ def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> No
     db = sqlite3.connect(tmp_path / FILE)
     db.executescript("DROP VIEW cells; ALTER TABLE results DROP COLUMN n_eff_least;")
     db.close()
-    with StudyStore(tmp_path) as store:
+    with Store(tmp_path) as store:
         table = store.table(["n_eff_least", "ate_m"])
     assert np.isnan(table.columns["n_eff_least"]).all()
     np.testing.assert_array_equal(table.columns["ate_m"], [0.1, 1.1, 2.1])
-    with StudyStore(tmp_path, writing=True) as store:
+    with Store(tmp_path, writing=True) as store:
         assert store.put_result("new", result(n_eff_least=5.0), {})
         store.put_plan([cell(0, "new"), cell(1, "k1")])
         np.testing.assert_array_equal(store.table(["n_eff_least"]).columns["n_eff_least"], [5.0, np.nan])
@@ -333,7 +398,7 @@ def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:
                 raise KeyboardInterrupt
             store.settle(0, name, None)
 
-    with StudyStore(tmp_path, writing=True) as store, StudyStore(tmp_path) as reader:
+    with Store(tmp_path, writing=True) as store, Store(tmp_path) as reader:
         with pytest.raises(KeyboardInterrupt):
             put("lost", fails=True)
         assert store.statuses() == {"k0": "done"}

@@ -1,7 +1,7 @@
-"""Logs that are kept with a study, so that all its cells run on the same ones, whatever machine they run on.
+"""Keeps logs beside a record, so that all its cells run on the same ones, whatever machine they run on.
 
 Each is an archive in the folder `logs`, under a name made of what it holds: a file never changes, and another log of
-the same dataset is another file. The study's store says which of them counts.
+the same dataset is another file. The record says which of them counts.
 """
 
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.files import write_whole
 from ...frontend.se2 import wrap
-from ..record.study_store import Known
+from ..record.store import Known
 from ..workers.batch import KeptLog, facts_of
 from .key import hashed
 
@@ -26,10 +26,10 @@ ROUNDING = 1e-6
 
 
 class LogFiles:
-    """The logs in a study's folder."""
+    """The logs in a record's folder."""
 
-    def __init__(self, study: Path) -> None:
-        self.folder = study / FOLDER
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / FOLDER
 
     def entry(self, dataset: str, known: Known) -> KeptLog:
         """Where such a log of the dataset is, or would be."""

@@ -14,7 +14,8 @@ import pytest
 from slamduel.bench.cli import main
 from slamduel.bench.record import table as cells_export
 from slamduel.bench.record.schema import COLUMNS, MORE
-from slamduel.bench.record.study_store import StudyStore
+from slamduel.bench.record.store import Store
+from slamduel.bench.record.table import INNER
 from small_record import Record
 
 THIRD = 0.1 + 0.2
@@ -32,9 +33,10 @@ def study(tmp_path: Path) -> Path:
     """A study of five cells, of which one has not run."""
     folder = tmp_path / "study"
     folder.mkdir()
-    with StudyStore(folder, writing=True) as store:
+    with Store(folder, writing=True) as store:
+        store.put_about({"kind": "study"})
         plan = [
-            ("circle", "", "ekf", "gate=1", k, _parameters(k, *row[:5]), f"k{k}")
+            ("circle", "", "ekf", "gate=1", k, _parameters(k, *row[:5]), "log", f"k{k}")
             for k, row in enumerate([*ROWS, ROWS[0]])
         ]
         store.put_plan(plan)
@@ -107,16 +109,6 @@ def test_a_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
         assert {name: values[k] for name, values in columns.items()} == dict.fromkeys(columns) | row
 
 
-def test_what_cannot_be_read_of_a_run_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    record = Record(tmp_path / "run")
-    record.cell("room", "truth", "ekf")
-    record.cell("room", "truth", "ukf", status="lost")
-    assert main(["export", str(tmp_path / "run"), "--csv", str(tmp_path / "a.csv")]) == 0
-    said = capsys.readouterr().out
-    assert "a.csv: 1 cells" in said
-    assert "room · ukf · seed 0: status is 'lost'" in said
-
-
 def test_without_pyarrow_it_is_a_sentence(
     study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -132,11 +124,11 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
 ) -> None:
     (tmp_path / "a.csv").write_text("as it was")
 
-    def torn(store: StudyStore, found: Any) -> Any:
+    def torn(store: Store, found: Any) -> Any:
         yield next(found)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(StudyStore, "_each", torn)
+    monkeypatch.setattr(Store, "_each", torn)
     assert export(study, "--csv", tmp_path / "a.csv", "--parquet", tmp_path / "a.parquet") == 2
     assert "a.parquet: cannot be written (No space left on device)." in capsys.readouterr().err
     assert (tmp_path / "a.csv").read_text() == "as it was"
@@ -155,8 +147,11 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
         (["study", "--seed", "0", "--csv", "x"], "--seed: is for a dataset"),
         (["study", "--csv", "x", "--parquet", "x"], "--csv and --parquet: found x for both, expected a file each."),
         (["study", "--csv", "study"], "study: is a folder, expected a file to be made."),
-        (["study", "--csv", "study/study.sqlite"], "study.sqlite: is a record, expected a file to be made."),
-        (["study", "--csv", "study/study.sqlite-wal"], "study.sqlite-wal: is a record, expected a file to be made."),
+        (["study", "--csv", "study/results.sqlite"], "results.sqlite: is a record, expected a file to be made."),
+        (
+            ["study", "--csv", "study/results.sqlite-wal"],
+            "results.sqlite-wal: is a record, expected a file to be made.",
+        ),
         (["study", "--csv", "no/such.csv"], "no/such.csv: cannot be written (No such file or directory)."),
         (["study", "--parquet", "no/such.parquet"], "no/such.parquet: cannot be written (No such file or directory)."),
         (["circle", "--csv", "x"], "--csv: is for the folder of a study or a run, and circle is none;"),
@@ -175,7 +170,7 @@ def test_a_mistake_is_a_sentence_and_leaves_nothing(
 
 def test_it_says_what_it_wrote(study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(study), "--csv", str(tmp_path / "a.csv")]) == 0
-    with sqlite3.connect(study / "study.sqlite") as db:
-        width = len(db.execute("PRAGMA table_info(cells)").fetchall()) + 5 - 2  # swept; place and parameters
+    with sqlite3.connect(study / "results.sqlite") as db:
+        width = len(db.execute("PRAGMA table_info(cells)").fetchall()) + 5 - len(INNER)  # with those that are swept
     db.close()
     assert capsys.readouterr().out == f"{tmp_path / 'a.csv'}: 5 cells, {width} columns\n"

@@ -1,39 +1,48 @@
-"""The file of a study's store opened, made where it is to be, and what is wrong with one said in a sentence."""
+"""Opens the SQLite file of a record, makes a new one, and refuses what is damaged or something else in one sentence."""
 
 import sqlite3
 from pathlib import Path
 
 from ...frontend.errors import InputError
-from .schema import COLUMNS, MORE
-from .schema import FILE as RUN
-from .study_schema import APPLICATION, CELLS, FILE, SCHEMA, VERSION, kind
+from .schema import APPLICATION, CELLS, COLUMNS, FILE, MORE, SCHEMA, VERSION, kind
 
 BROKEN = (sqlite3.Error, UnicodeDecodeError)
-"""What a damaged file may raise: the words of an error may be damaged, too."""
+"""Raised by a damaged file: the words of an error may be damaged, too."""
 
 DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")
-"""How the names of errors begin that are about what is in the file; the last is that a table or column is missing."""
+"""First letters of the errors that are about the file's content; the last is a missing table or column."""
+
+FORMER = "study.sqlite"
+"""The record of a study before runs and studies had the same."""
+
+
+class Empty(InputError):
+    """A record without tables: whoever made it was killed before anything was written."""
 
 
 def damaged(path: Path, error: object) -> InputError:
-    """What to say of a file that cannot be read as it should."""
+    """The refusal of a file that cannot be read: what is wrong, and what can be done."""
     said = " ".join(str(error).split())[:120]
-    return InputError(f"{path}: {said}; expected the store of a study, whole. Nothing was changed.")
+    table = "; cells.csv beside it has the results" if path.with_name("cells.csv").is_file() else ""
+    return InputError(
+        f"{path}: {said}; expected the record of a run or a study, whole. Nothing was changed{table}; "
+        f"sqlite3 {path} .recover gives what can still be read."
+    )
 
 
 def unwritable(path: Path, error: Exception) -> InputError:
-    """What to say of a file that could not be written to."""
+    """The refusal of a file that could not be written to."""
     code = getattr(error, "sqlite_errorname", "")
-    if not code or code.startswith(DAMAGED):  # what a check found has none
+    if not code or code.startswith(DAMAGED):  # a failed check has no code
         return damaged(path, error)
     return InputError(f"{path}: cannot be written to: {error}. What was written before is safe.")
 
 
 def writable(folder: Path) -> sqlite3.Connection:
-    """The store in the folder, a new one where there is none."""
+    """The record in the folder, a new one where there is none."""
     path = folder / FILE
-    if not path.exists() and (folder / RUN).exists():
-        raise InputError(f"--out {folder}: holds a run, {RUN}; expected a new folder, or a study's.")
+    if not path.exists() and (folder / FORMER).exists():
+        raise InputError(f"--out {folder}: {_FORMER}; expected a new folder.")
     try:
         db = sqlite3.connect(path, isolation_level=None)
     except sqlite3.Error as error:
@@ -55,16 +64,15 @@ def writable(folder: Path) -> sqlite3.Connection:
 
 
 def read_only(folder: Path) -> sqlite3.Connection:
-    """The store in the folder, for reading alone: while it is written, and where nothing can be."""
+    """The record in the folder, for reading: while it is written, and where nothing can be written."""
     path = folder / FILE
     if not path.is_file():
-        found = f"holds a run, {RUN}, and no study" if (folder / RUN).is_file() else f"{FILE} is not here"
-        raise InputError(f"{folder}: {found}; expected the folder of a study.")
+        found = _FORMER if (folder / FORMER).is_file() else f"{FILE} is not here"
+        raise InputError(f"{folder}: {found}; expected the folder of a run or a study.")
     name = path.absolute().as_uri()
     log = path.with_name(f"{path.name}-wal")
-    # a connection that may write clears away what SQLite needs beside the file; one that may not leaves it lying about,
-    # but also leaves alone the log of writes that a killed writer has left; a folder that cannot be written to has
-    # neither
+    # A connection that may write removes SQLite's own files beside the record when it closes; a read-only one leaves
+    # them, but does not touch the write-ahead log of a killed writer. A read-only folder has neither.
     written = log.exists() and log.stat().st_size > 0
     trouble: Exception | None = None
     for uri in (f"{name}?mode=ro" if written else name, f"{name}?mode=ro&immutable=1"):
@@ -87,24 +95,38 @@ def read_only(folder: Path) -> sqlite3.Connection:
     raise damaged(path, trouble)
 
 
+_FORMER = f"holds a study of an earlier version, {FORMER}, that this one cannot read"
+
+
 def _is_empty(db: sqlite3.Connection) -> bool:
     return not db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
 
 
 def _check(db: sqlite3.Connection, path: Path) -> None:
-    """InputError where it is no store of this version's format."""
+    """InputError where it is no record of this version's format."""
     mark, version = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
+    if mark != APPLICATION and version == 1 and _has(db, "run") and _has(db, "cells"):
+        raise InputError(
+            f"{path}: found a record of format 1, which slamduel 0.1 wrote, expected {VERSION}: the files beside it "
+            "are as they were; bench run into a new folder makes a new one."
+        )
+    if mark != APPLICATION and _is_empty(db):
+        raise Empty(f"{path}: found nothing, expected a record.")
     if mark != APPLICATION:
-        raise InputError(f"{path}: found {'nothing' if _is_empty(db) else 'other tables'}, expected a study's store.")
+        raise InputError(f"{path}: found other tables, expected a record.")
     if version != VERSION:
         raise InputError(
-            f"{path}: found a store of format {version}, expected {VERSION}: another version of slamduel wrote it."
+            f"{path}: found a record of format {version}, expected {VERSION}: another version of slamduel wrote it."
         )
 
 
+def _has(db: sqlite3.Connection, table: str) -> bool:
+    return bool(db.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (table,)).fetchone())
+
+
 def _make_sound(db: sqlite3.Connection) -> None:
-    """Refuse what is damaged, and add the columns that a store of an earlier version lacks."""
-    for table in ("study", "logs", "results", "plan"):
+    """Refuse a damaged file, and add the columns that a record of an earlier version lacks."""
+    for table in ("about", "logs", "results", "plan"):
         fault = db.execute(f"PRAGMA integrity_check({table})").fetchone()[0]
         if fault != "ok":
             raise sqlite3.DatabaseError(fault)

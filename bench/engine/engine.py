@@ -1,0 +1,294 @@
+"""Runs cells into a record: makes the logs that have to be looked at, then runs the cells that have no result yet."""
+
+import contextlib
+import random
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from ...backends import registry as backends
+from ...frontend.errors import InputError
+from ..measure.cell import Job
+from ..measure.status import FAILED
+from ..plan.spec import Variant
+from ..plan.work import PlannedCell, Work
+from ..record.lock import claimed
+from ..record.machine import environment
+from ..record.schema import FILE, KEY, Row
+from ..record.store import Known, Store
+from ..workers.batch import Batch, Finished, KeptLog, unmade
+from ..workers.executor import Executor
+from .key import log_seed, result_key
+from .log_files import FOLDER as LOGS
+from .logs import KnownLogs
+
+MOST_JOBS = 20
+"""Of a batch: no more is lost with a machine."""
+
+ROUNDS = 4
+"""Batches for each slot, at least, so that the end of a study is shared evenly."""
+
+TIMING_POLICY = (
+    "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
+    "warm-up on a backend of its own. Beliefs, map and finish are timed apart, in a second pass whose path is the same "
+    "to the last bit. timing_alone = 0 marks cells that ran side by side with others. GTSAM is the published generic "
+    "wheel; so are numpy and its BLAS."
+)
+
+
+class Watcher(Protocol):
+    """Follows a run or a study as it goes along."""
+
+    def looking(self, logs: int) -> None:
+        """So many logs are made first: to know which results are still theirs, or to keep them."""
+        ...
+
+    def looked(self, name: str) -> None:
+        """One of them has been made, or cannot be."""
+        ...
+
+    def say(self, sentence: str) -> None:
+        """A remark for the user."""
+        ...
+
+    def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
+        """These cells are to be run, and so many have a result already: those that are `recorded`."""
+        ...
+
+    def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        """One has ended, after so much wall time; its values by column of cells.csv, status and reason at least."""
+        ...
+
+
+def everything(cell: PlannedCell) -> bool:
+    """Chooses every cell."""
+    del cell
+    return True
+
+
+class Wanted(NamedTuple):
+    """The cells to be run now."""
+
+    chosen: Callable[[PlannedCell], bool] = everything
+    limit: int | None = None  # cells at most
+    retry: bool = False  # failed ones, too
+
+
+class Tally(NamedTuple):
+    """Counts the cells of the work."""
+
+    cells: int
+    done: int  # that have ended, in whatever way
+    failed: int  # of those; with cells whose log could not be made
+
+
+About = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+"""From the facts that a record has, those to be kept now; InputError where the record is of something else."""
+
+
+def run(work: Work, folder: Path, executor: Executor, wanted: Wanted, about: About, watcher: Watcher) -> Tally:
+    """Run the cells of `work` into the record in `folder`, or those that it has no result of.
+
+    InputError where the folder cannot be used, or where a log cannot be made that must be there. A record in which no
+    cell is planned by then is gone again.
+    """
+    with claimed(folder):
+        try:
+            with Store(folder, writing=True) as store:
+                return _Engine(work, store, executor, watcher).run(wanted, about)
+        except BaseException:
+            _discard_unless_begun(folder)
+            raise
+
+
+@dataclass
+class _Engine:
+    work: Work
+    store: Store
+    executor: Executor
+    watcher: Watcher
+
+    def run(self, wanted: Wanted, about: About) -> Tally:
+        work, store = self.work, self.store
+        store.put_about(_facts(work, self.executor) | dict(about(store.about())))
+        self.logs = KnownLogs(store, work)
+        self.log_keys = [self.logs.key(cell) for cell in work.cells]
+        self.statuses = store.statuses(arrays=work.keep)
+        self._look(cell for cell in work.cells if self.logs.is_doubtful(cell))
+        todo = self._todo(wanted)
+        while absent := [cell for cell in self._lacking(todo) if not self.logs.is_at_hand(cell)]:
+            self._look(absent)
+            todo = self._todo(wanted)  # where a log is another than it was, more is to be run
+        self.watcher.running([work.cells[k] for k in todo], self._ended(), self.executor.slots, store.cells())
+        for place in todo:
+            self._keep_unmade(place)
+        able = [place for place in todo if self.log_keys[place] not in self.logs.lost]
+        for timed in (False, True):
+            places = [place for place in able if work.cells[place].timed == timed]
+            for finished in self._executed(self._batches(places), alone=timed):
+                self._keep(finished)
+        store.put_about({"finished": time.time()})
+        statuses = [self._status(place) for place in range(len(self.keys))]
+        failed = sum(status in FAILED for status in statuses)
+        return Tally(len(statuses), self._ended(), failed)
+
+    def _lacking(self, todo: Sequence[int]) -> list[PlannedCell]:
+        """The cells whose logs are needed now."""
+        return list(self.work.cells) if self.work.logs_first else [self.work.cells[place] for place in todo]
+
+    def _status(self, place: int) -> str | None:
+        """The cell's status, an error where its log could not be made; None where it has not ended."""
+        key = self.keys[place]
+        if key is None:
+            return "error" if self.log_keys[place] in self.logs.unmade else None
+        return self.statuses.get(key)
+
+    def _ended(self) -> int:
+        return sum(self._status(place) is not None for place in range(len(self.keys)))
+
+    def _executed(self, batches: Sequence[Batch], *, alone: bool) -> Iterator[Finished]:
+        """Each job of the batches as it ends; an exception here ends those that are running."""
+        if batches:
+            with contextlib.closing(self.executor.run(batches, alone=alone)) as ended:
+                yield from ended
+
+    def _look(self, cells: Iterable[PlannedCell]) -> None:
+        """Have the logs of these cells made, each once, for their digests or to be kept; plan all cells by them."""
+        looks = ((batch_of(self.work, cell, {}, whole=self.logs.are_kept(cell)), cell) for cell in cells)
+        looked_at = {batch.log: (batch, cell) for batch, cell in looks}
+        self.watcher.looking(len(looked_at))
+        for finished in self._executed([batch for batch, _ in looked_at.values()], alone=False):
+            cell = looked_at[finished.batch.log][1]
+            if finished.log is None and self.work.logs_first:
+                raise InputError(finished.result.reason.removeprefix("the log could not be made: "))
+            if told := self.logs.looked(cell, finished):
+                self.watcher.say(told)
+            self.watcher.looked(f"{cell.cell.dataset.label} \N{MIDDLE DOT} seed {log_seed(cell.cell)}")
+        self.keys = [self._key(place) for place in range(len(self.work.cells))]
+        rows = zip(self.work.cells, self.log_keys, self.keys, strict=True)
+        self.store.put_plan([(*cell.cell.key, dict(cell.parameters), log, key) for cell, log, key in rows])
+
+    def _key(self, place: int) -> str | None:
+        """The key of the cell's result, where its log is known."""
+        cell, log = self.work.cells[place], self.logs.known.get(self.log_keys[place])
+        return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.work.oracle)
+
+    def _todo(self, wanted: Wanted) -> list[int]:
+        """The places of the cells that are to be run now, in an order that is shuffled but always the same.
+
+        Cells of one key have one result: it is computed once.
+        """
+        places: dict[Any, int] = {}
+        for place, (cell, key) in enumerate(zip(self.work.cells, self.keys, strict=True)):
+            status = self._status(place)
+            if wanted.chosen(cell) and (status is None or (wanted.retry and status in FAILED)):
+                places.setdefault(key or place, place)
+        todo = list(places.values())
+        random.Random(0).shuffle(todo)
+        return todo[: wanted.limit]
+
+    def _batches(self, places: Sequence[int]) -> list[Batch]:
+        """Cells of the same log together, as far as there are batches enough for every slot."""
+        most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
+        by_log: dict[str, list[tuple[int, PlannedCell]]] = {}
+        for place in places:
+            by_log.setdefault(self.log_keys[place], []).append((place, self.work.cells[place]))
+        return [
+            batch_of(self.work, group[0][1], dict(group[first : first + most]), self.logs.kept.get(key))
+            for key, group in by_log.items()
+            for first in range(0, len(group), most)
+        ]
+
+    def _keep_unmade(self, place: int) -> None:
+        """Keep the result of a cell whose log could not be made."""
+        cell, looked = self.work.cells[place], self.logs.lost.get(self.log_keys[place])
+        if looked is not None:
+            for finished in unmade(batch_of(self.work, cell, {place: cell}), looked.result, looked.seconds):
+                self._keep(finished)
+
+    def _keep(self, finished: Finished) -> None:
+        """Put a result into the record as soon as it is there."""
+        assert finished.index is not None
+        cell, result, of_log = self.work.cells[finished.index], finished.result, self.log_keys[finished.index]
+        row: dict[str, Any] = {"status": result.status, "reason": result.reason}
+        with self.store.together():
+            if finished.log is not None:
+                self.logs.know(cell, finished.log)
+            key = self.keys[finished.index] = self._key(finished.index)
+            if key is None:
+                self.store.settle(finished.index, None, result.reason)
+                self.logs.know_unmade(cell)
+            else:
+                row = self._row(cell, finished, self.logs.known[of_log])
+                if self.store.put_result(key, row, result.arrays):
+                    self.statuses[key] = result.status
+                self.store.settle(finished.index, key, None)
+        self.watcher.finished(cell, row, finished.seconds)
+
+    def _row(self, cell: PlannedCell, finished: Finished, log: Known) -> dict[str, Any]:
+        result = finished.result
+        row = dict(zip(KEY, cell.cell.key, strict=True)) | {"status": result.status, "reason": result.reason}
+        row |= {"digest": log.digest, "truth_kind": log.truth_kind, "timing_alone": int(finished.alone)}
+        row |= {"seconds": finished.seconds, "host": finished.host, "executor": self.executor.name}
+        return row | {"recorded": time.time(), "traceback": result.traceback} | result.row
+
+
+def batch_of(
+    work: Work,
+    cell: PlannedCell,
+    cells: Mapping[int, PlannedCell],
+    kept: KeptLog | None = None,
+    *,
+    whole: bool = False,
+) -> Batch:
+    """Cells of the work by their places, all on the log of `cell`; none to look at the log."""
+    dataset = cell.cell.dataset
+    jobs = tuple((place, job_of(work, one)) for place, one in cells.items())
+    known = None if work.map is None else work.map.of(dataset, cell.cell.seed)
+    return Batch(
+        dataset.name, dataset.options, log_seed(cell.cell), jobs, work.timeout_s, work.keep, kept, whole, known
+    )
+
+
+def job_of(work: Work, cell: PlannedCell) -> Job:
+    """The cell as a worker takes it."""
+    backend = cell.cell.backend
+    return Job(backend.label, backend.name, backend.options, cell.cell.seed, work.memory_mb, work.oracle)
+
+
+def _facts(work: Work, executor: Executor) -> dict[str, Any]:
+    """What a reader needs to know of any record."""
+    backend_variants = {cell.cell.backend.label: cell.cell.backend for cell in work.cells}
+    variants: dict[str, Variant] = {cell.cell.dataset.label: cell.cell.dataset for cell in work.cells}
+    variants |= backend_variants
+    able = {label: variant for label, variant in backend_variants.items() if variant.builder is not None}
+    return {
+        "options": {label: vars(variant.options) for label, variant in variants.items()},
+        "folders": {label: variant.slug for label, variant in variants.items()},
+        "implementations": {label: backends.implementation(v.name, v.options) for label, v in able.items()},
+        "random": [label for label, v in able.items() if v.builder is not None and v.builder.random],
+        "cells": len(work.cells),
+        "keep": work.keep,
+        "oracle": work.oracle,
+        "timeout_s": work.timeout_s,
+        "memory_mb": work.memory_mb,
+        "environment": environment(),
+        "executor": executor.name,
+        "workers": executor.slots,
+        "timing_policy": TIMING_POLICY,
+        "started": time.time(),
+    }
+
+
+def _discard_unless_begun(folder: Path) -> None:
+    """Remove a record in which no cell is planned."""
+    with contextlib.suppress(InputError):
+        with Store(folder) as store:
+            if store.planned():
+                return
+        for path in (*folder.glob(f"{FILE}*"), *(folder / LOGS).glob("*.npz")):
+            path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # not there, or not empty
+            (folder / LOGS).rmdir()
