@@ -17,6 +17,7 @@ from slamduel.bench.engine.engine import Tally, Wanted, run
 from slamduel.bench.measure.cell import Job
 from slamduel.bench.plan import spec
 from slamduel.bench.study.file import made
+from slamduel.bench.study.study import about
 from slamduel.bench.workers import dask_cluster
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.dask_cluster import Cluster
@@ -174,7 +175,7 @@ def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None
         there.worker(environment=older_machine.environment("nehalem"))
         there.until(lambda: dask.slots == 2)
         wanted = Wanted(lambda _: True, None, False)
-        assert run(study, tmp_path / "out", dask, wanted, [], silent()) == Tally(21, 21, 0)
+        assert run(study, tmp_path / "out", dask, wanted, about(study, tmp_path / "out", []), silent()) == Tally(21, 21, 0)
     finally:
         dask.close()
         there.close()
