@@ -12,36 +12,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-COLUMNS = (
-    "dataset", "dataset_options", "backend", "options", "seed", "status", "reason", "digest", "truth_kind",
-    "steps", "sightings", "ignored", "landmarks", "ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m",
-    "nees", "nees_inside", "nis", "final_ate_m", "final_ate_origin_m", "final_map_rmse_m", "cost_j",
-    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
-    "finish_s", "setup_s", "cpu_s", "peak_mb", "timing_alone",
-)  # fmt: skip
+from ..words.columns import CELLS, METRICS
+
+COLUMNS = tuple(column.name for column in CELLS)
 """The columns of cells.csv, in order."""
 
-KEY = COLUMNS[:5]
+KEY = tuple(column.name for column in CELLS if column.kind.names_cell)
 """Those that name a cell."""
 
-WORDS = COLUMNS[:9]
-"""Those that say which cell it is and how it ended; what follows them was measured."""
-
-TEXTS = tuple(name for name in WORDS if name != "seed")
-"""Those that hold no number."""
-
-MORE = (
-    "length_s", "real_time", "align_x_m", "align_y_m", "align_rad", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
-    "rpe_rad", "landmarks_missed", "landmarks_spurious", "landmark_nees", "landmark_nees_inside",
-    "final_align_x_m", "final_align_y_m", "final_align_rad", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
-    "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
-    "final_landmarks_missed", "final_landmarks_spurious", "final_landmark_nees", "final_landmark_nees_inside",
-    "step_us_fifth1", "step_us_fifth2", "step_us_fifth3", "step_us_fifth4", "step_us_fifth5",
-    "growth_steps", "growth_steps_se", "growth_landmarks", "growth_landmarks_se",
-    "j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online",
-    "n_eff_least", "ancestors_left", "refused_share",
-)  # fmt: skip
+MORE = tuple(column.name for column in METRICS)
 """The columns of metrics.csv after those that name the cell, in order."""
+
+TEXTS = tuple(column.name for column in (*CELLS, *METRICS) if column.kind.sql_type == "TEXT")
+"""Those of both that hold no number."""
 
 FILE = "results.sqlite"
 VERSION = 1

@@ -8,22 +8,18 @@ plan     a row a cell of the study as it stands: its parameters, and the key of 
 cells    the plan with its results: what a reader wants
 """
 
-from .schema import COLUMNS, KEY, MORE, TEXTS
+from ..words.columns import about
+from .schema import COLUMNS, KEY, MORE
 
 FILE = "study.sqlite"
 VERSION = 1
 APPLICATION = 0x536C6144
 """SQLite's application_id: "SlaD"."""
 
-_COUNTS = (
-    "seed", "steps", "sightings", "ignored", "landmarks", "timing_alone", "landmarks_missed", "landmarks_spurious",
-    "final_landmarks_missed", "final_landmarks_spurious", "ancestors_left",
-)  # fmt: skip
-
 
 def kind(column: str) -> str:
     """The type, to SQLite, of a column of cells.csv or metrics.csv."""
-    return "TEXT" if column in TEXTS else "INTEGER" if column in _COUNTS else "REAL"
+    return about(column).kind.sql_type
 
 
 MEASURED = {name: kind(name) for name in (*COLUMNS, *MORE) if name not in (*KEY, "status", "reason")}

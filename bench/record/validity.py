@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from .schema import TEXTS
+from ..words.columns import about
+from .schema import COLUMNS, TEXTS
 
 STATUSES = ("done", "diverged", "timeout", "error", "skipped")
 KINDS = ("truth", "reference", "")
-
-NEVER_NEGATIVE = ("ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m", "nees", "nis", "landmarks", "peak_mb")
 
 SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(
@@ -53,7 +52,7 @@ def disbelief(columns: Mapping[str, Any]) -> str:
     """Why nothing can be made of a cell's row: what was found, and what was expected; "" where something can."""
     for name in TEXTS:
         value = columns[name]
-        if not isinstance(value, str) and not (name == "reason" and value is None):
+        if not isinstance(value, str) and not (value is None and (name == "reason" or name not in COLUMNS)):
             return f"{name} is {repr(value)[:40]}, expected a text"
         if value and "\N{REPLACEMENT CHARACTER}" in value:
             return f"{name} is {value[:40]!r}, which is no longer text"
@@ -79,11 +78,7 @@ def nonsense(columns: Mapping[str, Any]) -> dict[str, Any]:
         for name, value in columns.items()
         if name not in TEXTS
         and value is not None
-        and (
-            not isinstance(value, int | float)
-            or math.isnan(value)
-            or (value < 0 and name.removeprefix("final_") in NEVER_NEGATIVE)
-        )
+        and (not isinstance(value, int | float) or math.isnan(value) or (value < 0 and about(name).kind.never_negative))
     }
 
 

@@ -14,7 +14,7 @@ from rich.text import Text
 
 from ..plan.plan import Cell
 from ..record.schema import COLUMNS, MORE, Row
-from ..verdict.summary import Line, lines, remarks
+from ..verdict.summary import Line, lines
 from ..words.console import plain, watched
 from ..words.names import called
 from ..words.numerals import counted
@@ -89,7 +89,7 @@ class Screen:
         self._latest = time.monotonic()
         if cell.backend.builder is not None:
             self._pace.took(_kind(cell), seconds)
-        said = remarks(row["reason"])
+        said = row["reason"]
         news = cell.backend.label, row["status"], said
         if not self._live.is_started or (news[1:] != ("done", "") and news not in self._told_of):
             self._told_of.add(news)
