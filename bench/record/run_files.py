@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .schema import KEY, TEXTS
+from .schema import COLUMNS, KEY, TEXTS
 
 CELLS, METRICS, RUN = "cells.csv", "metrics.csv", "run.json"
 
@@ -77,7 +77,7 @@ def _problem(header: Sequence[str], values: Sequence[str], again: bool) -> str:
 
 def _value(column: str, text: str) -> Any:
     """As the record has it; a text that is no number stays one, for whoever judges the row."""
-    if column in TEXTS:
+    if column in TEXTS and (text or column in COLUMNS):  # those of metrics.csv may have no value
         return text
     if not text:
         return None
