@@ -1,4 +1,4 @@
-"""A table of the report: headings, a row a backend, what each entry says and what it is sorted by."""
+"""A table of the report: headings, one row per backend, what each entry says and what it is sorted by."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

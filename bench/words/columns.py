@@ -120,7 +120,7 @@ CELLS = (
         "final path and map, at the online ones where there are no final ones. A given map with covariance is part of "
         "the prior. Needs no ground truth.",
     ),
-    Column("step_us_mean", "step mean", CPU_US, "Process CPU time, mean over the log.", "mean time of a step"),
+    Column("step_us_mean", "step mean", CPU_US, "CPU time of a step, mean over the log.", "mean time of a step"),
     Column("step_us_p50", "step p50", CPU_US, "50 % of the steps take less CPU time.", "median time of a step"),
     Column("step_us_p95", "p95", CPU_US, "95 % of the steps take less CPU time.", "95th percentile of a step's time"),
     Column("step_us_p99", "p99", CPU_US, "99 % of the steps take less CPU time.", "99th percentile of a step's time"),
@@ -151,7 +151,9 @@ CELLS = (
 ONLINE = (
     Column("align_x_m", "alignment x", METRES, "Translation of the path before its ATE is taken, along x."),
     Column("align_y_m", "alignment y", METRES, "Translation of the path before its ATE is taken, along y."),
-    Column("align_rad", "alignment", RADIANS, "Rotation before that, about the origin. 0 for a straight path."),
+    Column(
+        "align_rad", "alignment", RADIANS, "Rotation about the origin, before that translation. 0 for a straight path."
+    ),
     Column("rpe_10m_m", "RPE, 10 m", ERROR_M, "As RPE, over each 10 m of the known path."),
     Column("rpe_100m_m", "RPE, 100 m", ERROR_M, "As RPE, over each 100 m of the known path."),
     Column(
@@ -185,12 +187,11 @@ ONLINE = (
 
 def _final() -> Iterator[Column]:
     """Those of the final path and map. A particle filter's final map has the covariance given one particle's path."""
-    online = {column.name: column for column in (*CELLS, *ONLINE)}
-    names = [column.name for column in ONLINE]
-    for name in (*names[:3], "heading_rad", "rpe_m", *names[3:8], "nees", "nees_inside", *names[8:]):
-        column = online[name]
+    starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_"
+    online = (column for start in starts for column in (*CELLS, *ONLINE) if column.name.startswith(start))
+    for column in online:
         yield Column(
-            f"final_{name}",
+            f"final_{column.name}",
             f"{column.heading} final",
             column.kind,
             f"As {column.heading}, of the path and map smoothed at the end.",
