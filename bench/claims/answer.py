@@ -16,7 +16,7 @@ import numpy as np
 from ..record.cell_table import CellTable
 from ..study.claim import Claim
 from ..verdict.statistics import FEWEST
-from ..words.columns import TIMES
+from ..words.columns import about
 from ..words.numerals import counted, listed
 from .crossing import crossing
 from .found import FIGURES, Found, Verdict, nothing
@@ -60,7 +60,7 @@ def measures(claims: Sequence[Claim]) -> list[str]:
     """The columns that the claims are tested on, and what is to be known of times."""
     sides = [side for claim in claims for side in (claim.first, claim.second)]
     found = list(dict.fromkeys([c.measure for c in claims] + [s["measure"] for s in sides if "measure" in s]))
-    return [*found, *["timing_alone"] * any(name in TIMES for name in found)]
+    return [*found, *["timing_alone"] * any(about(name).kind.is_time for name in found)]
 
 
 def answer(claim: Claim, table: CellTable) -> Answer:

@@ -9,8 +9,8 @@ from ...frontend.se2 import Array
 from ..measure.status import FAILED
 from ..record.cell_table import CellTable
 from ..study.study import Figure
-from ..verdict.medians import ERRORS
 from ..verdict.statistics import FEWEST, estimate
+from ..words.columns import about
 from ..words.names import tags
 
 MANY = 400
@@ -73,7 +73,7 @@ def medians(figure: Figure, table: CellTable) -> Medians:
     status = table.columns["status"][rows]
     values = table.columns[figure.y][rows].astype(float)
     failed, waiting = np.logical_or.reduce([status == one for one in FAILED]), status == "waiting"
-    values[failed] = np.inf if figure.y in ERRORS else np.nan
+    values[failed] = np.inf if about(figure.y).kind.is_error else np.nan
     group = at * len(bys) + line
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from ...frontend.se2 import Array, Ints
 from ..measure.status import FAILED
 from ..record.cell_table import CellTable
-from ..verdict.medians import ERRORS
 from ..verdict.ranking import ROUNDING
+from ..words.columns import about
 from ..words.numerals import listed
 
 Rows = NDArray[np.intp]
@@ -45,7 +45,7 @@ class Side(NamedTuple):
     @property
     def unknown(self) -> int:
         """How many cells failed and might have had any value."""
-        return 0 if self.measure in ERRORS else self.failed
+        return 0 if about(self.measure).kind.is_error else self.failed
 
     def complete(self) -> "Side":
         """The logs that have all that any log has; without those values of `along` that no log has one for."""
@@ -179,7 +179,7 @@ def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> 
     failed = np.zeros(len(rows), bool)
     for name in FAILED:
         failed |= status == name
-    if measure in ERRORS:
+    if about(measure).kind.is_error:
         value = np.maximum(value, ROUNDING)
         value[failed] = np.inf
     else:

@@ -3,23 +3,22 @@
 from collections.abc import Callable, Sequence
 from math import inf, isinf, isnan
 
-from ..verdict.medians import ERRORS
 from ..verdict.statistics import FEWEST
-from ..words.columns import COLUMNS, MORE, TIMES
+from ..words.columns import about
 from ..words.numerals import chance, counted, larger, listed, number, plain, times
 from .side import Side
 
 
 def sized(value: float, measure: str) -> str:
     """0.0213 m; where it is infinite because cells failed, that."""
-    if isinf(value) and measure in ERRORS:
+    if isinf(value) and about(measure).kind.is_error:
         return "failed"
     return number(value) + _unit(measure)
 
 
 def _unit(measure: str) -> str:
-    column = COLUMNS.get(measure) or MORE.get(measure)
-    return "" if column is None or column.unit in ("", "1") else f" {column.unit}"
+    unit = about(measure).kind.unit
+    return f" {unit}" if unit else ""
 
 
 def bounds(low: float, high: float, measure: str = "") -> str:
@@ -91,7 +90,7 @@ def remarks(sides: Sequence[Side]) -> list[str]:
         said.append(f"{_of(skipped, cells)} {'was' if skipped == 1 else 'were'} skipped")
     if undefined:
         said.append(f"{_of(undefined, cells)} had no {listed(list(dict.fromkeys(side.measure for side in sides)))}")
-    beside = sum(side.beside for side in sides if side.measure in TIMES)
+    beside = sum(side.beside for side in sides if about(side.measure).kind.is_time)
     if beside:
         said.append(f"{_of(beside, cells)} {'was' if beside == 1 else 'were'} timed beside others on the same machine")
     return said

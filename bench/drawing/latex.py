@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from ..words.columns import Column
+from ..words.column import Column
 from .table import Entry, Table
 
 COLUMN = 241
@@ -65,7 +65,7 @@ def _across(table: Table) -> range:
 def _heading(column: Column) -> list[str]:
     """A line for what is long, and one for the unit."""
     words = column.heading.split(" ", 1) if len(column.heading) > LONGEST else [column.heading]
-    return [*words, *[f"({column.unit})"] * (column.unit not in ("", "1"))]
+    return [*words, *[f"({column.kind.unit})"] * bool(column.kind.unit)]
 
 
 def _cell(entry: Entry) -> str:

@@ -20,7 +20,9 @@ from ...frontend.factors import UNKNOWN, Log, Truth
 from .drive import drive
 from .memory import Peak, limited
 from .score import score
-from .status import TOLD
+
+TOLD = "was told the truth: linearised there"
+"""The remark on a cell whose backend made use of the truth."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         row["peak_mb"] = held
     judged = score(log, outcome, read_truth())
     said = [TOLD] * outcome.told + [judged.remark] * bool(judged.remark)
-    return Result("done", "; ".join(said), row | judged.row, judged.arrays)
+    row |= {"told": int(outcome.told)} | judged.row
+    return Result("done", "; ".join(said), row, judged.arrays)
 
 
 def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:

@@ -14,7 +14,6 @@ from .drive import Outcome
 from .growth import mapped
 from .metrics import covariances, nees
 from .misfit import Cost, cost
-from .status import REFERENCE, SURVEYED
 from .times import length
 
 FEW = 0.9
@@ -65,6 +64,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
         row |= _fit_columns(fit, "j_online" if outcome.solution is None else "j_final")
         arrays["cost_terms"] = np.array(fit)
     row["landmarks"] = len((outcome.solution or outcome).map.ids)
+    row |= _measured_from(truth)
     return Score(row | _inner(log, outcome) | step_cost(log, outcome), arrays, "; ".join(remarks))
 
 
@@ -98,13 +98,18 @@ def _remarks(log: Log, truth: Truth | None) -> list[str]:
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")
-    if truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth":
-        said.append(SURVEYED)
-    if truth is not None and truth.words:
-        said.append(REFERENCE + truth.words)
     if truth is not None and len(truth.t) < FEW * len(log):
         said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
     return said
+
+
+def _measured_from(truth: Truth | None) -> dict[str, Any]:
+    """Of a log without ground truth: whether its map is measured from true places, and what its path is measured from.
+
+    The latter is absent where that is plainly the batch optimum.
+    """
+    surveyed = truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth"
+    return {"surveyed": int(surveyed)} | ({"reference": truth.words} if truth is not None and truth.words else {})
 
 
 def _fit_columns(fit: Cost, total: str) -> dict[str, Any]:

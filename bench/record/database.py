@@ -4,7 +4,7 @@ import sqlite3
 from pathlib import Path
 
 from ...frontend.errors import InputError
-from .schema import APPLICATION, CELLS, COLUMNS, FILE, MORE, SCHEMA, VERSION, kind
+from .schema import APPLICATION, FILE, KINDS, SCHEMA, VERSION, VIEW
 
 BROKEN = (sqlite3.Error, UnicodeDecodeError)
 """Raised by a damaged file: the words of an error may be damaged, too."""
@@ -131,7 +131,7 @@ def _make_sound(db: sqlite3.Connection) -> None:
         if fault != "ok":
             raise sqlite3.DatabaseError(fault)
     there = {row[1] for row in db.execute("PRAGMA table_info(results)")}
-    lacking = [name for name in (*COLUMNS, *MORE) if name not in there]
+    lacking = [name for name in KINDS if name not in there]
     if lacking:
-        added = "".join(f"ALTER TABLE results ADD COLUMN {name} {kind(name)};" for name in lacking)
-        db.executescript(f"BEGIN; {added} DROP VIEW IF EXISTS cells; {CELLS} COMMIT;")
+        added = "".join(f"ALTER TABLE results ADD COLUMN {name} {KINDS[name]};" for name in lacking)
+        db.executescript(f"BEGIN; {added} DROP VIEW IF EXISTS cells; {VIEW} COMMIT;")

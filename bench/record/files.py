@@ -13,7 +13,7 @@ from ...frontend.files import write_whole
 from ...frontend.se2 import Array
 from ...frontend.tum import write_tum
 from ..measure.misfit import TERMS
-from .schema import COLUMNS, MORE, Row, label
+from .schema import COLUMNS, KEY, MORE, Row, label
 from .store import Store
 
 STEPS = (
@@ -21,9 +21,6 @@ STEPS = (
     "error_m", "nees", "nis", "nis_dof", "n_eff", "step_us", "wall_us", "belief_us", "ancestors", "refused",
 )  # fmt: skip
 """The columns of steps.csv. error_m is of the aligned path; a blank is not known."""
-
-KEY = COLUMNS[:5]
-"""The columns that name a cell."""
 
 COST = (*KEY, "path", *TERMS, "total")
 """The columns of cost.csv: J by its terms, at the final path and map, at the online ones where there are no final."""

@@ -14,54 +14,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-COLUMNS = (
-    "dataset", "dataset_options", "backend", "options", "seed", "status", "reason", "digest", "truth_kind",
-    "steps", "sightings", "ignored", "landmarks", "ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m",
-    "nees", "nees_inside", "nis", "final_ate_m", "final_ate_origin_m", "final_map_rmse_m", "cost_j",
-    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
-    "finish_s", "setup_s", "cpu_s", "peak_mb", "timing_alone",
-)  # fmt: skip
+from ..words.columns import CELLS, METRICS
+
+COLUMNS = tuple(column.name for column in CELLS)
 """The columns of cells.csv, in order."""
 
-KEY = COLUMNS[:5]
+KEY = tuple(column.name for column in CELLS if column.kind.names_cell)
 """Those that name a cell."""
 
-WORDS = COLUMNS[:9]
-"""Those that say which cell it is and how it ended; what follows them was measured."""
-
-TEXTS = tuple(name for name in WORDS if name != "seed")
-"""Those that hold no number."""
-
-MORE = (
-    "length_s", "real_time", "align_x_m", "align_y_m", "align_rad", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
-    "rpe_rad", "landmarks_missed", "landmarks_spurious", "landmark_nees", "landmark_nees_inside",
-    "final_align_x_m", "final_align_y_m", "final_align_rad", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
-    "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
-    "final_landmarks_missed", "final_landmarks_spurious", "final_landmark_nees", "final_landmark_nees_inside",
-    "step_us_fifth1", "step_us_fifth2", "step_us_fifth3", "step_us_fifth4", "step_us_fifth5",
-    "growth_steps", "growth_steps_se", "growth_landmarks", "growth_landmarks_se",
-    "j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online",
-    "n_eff_least", "ancestors_left", "refused_share",
-)  # fmt: skip
+MORE = tuple(column.name for column in METRICS)
 """The columns of metrics.csv after those that name the cell, in order."""
 
-_COUNTS = (
-    "seed", "steps", "sightings", "ignored", "landmarks", "timing_alone", "landmarks_missed", "landmarks_spurious",
-    "final_landmarks_missed", "final_landmarks_spurious", "ancestors_left",
-)  # fmt: skip
+KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}
+"""The SQL types of both."""
 
-
-def kind(column: str) -> str:
-    """The SQL type of a column of cells.csv or metrics.csv."""
-    return "TEXT" if column in TEXTS else "INTEGER" if column in _COUNTS else "REAL"
-
+TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")
+"""Those of both that hold no number."""
 
 FILE = "results.sqlite"
 VERSION = 2
 APPLICATION = 0x536C6144
 """SQLite's application_id: "SlaD"."""
 
-MEASURED = {name: kind(name) for name in (*COLUMNS, *MORE) if name not in (*KEY, "status", "reason")}
+MEASURED = {name: kind for name, kind in KINDS.items() if name not in (*KEY, "status", "reason")}
 """The columns that a result fills, with their types."""
 
 ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REAL", "traceback": "TEXT"}
@@ -73,7 +48,7 @@ RESULT = (*COLUMNS, *MORE, *ABOUT)
 _LAST = ", ".join(f"results.{name}" for name in (*MEASURED, *ABOUT, "key"))
 _FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log"))
 
-CELLS = f"""
+VIEW = f"""
 CREATE VIEW cells AS
     SELECT {_FIRST}, results.status, results.reason, {_LAST} FROM plan JOIN results ON plan.key = results.key
     UNION ALL
@@ -87,12 +62,12 @@ SCHEMA = f"""
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE logs (key TEXT PRIMARY KEY, dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT,
                    truth_digest TEXT, truth_kind TEXT, sketch TEXT);
-CREATE TABLE results (key TEXT PRIMARY KEY, {", ".join(f"{name} {kind(name)}" for name in (*COLUMNS, *MORE))},
+CREATE TABLE results (key TEXT PRIMARY KEY, {", ".join(f"{name} {kind}" for name, kind in KINDS.items())},
                       {", ".join(f"{name} {what}" for name, what in ABOUT.items())});
 CREATE TABLE arrays (key TEXT PRIMARY KEY, archive BLOB NOT NULL);
 CREATE TABLE plan (place INTEGER PRIMARY KEY, dataset TEXT, dataset_options TEXT, backend TEXT, options TEXT,
                    seed INTEGER, parameters TEXT, log TEXT, key TEXT, trouble TEXT);
-{CELLS}
+{VIEW}
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION};
 """

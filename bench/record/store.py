@@ -22,7 +22,7 @@ from .database import BROKEN, damaged, read_only, unwritable, writable
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
 from .validity import wrong_arrays, wrong_row
 
-KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
+COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
 """The columns of a result that a table may have, and their types."""
 
 _PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
@@ -219,7 +219,7 @@ class Store:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
     def table(self, measures: Sequence[str]) -> CellTable:
-        """The study's cells: their parameters, status, reason and digest, and these columns of KINDS.
+        """The study's cells: their parameters, status, reason and digest, and these columns of COLUMN_KINDS.
 
         A parameter that is called as one of the columns is the one that has the name.
         """
@@ -233,7 +233,7 @@ class Store:
         with self._read():
             table = _parameters(texts, seeds)
             for name, values in zip(names, columns, strict=True):
-                table.setdefault(name, (words if KINDS[name] == "TEXT" else numbers)([*values, None])[at])
+                table.setdefault(name, (words if COLUMN_KINDS[name] == "TEXT" else numbers)([*values, None])[at])
         for name in measures:  # of which a store of an earlier version has none
             table.setdefault(name, numbers([None] * len(at)))
         trouble, missing = words(troubles), at < 0

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
-from .schema import COLUMNS, FILE, MORE, kind
-from .store import KINDS, Store
+from .schema import COLUMNS, FILE, KINDS, MORE
+from .store import COLUMN_KINDS, Store
 from .table_files import CsvFile, ParquetFile, TableFile
 
 ROWS = 2_000
@@ -83,7 +83,7 @@ def _opened(folder: Path) -> Generator[Cells]:
         else:
             names = (*COLUMNS, *MORE)
             rows = ([row.columns[name] for name in names] for row in store.cells())
-            yield Cells({name: kind(name) for name in names}, rows)
+            yield Cells({name: KINDS[name] for name in names}, rows)
 
 
 def _of_study(store: Store) -> Cells:
@@ -94,7 +94,8 @@ def _of_study(store: Store) -> Cells:
     at = names.index("parameters")
     others = [k for k, name in enumerate(names) if name not in (*NAMES, *INNER)]
     kinds = parameters | {
-        f"measured_{names[k]}" if names[k] in parameters else names[k]: KINDS.get(names[k], "TEXT") for k in others
+        f"measured_{names[k]}" if names[k] in parameters else names[k]: COLUMN_KINDS.get(names[k], "TEXT")
+        for k in others
     }
     seed = names.index("seed")
     values = (

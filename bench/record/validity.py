@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from ..words.columns import about
 from .schema import TEXTS
 
 STATUSES = ("done", "diverged", "timeout", "error", "skipped")
 KINDS = ("truth", "reference", "", None)
-
-NEVER_NEGATIVE = ("ate_m", "ate_origin_m", "heading_rad", "rpe_m", "map_rmse_m", "nees", "nis", "landmarks", "peak_mb")
 
 SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(
@@ -51,7 +50,7 @@ def wrong_row(columns: Mapping[str, Any]) -> str:
             continue
         if not isinstance(value, int | float) or math.isnan(value):
             return f"{name} is {_cut(value)}, expected a number"
-        if value < 0 and name.removeprefix("final_") in NEVER_NEGATIVE:
+        if value < 0 and about(name).kind.never_negative:
             return f"{name} is {value:g}, expected 0 or more"
     return ""
 

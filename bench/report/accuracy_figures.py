@@ -13,6 +13,7 @@ from ..drawing.figure_maker import curve, exhibit, of
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
 from ..verdict.medians import Typical, typical
+from ..verdict.ranking import PATHS
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.summary import Line
 from ..words.names import tags
@@ -23,9 +24,6 @@ from .time_curves import Series, along
 
 STRETCHES = 100
 """Of a log, each drawn as one point."""
-
-PATHS = {"ate_m": "online", "final_ate_m": "final"}
-"""The path that each column is the error of."""
 
 
 def bars(found: Iterable[Typical]) -> str:
@@ -38,15 +36,15 @@ def bars(found: Iterable[Typical]) -> str:
 
 def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
     """None where no backend ran on two logs."""
-    shown = [line for line in lines if any(column in line.values for column in PATHS)]
+    shown = [line for line in lines if any(column in line.values for column in PATHS.values())]
     shown.sort(key=lambda line: scene.order.index(line.backend))
-    if not any(line.values[column].n > 1 for line in shown for column in PATHS if column in line.values):
+    if not any(line.values[column].n > 1 for line in shown for column in PATHS.values() if column in line.values):
         return None
     what = "distance from reference" if scene.kind == "reference" else "ATE"
     drawn = [
         (k + 0.12 + (0.12 if column == "final_ate_m" else -0.12) * (len(having) - 1), line, column)
         for k, line in enumerate(shown)
-        for having in [[column for column in PATHS if column in line.values]]
+        for having in [[column for column in PATHS.values() if column in line.values]]
         for column in having
     ]
     runs = scene.logs == 1
@@ -102,7 +100,7 @@ def pairs(
     One that it has a single other one on is no figure, but a sentence below that of the other path.
     """
     found: dict[str, tuple[str, Sequence[Comparison]]] = {}
-    for column, path in PATHS.items():
+    for path, column in PATHS.items():
         compared = [c for c in comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
         known = {label for c in compared for label in (c.first, c.second)}
         able = [line for line in lines if line.backend in known]

@@ -7,8 +7,9 @@ from ..verdict.accuracy import between
 from ..verdict.ranking import standing
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.verdict import Verdict
-from ..words.columns import COLUMNS, PAIRS
+from ..words.columns import about
 from ..words.numerals import number
+from ..words.report_columns import PAIRS
 
 WORDS = {
     "better": "closer",
@@ -23,7 +24,7 @@ WORDS = {
 def pairs_table(found: Verdict) -> Table:
     """A row a comparison, in the order of the verdict's; those with dead reckoning are corrected among themselves."""
     rows = [
-        TableRow(c.first, [Entry(c.second), Entry(COLUMNS[column].heading), *_entries(c)])
+        TableRow(c.first, [Entry(c.second), Entry(about(column).heading), *_entries(c)])
         for column, comparisons in found.comparisons.items()
         for c in comparisons
     ]
@@ -31,7 +32,7 @@ def pairs_table(found: Verdict) -> Table:
         "Every pair on the same logs: how many times the first one's error the second one's is, and its 95 % interval; "
         "those with dead reckoning are corrected among themselves"
     )
-    return Table(list(PAIRS.values()), rows, caption)
+    return Table(PAIRS, rows, caption)
 
 
 def _entries(c: Comparison) -> list[Entry]:

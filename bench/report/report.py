@@ -9,7 +9,7 @@ from ..drawing.latex import latex
 from ..drawing.page import PURPOSES, rendered, script
 from ..record.schema import Row, label
 from ..record.store import Store
-from ..words.columns import COLUMNS, STATISTICS, WORKED_OUT
+from ..words.columns import COLUMNS
 from .section import Section, sections
 from .tables import cells_table, paper_table
 
@@ -34,7 +34,7 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         "started": datetime.fromtimestamp(run["started"], UTC),
         "digests": _digests(rows),
         "given": run.get("map"),
-        "definitions": COLUMNS | WORKED_OUT | STATISTICS,
+        "definitions": COLUMNS,
         "script": script("report.js"),
     }
     for section in parts:

@@ -10,7 +10,7 @@ from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
 from ..verdict.implementations import sentence
-from ..verdict.summary import Line, lines, remarks, representative
+from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
@@ -108,9 +108,8 @@ def _failures(line: Line) -> list[Failure]:
     alike: dict[tuple[str, str], list[Row]] = {}
     for row in line.rows:
         c = row.columns
-        reason = remarks(c["reason"] or "")
-        if c["status"] != "done" or reason:
-            alike.setdefault((c["status"], reason), []).append(row)
+        if c["status"] != "done" or c["reason"]:
+            alike.setdefault((c["status"], c["reason"] or ""), []).append(row)
     return [
         Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
         for (status, reason), rows in alike.items()

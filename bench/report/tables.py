@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from ..drawing.table import Entry, Table, TableRow, shown
+from ..drawing.table import Entry, Table, TableRow
 from ..record.schema import Row, label
 from ..verdict.consistency import belief_word
 from ..verdict.medians import Typical, typical
 from ..verdict.ranking import contest, ordered, standing
 from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, logs, representative
-from ..words.columns import COLUMNS, TIMES, WORKED_OUT
+from ..words.columns import about
 from ..words.names import called
 from ..words.numerals import counted, number
 
@@ -73,7 +73,9 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
         found = typical(line, name)
         word = belief_word(line) if name == "nees" else ""
         note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
-        return Entry(_text(line, name, found), word, note, line.backend in best.get(name, ()), found.value)
+        return Entry(
+            shown(name, found.value, alone=line.alone), word, note, line.backend in best.get(name, ()), found.value
+        )
 
     names = MAIN if known.truth_kind else ("landmarks", *MAIN)
     table = laid(ordered(lines), names, entry, "", headings)
@@ -83,10 +85,9 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
 
 def paper_table(main: Table) -> Table:
     """What of the small table has room in a column of a paper; a count of cells only where some are not done."""
-    headings = [column.heading for column in main.headings]
-    names = PAPER if COLUMNS["nees"].heading in headings else PAPER_MAPS
-    wanted = {COLUMNS[name].meaning for name in names}
-    kept = [k for k, column in enumerate(main.headings) if column.meaning in wanted]
+    names = [column.name for column in main.headings]
+    wanted = PAPER if "nees" in names else PAPER_MAPS
+    kept = [k for k, name in enumerate(names) if name in wanted]
     kept = [0] * any(row.status != "done" for row in main.rows) + kept
     rows = [row._replace(entries=[row.entries[k] for k in kept]) for row in main.rows]
     return Table([main.headings[k] for k in kept], rows, main.caption)
@@ -151,16 +152,18 @@ def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
     for row in rows:
         c = row.columns
         dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
-        marks = {name: "*" * (name in TIMES and not c["timing_alone"]) for name in names}
         entries = [
             Entry(datasets[dataset]),
             Entry(str(c["seed"]), value=c["seed"]),
             Entry(c["status"]),
-            *(Entry("" if c[name] is None else shown(name, c[name]) + marks[name], value=c[name]) for name in names),
+            *(
+                Entry("" if c[name] is None else shown(name, c[name], alone=c["timing_alone"]), value=c[name])
+                for name in names
+            ),
         ]
         place = (folders[dataset], str(c["seed"]), folders[backend]) if c["status"] == "done" else ()
         found.append(TableRow(backend, entries, c["status"], place))
-    return Table([COLUMNS[name] for name in ("dataset", "seed", "status", *names)], found, "Every cell by itself")
+    return Table([about(name) for name in ("dataset", "seed", "status", *names)], found, "Every cell by itself")
 
 
 def laid(
@@ -175,11 +178,8 @@ def laid(
     columns = [[entry(line, name) for line in lines] for name in names]
     kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
     kept = kept if any(name != WHOSE for name, _ in kept) else []
-    about = COLUMNS | WORKED_OUT
-    top = [about[name]._replace(heading=other.get(name, about[name].heading)) for name, _ in kept]
-    return Table(
-        [WORKED_OUT["done"], *top], [_row(line, [c[k] for _, c in kept]) for k, line in enumerate(lines)], caption
-    )
+    top = [about(name)._replace(heading=other.get(name, about(name).heading)) for name, _ in kept]
+    return Table([about("done"), *top], [_row(line, [c[k] for _, c in kept]) for k, line in enumerate(lines)], caption)
 
 
 def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
@@ -211,11 +211,13 @@ def _median(line: Line, name: str) -> Entry:
         return _words(line, name)
     found = typical(line, name)
     word = belief_word(line, name) if name == "final_nees" else ""
-    return Entry(_text(line, name, found), word, value=found.value)
+    return Entry(shown(name, found.value, alone=line.alone), word, value=found.value)
 
 
-def _text(line: Line, name: str, found: Typical) -> str:
-    return shown(name, found.value) + "*" * (name in TIMES and not line.alone)
+def shown(name: str, value: float, *, alone: bool) -> str:
+    """A column's value; a time is marked where other cells ran beside."""
+    kind = about(name).kind
+    return kind.shown(value) + "*" * (kind.is_time and not alone)
 
 
 def _ends(found: Typical, of: int) -> str:

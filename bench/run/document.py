@@ -9,11 +9,11 @@ from ..verdict.statistics import estimate
 from ..verdict.summary import Line, logs
 from ..verdict.verdict import Verdict
 
-ERRORS = ("ate_m", "final_ate_m", "heading_rad", "map_rmse_m", "final_map_rmse_m")
-"""Columns whose medians over the logs are given, failures being the worst there is."""
-
-OTHERS = ("nees", "nees_inside", "step_us_p50", "step_us_p99", "cpu_s")
-"""The same, of the cells that are done alone."""
+ESTIMATES = (
+    "ate_m", "final_ate_m", "heading_rad", "map_rmse_m", "final_map_rmse_m", "nees", "nees_inside", "step_us_p50",
+    "step_us_p99", "cpu_s",
+)  # fmt: skip
+"""Columns whose medians over the logs are given."""
 
 SCHEMA = """\
 folder, report    where everything is, and its page
@@ -68,7 +68,6 @@ def _dataset(lines: Sequence[Line], verdict: Verdict) -> dict[str, Any]:
 
 
 def _line(line: Line) -> dict[str, Any]:
-    by_log = {column: line.by_log(column) for column in ERRORS} | {column: line.measured(column) for column in OTHERS}
     return {
         "backend": line.backend,
         "implementation": line.implementation,
@@ -76,7 +75,7 @@ def _line(line: Line) -> dict[str, Any]:
         "cells": len(line.rows),
         "timing_alone": line.alone,
         "estimates": {
-            column: estimate(list(values.values())) for column, values in by_log.items() if column in line.values
+            column: estimate(list(line.by_log(column).values())) for column in ESTIMATES if column in line.values
         },
     }
 

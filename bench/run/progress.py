@@ -15,7 +15,7 @@ from rich.text import Text
 from ..plan.plan import Cell
 from ..plan.work import PlannedCell
 from ..record.schema import COLUMNS, MORE, Row
-from ..verdict.summary import Line, lines, remarks
+from ..verdict.summary import Line, lines
 from ..words.console import plain, watched
 from ..words.names import called
 from ..words.numerals import counted
@@ -95,7 +95,7 @@ class Screen:
         self._done += 1
         self._latest = time.monotonic()
         self._pace.took(_kind(cell.cell), seconds)
-        said = remarks(row["reason"])
+        said = row["reason"]
         news = cell.cell.backend.label, row["status"], said
         if not self._live.is_started or (news[1:] != ("done", "") and news not in self._told_of):
             self._told_of.add(news)

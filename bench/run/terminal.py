@@ -14,7 +14,7 @@ from rich.table import Table
 from ..verdict.implementations import sentence
 from ..verdict.medians import typical
 from ..verdict.statistics import FEWEST
-from ..verdict.summary import Line, logs, remarks
+from ..verdict.summary import Line, logs
 from ..verdict.verdict import Verdict, verdict
 from ..words.console import plain, watched, wrapped
 from ..words.names import called
@@ -98,7 +98,7 @@ def mishaps(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
     for line in lines:
         ends: dict[tuple[str, str], int] = {}
         for row in line.rows:
-            end = row.columns["status"], remarks(row.columns["reason"] or "")
+            end = row.columns["status"], row.columns["reason"] or ""
             ends[end] = ends.get(end, 0) + (end[0] != "done")
         for (status, reason), n in ends.items():
             if n:

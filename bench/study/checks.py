@@ -5,13 +5,14 @@ from typing import Any
 
 from ...frontend.errors import InputError
 from ..plan.spec import nearest
-from ..record.schema import COLUMNS, MORE, WORDS
+from ..words.columns import CELLS, METRICS
 from .blocks import Combination
 from .claim import Claim
 from .entries import Entries, is_number, shown
 from .study import Figure
 
-MEASURES = tuple(name for name in (*COLUMNS, *MORE) if name not in WORDS)
+COLUMNS = (*CELLS, *METRICS)
+MEASURES = tuple(column.name for column in COLUMNS if column.kind.is_measured)
 """The columns that are numbers."""
 
 MOST = 8
@@ -123,7 +124,7 @@ def _logs(side: Cells, sides: Sequence[Cells]) -> set[tuple[str, int]]:
 
 
 def _check_measure(words: Entries, key: str, name: str, cells: Cells) -> None:
-    if name in WORDS:
+    if name not in MEASURES and any(column.name == name for column in COLUMNS):
         raise words.refused(key, f"column {name} is not a number; expected one of cells.csv or metrics.csv that is.")
     if name in cells[0].parameters:
         raise words.refused(key, f"{name} is swept, so it is a parameter here, expected a column that is measured.")

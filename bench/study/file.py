@@ -71,6 +71,7 @@ from typing import Any
 
 from ...frontend.errors import InputError
 from ..plan.spec import nearest
+from ..words.columns import about
 from .blocks import combinations
 from .checks import check_claim, check_figure
 from .claim import Claim
@@ -82,9 +83,6 @@ FORMAT = (__doc__ or "").partition("\n\n")[2]
 
 PACKAGED = Path(__file__).parent / "studies"
 """The studies that come along, each NAME.toml."""
-
-TIMES = ("step_us_", "belief_us_", "finish_s", "setup_s", "cpu_s", "real_time", "growth_")
-"""How the columns begin that are times."""
 
 KEYS = (
     "title", "question", "source", "finding", "note", "seeds", "first_seed", "timed", "keep", "oracle", "timeout_s",
@@ -130,7 +128,7 @@ def made(file: str, text: str, *, full: bool) -> Study:
     study = _without_cells(words, text, full=full)
     measures = [claim.measure for claim in study.claims] + [figure.y for figure in study.figures]
     measures += [side.get("measure", "") for claim in study.claims for side in (claim.first, claim.second)]
-    found = combinations(words, timed=words.switch("timed", any(name.startswith(TIMES) for name in measures)))
+    found = combinations(words, timed=words.switch("timed", any(about(name).kind.is_time for name in measures)))
     for claim, entry in zip(study.claims, words.tables("claim", ""), strict=True):
         check_claim(claim, entry, found)
     for figure, entry in zip(study.figures, words.tables("figure", ""), strict=True):

@@ -21,6 +21,7 @@ from ..record.cell_table import CellTable
 from ..record.store import Store
 from ..study import file as study_file
 from ..study.study import Study
+from ..words.columns import about
 from ..words.numerals import counted
 from .option_words import option_words
 
@@ -115,7 +116,7 @@ class Evidence:
 
     def _timing(self, column: str) -> str:
         """Of a time, whether other cells ran on the same machine meanwhile."""
-        if not column.startswith(study_file.TIMES):
+        if not about(column).kind.is_time:
             return ""
         beside = self.table.columns["timing_alone"] == 0
         if not beside.any():

@@ -16,9 +16,8 @@ from ..claims.curves import Medians, Place
 from ..drawing.axes import logarithmic, short
 from ..drawing.figure import Exhibit
 from ..drawing.figure_maker import exhibit
-from ..verdict.medians import ERRORS
 from ..verdict.statistics import FEWEST
-from ..words.column_words import CONSISTENCY, EXPECTED, called, meaning, with_unit
+from ..words.columns import about
 from ..words.numerals import TIMES, counted, plain
 from ..words.styles import Look
 from .line_looks import line_looks
@@ -50,8 +49,9 @@ TIGHT = 0.07
 def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: Iterable[Answer], x: str) -> Exhibit:
     """The figure drawn; `x` is what its axis is called."""
     looks, drawn = line_looks(found, backends), marks(found, answers)
-    y = with_unit(found.figure.y)
-    plain = f"{called(found.figure.y)} over {found.figure.x.replace('_', ' ')}"
+    measure = about(found.figure.y)
+    y = measure.with_unit
+    plain = f"{measure.called} over {found.figure.x.replace('_', ' ')}"
     title = found.figure.title or f"{plain[:1].upper()}{plain[1:]}"
     if not found.numeric:
         height = rows_height(found)
@@ -146,7 +146,8 @@ def span(found: Medians, drawn: Marks) -> tuple[float, float, bool]:
     """
     values = [place.value for place in found.places.values()] + drawn.values
     values = [value for value in values if np.isfinite(value)] or [1.0]
-    values += [EXPECTED[found.figure.y]] if found.figure.y in EXPECTED else []
+    expected = about(found.figure.y).kind.expected
+    values += [] if expected is None else [expected]
     ends = [end for place in found.places.values() for end in (place.low, place.high)]
     log = "y" in found.figure.log and min(values) > 0
     ends = [end for end in ends if np.isfinite(end) and (end > 0 or not log)] + values
@@ -243,6 +244,7 @@ def _lines(name: str, slope: float | None) -> list[str]:
 def _caption(found: Medians, drawn: Marks) -> str:
     """What the study says of it, then what is drawn."""
     figure, every = found.figure, list(found.places.values())
+    measure = about(figure.y)
     places = [place for place in every if place.x is not None or np.isfinite(place.value)]  # those that are drawn
     counts = [place.n for place in places if place.n]
     few, most = (min(counts), max(counts)) if counts else (0, 0)
@@ -257,15 +259,15 @@ def _caption(found: Medians, drawn: Marks) -> str:
         said.append(f"Dotted, level: {found.without}, which has no {figure.x.replace('_', ' ')}.")
     failed = sum(place.failed for place in every)
     if failed:
-        worst = "counted as the worst there is" if figure.y in ERRORS else "without a value"
+        worst = "counted as the worst there is" if measure.kind.is_error else "without a value"
         said.append(f"{TIMES}: where runs failed, {failed:,} of {sum(place.ended for place in every):,}, {worst}.")
-    if figure.y in CONSISTENCY:
+    if measure.kind.is_nees:
         said.append("Grey band: neither overconfident nor cautious.")
-    elif figure.y in EXPECTED:
-        said.append(f"Grey line: {EXPECTED[figure.y]:g}, where a belief is as wide as its errors.")
+    elif measure.kind.expected is not None:
+        said.append(f"Grey line: {measure.kind.expected:g}, where a belief is as wide as its errors.")
     if found.numeric:
         said += _told(found, drawn)
-    said.append(meaning(figure.y))
+    said.append(measure.gist)
     return " ".join(filter(None, said))
 
 

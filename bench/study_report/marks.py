@@ -12,7 +12,7 @@ from ..claims.answer import Answer
 from ..claims.curves import Medians, Place
 from ..drawing.svg import INK
 from ..verdict.consistency import CAUTIOUS, OVERCONFIDENT
-from ..words.column_words import CONSISTENCY, EXPECTED
+from ..words.columns import about
 from ..words.numerals import number, plain
 
 DASHED: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 3)), "alpha": 0.8}
@@ -113,11 +113,11 @@ def _slopes(found: Medians, answer: Answer, chosen: Mapping[str, Any]) -> dict[A
 
 def draw_across(axes: Axes, found: Medians, drawn: Marks) -> None:
     """Bounds as level lines and crossings as upright ones; what the measure is where a belief is consistent."""
-    y = found.figure.y
-    if y in CONSISTENCY:
+    y = about(found.figure.y).kind
+    if y.is_nees:
         axes.axhspan(CAUTIOUS, OVERCONFIDENT, color=INK, alpha=0.07, linewidth=0)
-    if y in EXPECTED:
-        axes.axhline(EXPECTED[y], color=INK, linewidth=0.8, alpha=0.6)
+    if y.expected is not None:
+        axes.axhline(y.expected, color=INK, linewidth=0.8, alpha=0.6)
     for bound in drawn.bounds:
         middle = 0.5 if bound.x is None else _place(axes, float(bound.x))
         first, last = (0.0, 1.0) if bound.x is None else (max(middle - HALF, 0), min(middle + HALF, 1))
@@ -147,11 +147,11 @@ def _draw_crossing(axes: Axes, crossing: Crossing, height: float) -> None:
 
 def draw_upright(axes: Axes, found: Medians, drawn: Marks, rows: Sequence[Place]) -> None:
     """The same where the measure runs along x and there is a row for each of `rows`: a bound in those that it is of."""
-    y = found.figure.y
-    if y in CONSISTENCY:
+    y = about(found.figure.y).kind
+    if y.is_nees:
         axes.axvspan(CAUTIOUS, OVERCONFIDENT, color=INK, alpha=0.07, linewidth=0)
-    if y in EXPECTED:
-        axes.axvline(EXPECTED[y], color=INK, linewidth=0.8, alpha=0.6)
+    if y.expected is not None:
+        axes.axvline(y.expected, color=INK, linewidth=0.8, alpha=0.6)
     for k, place in enumerate(rows):
         for bound in drawn.bounds:
             if bound.x in (None, place.x) and bound.by in (None, place.by):

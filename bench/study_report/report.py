@@ -11,7 +11,7 @@ from typing import Any
 from ...frontend.files import write_whole
 from ..claims import conclusion
 from ..drawing.page import rendered
-from ..words.columns import COLUMNS, WORKED_OUT
+from ..words.columns import COLUMNS
 from ..words.numerals import lasting
 from .evidence import SIGNS, VERDICTS, Evidence, evidence
 from .tables import claim_grid, median_grid
@@ -36,7 +36,6 @@ def write(folder: Path, forms: Sequence[str] = ()) -> Path:
 
 def filled(found: Evidence) -> dict[str, Any]:
     """What the templates say."""
-    about = COLUMNS | WORKED_OUT
     measures = dict.fromkeys([*(answer.claim.measure for answer in found.answers), *(f.y for f in found.study.figures)])
     return {
         "found": found,
@@ -49,7 +48,7 @@ def filled(found: Evidence) -> dict[str, Any]:
         "started": datetime.fromtimestamp(found.words["started"], UTC),
         "took": lasting(found.seconds),
         "command": again(found),
-        "definitions": {name: about[name] for name in measures if name in about},
+        "definitions": {name: COLUMNS[name] for name in measures if name in COLUMNS},
     }
 
 

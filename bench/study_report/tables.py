@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 from ..claims.answer import Answer
 from ..claims.curves import Medians, Place, worded
-from ..drawing.table import shown
+from ..drawing.table import Entry
 from ..study.claim import Claim
 from ..verdict.statistics import FEWEST
-from ..words.column_words import called, with_unit
+from ..words.columns import about
 from ..words.numerals import number
 
 MOST_COLUMNS = 7
@@ -17,13 +17,6 @@ MOST_COLUMNS = 7
 
 
 ENDS = f"their 95 % intervals (below {FEWEST} runs: ranges)"
-
-
-class Entry(NamedTuple):
-    """One entry."""
-
-    text: str
-    note: str = ""  # smaller, below it
 
 
 class Grid(NamedTuple):
@@ -44,18 +37,20 @@ def _claim(found: Answer) -> list[Entry]:
     value, low, high = (float(figures.get(name, nan)) for name in ("estimate", "low", "high"))
     known = isfinite(low) or isfinite(high)
     ends = Entry(interval(low, high) if known else "")
-    return [Entry(*_measured(claim)), Entry(_said(value)), ends, Entry(_bound(claim)), Entry(_said(figures.get("n")))]
+    what, of = _measured(claim)
+    return [Entry(what, note=of), Entry(_said(value)), ends, Entry(_bound(claim)), Entry(_said(figures.get("n")))]
 
 
 def _measured(claim: Claim) -> tuple[str, str]:
     """What the value is, and of which cells."""
     one, other, where = (selection(side) for side in (claim.first, claim.second, claim.where))
+    measure = about(claim.measure).called
     what = {
-        "value": f"median of {called(claim.measure)}",
-        "less": f"ratio of {called(claim.measure)}",
-        "alike": f"ratio of {called(claim.measure)}",
-        "grows": f"exponent of {called(claim.measure)} in {claim.along}",
-        "crosses": f"{claim.along} where {called(claim.measure)} crosses",
+        "value": f"median of {measure}",
+        "less": f"ratio of {measure}",
+        "alike": f"ratio of {measure}",
+        "grows": f"exponent of {measure} in {claim.along}",
+        "crosses": f"{claim.along} where {measure} crosses",
     }[claim.kind]
     of = f"{other} over {one}" if claim.kind in ("less", "alike") else " and ".join(filter(None, (one, other)))
     parts = [of, where, f"for each {claim.each}" if claim.each else ""]
@@ -96,7 +91,7 @@ def _said(value: Any) -> str:
 def median_grid(found: Medians) -> Grid:
     """The figure as numbers: a row an x and a column a `by`, or a row each where one of them is the other, or many."""
     x, by = found.figure.x, found.figure.by
-    measure = with_unit(found.figure.y)
+    measure = about(found.figure.y).with_unit
     caption = f"{measure[:1].upper()}{measure[1:]}: medians, {ENDS}, number of runs"
     if x == by or len(found.bys) == 1:
         places = [found.places[one, by_] for one in found.xs for by_ in found.bys if (one, by_) in found.places]
@@ -118,7 +113,7 @@ def _entry(place: Place | None, found: Medians) -> Entry:
     failed = f"{place.failed} failed" if place.failed else ""
     waiting = f"{place.waiting} waiting" if place.waiting else ""
     if not place.n:
-        return Entry("", ", ".join(filter(None, (failed, waiting))))
-    text = shown(found.figure.y, place.value)
+        return Entry("", note=", ".join(filter(None, (failed, waiting))))
+    text = about(found.figure.y).kind.shown(place.value)
     ends = "" if place.low == place.high else interval(place.low, place.high)
-    return Entry(text, ", ".join(filter(None, (ends, f"n {place.n:,}", failed, waiting))))
+    return Entry(text, note=", ".join(filter(None, (ends, f"n {place.n:,}", failed, waiting))))

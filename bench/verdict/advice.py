@@ -8,7 +8,7 @@ from ..words.numerals import counted, factor, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
 from .consistency import belief_word
-from .ranking import Contest, standing
+from .ranking import ESTIMATES, PATHS, Contest, standing
 from .statistics import FEWEST
 from .summary import Line
 
@@ -21,14 +21,6 @@ NEAR = 1.25
 COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
 """What is saved: a step while the robot drives, else the CPU time of the whole log, as the steps of a method that has a
 final path alone do nothing."""
-
-PATH = {"online": "ate_m", "final": "final_ate_m"}
-"""The column of those that have what is to be used."""
-
-HAVING = {
-    "ate_m": "an online path", "final_ate_m": "a final path", "map_rmse_m": "a map", "final_map_rmse_m": "a final map",
-}  # fmt: skip
-"""What a backend may be the only one to have."""
 
 LISTED = 4
 """Backends whose cost is told where none is named."""
@@ -92,12 +84,12 @@ def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
         line
         for line in lines
         if line.backend != BASELINE and not line.told and line.done == len(line.rows)
-        and PATH[purpose] in line.values and COST[purpose] in line.values
+        and PATHS[purpose] in line.values and COST[purpose] in line.values
     ]  # fmt: skip
     having.sort(key=lambda line: line.values[COST[purpose]].median)
     why = "The true path is not known, so nothing says which is the more accurate."
     told = [
-        f"{line.backend} {_amount(COST[purpose], line)}, {number(line.values[PATH[purpose]].median)} m"
+        f"{line.backend} {_amount(COST[purpose], line)}, {number(line.values[PATHS[purpose]].median)} m"
         for line in having[:LISTED]
     ]
     if told:
@@ -128,7 +120,7 @@ def _too_few(found: Contest) -> str:
 def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
     """Against the one that the reader would take instead: the best, or where that is the chosen one the next."""
     if rival is None:
-        return f"the only one with {HAVING[found.column]}"
+        return f"the only one that gives the {ESTIMATES[found.column]}"
     best = chosen is found.lines[0]
     c = found.between(chosen, rival) if best else found.between(rival, chosen)
     kind = standing(c)

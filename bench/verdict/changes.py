@@ -16,7 +16,6 @@ from ..words.numerals import chance, counted, listed, number
 from .pairing import Facing, Pair
 from .ranking import ROUNDING
 from .statistics import FEWEST, LEVEL, Comparison, compare, holm
-from .summary import remarks
 
 REGRESSION, GAIN = "regression", "gain"
 NOTHING, FEW = "no difference shown", "too few logs to test"
@@ -219,7 +218,7 @@ def _lost(pair: Pair) -> list[Change]:
 
 
 def _reason(row: Row) -> str:
-    said = remarks(row.columns["reason"] or "")
+    said = row.columns["reason"] or ""
     return f" ({row.columns['status']}{': ' * bool(said)}{said})"
 
 

@@ -42,7 +42,7 @@ def belief(line: Line, column: str = "nees") -> Belief | None:
     """None without NEES. A word is from an interval over six logs or more, else from a rule of thumb."""
     if column not in line.values:
         return None
-    found = estimate(list(line.measured(column).values()))
+    found = estimate(list(line.by_log(column).values()))
     return Belief(_word(found) if found.n >= FEWEST else _thumb(line, column), found)
 
 

@@ -16,8 +16,16 @@ ALIKE = 1.01
 ROUNDING = 1e-9
 """Metres below which errors are all the same, and none is a failure's opposite: rounding, of a log without noise."""
 
-MEASURES = ("ate_m", "final_ate_m", "map_rmse_m", "final_map_rmse_m")
-"""What the backends of a dataset are put in order by: the first of them that a backend has."""
+PATHS = {"online": "ate_m", "final": "final_ate_m"}
+"""What is compared where the path is known, by purpose: the path given step by step, and that smoothed at the end."""
+
+MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}
+"""What is compared where the landmarks' places are known and the path is not."""
+
+ESTIMATES = {
+    "ate_m": "online path", "final_ate_m": "final path", "map_rmse_m": "online map", "final_map_rmse_m": "final map",
+}  # fmt: skip
+"""Which estimate each of these is the error of."""
 
 
 class Contest(NamedTuple):
@@ -119,8 +127,8 @@ def ordered(lines: Sequence[Line]) -> list[Line]:
     place: dict[str, tuple[int, int]] = {}
     known = representative(lines)
     if known.truth_kind == "truth" or known.surveyed:
-        for k, column in enumerate(MEASURES[:2] if known.truth_kind == "truth" else MEASURES[2:]):
+        for k, column in enumerate((PATHS if known.truth_kind == "truth" else MAPS).values()):
             found = contest(lines, column)
             for j, line in enumerate(found.lines if found else ()):
                 place.setdefault(line.backend, (k, j))
-    return sorted(lines, key=lambda line: (line.backend == BASELINE, place.get(line.backend, (len(MEASURES), 0))))
+    return sorted(lines, key=lambda line: (line.backend == BASELINE, place.get(line.backend, (len(ESTIMATES), 0))))

@@ -3,8 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..measure.status import FAILED, REFERENCE, SURVEYED, TOLD
-from ..record.schema import WORDS, Row, label
+from ..measure.status import FAILED
+from ..record.schema import Row, label
+from ..words.columns import about
 from ..words.names import called
 
 
@@ -36,23 +37,22 @@ class Line(NamedTuple):
     def by_log(self, column: str) -> dict[str, float]:
         """The column's value on every log, by digest: what several runs on one log have is averaged first.
 
-        Infinite where a cell of the log has failed; a log that was skipped, or has no value, is absent.
+        An error is infinite where a cell of the log has failed; a log without a value is absent.
         """
-        return _averaged(self.runs(column))
+        found: dict[str, list[float]] = {}
+        for log, value in self.runs(column):
+            found.setdefault(log, []).append(value)
+        return {log: sum(values) / len(values) for log, values in found.items()}
 
     def runs(self, column: str) -> list[tuple[str, float]]:
-        """(digest, value) of every cell that has one or has failed, the value then infinite."""
+        """(digest, value) of every cell that is done and has one; of an error, of every failed cell too: infinite."""
         found: list[tuple[str, float]] = []
-        for row in self.rows:
-            value = float("inf") if row.columns["status"] in FAILED else row.columns[column]
-            if value is not None:
-                found.append((row.columns["digest"], value))
+        for c in (row.columns for row in self.rows):
+            if c["status"] == "done" and c[column] is not None:
+                found.append((c["digest"], c[column]))
+            elif c["status"] in FAILED and about(column).kind.is_error:
+                found.append((c["digest"], float("inf")))
         return found
-
-    def measured(self, column: str) -> dict[str, float]:
-        """As `by_log`, of the cells that are done alone: for what is no error, and so has no worst."""
-        done = [row.columns for row in self.rows if row.columns["status"] == "done"]
-        return _averaged([(c["digest"], c[column]) for c in done if c[column] is not None])
 
     @property
     def failed(self) -> int:
@@ -67,23 +67,17 @@ class Line(NamedTuple):
     @property
     def told(self) -> bool:
         """Whether it was told the truth, and so does not compete."""
-        return any(TOLD in (row.columns["reason"] or "") for row in self.rows)
+        return any(row.columns["told"] for row in self.rows)
 
     @property
     def surveyed(self) -> bool:
         """Whether its map is measured from true places, though nobody knows where the robot was."""
-        return any(SURVEYED in (row.columns["reason"] or "") for row in self.rows)
+        return any(row.columns["surveyed"] for row in self.rows)
 
     @property
     def reference(self) -> str:
         """What its path is measured from where nobody knows the true one."""
-        said = [part for row in self.rows for part in (row.columns["reason"] or "").split("; ")]
-        return next((part.removeprefix(REFERENCE) for part in said if part.startswith(REFERENCE)), "the batch optimum")
-
-
-def remarks(reason: str) -> str:
-    """A cell's reason without what the verdict says of the whole log: what places are measured from."""
-    return "; ".join(part for part in reason.split("; ") if part != SURVEYED and not part.startswith(REFERENCE))
+        return next((said for row in self.rows if (said := row.columns["reference"])), "the batch optimum")
 
 
 def representative(lines: Sequence[Line]) -> Line:
@@ -125,18 +119,11 @@ def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None)
 def _spreads(rows: list[Row]) -> dict[str, Spread]:
     done = [row.columns for row in rows if row.columns["status"] == "done"]
     spreads: dict[str, Spread] = {}
-    for name in [name for name in rows[0].columns if name not in WORDS]:
+    for name in [name for name in rows[0].columns if about(name).kind.is_measured]:
         values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
         if values:
             spreads[name] = spread(values)
     return spreads
-
-
-def _averaged(runs: Iterable[tuple[str, float]]) -> dict[str, float]:
-    found: dict[str, list[float]] = {}
-    for log, value in runs:
-        found.setdefault(log, []).append(value)
-    return {log: sum(values) / len(values) for log, values in found.items()}
 
 
 def spread(values: Sequence[Any]) -> Spread:

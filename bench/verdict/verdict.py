@@ -8,15 +8,9 @@ from ..words.styles import BASELINE
 from .accuracy import claims
 from .advice import SAME_COST, Use, advice, unnamed
 from .consistency import belief_sentences
-from .ranking import Contest, contest, ordered
+from .ranking import ESTIMATES, MAPS, PATHS, Contest, contest, ordered
 from .statistics import Comparison
 from .summary import Line, logs, representative
-
-PATHS = {"online": ("ate_m", "online path"), "final": ("final_ate_m", "final path")}
-"""What is compared where the path is known, by purpose: the path given step by step, and that smoothed at the end."""
-
-MAPS = {"online": ("map_rmse_m", "online map"), "map": ("final_map_rmse_m", "final map")}
-"""What is compared where the landmarks' places are known and the path is not."""
 
 MOST = 6
 """Backends whose cost a sentence names."""
@@ -47,7 +41,7 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     if not any(line.done for line in lines):
         return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
     measures = PATHS if kind == "truth" else MAPS if known.surveyed else {}
-    contests = {purpose: found for purpose, (column, _) in measures.items() if (found := contest(lines, column))}
+    contests = {purpose: found for purpose, column in measures.items() if (found := contest(lines, column))}
     said: list[str] = []
     if kind == "reference":
         said.append(f"{name}: no verdict on accuracy of paths. {_REFERENCE.format(known.reference)}")
@@ -56,8 +50,8 @@ def verdict(lines: Sequence[Line]) -> Verdict:
         said.append(f"{name}: no verdict on accuracy. There is no known path to hold the estimates against.")
     elif not contests:
         said.append(f"{name}: no backend that competes gave a path.")
-    for k, (purpose, found) in enumerate(contests.items()):
-        said += claims(found, measures[purpose][1], name, again=k > 0)
+    for k, found in enumerate(contests.values()):
+        said += claims(found, ESTIMATES[found.column], name, again=k > 0)
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in contests.values()}
     sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures, *_told(lines)]
     return Verdict(basis, _uses(lines, contests), sentences, comparisons)

@@ -14,7 +14,7 @@ from random_logs import random_log
 from slamduel.backends import registry as backends
 from slamduel.bench.cli import COMMANDS
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
-from slamduel.bench.record.schema import COLUMNS, Row
+from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.terminal import tables
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.console import WIDE
@@ -64,7 +64,7 @@ def test_every_link_leads_somewhere() -> None:
 
 
 def test_the_headings_of_the_table_are_the_terminals() -> None:
-    values = dict.fromkeys(COLUMNS, None) | {"dataset": "aruco-room", "dataset_options": "", "backend": "ekf"}
+    values = dict.fromkeys((*COLUMNS, *MORE)) | {"dataset": "aruco-room", "dataset_options": "", "backend": "ekf"}
     values |= {"options": "", "seed": 0, "status": "done", "truth_kind": "truth", "ate_m": 0.015, "digest": "d"}
     (table,) = tables(lines([Row(values, "")]), WIDE)
     headings = [str(column.header) for column in table.columns]

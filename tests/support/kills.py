@@ -19,6 +19,9 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
+from slamduel.bench.record.schema import ABOUT
+from slamduel.bench.words.columns import COLUMNS
+
 STUDY = """
 title = "Killed"
 question = "Does a study that is killed end as if it had not been?"
@@ -36,20 +39,8 @@ less = { backend = "ekf" }
 than = { backend = "dead-reckoning" }
 each = "tags"
 """
-TIMES = (
-    "_us_",
-    "growth",
-    "real_time",
-    "finish_s",
-    "setup_s",
-    "cpu_s",
-    "peak_mb",
-    "seconds",
-    "recorded",
-    "host",
-    "executor",
-)
-"""What the names of columns hold that say how long something took, or where and when."""
+TIMES = {column.name for column in COLUMNS.values() if column.kind.is_time} | {"peak_mb", *ABOUT}
+"""The columns that say how long something took, or where and when."""
 
 PATIENCE = 300.0
 """s that an undisturbed end may take."""
@@ -72,7 +63,7 @@ def rows(folder: Path) -> list[tuple[Any, ...]]:
     """Everything that the store says of the study's cells, but for times and places."""
     with sqlite3.connect(f"file:{folder / 'results.sqlite'}?mode=ro", uri=True) as db:
         found = db.execute("SELECT * FROM cells")
-        kept = [k for k, about in enumerate(found.description) if not any(part in about[0] for part in TIMES)]
+        kept = [k for k, about in enumerate(found.description) if about[0] not in TIMES]
         return [tuple(row[k] for k in kept) for row in found]
 
 

@@ -138,8 +138,7 @@ class Record:
     def _name(self, name: str, options: str) -> None:
         if name:
             self._folders.setdefault(label(name, options), f"folder-{len(self._folders)}")
-        options = {variant: {"particles": 10} for variant in self._folders}
-        self.store.put_about({"folders": self._folders, "options": options})
+        self.store.put_about({"folders": self._folders, "options": {one: {"particles": 10} for one in self._folders}})
 
 
 def put(store: Store, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:

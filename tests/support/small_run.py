@@ -11,12 +11,10 @@ from slamduel.bench.plan.work import PlannedCell
 from slamduel.bench.record.schema import Row
 from slamduel.bench.record.store import Store
 from slamduel.bench.run.runner import run
+from slamduel.bench.words.columns import COLUMNS
 from slamduel.bench.workers.local_executor import Local
 
-TIMES = {
-    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
-    "finish_s", "setup_s", "cpu_s", "peak_mb", "timing_alone",
-}  # fmt: skip
+TIMES = {column.name for column in COLUMNS.values() if column.kind.is_time} | {"peak_mb", "timing_alone"}
 """The columns that may differ when a cell is run again."""
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from random_logs import random_log
 from slamduel.bench.cli import main
-from slamduel.bench.measure.status import TOLD
+from slamduel.bench.measure.cell import TOLD
 from slamduel.bench.record.schema import Row
 from slamduel.bench.record.store import Store
 from slamduel.datasets.formats import log_folder as logfile
@@ -48,9 +48,12 @@ def test_a_row_whose_backend_used_the_truth_is_marked(tmp_path: Path, log_folder
     found = go(out, *words)
     assert {row.columns["status"] for row in found.values()} == {"done"}
     told = found[f"{BACKEND}[]"]
-    assert told.columns["reason"] == TOLD
+    assert (told.columns["told"], told.columns["reason"]) == (1, TOLD)
     assert told.columns["ate_origin_m"] == 0
-    assert found[WITHOUT].columns["reason"] == ""  # told as well, and made no use of it
+    assert (found[WITHOUT].columns["told"], found[WITHOUT].columns["reason"]) == (
+        0,
+        "",
+    )  # told as well, and made no use of it
     assert found["dead-reckoning[]"].columns["reason"] == ""
     assert json.loads((out / "run.json").read_text())["plan"]["oracle"] is True
     for report in ("report.md", "report.html"):

@@ -16,7 +16,7 @@ from slamduel.bench.measure.metrics import Alignment, aligned, ate
 from slamduel.bench.measure.score import TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE
-from slamduel.bench.words import columns
+from slamduel.bench.words.columns import FINAL, ONLINE
 from slamduel.frontend.factors import Log, Map, Truth
 from slamduel.frontend.se2 import Array, compose
 from small_record import Record
@@ -73,7 +73,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     assert len(ones) == 4
     assert all(row[name] == 1 for name in ones)
     assert set(row) <= {*COLUMNS, *MORE}
-    untold = {"n_eff_least", "ancestors_left", "refused_share", "j_loops", "j_online"}
+    untold = {"n_eff_least", "ancestors_left", "refused_share", "j_loops", "j_online", "told", "reference"}
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
     assert {*MORE} - set(row) == untold | few
 
@@ -88,13 +88,14 @@ def test_online_and_final_are_never_mixed() -> None:
     both = score(log, outcome(off, rough, Solution(good, fine, cov)), truth)
     online = score(log, outcome(off, rough), truth)
     batch = score(log, outcome(None, NO_MAP, Solution(good, fine, cov)), truth)
+    judged = {column.name for column in ONLINE}
     apart = {"cost_j", "landmarks", "j_online", "j_final", "j_prior", "j_odometry", "j_sightings"}  # of the final alone
     for name in (*COLUMNS, *MORE):
         if name in apart:
             continue
         whole, alone = (batch, online) if name.startswith("final_") else (online, batch)
         assert both.row.get(name) == whole.row.get(name)
-        accuracy = name.removeprefix("final_") in {*columns.ONLINE, "ate_m", "nees", "heading_rad", "map_rmse_m"}
+        accuracy = name.removeprefix("final_") in {*judged, "ate_m", "nees", "heading_rad", "map_rmse_m"}
         assert not accuracy or alone.row.get(name) is None, name
     assert both.row["landmark_nees"] == pytest.approx(0.5**2 / 0.04)
     assert both.row["final_landmark_nees"] == pytest.approx(0.1**2 / 0.04)
@@ -197,13 +198,20 @@ def test_every_log_is_scored(case: str, mapping: bool) -> None:
             assert f"{prefix}ate_m" not in judged.row
             assert judged.row[f"{prefix}landmarks_spurious"] == 0
         if case == "no truth":
-            assert not any(name in judged.row for name in (*columns.ONLINE, *columns.FINAL))
+            assert not any(column.name in judged.row for column in (*ONLINE, *FINAL))
 
 
-def test_every_column_has_a_definition() -> None:
-    assert list(columns.COLUMNS) == list(COLUMNS)
-    assert list(columns.MORE) == list(MORE)
-    assert all(column.heading and column.meaning for column in columns.MORE.values())
+def test_a_row_says_what_its_errors_are_measured_from() -> None:
+    log, truth, known = drive()
+    from_reference = truth._replace(kind="reference", words="the batch optimum with a Cauchy loss")
+    for one, surveyed, reference in (
+        (truth, 0, None),
+        (from_reference._replace(places="reference"), 0, from_reference.words),
+        (from_reference._replace(places="truth"), 1, from_reference.words),
+    ):
+        judged = score(log, outcome(truth.poses, known), one)
+        assert (judged.row["surveyed"], judged.row.get("reference")) == (surveyed, reference)
+        assert judged.remark == ""
 
 
 def test_metrics_csv_names_the_cell_and_has_every_column(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import pytest
 
 from random_logs import random_log
 from slamduel.bench.measure.metrics import align, aligned, ate, own_map_rmse
-from slamduel.bench.measure.status import REFERENCE, SURVEYED
 from slamduel.bench.plan import reference
 from slamduel.bench.report.tables import accuracy_table
 from slamduel.bench.run.terminal import tables
@@ -81,8 +80,8 @@ def test_a_true_path_needs_no_reference(world: Dataset) -> None:
 def test_what_the_reference_is_stands_wherever_distances_do(tmp_path: Path) -> None:
     made = Record(tmp_path / "run")
     words = "the batch optimum with a Cauchy loss (3 of 90 sightings do not fit)"
-    made.cell("park", "reference", "ekf", reason=f"{SURVEYED}; {REFERENCE}{words}")
-    made.cell("park", "reference", "isam2", reason=f"{SURVEYED}; {REFERENCE}{words}", paths=("online", "final"))
+    made.cell("park", "reference", "ekf", surveyed=1, reference=words)
+    made.cell("park", "reference", "isam2", surveyed=1, reference=words, paths=("online", "final"))
     made.cell("field", "reference", "ekf")
     found = lines(made.store.cells())
     groups = {name: [line for line in found if line.dataset == name] for name in ("park", "field")}

@@ -7,7 +7,6 @@ import pytest
 
 from slamduel.bench.drawing.latex import escaped, latex
 from slamduel.bench.drawing.table import Entry, Table, TableRow
-from slamduel.bench.measure.status import TOLD
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.report.pairs_table import pairs_table
 from slamduel.bench.report.tables import (
@@ -22,7 +21,7 @@ from slamduel.bench.report.tables import (
 )
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.verdict.verdict import verdict
-from slamduel.bench.words.columns import Column
+from slamduel.bench.words.column import ERROR_M, TEXT, Column
 
 LOGS = [0.1 * 1.1**k for k in range(20)]
 
@@ -134,9 +133,7 @@ def test_the_least_misfit_is_marked() -> None:
 
 
 def test_a_backend_that_was_told_the_truth_says_so() -> None:
-    found = accuracy_table(
-        of({"backend": "a", "ate_m": LOGS}, {"backend": "b", "ate_m": twice(LOGS, 0.1), "reason": TOLD})
-    )
+    found = accuracy_table(of({"backend": "a", "ate_m": LOGS}, {"backend": "b", "ate_m": twice(LOGS, 0.1), "told": 1}))
     assert at(found, "b", "done").word == "told the truth"
     assert not at(found, "b", "ATE online").best
 
@@ -199,7 +196,7 @@ def test_latex_sets_text_as_it_is(text: str, set_: str) -> None:
 
 
 def test_a_table_for_a_paper() -> None:
-    heading = Column("ATE online", "m", ""), Column("word", "", "")
+    heading = Column("ate_m", "ATE online", ERROR_M, ""), Column("word", "word", TEXT, "")
     rows = [
         TableRow("fast_slam[particles=10]", [Entry("0.1", note="0.05\N{EN DASH}0.2", best=True, value=0.1), Entry("")]),
         TableRow("ekf", [Entry("0.2", value=0.2), Entry("cautious", "so")]),

@@ -18,7 +18,6 @@ import pytest
 
 from places import SUPPORT
 from random_logs import random_log
-from slamduel.bench.measure.status import SURVEYED
 from slamduel.bench.record.lock import claimed
 from slamduel.bench.record.schema import COLUMNS, Row
 from slamduel.bench.record.store import Store
@@ -348,7 +347,7 @@ def test_landmarks_without_a_true_path_judge_the_map_alone(tmp_path: Path, log_f
     for row in found.values():
         c = row.columns
         assert (c["status"], c["truth_kind"], c["nees"]) == ("done", "reference", None)
-        assert SURVEYED in c["reason"]
+        assert (c["surveyed"], c["reference"], c["reason"]) == (1, None, "")
         assert (c["map_rmse_m"] is None) == (c["backend"] == "dead-reckoning")
 
 

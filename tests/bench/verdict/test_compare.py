@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
-from slamduel.bench.record.schema import CELLS
+from slamduel.bench.record.schema import VIEW
 from slamduel.bench.record.store import Store
 from slamduel.bench.verdict.changes import (
     FEW,
@@ -265,7 +265,7 @@ def test_a_damaged_sketch_is_none(tmp_path: Path) -> None:
 def test_a_record_without_newer_columns_is_compared(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new")
     with sqlite3.connect(old / "results.sqlite") as record:
-        view = CELLS.replace("results.peak_mb, ", "")
+        view = VIEW.replace("results.peak_mb, ", "")
         record.executescript(f"DROP VIEW cells; ALTER TABLE results DROP COLUMN peak_mb; {view}")
     record.close()
     assert "memory, MB" not in told(old, new)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.bench.measure.status import SURVEYED, TOLD
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.verdict.accuracy import between
 from slamduel.bench.verdict.consistency import belief_sentences, belief_word
@@ -195,7 +194,7 @@ def test_what_was_skipped_is_absent() -> None:
 
 
 def test_who_was_told_the_truth_does_not_compete() -> None:
-    found = said(rows("a", 1), rows("b", 2), rows("c", 0.1, reason=TOLD))
+    found = said(rows("a", 1), rows("b", 2), rows("c", 0.1, told=1))
     assert "than b's" in found.sentences[0]
     assert found.sentences[-1] == "Not compared: c (was told the truth)."
 
@@ -223,7 +222,7 @@ def test_without_a_truth_there_is_no_verdict_on_accuracy() -> None:
 
 
 def test_a_first_backend_that_failed_does_not_hide_what_is_known_of_the_log() -> None:
-    parts = [told(name, "reference", map_rmse_m=[v] * 8, reason=[SURVEYED] * 8) for name, v in (("b", 0.1), ("c", 0.3))]
+    parts = [told(name, "reference", map_rmse_m=[v] * 8, surveyed=[1] * 8) for name, v in (("b", 0.1), ("c", 0.3))]
     found = said(told("a", "reference", status=["error"] * 8), *parts)
     assert any(sentence.startswith("b's online map is 3.0 times closer") for sentence in found.sentences)
     assert (use(found, "map").backend, use(found).backend) == ("b", "")
@@ -407,7 +406,7 @@ def test_repeats_on_a_log_are_averaged_and_a_failure_among_them_is_one() -> None
     assert line.runs("ate_m") == [("d", 1.0), ("d", 3.0)]
     (line,) = lines(failing(told("a", one_log=True, ate_m=[1.0, 3.0], nees=[2.0, 4.0]), 1))
     assert line.by_log("ate_m") == {"d": inf}
-    assert line.measured("nees") == {"d": 2.0}
+    assert line.by_log("nees") == {"d": 2.0}
     assert (line.failed, line.done) == (1, 1)
 
 

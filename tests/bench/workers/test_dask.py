@@ -175,7 +175,9 @@ def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None
         there.worker(environment=older_machine.environment("nehalem"))
         there.until(lambda: dask.slots == 2)
         wanted = Wanted(lambda _: True, None, False)
-        assert run(study, tmp_path / "out", dask, wanted, about(study, tmp_path / "out", []), silent()) == Tally(21, 21, 0)
+        assert run(study, tmp_path / "out", dask, wanted, about(study, tmp_path / "out", []), silent()) == Tally(
+            21, 21, 0
+        )
     finally:
         dask.close()
         there.close()

@@ -74,8 +74,7 @@ def by_index(ended: Iterable[Finished]) -> dict[int, Result]:
 
 def numbers(result: Result) -> dict[str, Any]:
     """All of a result that must be the same every time, to the last bit."""
-    timed = (*TIMES, "real_time", "growth", "step_us")
-    row = {name: value for name, value in result.row.items() if not name.startswith(timed)}
+    row = {name: value for name, value in result.row.items() if name not in TIMES}
     arrays = {name: value for name, value in result.arrays.items() if not name.endswith("_ns")}
     return {"status": result.status, "reason": result.reason, **row} | {
         name: (value.dtype, value.shape, value.tobytes()) for name, value in arrays.items()

@@ -1,0 +1,97 @@
+"""A column of numbers or words: its name, its heading, what it means, and of which kind its values are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from .numerals import number
+
+SHORTEST_S = 0.001
+"""s; a shorter time is written as below this: a filter's finish does nothing, and its exact time means nothing."""
+
+
+def _count(value: float) -> str:
+    return f"{value:,.0f}"
+
+
+def _percent(value: float) -> str:
+    return f"{number(100 * value)} %"
+
+
+def _seconds(value: float) -> str:
+    return number(value) if value >= SHORTEST_S else f"<{SHORTEST_S:g}"
+
+
+def _two_decimals(value: float) -> str:
+    return f"{round(value, 2) + 0.0:.2f}"  # + 0.0: never -0.00
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What the values of a column have in common."""
+
+    unit: str = ""  # "" for words, counts, shares and plain numbers
+    sql_type: Literal["TEXT", "INTEGER", "REAL"] = "REAL"
+    names_cell: bool = False  # part of the key of a cell
+    is_error: bool = False  # a cell that failed counts as infinite in it
+    is_time: bool = False  # depends on a clock, and is marked * where other cells ran beside
+    never_negative: bool = True
+    expected: float | None = None  # its mean where the covariances match the errors
+    shown: Callable[[float], str] = number  # as a table has it, without the unit
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether it is a number that was counted or measured in a cell."""
+        return not self.names_cell and self.sql_type != "TEXT"
+
+    @property
+    def is_nees(self) -> bool:
+        """Whether it is 1 where the covariances match the errors."""
+        return self.expected == 1
+
+
+TEXT = Kind(sql_type="TEXT")
+NAME = Kind(sql_type="TEXT", names_cell=True)
+SEED = Kind(sql_type="INTEGER", names_cell=True, shown=_count)
+COUNT = Kind(sql_type="INTEGER", shown=_count)
+NUMBER = Kind()
+ERROR_M = Kind(unit="m", is_error=True)
+ERROR_RAD = Kind(unit="rad", is_error=True)
+METRES = Kind(unit="m", never_negative=False)
+RADIANS = Kind(unit="rad", never_negative=False)
+NEES = Kind(expected=1.0)
+INSIDE_95 = Kind(expected=0.95, shown=_percent)
+SHARE = Kind(shown=_percent)
+CPU_US = Kind(unit="µs", is_time=True)
+CPU_S = Kind(unit="s", is_time=True, shown=_seconds)
+CPU_SHARE = Kind(is_time=True, shown=_percent)
+EXPONENT = Kind(is_time=True, never_negative=False, shown=_two_decimals)
+SECONDS = Kind(unit="s")
+MEGABYTES = Kind(unit="MB")
+
+
+class Column(NamedTuple):
+    """A column of cells.csv, of metrics.csv or of a report's tables."""
+
+    name: str
+    heading: str  # in a table
+    kind: Kind
+    meaning: str
+    said: str = ""  # its name on an axis or in a sentence, where the heading needs the table's
+
+    @property
+    def called(self) -> str:
+        """Its name where it stands alone, without a unit."""
+        return self.said or self.heading
+
+    @property
+    def with_unit(self) -> str:
+        """Its name and unit, or which value is the right one."""
+        return self.called + f", {self.kind.unit}" * bool(self.kind.unit) + " (1 = consistent)" * self.kind.is_nees
+
+    @property
+    def gist(self) -> str:
+        """Its name and the first sentence of its meaning; "" for a column that has none."""
+        first = self.meaning.split(". ")[0].rstrip(".")
+        lowered = first if first[:2].isupper() else first[:1].lower() + first[1:]  # abbreviations stay
+        return first and f"{self.called[:1].upper()}{self.called[1:]}: {lowered}."
