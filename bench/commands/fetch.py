@@ -12,7 +12,7 @@ from ...datasets.published import installed
 from ...datasets.published.catalogue import PUBLISHED, place
 from ...datasets.published.download import Watcher
 from ...datasets.published.fetch import Arrival, fetch, take
-from ...frontend.errors import InputError, Interrupted
+from ...frontend.errors import InputError
 
 MEGA = 1e6
 
@@ -43,22 +43,18 @@ def main(namespace: argparse.Namespace) -> int:
         console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one that was got by hand.")
         return 0
     failed = False
-    with _Progress(quiet=namespace.quiet) as watcher:
-        for name in names:
-            try:
+    for name in names:
+        try:
+            with _Progress(quiet=namespace.quiet) as watcher:
                 if namespace.source is not None:
                     arrival = take(name, namespace.source, watcher)
                 else:
                     arrival = fetch(name, watcher, url=namespace.url, again=namespace.again)
-            except InputError as error:
-                watcher.stop()
-                print(f"bench: {error}", file=sys.stderr)
-                failed = True
-            except KeyboardInterrupt:
-                raise Interrupted("what has arrived is kept, and the same command goes on with it") from None
-            else:
-                watcher.stop()
-                _told(name, arrival, console)
+        except InputError as error:
+            print(f"bench: {error}", file=sys.stderr)
+            failed = True
+        else:
+            _told(name, arrival, console)
     return 2 if failed else 0
 
 
@@ -132,32 +128,25 @@ def _megabytes(name: str) -> str:
 
 
 class _Progress(Watcher):
-    """A bar on stderr while bytes arrive, where somebody watches; sentences for the patient."""
+    """A bar on stderr while bytes arrive, where somebody watches."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self._console = Console(stderr=True, quiet=quiet, highlight=False, markup=False, soft_wrap=True)
+        console = Console(stderr=True, quiet=quiet, highlight=False, markup=False, soft_wrap=True)
         columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-        hidden = quiet or not self._console.is_terminal
-        self._bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
+        hidden = quiet or not console.is_terminal
+        self._bars = Progress(*columns, console=console, transient=True, disable=hidden)
         self._task = self._bars.add_task("", visible=False)
 
     def __enter__(self) -> "_Progress":
+        self._bars.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stop()
-
-    def stop(self) -> None:
-        """Take the bar away."""
         self._bars.stop()
 
-    def receiving(self, url: str, at: int, total: int | None) -> None:
-        self._bars.start()
+    def received(self, url: str, at: int, total: int | None) -> None:
         file = url.rstrip("/").rpartition("/")[2][-40:]
-        self._bars.reset(self._task, description=file, completed=at, total=total, visible=True)
-
-    def received(self, at: int) -> None:
-        self._bars.update(self._task, completed=at)
+        self._bars.update(self._task, description=file, completed=at, total=total, visible=True)
 
     def says(self, sentence: str) -> None:
-        self._console.print(sentence)
+        self._bars.console.print(sentence)

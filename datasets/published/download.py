@@ -1,134 +1,122 @@
-"""A download that survives its connection: it goes on where it stopped, in this process or in a later one.
+"""Downloads a file with pooch: whole, or a sentence that names the address and the reason.
 
-What has arrived stands in a file of its own, with a note beside it of the address and of the state the server's file
-was in. It is gone on with only while both still hold.
+A server that is busy or breaks off is asked again from the start; one that does not have the file is not.
 """
 
-import json
-import os
-import time
-from contextlib import suppress
+import ftplib
+import socket
+import ssl
+from functools import partial
 from pathlib import Path
+from typing import IO, Any
+from urllib.parse import urlsplit
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
-from . import transfer
-from .transfer import Answer, Failed, Refused
+from ...frontend.errors import InputError, SlamduelError
+from .unpack import NotFound
 
-TRIES = 5
-"""How often a server is asked before it is given up."""
-
-PAUSE = 1.0
-"""Seconds before the second try; doubled before each further one."""
+RETRIES = 4
+"""After 1, 2, 3 and 4 s."""
 
 TIMEOUT = 30.0
-"""Seconds without a word from the server, or in which less than `SLOWEST` arrived, after which a try is over."""
-
-SLOWEST = 256.0
-"""Bytes a second."""
+"""Seconds to wait for a connection, or for the next bytes."""
 
 LARGEST = 2**30
-"""Bytes: more than any of the published logs; what goes on beyond is something else."""
+"""Bytes: more than any of the published logs."""
 
-BLOCK = 2**16
+BLOCK = 2**13
+
+HEADERS = {"User-Agent": "slamduel", "Accept-Encoding": "identity"}
+
+TRANSIENT_CODES = (408, 425, 429, 500, 502, 503, 504)
+"""HTTP statuses after which trying again makes sense (RFC 9110, RFC 6585)."""
+
+LASTING = (socket.gaierror, ssl.SSLCertVerificationError, ftplib.error_perm)
+"""An unknown host, a wrong certificate, a file that is not there: the next answer would be the same."""
 
 
 class Watcher:
-    """What goes on, for whoever wants to see it; here nobody does."""
+    """Sees what goes on; this one does nothing with it."""
 
-    def receiving(self, url: str, at: int, total: int | None) -> None:
-        """Bytes will arrive from `url`, from position `at` on, of `total` (None: the server does not tell)."""
-
-    def received(self, at: int) -> None:
-        """They have arrived up to position `at`."""
+    def received(self, url: str, at: int, total: int | None) -> None:
+        """`at` of `total` bytes (None: the server does not tell) have arrived from `url`."""
 
     def says(self, sentence: str) -> None:
-        """Something that a patient person would like to know."""
+        """Something that a waiting person would like to know."""
 
 
-def downloaded(url: str, part: Path, watcher: Watcher) -> Path:
-    """The file at `url`, whole, in the file `part`, which may hold a part of it already.
+def downloaded(url: str, folder: Path, watcher: Watcher) -> Path:
+    """The file at `url`, in the folder, under the same name each time.
 
-    Raises Refused where the server has no such file, Failed where `TRIES` tries came to nothing, and InputError where
-    the part cannot be written. What had arrived by then stays for the next time.
+    Raises NotFound where the server does not give it, and InputError where the disk does not take it.
     """
-    for attempt in range(TRIES):
+    import pooch
+
+    (folder / "download").unlink(missing_ok=True)  # pooch would take it for this file
+    pooch.get_logger().setLevel("ERROR")
+    files = pooch.create(folder, "", registry={"download": None}, urls={"download": url}, retry_if_failed=RETRIES)
+    return Path(files.fetch("download", downloader=partial(_transfer, watcher=watcher)))
+
+
+class _Failed(NotFound, ValueError):
+    """Another try may bring the file: pooch tries again after a ValueError."""
+
+
+def _transfer(url: str, target: str, _: object, *, watcher: Watcher) -> None:
+    """Write the file at `url` to `target`."""
+    from pooch import FTPDownloader, HTTPDownloader
+
+    with open(target, "wb") as file:
+        sink = _Sink(file, url, watcher)
         try:
-            _one_try(url, part, watcher)
-        except Failed as error:
-            if attempt == TRIES - 1:
-                raise Failed(f"{error}, at the last of {TRIES} tries") from None
-            watcher.says(f"{url}: {error}; trying again.")
-            time.sleep(PAUSE * 2**attempt)
-        else:
-            break
-    return part
+            parts = urlsplit(url)
+            if parts.scheme == "ftp":
+                ftp = FTPDownloader(port=parts.port or ftplib.FTP_PORT, timeout=TIMEOUT, chunk_size=BLOCK)
+                ftp(f"ftp://{parts.hostname}{parts.path}", sink, None)
+            elif parts.scheme in ("http", "https"):
+                http = HTTPDownloader(progressbar=sink, chunk_size=BLOCK, timeout=TIMEOUT, headers=HEADERS)
+                http(url, sink, None)
+            else:
+                raise ValueError("not an http, https or ftp address")
+        except Exception as error:
+            raise _told(error, url, sink.at) from None
 
 
-def discard(part: Path) -> None:
-    """Throw away what has arrived: it is not what it should be."""
-    for file in (part, _note(part)):
-        with suppress(FileNotFoundError):
-            file.unlink()
+def _told(error: Exception, url: str, at: int) -> SlamduelError:
+    """The sentence for what went wrong first, `at` bytes in: libraries wrap it, and FTP's goodbye may fail after it."""
+    first: BaseException = error
+    while first.__context__ is not None and not isinstance(first, SlamduelError):
+        first = first.__context__
+    if isinstance(first, SlamduelError):
+        return first
+    lasting = isinstance(error, ValueError) or isinstance(first, LASTING)
+    reason = getattr(first, "strerror", None) or str(error) or type(error).__name__
+    if (response := getattr(error, "response", None)) is not None:
+        lasting, reason = response.status_code not in TRANSIENT_CODES, f"{response.status_code} {response.reason}"
+    elif at:
+        reason = f"the connection broke after {at:,} bytes"
+    return (NotFound if lasting else _Failed)(f"{url}: {' '.join(reason.split()).rstrip('.')}.")
 
 
-def _one_try(url: str, part: Path, watcher: Watcher) -> None:
-    start, stamp = _so_far(url, part)
-    with transfer.opened(url, start, stamp, TIMEOUT) as answer:
+class _Sink:
+    """A file that tells what it is given; to pooch, also the bar that it knows the total of."""
+
+    def __init__(self, file: IO[bytes], url: str, watcher: Watcher) -> None:
+        self._file, self._url, self._watcher = file, url, watcher
+        self.at, self.total = 0, 0
+
+    def write(self, block: bytes) -> None:
+        """Take some more bytes; InputError where the disk is full."""
+        self.at += len(block)
+        if self.at > LARGEST:
+            raise NotFound(f"{self._url}: more than {LARGEST:,} bytes arrive: not what was published.")
         try:
-            at = _store(answer, url, part, watcher)
-        except OSError as error:  # of our own disk: those of the connection are Failed
-            raise InputError(f"{part}: what arrives cannot be written ({error.strerror or error}).") from None
-        if answer.total is not None and at != answer.total:
-            raise Failed(f"{at:,} of {answer.total:,} bytes arrived before the connection ended")
+            self._file.write(block)
+            self._file.flush()
+        except OSError as error:
+            raise InputError(f"{self._file.name}: what arrives cannot be written ({error.strerror}).") from None
+        self._watcher.received(self._url, self.at, self.total or None)
 
+    def flush(self, *_: Any) -> None:
+        """Do nothing: nothing is held back."""
 
-def _so_far(url: str, part: Path) -> tuple[int, str]:
-    """How many bytes of the file at `url` are there, and its stamp at the time."""
-    with suppress(OSError, ValueError, TypeError, KeyError):
-        note = json.loads(_note(part).read_text(encoding="utf-8"))
-        if note["url"] == url:
-            return part.stat().st_size, str(note["stamp"])
-    return 0, ""
-
-
-def _store(answer: Answer, url: str, part: Path, watcher: Watcher) -> int:
-    """Write what arrives; the position reached."""
-    at = answer.start
-    watcher.receiving(url, at, answer.total)
-    if at == 0:  # the note never speaks of other bytes than those that are there
-        discard(part)
-        part.touch()
-        write_whole(_note(part), json.dumps({"url": url, "stamp": answer.stamp}))
-    with part.open("r+b") as file:
-        file.truncate(at)
-        file.seek(at)
-        window, before = time.monotonic(), at
-        while block := _next(answer):
-            file.write(block)
-            file.flush()
-            at += len(block)
-            watcher.received(at)
-            if at > LARGEST:
-                discard(part)
-                raise Refused(f"more than {LARGEST:,} bytes arrive, and they do not end")
-            if (waited := time.monotonic() - window) > TIMEOUT:
-                if at - before < SLOWEST * waited:
-                    raise Failed(f"only {at - before:,} bytes arrived in {waited:.0f} s")
-                window, before = time.monotonic(), at
-        os.fsync(file.fileno())
-    return at
-
-
-def _next(answer: Answer) -> bytes:
-    """Some more bytes, however few; none at the end."""
-    try:
-        return answer.stream.read1(BLOCK)
-    except TimeoutError:
-        raise Failed("nothing arrived for too long") from None
-    except Exception as error:  # http.client's own, those of the socket, those of TLS
-        raise Failed(f"the connection broke ({error})") from None
-
-
-def _note(part: Path) -> Path:
-    return part.with_name(f"{part.name}.note")
+    update = reset = close = flush

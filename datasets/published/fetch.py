@@ -15,13 +15,10 @@ from urllib.parse import urljoin
 from ...frontend.errors import InputError
 from . import installed
 from .catalogue import PUBLISHED
-from .download import Watcher, discard, downloaded
-from .transfer import Failed, Refused
-from .unpack import NotPublished, sha256_of
+from .download import Watcher, downloaded
+from .unpack import NotFound
 
 HREF = re.compile(r"""href\s*=\s*["']?([^"'\s>]+)""", re.IGNORECASE)
-
-WAITING = "another process is fetching it; waiting for that one."
 
 
 class Arrival(NamedTuple):
@@ -37,23 +34,18 @@ def fetch(name: str, watcher: Watcher, *, url: str | None = None, again: bool = 
     `again`: even then. Raises InputError with what every address answered, and with the way by hand.
     """
     answers: list[str] = []
-    with installed.alone(name, lambda: watcher.says(f"{name}: {WAITING}")) as part:
+    with installed.alone(name, watcher.says) as scratch:
         if installed.here(name) and not again:
             return None
-        for address in [url] if url else _addresses(name, part, watcher, answers):
+        for address in [url] if url else _addresses(name, scratch, watcher, answers):
             try:
-                downloaded(address, part, watcher)
-                arrival = Arrival(sha256_of(part), installed.install(name, part, address))
-            except (Refused, Failed) as error:
-                answers.append(_answer(address, error))
-            except NotPublished as error:
-                discard(part)
+                return _arrived(name, downloaded(address, scratch, watcher), address, scratch)
+            except NotFound as error:
                 answers.append(str(error))
-            else:
-                discard(part)
-                return arrival
-    listed = "".join(f"\n  {answer}" for answer in answers)
-    raise InputError(f"{name} could not be fetched:{listed}\n{_by_hand(name, url)}")
+    log, listed = PUBLISHED[name], "".join(f"\n  {answer}" for answer in answers)
+    known = "" if url else f"About these addresses: {log.addresses}.\n"
+    by_hand = f"By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE."
+    raise InputError(f"{name} could not be fetched:{listed}\n{known}{by_hand}")
 
 
 def take(name: str, source: Path, watcher: Watcher) -> Arrival:
@@ -64,23 +56,19 @@ def take(name: str, source: Path, watcher: Watcher) -> Arrival:
         raise InputError(f"{source}: there is no such file or folder; {expected}.")
     if not (source.is_file() or source.is_dir()):  # a pipe may never end, nor even begin
         raise InputError(f"{source}: a pipe, a socket or a device; {expected}.")
-    with installed.alone(name, lambda: watcher.says(f"{name}: {WAITING}")):
-        files = installed.install(name, source, str(source))
-    return Arrival(None if source.is_dir() else sha256_of(source), files)
+    with installed.alone(name, watcher.says) as scratch:
+        return _arrived(name, source, str(source), scratch)
 
 
-def _by_hand(name: str, url: str | None = None) -> str:
-    """How a person gets it, and how far the publisher's addresses are to be trusted, where those were tried."""
-    log = PUBLISHED[name]
-    known = "" if url else f"About these addresses: {log.addresses}.\n"
-    return f"{known}By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE."
+def _arrived(name: str, source: Path, called: str, scratch: Path) -> Arrival:
+    """Install what `source` holds."""
+    from pooch import file_hash
+
+    files = installed.install(name, source, called, scratch)
+    return Arrival(None if source.is_dir() else file_hash(source), files)
 
 
-def _answer(address: str, error: Exception) -> str:
-    return f"{address}: {' '.join(str(error).split()).rstrip('.')}."
-
-
-def _addresses(name: str, part: Path, watcher: Watcher, answers: list[str]) -> Iterator[str]:
+def _addresses(name: str, scratch: Path, watcher: Watcher, answers: list[str]) -> Iterator[str]:
     """The addresses to be tried; where pages are known, those that they link to. Joins to `answers` what pages say."""
     log = PUBLISHED[name]
     if not log.link:
@@ -88,12 +76,10 @@ def _addresses(name: str, part: Path, watcher: Watcher, answers: list[str]) -> I
         return
     for page in log.urls:
         try:
-            text = downloaded(page, part, watcher).read_text(encoding="utf-8", errors="replace")
-        except (Refused, Failed) as error:
-            answers.append(_answer(page, error))
+            text = downloaded(page, scratch, watcher).read_text(encoding="utf-8", errors="replace")
+        except NotFound as error:
+            answers.append(str(error))
             continue
-        finally:
-            discard(part)
         links = dict.fromkeys(urljoin(page, html.unescape(link)) for link in HREF.findall(text))
         matching = [link for link in links if re.search(log.link, link, re.IGNORECASE)]
         if not matching:

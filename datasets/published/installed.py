@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ...frontend.errors import InputError
 from .catalogue import PUBLISHED, place
-from .unpack import NotPublished, sha256_of, unpacked
+from .unpack import NotFound, sha256, unpacked
 
 SUMS = "SHA256SUMS"
 
@@ -28,27 +28,26 @@ def size(name: str) -> int:
     return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files)
 
 
-def install(name: str, source: Path, called: str) -> dict[str, str]:
+def install(name: str, source: Path, called: str, scratch: Path) -> dict[str, str]:
     """Put the published log `name`, out of the archive, folder or file `source`, in its place; its files' sha256.
 
     What was there before is replaced, and stays if anything is wrong with the new one. Raises InputError, in which
-    `source` is `called` so. To be done under `alone`.
+    `source` is `called` so, and OSError where it cannot be read. `scratch` is the folder that `alone` gives.
     """
-    new = _beside(name, "new")
-    shutil.rmtree(new, ignore_errors=True)  # of a process that was killed
+    contents = unpacked(name, source, called)
+    digests = {file: sha256(content) for file, content in contents.items()}
+    if twin := _twin(name, digests):
+        raise NotFound(f"{called}: {twin}, and not those of {name}.")
+    sums = [f"# {PUBLISHED[name].title}", f"# from {called}"]
+    sums += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
+    contents[SUMS] = "".join(f"{line}\n" for line in sums).encode()
     with _writable(name):
-        new.mkdir()
-    try:
-        digests = unpacked(name, source, new, called)
-        if twin := _twin(name, digests):
-            raise NotPublished(f"{called}: {twin}, and not those of {name}.")
-        lines = [f"# {PUBLISHED[name].title}", f"# from {called}"]
-        lines += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
-        with _writable(name):
-            (new / SUMS).write_text("\n".join(lines) + "\n", encoding="utf-8")
-            _swap(name)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+        (new := scratch / "new").mkdir()
+        for file, content in contents.items():
+            (new / file).write_bytes(content)
+        with contextlib.suppress(FileNotFoundError):
+            os.replace(place(name), scratch / "old")
+        os.replace(new, place(name))
     return digests
 
 
@@ -63,7 +62,7 @@ def faults(name: str) -> list[str]:
         path = place(name) / file
         expected = published or recorded.get(file)
         try:
-            digest = digests[file] = sha256_of(path)
+            digest = digests[file] = sha256(path.read_bytes())
         except OSError as error:
             found.append(f"{path}: {error.strerror}.")
             continue
@@ -78,45 +77,28 @@ def faults(name: str) -> list[str]:
 
 
 @contextmanager
-def alone(name: str, waiting: Callable[[], None]) -> Generator[Path]:
-    """While no other process fetches `name`: the file for what arrives of it, which outlives the process.
+def alone(name: str, says: Callable[[str], None]) -> Generator[Path]:
+    """Lock the log `name` against other processes, and make a folder to work in, beside its place, for this time only.
 
-    `waiting` is called if that has to be waited for.
+    `says` is told if another process has to be waited for. Raises InputError.
     """
+    scratch = place(name).with_name(f".{name}.new")
     with _writable(name):
-        place(name).parent.mkdir(parents=True, exist_ok=True)
-        lock = _beside(name, "lock").open("w")
+        scratch.parent.mkdir(parents=True, exist_ok=True)
+        lock = scratch.with_name(f".{name}.lock").open("w")
     with lock:  # released by the system even if this process is killed
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            waiting()
+            says(f"{name}: another process is fetching it; waiting for that one.")
             fcntl.flock(lock, fcntl.LOCK_EX)
-        _restore(name)
-        yield _beside(name, "part")
-
-
-def _swap(name: str) -> None:
-    """The new folder in the place of the one that is there, if one is."""
-    old = _beside(name, "old")
-    shutil.rmtree(old, ignore_errors=True)
-    try:
-        with contextlib.suppress(FileNotFoundError):
-            os.replace(place(name), old)
-        os.replace(_beside(name, "new"), place(name))
-    finally:
-        _restore(name)
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _restore(name: str) -> None:
-    """Have the old folder back where nothing stands in its place: the swap was interrupted."""
-    if not place(name).exists() and (old := _beside(name, "old")).exists():
-        os.replace(old, place(name))
-
-
-def _beside(name: str, what: str) -> Path:
-    return place(name).with_name(f".{name}.{what}")
+        shutil.rmtree(scratch, ignore_errors=True)  # of a process that was killed
+        try:
+            with _writable(name):
+                scratch.mkdir()
+            yield scratch
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _twin(name: str, digests: Mapping[str, str]) -> str:
