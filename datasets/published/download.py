@@ -1,11 +1,12 @@
-"""Downloads a file with pooch: whole, or a sentence that names the address and the reason.
+"""Downloads a file with pooch, or says why it could not be downloaded.
 
-A server that is busy or breaks off is asked again from the start; one that does not have the file is not.
+A server that is busy or breaks off is asked again for the whole file; one that does not have it is not asked again.
 """
 
 import ftplib
 import socket
 import ssl
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import IO, Any
@@ -15,7 +16,7 @@ from ...frontend.errors import InputError, SlamduelError
 from .unpack import NotFound
 
 RETRIES = 4
-"""After 1, 2, 3 and 4 s."""
+"""How often a server is asked again; pooch waits 1 s, 2 s, 3 s and so on."""
 
 TIMEOUT = 30.0
 """Seconds to wait for a connection, or for the next bytes."""
@@ -27,46 +28,41 @@ BLOCK = 2**13
 
 HEADERS = {"User-Agent": "slamduel", "Accept-Encoding": "identity"}
 
-TRANSIENT_CODES = (408, 425, 429, 500, 502, 503, 504)
+TRANSIENT = (408, 425, 429, 500, 502, 503, 504)
 """HTTP statuses after which trying again makes sense (RFC 9110, RFC 6585)."""
 
 LASTING = (socket.gaierror, ssl.SSLCertVerificationError, ftplib.error_perm)
-"""An unknown host, a wrong certificate, a file that is not there: the next answer would be the same."""
+"""An unknown host, a wrong certificate, a missing file: errors that trying again does not change."""
 
 
-class Watcher:
-    """Sees what goes on; this one does nothing with it."""
-
-    def received(self, url: str, at: int, total: int | None) -> None:
-        """`at` of `total` bytes (None: the server does not tell) have arrived from `url`."""
-
-    def says(self, sentence: str) -> None:
-        """Something that a waiting person would like to know."""
+Watch = Callable[[str, int, int | None], object]
+"""Called with an address, the number of bytes that have arrived from it, and the total (None: not known)."""
 
 
-def downloaded(url: str, folder: Path, watcher: Watcher) -> Path:
-    """The file at `url`, in the folder, under the same name each time.
+def downloaded(url: str, folder: Path, watch: Watch) -> Path:
+    """Downloads the file at `url` into the folder, in place of the one downloaded before.
 
-    Raises NotFound where the server does not give it, and InputError where the disk does not take it.
+    Raises NotFound where it cannot be had from there, and InputError where it cannot be written.
     """
     import pooch
 
-    (folder / "download").unlink(missing_ok=True)  # pooch would take it for this file
+    (folder / "download").unlink(missing_ok=True)  # or pooch would return it
     pooch.get_logger().setLevel("ERROR")
-    files = pooch.create(folder, "", registry={"download": None}, urls={"download": url}, retry_if_failed=RETRIES)
-    return Path(files.fetch("download", downloader=partial(_transfer, watcher=watcher)))
+    registry, urls = {"download": None}, {"download": url}
+    files: Any = pooch.create(folder, "", registry=registry, urls=urls, retry_if_failed=RETRIES)
+    return Path(files.fetch("download", downloader=partial(_transfer, watch=watch)))
 
 
 class _Failed(NotFound, ValueError):
-    """Another try may bring the file: pooch tries again after a ValueError."""
+    """A failure after which pooch tries again, as it does after a ValueError."""
 
 
-def _transfer(url: str, target: str, _: object, *, watcher: Watcher) -> None:
-    """Write the file at `url` to `target`."""
+def _transfer(url: str, target: str, _: object, *, watch: Watch) -> None:
+    """Writes the file at `url` to `target`; pooch calls this for each try."""
     from pooch import FTPDownloader, HTTPDownloader
 
     with open(target, "wb") as file:
-        sink = _Sink(file, url, watcher)
+        sink: Any = _Sink(file, url, watch)  # pooch says that a progress bar is a bool
         try:
             parts = urlsplit(url)
             if parts.scheme == "ftp":
@@ -78,11 +74,11 @@ def _transfer(url: str, target: str, _: object, *, watcher: Watcher) -> None:
             else:
                 raise ValueError("not an http, https or ftp address")
         except Exception as error:
-            raise _told(error, url, sink.at) from None
+            raise _refusal(error, url, sink.at) from None
 
 
-def _told(error: Exception, url: str, at: int) -> SlamduelError:
-    """The sentence for what went wrong first, `at` bytes in: libraries wrap it, and FTP's goodbye may fail after it."""
+def _refusal(error: Exception, url: str, at: int) -> SlamduelError:
+    """Makes a sentence of the first error, after `at` bytes: libraries wrap it, and FTP's QUIT may fail as well."""
     first: BaseException = error
     while first.__context__ is not None and not isinstance(first, SlamduelError):
         first = first.__context__
@@ -91,21 +87,21 @@ def _told(error: Exception, url: str, at: int) -> SlamduelError:
     lasting = isinstance(error, ValueError) or isinstance(first, LASTING)
     reason = getattr(first, "strerror", None) or str(error) or type(error).__name__
     if (response := getattr(error, "response", None)) is not None:
-        lasting, reason = response.status_code not in TRANSIENT_CODES, f"{response.status_code} {response.reason}"
+        lasting, reason = response.status_code not in TRANSIENT, f"{response.status_code} {response.reason}"
     elif at:
         reason = f"the connection broke after {at:,} bytes"
     return (NotFound if lasting else _Failed)(f"{url}: {' '.join(reason.split()).rstrip('.')}.")
 
 
 class _Sink:
-    """A file that tells what it is given; to pooch, also the bar that it knows the total of."""
+    """A file that reports what is written to it, and the progress bar that pooch tells the total."""
 
-    def __init__(self, file: IO[bytes], url: str, watcher: Watcher) -> None:
-        self._file, self._url, self._watcher = file, url, watcher
+    def __init__(self, file: IO[bytes], url: str, watch: Watch) -> None:
+        self._file, self._url, self._watch = file, url, watch
         self.at, self.total = 0, 0
 
     def write(self, block: bytes) -> None:
-        """Take some more bytes; InputError where the disk is full."""
+        """Writes some more bytes; InputError where the disk is full."""
         self.at += len(block)
         if self.at > LARGEST:
             raise NotFound(f"{self._url}: more than {LARGEST:,} bytes arrive: not what was published.")
@@ -114,9 +110,9 @@ class _Sink:
             self._file.flush()
         except OSError as error:
             raise InputError(f"{self._file.name}: what arrives cannot be written ({error.strerror}).") from None
-        self._watcher.received(self._url, self.at, self.total or None)
+        self._watch(self._url, self.at, self.total or None)
 
     def flush(self, *_: Any) -> None:
-        """Do nothing: nothing is held back."""
+        """Does nothing: `write` has flushed, and reports progress itself."""
 
     update = reset = close = flush

@@ -4,12 +4,11 @@ A log is a folder with its files and with `SHA256SUMS`, in the form that `sha256
 """
 
 import contextlib
-import fcntl
 import os
-import shutil
-from collections.abc import Callable, Generator, Mapping
-from contextlib import contextmanager
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from ...frontend.errors import InputError
 from .catalogue import PUBLISHED, place
@@ -28,12 +27,21 @@ def size(name: str) -> int:
     return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files)
 
 
-def install(name: str, source: Path, called: str, scratch: Path) -> dict[str, str]:
-    """Put the published log `name`, out of the archive, folder or file `source`, in its place; its files' sha256.
+class Arrival(NamedTuple):
+    """What came: the sha256 of the archive (None: it was a folder) and that of each file."""
+
+    archive: str | None
+    files: dict[str, str]
+
+
+def install(name: str, source: Path, called: str) -> Arrival:
+    """Put the published log `name`, out of the archive, folder or file `source`, in its place.
 
     What was there before is replaced, and stays if anything is wrong with the new one. Raises InputError, in which
-    `source` is `called` so, and OSError where it cannot be read. `scratch` is the folder that `alone` gives.
+    `source` is `called` so, and OSError where it cannot be read.
     """
+    import pooch
+
     contents = unpacked(name, source, called)
     digests = {file: sha256(content) for file, content in contents.items()}
     if twin := _twin(name, digests):
@@ -41,14 +49,22 @@ def install(name: str, source: Path, called: str, scratch: Path) -> dict[str, st
     sums = [f"# {PUBLISHED[name].title}", f"# from {called}"]
     sums += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
     contents[SUMS] = "".join(f"{line}\n" for line in sums).encode()
-    with _writable(name):
-        (new := scratch / "new").mkdir()
-        for file, content in contents.items():
-            (new / file).write_bytes(content)
-        with contextlib.suppress(FileNotFoundError):
-            os.replace(place(name), scratch / "old")
-        os.replace(new, place(name))
-    return digests
+    folder = place(name).parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=folder) as beside:
+            (new := Path(beside, "new")).mkdir()
+            for file, content in contents.items():
+                (new / file).write_bytes(content)
+            with contextlib.suppress(FileNotFoundError):
+                os.replace(place(name), Path(beside, "old"))
+            os.replace(new, place(name))
+    except OSError as error:
+        raise InputError(
+            f"{error.filename or folder}: {error.strerror or error}; {name} goes into the cache folder, "
+            "which the environment variable SLAMDUEL_CACHE moves."
+        ) from None
+    return Arrival(None if source.is_dir() else pooch.file_hash(source), digests)
 
 
 def faults(name: str) -> list[str]:
@@ -76,31 +92,6 @@ def faults(name: str) -> list[str]:
     return found
 
 
-@contextmanager
-def alone(name: str, says: Callable[[str], None]) -> Generator[Path]:
-    """Lock the log `name` against other processes, and make a folder to work in, beside its place, for this time only.
-
-    `says` is told if another process has to be waited for. Raises InputError.
-    """
-    scratch = place(name).with_name(f".{name}.new")
-    with _writable(name):
-        scratch.parent.mkdir(parents=True, exist_ok=True)
-        lock = scratch.with_name(f".{name}.lock").open("w")
-    with lock:  # released by the system even if this process is killed
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            says(f"{name}: another process is fetching it; waiting for that one.")
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        shutil.rmtree(scratch, ignore_errors=True)  # of a process that was killed
-        try:
-            with _writable(name):
-                scratch.mkdir()
-            yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-
-
 def _twin(name: str, digests: Mapping[str, str]) -> str:
     """That most of these files are those of a log other than `name`; nothing where they are not.
 
@@ -125,15 +116,3 @@ def _recorded(name: str) -> dict[str, str]:
             file: digest for digest, _, file in (line.partition("  ") for line in lines) if not digest.startswith("#")
         }
     return {}
-
-
-@contextmanager
-def _writable(name: str) -> Generator[None]:
-    """Turn the disk's refusal into a sentence that names the cache and how to have another."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(
-            f"{error.filename or place(name).parent}: {error.strerror or error}; {name} goes into the cache folder, "
-            "which the environment variable SLAMDUEL_CACHE moves."
-        ) from None

@@ -17,11 +17,11 @@ LARGEST = 2**28
 
 
 class NotFound(InputError):
-    """A place does not have the published log, or not all of it; the text names the place and the reason."""
+    """The published log could not be had from one address or path; the text names it and the reason."""
 
 
 def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
-    """Name -> content of the files of the published `log` in `source`, which sentences call `called`.
+    """Reads the files of the published `log` in `source`, name -> content; messages call the source `called`.
 
     Of several files of one name the one with the right sha256 is taken; where none is known, one that stands under the
     name of another log is not. Raises NotFound where a file is missing or is not what it should be, or where `source`
@@ -47,7 +47,7 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
     for name, digest in wanted.items():
         found = copies.get(name, {})
         if digest is not None and found and digest not in found:
-            raise NotFound(f"{called}: its {name} is not the published one: sha256 {max(found)}, expected {digest}.")
+            raise NotFound(f"{called}: its {name} is not the published one: sha256 {min(found)}, expected {digest}.")
         if digest is None and len(found) > 1:
             raise NotFound(f"{called}: it holds two different files {name}, and which is meant is not known.")
     if passed_over and not copies:
@@ -55,7 +55,7 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
     if missing := [name for name in wanted if name not in copies]:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
         raise NotFound(f"{called}: it lacks {', '.join(missing[:3])}{more}.")
-    return {name: copies[name][digest or max(copies[name])] for name, digest in wanted.items()}
+    return {name: copies[name][digest or min(copies[name])] for name, digest in wanted.items()}
 
 
 def sha256(content: bytes) -> str:
@@ -94,7 +94,7 @@ def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tu
 
 
 def _wanted(path: str, size: int, wanted: Collection[str], called: str) -> bool:
-    """Is the file at `path` in an archive one to take? NotFound where it is too large or its path leads out."""
+    """True for a file of an archive that is to be read; NotFound where it is too large or its path leads out."""
     plain = PurePosixPath(path.replace("\\", "/"))
     if plain.is_absolute() or ".." in plain.parts or (plain.parts and plain.parts[0].endswith(":")):
         raise NotFound(f"{called}: it holds the path {path!r}, which leads out of it: not what was published.")

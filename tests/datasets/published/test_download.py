@@ -50,7 +50,7 @@ def test_a_lasting_fault_is_given_up(
     server = serve(*[fault] * 10)
     assert f"\n  {server.url}: {wording}.\n" in refusal(capsys, "toy", "--url", server.url)
     assert len(server.paths) == 1 + download.RETRIES
-    assert beside() == {".toy.lock"}
+    assert beside() == set()
 
 
 @pytest.mark.parametrize("code", [401, 404])
@@ -109,4 +109,4 @@ def test_a_download_without_end(
     server = serve()
     assert "more than 100,000 bytes" in refusal(capsys, "toy", "--url", server.url)
     assert len(server.paths) == 1
-    assert beside() == {".toy.lock"}
+    assert beside() == set()

@@ -4,14 +4,9 @@ import os
 import re
 import resource
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import publishers
@@ -162,33 +157,7 @@ def test_a_disk_that_is_full(
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert wording in text
     assert len(server.paths) <= 1  # the disk is not asked again and again
-    assert beside() == {".toy.lock"}
-
-
-MRCLAM_1 = {name: np.random.default_rng(len(name)).bytes(20_000) for name in PUBLISHED["mrclam-1"].files}
-
-
-def test_after_a_process_that_was_killed_the_next_one_begins_anew(serve: Callable[..., Http]) -> None:
-    server = serve(publishers.stalls, content=zipped(MRCLAM_1, "MRSLAM_Dataset1/"))
-    command = [sys.executable, "-m", "slamduel.bench.cli", "fetch", "mrclam-1", "--url", server.url]
-    scratch = place("mrclam-1").with_name(".mrclam-1.new")
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
-        until = time.monotonic() + 20
-        while not any(file.stat().st_size for file in scratch.glob("*")) and time.monotonic() < until:
-            pass
-        process.send_signal(signal.SIGKILL)
-    assert beside("mrclam-1") == {".mrclam-1.lock", ".mrclam-1.new"}
-    assert main(["fetch", "mrclam-1", "--quiet", "--url", server.url]) == 0
-    assert_in_place("mrclam-1", MRCLAM_1)
-
-
-def test_two_processes_at_once(serve: Callable[..., Http]) -> None:
-    server = serve(content=zipped(MRCLAM_1))
-    command = [sys.executable, "-m", "slamduel.bench.cli", "fetch", "mrclam-1", "--quiet", "--url", server.url]
-    both = [subprocess.Popen(command) for _ in range(2)]
-    assert [process.wait(60) for process in both] == [0, 0]
-    assert len(server.paths) == 1
-    assert_in_place("mrclam-1", MRCLAM_1)
+    assert beside() == set()
 
 
 def test_the_list_says_what_is_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -210,7 +179,7 @@ def test_one_that_fails_does_not_stop_the_others(
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(PUBLISHED, "second", entry(good.url))
         assert "toy could not be fetched" in refusal(capsys, "toy", "second")
-    assert beside("second") == {"second", ".second.lock", ".toy.lock"}
+    assert beside("second") == {"second"}
 
 
 @pytest.mark.parametrize(
