@@ -8,8 +8,9 @@ import socket
 import ssl
 from collections.abc import Callable
 from functools import partial
+from io import FileIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 from ...frontend.errors import InputError, SlamduelError
@@ -61,7 +62,7 @@ def _transfer(url: str, target: str, _: object, *, watch: Watch) -> None:
     """Writes the file at `url` to `target`; pooch calls this for each try."""
     from pooch import FTPDownloader, HTTPDownloader
 
-    with open(target, "wb") as file:
+    with FileIO(target, "w") as file:
         sink: Any = _Sink(file, url, watch)  # pooch says that a progress bar is a bool
         try:
             parts = urlsplit(url)
@@ -96,7 +97,7 @@ def _refusal(error: Exception, url: str, at: int) -> SlamduelError:
 class _Sink:
     """A file that reports what is written to it, and the progress bar that pooch tells the total."""
 
-    def __init__(self, file: IO[bytes], url: str, watch: Watch) -> None:
+    def __init__(self, file: FileIO, url: str, watch: Watch) -> None:
         self._file, self._url, self._watch = file, url, watch
         self.at, self.total = 0, 0
 
@@ -106,13 +107,13 @@ class _Sink:
         if self.at > LARGEST:
             raise NotFound(f"{self._url}: more than {LARGEST:,} bytes arrive: not what was published.")
         try:
-            self._file.write(block)
-            self._file.flush()
+            while block:  # a disk that is nearly full takes a part
+                block = block[self._file.write(block) :]
         except OSError as error:
             raise InputError(f"{self._file.name}: what arrives cannot be written ({error.strerror}).") from None
         self._watch(self._url, self.at, self.total or None)
 
     def flush(self, *_: Any) -> None:
-        """Does nothing: `write` has flushed, and reports progress itself."""
+        """Does nothing: `write` holds nothing back, and reports progress itself."""
 
     update = reset = close = flush
