@@ -2,6 +2,8 @@
 
 import argparse
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
@@ -10,9 +12,9 @@ from rich.table import Table
 
 from ...datasets.published import installed
 from ...datasets.published.catalogue import PUBLISHED, place
-from ...datasets.published.download import Watcher
-from ...datasets.published.fetch import Arrival, fetch, take
-from ...frontend.errors import InputError, Interrupted
+from ...datasets.published.download import Watch
+from ...datasets.published.fetch import fetch, take
+from ...frontend.errors import InputError
 
 MEGA = 1e6
 
@@ -43,22 +45,18 @@ def main(namespace: argparse.Namespace) -> int:
         console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one that was got by hand.")
         return 0
     failed = False
-    with _Progress(quiet=namespace.quiet) as watcher:
-        for name in names:
-            try:
-                if namespace.source is not None:
-                    arrival = take(name, namespace.source, watcher)
-                else:
-                    arrival = fetch(name, watcher, url=namespace.url, again=namespace.again)
-            except InputError as error:
-                watcher.stop()
-                print(f"bench: {error}", file=sys.stderr)
-                failed = True
-            except KeyboardInterrupt:
-                raise Interrupted("what has arrived is kept, and the same command goes on with it") from None
+    for name in names:
+        try:
+            if namespace.source is not None:
+                arrival = take(name, namespace.source)
             else:
-                watcher.stop()
-                _told(name, arrival, console)
+                with _bar(quiet=namespace.quiet) as watch:
+                    arrival = fetch(name, watch, url=namespace.url, again=namespace.again)
+        except InputError as error:
+            print(f"bench: {error}", file=sys.stderr)
+            failed = True
+        else:
+            _told(name, arrival, console)
     return 2 if failed else 0
 
 
@@ -75,7 +73,7 @@ def _refuse(namespace: argparse.Namespace) -> None:
         raise InputError(f"{' and '.join(given)} do not go together.")
 
 
-def _told(name: str, arrival: Arrival | None, console: Console) -> None:
+def _told(name: str, arrival: installed.Arrival | None, console: Console) -> None:
     """What has come, and how sure it is that it is what was published."""
     log = PUBLISHED[name]
     console.print(f"{name}: {'here already' if arrival is None else 'fetched'}, {_megabytes(name)} in {place(name)}")
@@ -131,33 +129,16 @@ def _megabytes(name: str) -> str:
     return f"{installed.size(name) / MEGA:.1f} MB"
 
 
-class _Progress(Watcher):
-    """A bar on stderr while bytes arrive, where somebody watches; sentences for the patient."""
+@contextmanager
+def _bar(*, quiet: bool) -> Generator[Watch]:
+    """Shows on stderr what arrives, where that is a terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bars:
+        task = bars.add_task("", visible=False)
 
-    def __init__(self, *, quiet: bool) -> None:
-        self._console = Console(stderr=True, quiet=quiet, highlight=False, markup=False, soft_wrap=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-        hidden = quiet or not self._console.is_terminal
-        self._bars = Progress(*columns, console=self._console, transient=True, disable=hidden)
-        self._task = self._bars.add_task("", visible=False)
+        def watch(url: str, at: int, total: int | None) -> None:
+            file = url.rstrip("/").rpartition("/")[2][-40:]
+            bars.update(task, description=file, completed=at, total=total, visible=True)
 
-    def __enter__(self) -> "_Progress":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
-
-    def stop(self) -> None:
-        """Take the bar away."""
-        self._bars.stop()
-
-    def receiving(self, url: str, at: int, total: int | None) -> None:
-        self._bars.start()
-        file = url.rstrip("/").rpartition("/")[2][-40:]
-        self._bars.reset(self._task, description=file, completed=at, total=total, visible=True)
-
-    def received(self, at: int) -> None:
-        self._bars.update(self._task, completed=at)
-
-    def says(self, sentence: str) -> None:
-        self._console.print(sentence)
+        yield watch

@@ -1,134 +1,119 @@
-"""A download that survives its connection: it goes on where it stopped, in this process or in a later one.
+"""Downloads a file with pooch, or says why it could not be downloaded.
 
-What has arrived stands in a file of its own, with a note beside it of the address and of the state the server's file
-was in. It is gone on with only while both still hold.
+A server that is busy or breaks off is asked again for the whole file; one that does not have it is not asked again.
 """
 
-import json
-import os
-import time
-from contextlib import suppress
+import ftplib
+import socket
+import ssl
+from collections.abc import Callable
+from functools import partial
+from io import FileIO
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
-from . import transfer
-from .transfer import Answer, Failed, Refused
+from ...frontend.errors import InputError, SlamduelError
+from .unpack import NotFound
 
-TRIES = 5
-"""How often a server is asked before it is given up."""
-
-PAUSE = 1.0
-"""Seconds before the second try; doubled before each further one."""
+RETRIES = 4
+"""How often a server is asked again; pooch waits 1 s, 2 s, 3 s and so on."""
 
 TIMEOUT = 30.0
-"""Seconds without a word from the server, or in which less than `SLOWEST` arrived, after which a try is over."""
-
-SLOWEST = 256.0
-"""Bytes a second."""
+"""Seconds to wait for a connection, or for the next bytes."""
 
 LARGEST = 2**30
-"""Bytes: more than any of the published logs; what goes on beyond is something else."""
+"""Bytes: more than any of the published logs."""
 
-BLOCK = 2**16
+BLOCK = 2**13
 
+HEADERS = {"User-Agent": "slamduel", "Accept-Encoding": "identity"}
 
-class Watcher:
-    """What goes on, for whoever wants to see it; here nobody does."""
+TRANSIENT = (408, 425, 429, 500, 502, 503, 504)
+"""HTTP statuses after which trying again makes sense (RFC 9110, RFC 6585)."""
 
-    def receiving(self, url: str, at: int, total: int | None) -> None:
-        """Bytes will arrive from `url`, from position `at` on, of `total` (None: the server does not tell)."""
-
-    def received(self, at: int) -> None:
-        """They have arrived up to position `at`."""
-
-    def says(self, sentence: str) -> None:
-        """Something that a patient person would like to know."""
+LASTING = (socket.gaierror, ssl.SSLCertVerificationError, ftplib.error_perm)
+"""An unknown host, a wrong certificate, a missing file: errors that trying again does not change."""
 
 
-def downloaded(url: str, part: Path, watcher: Watcher) -> Path:
-    """The file at `url`, whole, in the file `part`, which may hold a part of it already.
+Watch = Callable[[str, int, int | None], object]
+"""Called with an address, the number of bytes that have arrived from it, and the total (None: not known)."""
 
-    Raises Refused where the server has no such file, Failed where `TRIES` tries came to nothing, and InputError where
-    the part cannot be written. What had arrived by then stays for the next time.
+
+def downloaded(url: str, folder: Path, watch: Watch) -> Path:
+    """Downloads the file at `url` into the folder, in place of the one downloaded before.
+
+    Raises NotFound where it cannot be had from there, and InputError where it cannot be written.
     """
-    for attempt in range(TRIES):
+    import pooch
+
+    (folder / "download").unlink(missing_ok=True)  # or pooch would return it
+    pooch.get_logger().setLevel("ERROR")
+    registry, urls = {"download": None}, {"download": url}
+    files: Any = pooch.create(folder, "", registry=registry, urls=urls, retry_if_failed=RETRIES)
+    return Path(files.fetch("download", downloader=partial(_transfer, watch=watch)))
+
+
+class _Failed(NotFound, ValueError):
+    """A failure after which pooch tries again, as it does after a ValueError."""
+
+
+def _transfer(url: str, target: str, _: object, *, watch: Watch) -> None:
+    """Writes the file at `url` to `target`; pooch calls this for each try."""
+    from pooch import FTPDownloader, HTTPDownloader
+
+    with FileIO(target, "w") as file:
+        sink: Any = _Sink(file, url, watch)  # pooch says that a progress bar is a bool
         try:
-            _one_try(url, part, watcher)
-        except Failed as error:
-            if attempt == TRIES - 1:
-                raise Failed(f"{error}, at the last of {TRIES} tries") from None
-            watcher.says(f"{url}: {error}; trying again.")
-            time.sleep(PAUSE * 2**attempt)
-        else:
-            break
-    return part
+            parts = urlsplit(url)
+            if parts.scheme == "ftp":
+                ftp = FTPDownloader(port=parts.port or ftplib.FTP_PORT, timeout=TIMEOUT, chunk_size=BLOCK)
+                ftp(f"ftp://{parts.hostname}{parts.path}", sink, None)
+            elif parts.scheme in ("http", "https"):
+                http = HTTPDownloader(progressbar=sink, chunk_size=BLOCK, timeout=TIMEOUT, headers=HEADERS)
+                http(url, sink, None)
+            else:
+                raise ValueError("not an http, https or ftp address")
+        except Exception as error:
+            raise _refusal(error, url, sink.at) from None
 
 
-def discard(part: Path) -> None:
-    """Throw away what has arrived: it is not what it should be."""
-    for file in (part, _note(part)):
-        with suppress(FileNotFoundError):
-            file.unlink()
+def _refusal(error: Exception, url: str, at: int) -> SlamduelError:
+    """Makes a sentence of the first error, after `at` bytes: libraries wrap it, and FTP's QUIT may fail as well."""
+    first: BaseException = error
+    while first.__context__ is not None and not isinstance(first, SlamduelError):
+        first = first.__context__
+    if isinstance(first, SlamduelError):
+        return first
+    lasting = isinstance(error, ValueError) or isinstance(first, LASTING)
+    reason = getattr(first, "strerror", None) or str(error) or type(error).__name__
+    if (response := getattr(error, "response", None)) is not None:
+        lasting, reason = response.status_code not in TRANSIENT, f"{response.status_code} {response.reason}"
+    elif at:
+        reason = f"the connection broke after {at:,} bytes"
+    return (NotFound if lasting else _Failed)(f"{url}: {' '.join(reason.split()).rstrip('.')}.")
 
 
-def _one_try(url: str, part: Path, watcher: Watcher) -> None:
-    start, stamp = _so_far(url, part)
-    with transfer.opened(url, start, stamp, TIMEOUT) as answer:
+class _Sink:
+    """A file that reports what is written to it, and the progress bar that pooch tells the total."""
+
+    def __init__(self, file: FileIO, url: str, watch: Watch) -> None:
+        self._file, self._url, self._watch = file, url, watch
+        self.at, self.total = 0, 0
+
+    def write(self, block: bytes) -> None:
+        """Writes some more bytes; InputError where the disk is full."""
+        self.at += len(block)
+        if self.at > LARGEST:
+            raise NotFound(f"{self._url}: more than {LARGEST:,} bytes arrive: not what was published.")
         try:
-            at = _store(answer, url, part, watcher)
-        except OSError as error:  # of our own disk: those of the connection are Failed
-            raise InputError(f"{part}: what arrives cannot be written ({error.strerror or error}).") from None
-        if answer.total is not None and at != answer.total:
-            raise Failed(f"{at:,} of {answer.total:,} bytes arrived before the connection ended")
+            while block:  # a disk that is nearly full takes a part
+                block = block[self._file.write(block) :]
+        except OSError as error:
+            raise InputError(f"{self._file.name}: what arrives cannot be written ({error.strerror}).") from None
+        self._watch(self._url, self.at, self.total or None)
 
+    def flush(self, *_: Any) -> None:
+        """Does nothing: `write` holds nothing back, and reports progress itself."""
 
-def _so_far(url: str, part: Path) -> tuple[int, str]:
-    """How many bytes of the file at `url` are there, and its stamp at the time."""
-    with suppress(OSError, ValueError, TypeError, KeyError):
-        note = json.loads(_note(part).read_text(encoding="utf-8"))
-        if note["url"] == url:
-            return part.stat().st_size, str(note["stamp"])
-    return 0, ""
-
-
-def _store(answer: Answer, url: str, part: Path, watcher: Watcher) -> int:
-    """Write what arrives; the position reached."""
-    at = answer.start
-    watcher.receiving(url, at, answer.total)
-    if at == 0:  # the note never speaks of other bytes than those that are there
-        discard(part)
-        part.touch()
-        write_whole(_note(part), json.dumps({"url": url, "stamp": answer.stamp}))
-    with part.open("r+b") as file:
-        file.truncate(at)
-        file.seek(at)
-        window, before = time.monotonic(), at
-        while block := _next(answer):
-            file.write(block)
-            file.flush()
-            at += len(block)
-            watcher.received(at)
-            if at > LARGEST:
-                discard(part)
-                raise Refused(f"more than {LARGEST:,} bytes arrive, and they do not end")
-            if (waited := time.monotonic() - window) > TIMEOUT:
-                if at - before < SLOWEST * waited:
-                    raise Failed(f"only {at - before:,} bytes arrived in {waited:.0f} s")
-                window, before = time.monotonic(), at
-        os.fsync(file.fileno())
-    return at
-
-
-def _next(answer: Answer) -> bytes:
-    """Some more bytes, however few; none at the end."""
-    try:
-        return answer.stream.read1(BLOCK)
-    except TimeoutError:
-        raise Failed("nothing arrived for too long") from None
-    except Exception as error:  # http.client's own, those of the socket, those of TLS
-        raise Failed(f"the connection broke ({error})") from None
-
-
-def _note(part: Path) -> Path:
-    return part.with_name(f"{part.name}.note")
+    update = reset = close = flush

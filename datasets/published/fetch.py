@@ -7,80 +7,52 @@ then. Where nothing helps, the sentence says what was found where, and how to do
 import html
 import os
 import re
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import urljoin
 
 from ...frontend.errors import InputError
 from . import installed
 from .catalogue import PUBLISHED
-from .download import Watcher, discard, downloaded
-from .transfer import Failed, Refused
-from .unpack import NotPublished, sha256_of
+from .download import Watch, downloaded
+from .unpack import NotFound
 
 HREF = re.compile(r"""href\s*=\s*["']?([^"'\s>]+)""", re.IGNORECASE)
 
-WAITING = "another process is fetching it; waiting for that one."
 
-
-class Arrival(NamedTuple):
-    """What came: the sha256 of the archive (None: it was a folder) and that of each file."""
-
-    archive: str | None
-    files: dict[str, str]
-
-
-def fetch(name: str, watcher: Watcher, *, url: str | None = None, again: bool = False) -> Arrival | None:
+def fetch(name: str, watch: Watch, *, url: str | None = None, again: bool = False) -> installed.Arrival | None:
     """Bring the published log `name` from its publisher, or from `url`; None where it is here already.
 
     `again`: even then. Raises InputError with what every address answered, and with the way by hand.
     """
+    if installed.here(name) and not again:
+        return None
     answers: list[str] = []
-    with installed.alone(name, lambda: watcher.says(f"{name}: {WAITING}")) as part:
-        if installed.here(name) and not again:
-            return None
-        for address in [url] if url else _addresses(name, part, watcher, answers):
+    with tempfile.TemporaryDirectory() as folder:
+        for address in [url] if url else _addresses(name, Path(folder), watch, answers):
             try:
-                downloaded(address, part, watcher)
-                arrival = Arrival(sha256_of(part), installed.install(name, part, address))
-            except (Refused, Failed) as error:
-                answers.append(_answer(address, error))
-            except NotPublished as error:
-                discard(part)
+                return installed.install(name, downloaded(address, Path(folder), watch), address)
+            except NotFound as error:
                 answers.append(str(error))
-            else:
-                discard(part)
-                return arrival
-    listed = "".join(f"\n  {answer}" for answer in answers)
-    raise InputError(f"{name} could not be fetched:{listed}\n{_by_hand(name, url)}")
+    log, listed = PUBLISHED[name], "".join(f"\n  {answer}" for answer in answers)
+    known = "" if url else f"About these addresses: {log.addresses}.\n"
+    by_hand = f"By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE."
+    raise InputError(f"{name} could not be fetched:{listed}\n{known}{by_hand}")
 
 
-def take(name: str, source: Path, watcher: Watcher) -> Arrival:
-    """Put the published log `name` in its place out of the file or folder `source`. Raises InputError."""
+def take(name: str, source: Path) -> installed.Arrival:
+    """Put the published log `name` in its place out of the file or folder `source`. Raises InputError and OSError."""
     source = Path(os.path.abspath(source))  # what `.` is called may tell what it holds
     expected = f"expected a file or folder with {PUBLISHED[name].title}"
     if not source.exists():
         raise InputError(f"{source}: there is no such file or folder; {expected}.")
     if not (source.is_file() or source.is_dir()):  # a pipe may never end, nor even begin
         raise InputError(f"{source}: a pipe, a socket or a device; {expected}.")
-    with installed.alone(name, lambda: watcher.says(f"{name}: {WAITING}")):
-        files = installed.install(name, source, str(source))
-    return Arrival(None if source.is_dir() else sha256_of(source), files)
+    return installed.install(name, source, str(source))
 
 
-def _by_hand(name: str, url: str | None = None) -> str:
-    """How a person gets it, and how far the publisher's addresses are to be trusted, where those were tried."""
-    log = PUBLISHED[name]
-    known = "" if url else f"About these addresses: {log.addresses}.\n"
-    return f"{known}By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE."
-
-
-def _answer(address: str, error: Exception) -> str:
-    return f"{address}: {' '.join(str(error).split()).rstrip('.')}."
-
-
-def _addresses(name: str, part: Path, watcher: Watcher, answers: list[str]) -> Iterator[str]:
+def _addresses(name: str, folder: Path, watch: Watch, answers: list[str]) -> Iterator[str]:
     """The addresses to be tried; where pages are known, those that they link to. Joins to `answers` what pages say."""
     log = PUBLISHED[name]
     if not log.link:
@@ -88,12 +60,10 @@ def _addresses(name: str, part: Path, watcher: Watcher, answers: list[str]) -> I
         return
     for page in log.urls:
         try:
-            text = downloaded(page, part, watcher).read_text(encoding="utf-8", errors="replace")
-        except (Refused, Failed) as error:
-            answers.append(_answer(page, error))
+            text = downloaded(page, folder, watch).read_text(encoding="utf-8", errors="replace")
+        except NotFound as error:
+            answers.append(str(error))
             continue
-        finally:
-            discard(part)
         links = dict.fromkeys(urljoin(page, html.unescape(link)) for link in HREF.findall(text))
         matching = [link for link in links if re.search(log.link, link, re.IGNORECASE)]
         if not matching:

@@ -4,16 +4,15 @@ A log is a folder with its files and with `SHA256SUMS`, in the form that `sha256
 """
 
 import contextlib
-import fcntl
 import os
-import shutil
-from collections.abc import Callable, Generator, Mapping
-from contextlib import contextmanager
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from ...frontend.errors import InputError
 from .catalogue import PUBLISHED, place
-from .unpack import NotPublished, sha256_of, unpacked
+from .unpack import NotFound, sha256, unpacked
 
 SUMS = "SHA256SUMS"
 
@@ -28,28 +27,44 @@ def size(name: str) -> int:
     return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files)
 
 
-def install(name: str, source: Path, called: str) -> dict[str, str]:
-    """Put the published log `name`, out of the archive, folder or file `source`, in its place; its files' sha256.
+class Arrival(NamedTuple):
+    """What came: the sha256 of the archive (None: it was a folder) and that of each file."""
+
+    archive: str | None
+    files: dict[str, str]
+
+
+def install(name: str, source: Path, called: str) -> Arrival:
+    """Put the published log `name`, out of the archive, folder or file `source`, in its place.
 
     What was there before is replaced, and stays if anything is wrong with the new one. Raises InputError, in which
-    `source` is `called` so. To be done under `alone`.
+    `source` is `called` so, and OSError where it cannot be read.
     """
-    new = _beside(name, "new")
-    shutil.rmtree(new, ignore_errors=True)  # of a process that was killed
-    with _writable(name):
-        new.mkdir()
+    import pooch
+
+    contents = unpacked(name, source, called)
+    digests = {file: sha256(content) for file, content in contents.items()}
+    if twin := _twin(name, digests):
+        raise NotFound(f"{called}: {twin}, and not those of {name}.")
+    sums = [f"# {PUBLISHED[name].title}", f"# from {called}"]
+    sums += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
+    contents[SUMS] = "".join(f"{line}\n" for line in sums).encode()
+    folder = place(name).parent
     try:
-        digests = unpacked(name, source, new, called)
-        if twin := _twin(name, digests):
-            raise NotPublished(f"{called}: {twin}, and not those of {name}.")
-        lines = [f"# {PUBLISHED[name].title}", f"# from {called}"]
-        lines += [f"{digest}  {file}" for file, digest in sorted(digests.items())]
-        with _writable(name):
-            (new / SUMS).write_text("\n".join(lines) + "\n", encoding="utf-8")
-            _swap(name)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
-    return digests
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=folder) as beside:
+            (new := Path(beside, "new")).mkdir()
+            for file, content in contents.items():
+                (new / file).write_bytes(content)
+            with contextlib.suppress(FileNotFoundError):
+                os.replace(place(name), Path(beside, "old"))
+            os.replace(new, place(name))
+    except OSError as error:
+        raise InputError(
+            f"{error.filename or folder}: {error.strerror or error}; {name} goes into the cache folder, "
+            "which the environment variable SLAMDUEL_CACHE moves."
+        ) from None
+    return Arrival(None if source.is_dir() else pooch.file_hash(source), digests)
 
 
 def faults(name: str) -> list[str]:
@@ -63,7 +78,7 @@ def faults(name: str) -> list[str]:
         path = place(name) / file
         expected = published or recorded.get(file)
         try:
-            digest = digests[file] = sha256_of(path)
+            digest = digests[file] = sha256(path.read_bytes())
         except OSError as error:
             found.append(f"{path}: {error.strerror}.")
             continue
@@ -75,48 +90,6 @@ def faults(name: str) -> list[str]:
     if twin := _twin(name, digests):
         found.append(f"{place(name)}: {twin}.")
     return found
-
-
-@contextmanager
-def alone(name: str, waiting: Callable[[], None]) -> Generator[Path]:
-    """While no other process fetches `name`: the file for what arrives of it, which outlives the process.
-
-    `waiting` is called if that has to be waited for.
-    """
-    with _writable(name):
-        place(name).parent.mkdir(parents=True, exist_ok=True)
-        lock = _beside(name, "lock").open("w")
-    with lock:  # released by the system even if this process is killed
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            waiting()
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        _restore(name)
-        yield _beside(name, "part")
-
-
-def _swap(name: str) -> None:
-    """The new folder in the place of the one that is there, if one is."""
-    old = _beside(name, "old")
-    shutil.rmtree(old, ignore_errors=True)
-    try:
-        with contextlib.suppress(FileNotFoundError):
-            os.replace(place(name), old)
-        os.replace(_beside(name, "new"), place(name))
-    finally:
-        _restore(name)
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _restore(name: str) -> None:
-    """Have the old folder back where nothing stands in its place: the swap was interrupted."""
-    if not place(name).exists() and (old := _beside(name, "old")).exists():
-        os.replace(old, place(name))
-
-
-def _beside(name: str, what: str) -> Path:
-    return place(name).with_name(f".{name}.{what}")
 
 
 def _twin(name: str, digests: Mapping[str, str]) -> str:
@@ -143,15 +116,3 @@ def _recorded(name: str) -> dict[str, str]:
             file: digest for digest, _, file in (line.partition("  ") for line in lines) if not digest.startswith("#")
         }
     return {}
-
-
-@contextmanager
-def _writable(name: str) -> Generator[None]:
-    """Turn the disk's refusal into a sentence that names the cache and how to have another."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(
-            f"{error.filename or place(name).parent}: {error.strerror or error}; {name} goes into the cache folder, "
-            "which the environment variable SLAMDUEL_CACHE moves."
-        ) from None

@@ -82,7 +82,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 MOST = 20
 """Modules in one folder."""
 
-HEAVY = {"gtsam", "cv2", "evo", "matplotlib", "rich", "jinja2", "scipy", "numba"}
+HEAVY = {"gtsam", "cv2", "evo", "matplotlib", "rich", "jinja2", "scipy", "numba", "pooch"}
 
 
 class Import(NamedTuple):

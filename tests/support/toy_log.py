@@ -66,9 +66,9 @@ def entry(*urls: str, files: dict[str, str | None] | None = None, link: str = ""
 
 
 def quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cache, waits and a catalogue of these tests' own."""
+    """A cache and a catalogue of these tests' own, and no waits."""
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(download, "PAUSE", 0.001)
+    monkeypatch.setattr("time.sleep", lambda seconds: None)
     monkeypatch.setattr(download, "TIMEOUT", 0.3)
     monkeypatch.setitem(PUBLISHED, "toy", entry())
 
@@ -85,19 +85,19 @@ def serve() -> Iterator[Callable[..., Http]]:
         yield start
 
 
+def beside(name: str = "toy") -> set[str]:
+    """Everything in the folder of the published logs."""
+    return {file.name for file in place(name).parent.glob("*")}
+
+
 def assert_in_place(name: str = "toy", files: dict[str, bytes] = FILES) -> None:
-    """The log's files, byte for byte, their sums, and nothing else anywhere in the cache but the lock."""
+    """The log's files, byte for byte, their sums, and nothing else beside it."""
     found = {file.name: file.read_bytes() for file in place(name).iterdir()}
     sums = found.pop("SHA256SUMS").decode()
     assert found == files
     for file, content in files.items():
         assert f"{sha256(content)}  {file}\n" in sums
-    assert {file.name for file in place(name).parent.iterdir()} == {name, f".{name}.lock"}
-
-
-def assert_files(name: str = "toy") -> None:
-    """The log's files, byte for byte, whatever else there is."""
-    assert {file: (place(name) / file).read_bytes() for file in FILES} == FILES
+    assert beside(name) == {name}
 
 
 def refusal(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
@@ -109,7 +109,3 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
     assert "Traceback" not in printed.err
     assert all(line.endswith((".", " could not be fetched:")) for line in printed.err.splitlines())
     return printed.err
-
-
-def ranges(server: Http) -> list[str | None]:
-    return [span for _, span in server.requests]

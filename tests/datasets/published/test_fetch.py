@@ -4,15 +4,9 @@ import os
 import re
 import resource
 import shutil
-import signal
-import subprocess
-import sys
-import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import publishers
@@ -20,10 +14,8 @@ import toy_log
 from publishers import Http
 from slamduel.bench.cli import main
 from slamduel.datasets.published.catalogue import PUBLISHED, fetched, place
-from slamduel.datasets.published.download import Watcher
-from slamduel.datasets.published.fetch import fetch
 from slamduel.frontend.errors import InputError
-from toy_log import FILES, LOG, assert_files, assert_in_place, entry, ranges, refusal, sha256, zipped
+from toy_log import FILES, LOG, assert_in_place, beside, entry, refusal, sha256, zipped
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)
 serve = pytest.fixture(toy_log.serve)
@@ -54,7 +46,7 @@ def test_the_links_on_a_page_are_tried(serve: Callable[..., Http], capsys: pytes
     page = serve(publishers.sends(b"<!doctype html>" + links.encode()))
     PUBLISHED["toy"] = entry(page.url, link=PUBLISHED["freiburg"].link)
     assert main(["fetch", "toy", "--quiet"]) == 0
-    assert [path for path, _ in archives.requests] == ["/EKF_1.tar.gz", "/a/ekf&2.zip"]
+    assert archives.paths == ["/EKF_1.tar.gz", "/a/ekf&2.zip"]
     assert_in_place()
     page.bad_days = [publishers.sends(b"<!doctype html> moved")]
     assert f"{page.url}: no link to the archive was recognised on it.\n" in refusal(capsys, "toy", "--again")
@@ -133,15 +125,6 @@ def test_a_log_that_is_incomplete_is_fetched_anew(serve: Callable[..., Http], tm
     assert_in_place()
 
 
-def test_a_swap_that_was_interrupted_is_undone(tmp_path: Path) -> None:
-    (source := tmp_path / "log.zip").write_bytes(LOG)
-    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
-    place("toy").rename(place("toy").with_name(".toy.old"))  # as a process leaves it that is killed between two renames
-    (place("toy").with_name(".toy.new")).mkdir()
-    assert main(["fetch", "toy"]) == 0  # no server was needed
-    assert_files()
-
-
 def test_a_cache_that_cannot_be_written_to(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -156,76 +139,25 @@ def test_a_cache_that_cannot_be_written_to(
 
 @pytest.mark.parametrize(
     ("word", "wording"),
-    [("--url", ".toy.part: what arrives cannot be written (File too large)"), ("--from", ".toy.new: File too large")],
+    [
+        ("--url", "what arrives cannot be written (File too large)"),
+        ("--from", "File too large; toy goes into the cache folder"),
+    ],
 )
 def test_a_disk_that_is_full(
     serve: Callable[..., Http], tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, wording: str
 ) -> None:
     (source := tmp_path / "log.zip").write_bytes(LOG)
     server = serve()
-    given = server.url if word == "--url" else source
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # no file may grow beyond that
     try:
-        text = refusal(capsys, "toy", word, given)
+        text = refusal(capsys, "toy", word, server.url if word == "--url" else source)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert wording in text
-    assert len(server.requests) <= 1  # the disk is not asked again and again
-    assert not place("toy").exists()
-    assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
-    assert_in_place()
-
-
-def test_two_at_once_download_it_once(serve: Callable[..., Http]) -> None:
-    server = serve(publishers.stalls)  # long enough for the second one to find the first at it
-    said: list[str] = []
-
-    class Listening(Watcher):
-        def says(self, sentence: str) -> None:
-            said.append(sentence)
-
-    outcomes: list[object] = []
-    fetching = [
-        threading.Thread(target=lambda: outcomes.append(fetch("toy", Listening(), url=server.url))) for _ in range(2)
-    ]
-    for thread in fetching:
-        thread.start()
-    for thread in fetching:
-        thread.join()
-    assert sum(outcome is None for outcome in outcomes) == 1
-    assert len(outcomes) == 2
-    assert "toy: another process is fetching it; waiting for that one." in said
-    assert len(server.requests) == 2  # the one that stalled and the one that went on
-    assert_in_place()
-
-
-MRCLAM_1 = {name: np.random.default_rng(len(name)).bytes(20_000) for name in PUBLISHED["mrclam-1"].files}
-
-
-def test_a_process_that_is_killed_and_the_next_one(serve: Callable[..., Http]) -> None:
-    server = serve(publishers.stalls, content=zipped(MRCLAM_1, "MRSLAM_Dataset1/"))
-    command = [sys.executable, "-m", "slamduel.bench.cli", "fetch", "mrclam-1", "--url", server.url]
-    part = place("mrclam-1").with_name(".mrclam-1.part")
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
-        until = time.monotonic() + 20
-        while not (part.exists() and part.stat().st_size) and time.monotonic() < until:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-    received = part.stat().st_size
-    assert received == 500
-    assert main(["fetch", "mrclam-1", "--quiet", "--url", server.url]) == 0
-    assert ranges(server) == [None, f"bytes={received}-"]
-    assert_in_place("mrclam-1", MRCLAM_1)
-
-
-def test_two_processes_at_once(serve: Callable[..., Http]) -> None:
-    server = serve(content=zipped(MRCLAM_1))
-    command = [sys.executable, "-m", "slamduel.bench.cli", "fetch", "mrclam-1", "--quiet", "--url", server.url]
-    both = [subprocess.Popen(command) for _ in range(2)]
-    assert [process.wait(60) for process in both] == [0, 0]
-    assert len(server.requests) == 1
-    assert_in_place("mrclam-1", MRCLAM_1)
+    assert len(server.paths) <= 1  # the disk is not asked again and again
+    assert beside() == set()
 
 
 def test_the_list_says_what_is_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -247,7 +179,7 @@ def test_one_that_fails_does_not_stop_the_others(
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(PUBLISHED, "second", entry(good.url))
         assert "toy could not be fetched" in refusal(capsys, "toy", "second")
-        assert_files("second")
+    assert beside("second") == {"second"}
 
 
 @pytest.mark.parametrize(
