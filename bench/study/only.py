@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
 from ...frontend.errors import InputError
-from ..plan.spec import nearest
+from ...frontend.nearest import nearest
 from .study import Study, StudyCell
 
 MOST = 12
