@@ -54,7 +54,7 @@ class _Scan:
         self._value(place)
 
     def _named(self, place: Place) -> Place:
-        """Where what has the key that comes next is; in an array of tables it is in the last."""
+        """The place of the key that is read next; in an array of tables it is in the last of them."""
         line = self._line()
         for part in self._key():
             if place in self.counts:

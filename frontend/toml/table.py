@@ -39,7 +39,7 @@ class TomlTable:
     """
 
     file: str
-    lines: Callable[[], Mapping[Place, int]]  # found when an error first asks for them
+    lines: Callable[[], Mapping[Place, int]]  # computed when an error first needs them
     place: Place  # () for the file itself
     entries: Mapping[str, Any]
 
@@ -185,7 +185,7 @@ class TomlTable:
         return InputError(f"{self._line(place)}: {sentence}")
 
     def where(self, *key: str) -> str:
-        """The file, the line and the name of `key`, or of the table itself, for the beginning of an error."""
+        """The file, the line and the dotted name of `key`, or of the table itself, with which an error begins."""
         place = (*self.place, *key)
         return f"{self._line(place)}: {called(place)}"
 
@@ -230,7 +230,7 @@ def called(place: Place) -> str:
 
 
 def too_deep(file: str) -> InputError:
-    """The error that says that nobody can follow the file."""
+    """The error for tables or lists that are nested hundreds deep."""
     return InputError(f"{file}: found tables or lists that are hundreds deep in one another, expected a few.")
 
 
