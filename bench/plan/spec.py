@@ -1,12 +1,11 @@
 """What a user names on the command line, `ekf,fastslam[particles=1000]`, as backends and datasets with options."""
 
-import difflib
 import hashlib
 import os
 import re
 import types
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import Field, dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +17,7 @@ from ...datasets import registry as datasets
 from ...datasets.formats import graph_kind
 from ...datasets.registry import Source
 from ...frontend.errors import InputError
+from ...frontend.nearest import nearest
 
 
 @dataclass(frozen=True)
@@ -237,15 +237,6 @@ def _pieces(text: str, flag: str) -> list[str]:
     if depth or quoted:
         raise InputError(f"{flag} {text}: expected every bracket and quote to be closed.")
     return [piece.strip() for piece in pieces]
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that was meant, or all of them."""
-    names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean {close[0]!r}?"
-    return f"expected one of {', '.join(names)}." if names else "it has none."
 
 
 def _without_repeats(found: list[V], flag: str) -> list[V]:

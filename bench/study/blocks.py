@@ -7,19 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
+from ...frontend.nearest import nearest
+from ...frontend.toml.lines import Place
+from ...frontend.toml.table import TomlTable, shown
 from ..plan.plan import Cell
-from ..plan.spec import (
-    BackendVariant,
-    DatasetVariant,
-    Variant,
-    backend_variants,
-    dataset_variants,
-    nearest,
-    read_options,
-)
+from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_options
 from ..plan.work import PlannedCell
-from .entries import Entries, shown
-from .toml_lines import Place
 
 KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
 TAKEN = ("dataset", "backend", "seed", "status", "reason")
@@ -48,7 +41,7 @@ class Combination(NamedTuple):
 class _Side:
     """A dataset or a backend as the file names it, and its variants by what is swept of it."""
 
-    def __init__(self, words: Entries, side: str, label: str, place: Place) -> None:
+    def __init__(self, words: TomlTable, side: str, label: str, place: Place) -> None:
         self.words, self.side, self.label = words, side, label
         try:
             found = dataset_variants(label, side) if side == "dataset" else backend_variants(label, side)
@@ -93,7 +86,7 @@ class _Side:
 class _Block:
     """One [[cells]]; every axis is a list of what one step along it sets."""
 
-    words: Entries
+    words: TomlTable
     datasets: list[_Side]
     backends: list[_Side]
     axes: list[list[dict[str, tuple[Any, Place]]]]
@@ -105,21 +98,22 @@ class _Block:
         return list(dict.fromkeys(name for axis in self.axes for step in axis for name in step))
 
 
-def combinations(file: Entries, *, timed: bool) -> list[Combination]:
+def combinations(file: TomlTable, *, timed: bool) -> list[Combination]:
     """Those of all [[cells]], which have to be there; InputError for what cannot be, or is there twice."""
     blocks = [_block(words, file) for words in file.tables("cells", "[[cells]] with a dataset and a backend")]
     if not blocks:
         raise file.lacks("cells", "[[cells]] with a dataset and a backend")
     names = _names(dict.fromkeys(name for block in blocks for name in block.swept))
     found: list[Combination] = []
-    before: dict[tuple[Any, ...], list[tuple[Sequence[int], Entries]]] = {}
+    before: dict[tuple[Any, ...], list[tuple[Sequence[int], TomlTable]]] = {}
     _check_number(blocks)
     for block in blocks:
         timed_too = block.words.switch("timed", timed)
         for one in _combined(block, names, timed=timed_too):
             for seeds, words in before.setdefault(one.key, []):
                 if not set(seeds).isdisjoint(one.seeds):
-                    where = "twice" if words is block.words else f"of line {words.line('dataset')} already"
+                    line = words.line((*words.place, "dataset"))
+                    where = "twice" if words is block.words else f"of line {line} already"
                     said = f"{one.dataset.label} with {one.backend.label} is a cell {where}"
                     raise block.words.refused("dataset", f"{said}, expected every cell once in a study.")
             before[one.key].append((one.seeds, block.words))
@@ -178,7 +172,7 @@ def _names(swept: Iterable[str]) -> dict[str, str]:
     }
 
 
-def _block(words: Entries, file: Entries) -> _Block:
+def _block(words: TomlTable, file: TomlTable) -> _Block:
     words.only(KEYS)
     sides = {side: _sides(words, side) for side in ("dataset", "backend")}
     axes = [*_grid(words), *_zip(words), *_list(words)]
@@ -187,13 +181,13 @@ def _block(words: Entries, file: Entries) -> _Block:
     for axis in axes:
         for name, (_, place) in {name: found for step in axis for name, found in step.items()}.items():
             if name in by:
-                raise words.at(place, f"{name} is swept here and on line {words.lines[by[name]]}, expected once.")
+                raise words.at(place, f"{name} is swept here and on line {words.line(by[name])}, expected once.")
             by[name] = place
             _check_option(words, name, place, sides)
     return block
 
 
-def _sides(words: Entries, side: str) -> list[_Side]:
+def _sides(words: TomlTable, side: str) -> list[_Side]:
     """Those that the block names, each once."""
     labels = words.names(side)
     places = [(*words.place, side, k) for k in range(len(labels))]
@@ -203,7 +197,7 @@ def _sides(words: Entries, side: str) -> list[_Side]:
     return [_Side(words, side, label, place) for label, place in zip(labels, places, strict=True)]
 
 
-def _seeds(words: Entries, file: Entries) -> Sequence[int]:
+def _seeds(words: TomlTable, file: TomlTable) -> Sequence[int]:
     """So many from the first one on, or a list; one where nothing is said. What a block lacks the file says for it."""
     here = words if words.has("seeds") else file
     found = here.entries.get("seeds", 1)
@@ -222,12 +216,12 @@ def _seeds(words: Entries, file: Entries) -> Sequence[int]:
     return found
 
 
-def _grid(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
+def _grid(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
     """An axis an option."""
     return [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
 
 
-def _zip(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
+def _zip(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
     """One axis, along which all the options go together."""
     columns = _columns(words.table("zip"), distinct=False)
     lengths = {name: len(steps) for name, steps in columns.items()}
@@ -239,7 +233,7 @@ def _zip(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
     )
 
 
-def _columns(table: Entries, *, distinct: bool) -> dict[str, list[tuple[Any, Place]]]:
+def _columns(table: TomlTable, *, distinct: bool) -> dict[str, list[tuple[Any, Place]]]:
     """The values of every option, none of them empty, and where each stands."""
     found: dict[str, list[tuple[Any, Place]]] = {}
     for name, (values, place) in table.flat().items():
@@ -252,7 +246,7 @@ def _columns(table: Entries, *, distinct: bool) -> dict[str, list[tuple[Any, Pla
     return found
 
 
-def _list(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
+def _list(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
     """One axis, every step of which is written out."""
     expected = "a list of tables, as in list = [{ dataset.x = 1, backend.y = 2 }]"
     tables = words.tables("list", expected)
@@ -265,13 +259,13 @@ def _list(words: Entries) -> list[list[dict[str, tuple[Any, Place]]]]:
     return [steps] if steps else []
 
 
-def _scalar(words: Entries, name: str, value: Any, place: Place) -> Any:
+def _scalar(words: TomlTable, name: str, value: Any, place: Place) -> Any:
     if not isinstance(value, str | int | float):
         raise words.at(place, f"{name}: found {shown(value)}, expected a number, a text, true or false.")
     return value
 
 
-def _check_option(words: Entries, full: str, place: Place, sides: Mapping[str, Sequence[_Side]]) -> None:
+def _check_option(words: TomlTable, full: str, place: Place, sides: Mapping[str, Sequence[_Side]]) -> None:
     """InputError unless every dataset, or backend, of the block has the option, and none has it set already."""
     side, _, option = full.partition(".")
     if side not in sides or not option:

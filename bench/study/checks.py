@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ...frontend.errors import InputError
-from ..plan.spec import nearest
+from ...frontend.nearest import nearest
+from ...frontend.toml.table import TomlTable, is_number, shown
 from ..words.columns import CELLS, METRICS
 from .blocks import Combination
 from .claim import Claim
-from .entries import Entries, is_number, shown
 from .study import Figure
 
 COLUMNS = (*CELLS, *METRICS)
@@ -22,7 +22,7 @@ Cells = Sequence[Combination]
 Selection = Mapping[str, Any]
 
 
-def check_claim(claim: Claim, words: Entries, cells: Cells) -> None:
+def check_claim(claim: Claim, words: TomlTable, cells: Cells) -> None:
     """InputError where the claim names what no cell has, does not vary, or leaves open which cells are meant."""
     _check_measure(words, "measure", claim.measure, cells)
     _check_selection(words, "where", claim.where, cells)
@@ -48,7 +48,7 @@ def check_claim(claim: Claim, words: Entries, cells: Cells) -> None:
             raise words.refused(keys[1], f"has no log in common with {keys[0]}, expected the same seeds and datasets.")
 
 
-def check_figure(figure: Figure, words: Entries, cells: Cells) -> None:
+def check_figure(figure: Figure, words: TomlTable, cells: Cells) -> None:
     """InputError where the figure names what no cell has, or has nothing to draw."""
     _check_measure(words, "y", figure.y, cells)
     _check_selection(words, "where", figure.where, cells)
@@ -64,7 +64,7 @@ def check_figure(figure: Figure, words: Entries, cells: Cells) -> None:
             raise words.fault("log", f"no x in it: {figure.x} is {shown(value)} in some cells")
 
 
-def _side(words: Entries, key: str, selection: Selection, where: Selection, cells: Cells) -> Cells:
+def _side(words: TomlTable, key: str, selection: Selection, where: Selection, cells: Cells) -> Cells:
     """The cells of one side: with its own values, and those of `where` that its cells know of."""
     inside = words.table(key)
     if "measure" in selection:
@@ -83,7 +83,7 @@ def _side(words: Entries, key: str, selection: Selection, where: Selection, cell
     return there
 
 
-def _none(words: Entries, key: str, selection: Selection) -> InputError:
+def _none(words: TomlTable, key: str, selection: Selection) -> InputError:
     said = " and ".join(f"{name} = {shown(value)}" for name, value in selection.items())
     return words.refused(key, f"no cell has {said} together, expected a selection that some have.")
 
@@ -123,7 +123,7 @@ def _logs(side: Cells, sides: Sequence[Cells]) -> set[tuple[str, int]]:
     }
 
 
-def _check_measure(words: Entries, key: str, name: str, cells: Cells) -> None:
+def _check_measure(words: TomlTable, key: str, name: str, cells: Cells) -> None:
     if name not in MEASURES and any(column.name == name for column in COLUMNS):
         raise words.refused(key, f"column {name} is not a number; expected one of cells.csv or metrics.csv that is.")
     if name in cells[0].parameters:
@@ -132,12 +132,12 @@ def _check_measure(words: Entries, key: str, name: str, cells: Cells) -> None:
         raise words.refused(key, f"there is no column {name!r}; {nearest(name, MEASURES)}")
 
 
-def _check_parameter(words: Entries, key: str, name: str, cells: Cells) -> None:
+def _check_parameter(words: TomlTable, key: str, name: str, cells: Cells) -> None:
     if name not in cells[0].parameters:
         raise words.refused(key, f"no cell has a parameter {name!r}; {nearest(name, cells[0].parameters)}")
 
 
-def _check_selection(words: Entries, key: str, selection: Selection, cells: Cells) -> None:
+def _check_selection(words: TomlTable, key: str, selection: Selection, cells: Cells) -> None:
     """InputError for a parameter or a value that no cell has; `key` is the selection's in `words`, "" for itself."""
     inside = words.table(key) if key else words
     for name, value in selection.items():
@@ -148,7 +148,7 @@ def _check_selection(words: Entries, key: str, selection: Selection, cells: Cell
             raise inside.refused(name, f"no cell has {shown(value)}, expected one of {known}.")
 
 
-def _check_varies(words: Entries, key: str, name: str, sides: Sequence[Cells], *, numbers: bool) -> None:
+def _check_varies(words: TomlTable, key: str, name: str, sides: Sequence[Cells], *, numbers: bool) -> None:
     """InputError unless the parameter has two values or more in common to all sides that have it."""
     _check_parameter(words, key, name, sides[0])
     if name == "seed":
@@ -162,7 +162,7 @@ def _check_varies(words: Entries, key: str, name: str, sides: Sequence[Cells], *
             raise words.fault(key, f"a parameter whose values are numbers; {name} has {shown(value)}")
 
 
-def _check_one(words: Entries, key: str, along: str, side: Cells) -> None:
+def _check_one(words: TomlTable, key: str, along: str, side: Cells) -> None:
     """InputError where the side is no one configuration: only the seed may vary, and what the claim goes along.
 
     So may the dataset where each is a single log.

@@ -70,12 +70,13 @@ from pathlib import Path
 from typing import Any
 
 from ...frontend.errors import InputError
-from ..plan.spec import nearest
+from ...frontend.nearest import nearest
+from ...frontend.toml.table import TomlTable, shown
 from ..words.columns import about
 from .blocks import combinations
 from .checks import check_claim, check_figure
 from .claim import Claim
-from .entries import Entries, is_number, shown
+from .sizes import sized
 from .study import Figure, Study
 
 FORMAT = (__doc__ or "").partition("\n\n")[2]
@@ -124,7 +125,7 @@ def made(file: str, text: str, *, full: bool) -> Study:
 
     InputError names the file, the line and the key of the first thing that is wrong, what was found and what expected.
     """
-    words = Entries.load(file, text, "full" if full else "quick").only(KEYS)
+    words = _words(file, text, full=full)
     study = _without_cells(words, text, full=full)
     measures = [claim.measure for claim in study.claims] + [figure.y for figure in study.figures]
     measures += [side.get("measure", "") for claim in study.claims for side in (claim.first, claim.second)]
@@ -139,10 +140,14 @@ def made(file: str, text: str, *, full: bool) -> Study:
 
 def reread(file: str, text: str, *, full: bool) -> Study:
     """The study of a text that was read before, without its cells: nothing is looked up that may have gone since."""
-    return _without_cells(Entries.load(file, text, "full" if full else "quick").only(KEYS), text, full=full)
+    return _without_cells(_words(file, text, full=full), text, full=full)
 
 
-def _without_cells(words: Entries, text: str, *, full: bool) -> Study:
+def _words(file: str, text: str, *, full: bool) -> TomlTable:
+    return sized(TomlTable.parse(file, text), "full" if full else "quick").only(KEYS)
+
+
+def _without_cells(words: TomlTable, text: str, *, full: bool) -> Study:
     name = Path(words.file).name.removesuffix(".toml")
     return Study(
         name=name,
@@ -157,13 +162,13 @@ def _without_cells(words: Entries, text: str, *, full: bool) -> Study:
         claims=tuple(_claim(entry) for entry in words.tables("claim", "[[claim]] with what it says and a measure")),
         keep=words.switch("keep", False),
         oracle=words.switch("oracle", False),
-        timeout_s=words.above("timeout_s", 600.0, 0.0),
+        timeout_s=words.number("timeout_s", 600.0, above=0),
         memory_mb=words.whole("memory_mb", 4000, 1, 10**9),
         text=text,
     )
 
 
-def _figure(words: Entries) -> Figure:
+def _figure(words: TomlTable) -> Figure:
     words.only(("x", "y", "by", "where", "log", "title", "caption"))
     x = words.text("x")
     return Figure(
@@ -177,7 +182,7 @@ def _figure(words: Entries) -> Figure:
     )
 
 
-def _claim(words: Entries) -> Claim:
+def _claim(words: TomlTable) -> Claim:
     kind = next((kind for kind, keys in CLAIMS.items() if words.has(keys[0])), None)
     if kind is None:
         words.only((*COMMON, *dict.fromkeys(key for keys in CLAIMS.values() for key in keys)))
@@ -191,9 +196,9 @@ def _claim(words: Entries) -> Claim:
     }
     if kind == "less":
         first, second = _selection(words, "less"), _side(words, "than")
-        return Claim("less", first=first, second=second, low=words.above("factor", 1.0, 0.0), **common)
+        return Claim("less", first=first, second=second, low=words.number("factor", 1.0, above=0), **common)
     if kind == "alike":
-        by = 1 + words.above("by", None, 0.0)
+        by = 1 + words.number("by", above=0)
         first, second = _selection(words, "alike"), _side(words, "to")
         return Claim("alike", first=first, second=second, low=1 / by, high=by, **common)
     low, high = _bounds(words, needed=kind != "crosses")
@@ -204,7 +209,7 @@ def _claim(words: Entries) -> Claim:
     return Claim(kind, first=_selection(words, "of"), second={}, low=low, high=high, along=along, **common)  # pyright: ignore[reportArgumentType] - value or grows
 
 
-def _bounds(words: Entries, *, needed: bool) -> tuple[float, float]:
+def _bounds(words: TomlTable, *, needed: bool) -> tuple[float, float]:
     """Those within which the measure has to be."""
     if not words.has("within"):
         low, high = words.number("above", -inf), words.number("below", inf)
@@ -216,21 +221,19 @@ def _bounds(words: Entries, *, needed: bool) -> tuple[float, float]:
     for other in ("above", "below"):
         if words.has(other):
             raise words.refused(other, "is given beside within, expected one or the other.")
-    found = words.entries["within"]
-    if not (
-        isinstance(found, list) and len(found) == 2 and all(map(is_number, found)) and -inf < found[0] < found[1] < inf
-    ):
+    low, high = words.numbers("within", 2).tolist()
+    if low >= high:
         raise words.fault("within", "two numbers, the lower one first")
-    return float(found[0]), float(found[1])
+    return low, high
 
 
-def _side(words: Entries, key: str) -> dict[str, Any]:
+def _side(words: TomlTable, key: str) -> dict[str, Any]:
     if not words.has(key):
         raise words.lacks(key, f'the cells to compare with, as in {key} = {{ backend = "ekf" }}')
     return _selection(words, key)
 
 
-def _selection(words: Entries, key: str) -> dict[str, Any]:
+def _selection(words: TomlTable, key: str) -> dict[str, Any]:
     """Parameter -> value."""
     inside = words.table(key)
     for name, value in inside.entries.items():

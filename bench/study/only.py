@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
 from ...frontend.errors import InputError
-from ..plan.spec import nearest
+from ...frontend.nearest import nearest
 from ..plan.work import PlannedCell
 from .study import Study
 

@@ -22,21 +22,22 @@ import numpy as np
 
 from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems
 from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log, Prior, Truth
+from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.files import beside
 from ...frontend.options import option
 from ...frontend.scan import Scan, attempted, counted, strict
 from ...frontend.se2 import Array, Ints
 from ...frontend.table import CHUNK, Table, scan_csv
+from ...frontend.toml.table import TomlTable
 from ...frontend.triangles import symmetric, upper
 from ..registry import Source
 from ..truth import PLACES, POSES, digest, scan_truth, write_truth
-from .log_toml import Contents, Words, check_words, scan_words, write_words
+from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words
 
 WORDS = "log.toml"
 TRUE_ID = ("true_id",)
 
-_NOBODY = Words("", Prior(np.zeros(3), np.eye(3)), None, {}, Contents())
+_NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents())
 """In place of a log.toml that cannot be read, so that the other files can be looked at."""
 
 _ACCEPT = "restore what it was, or delete [contents] from log.toml to accept the change"
@@ -98,16 +99,15 @@ def scan(folder: Path) -> Scan[Dataset | None]:
     """What `read` reads; every fault of every file. Of no use after one: what is no good is left out or made up."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder, expected that of a log.")
-    (dataset, contents), faults = yield from counted(_scan_files(folder))
+    (dataset, words), faults = yield from counted(_scan_files(folder))
     if not faults and dataset is not None:
-        yield from _scan_changes(folder / WORDS, contents, _contents(*dataset))
+        yield from _scan_changes(words, _contents(*dataset))
     return dataset
 
 
-def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Contents]]:
-    """The log and the truth, and what log.toml says that they contained."""
-    words = yield from attempted(scan_words(folder / WORDS))
-    name, prior, kind, notes, contents = words or _NOBODY
+def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
+    """The log and the truth, and what log.toml says."""
+    words = (yield from attempted(scan_words(folder / WORDS))) or _NOBODY
     odometry = yield from attempted(scan_csv(folder / "odometry.csv", ODOMETRY, blank_after=1))
     sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
     loops = _empty(folder / "loops.csv", LOOPS)
@@ -117,18 +117,18 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Contents]]:
         yield InputError(f"{odometry.path}: there is no step, expected at least one row.")
     for table in (odometry, sightings, loops):
         if table is not None:
-            yield from _scan_rows(folder / WORDS, contents.rows, {table.path.name: len(table.rows)})
+            yield from _scan_rows(words, {table.path.name: len(table.rows)})
     if odometry is None or not len(odometry.rows):
         yield from scan_truth(folder)
-        return None, contents
+        return None, words
     sightings = sightings or _empty(folder / "sightings.csv", SIGHTINGS)
     loops = loops or _empty(folder / "loops.csv", LOOPS)
     true_id = TRUE_ID if sightings.columns[-1:] == TRUE_ID else ()
     sightings = yield from _scan_steps(sightings, len(odometry.rows), "id", *true_id)
     loops = yield from _scan_steps(loops, len(odometry.rows), "to")
     log = Log.from_arrays(
-        name,
-        prior,
+        words.name,
+        words.prior,
         t=odometry.rows[:, 0],
         delta=odometry.rows[:, 1:4],
         delta_cov=symmetric(odometry.rows[:, 4:]),
@@ -140,23 +140,23 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Contents]]:
         loop_to=loops.whole("to"),
         loop_delta=loops.rows[:, 2:5],
         loop_cov=symmetric(loops.rows[:, 5:]),
-        notes=notes,
+        notes=words.notes,
     )
     broken = set(odometry.broken.tolist())
     tables = {"odometry": odometry, "sightings": sightings, "loops": loops}
     for problem in problems(log):
         if problem.table == "prior":
-            yield InputError(f"{folder / WORDS}: {problem.message}.")
+            yield words.file.refused("prior", f"{problem.message}.")
         elif problem.table != "odometry" or problem.row not in broken:
             yield tables[problem.table].fault(problem.row, problem.message)
     truth = yield from scan_truth(folder, None if broken else log.t)
     assigned = sightings.whole(*true_id) if true_id else None
-    if truth is None and kind is None and assigned is None:
-        return Dataset(log, None), contents
+    if truth is None and words.truth_kind is None and assigned is None:
+        return Dataset(log, None), words
     if assigned is not None:
         assigned.flags.writeable = False
     truth = truth or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
-    return Dataset(log, truth._replace(assigned=assigned, kind=kind or "truth")), contents
+    return Dataset(log, truth._replace(assigned=assigned, kind=words.truth_kind or "truth")), words
 
 
 def _empty(path: Path, columns: tuple[str, ...]) -> Table:
@@ -177,24 +177,25 @@ def _scan_steps(table: Table, steps: int, *whole: str) -> Scan[Table]:
     return table.take(np.argsort(step, kind="stable")) if len(back) else table
 
 
-def _scan_changes(path: Path, written: Contents, found: Contents) -> Scan[None]:
-    """Where the files are no longer what log.toml, at `path`, says that they were."""
-    yield from _scan_rows(path, written.rows, {file: found.rows.get(file, 0) for file in written.rows})
+def _scan_changes(words: Words, found: Contents) -> Scan[None]:
+    """Where the files are no longer what log.toml says that they were."""
+    yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
     parts = {
         "factors": "prior, odometry.csv, sightings.csv or loops.csv",
         "truth": "truth.tum, landmarks.csv or true_id",
     }
     for key, parts_of_it in parts.items():
-        was, now = getattr(written, key), getattr(found, key)
+        was, now = getattr(words.contents, key), getattr(found, key)
         if was is not None and was != now:
             differs = f"contents.{key} is {was[:12]!r}, but the digest is now {(now or 'none')[:12]!r}"
-            yield InputError(f"{path}: {differs}: {parts_of_it} has changed; {_ACCEPT}.")
+            yield words.file.at(("contents", key), f"{differs}: {parts_of_it} has changed; {_ACCEPT}.")
 
 
-def _scan_rows(path: Path, written: Mapping[str, int], found: Mapping[str, int]) -> Scan[None]:
+def _scan_rows(words: Words, found: Mapping[str, int]) -> Scan[None]:
     for file, rows in found.items():
-        if (was := written.get(file, rows)) != rows:
-            yield InputError(f"{path}: contents.rows has {was} for {file}, which has {rows} rows; {_ACCEPT}.")
+        if (was := words.contents.rows.get(file, rows)) != rows:
+            said = f"contents.rows has {was} for {file}, which has {rows} rows; {_ACCEPT}."
+            yield words.file.at(("contents", "rows", file), said)
 
 
 def _contents(log: Log, truth: Truth | None) -> Contents:

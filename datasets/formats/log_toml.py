@@ -4,21 +4,28 @@ And, where slamduel wrote it, what the other files contained: how many rows each
 the truth. It is how a file that has lost its end or had a bit turned is told from the one that was written.
 """
 
-import tomllib
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 import tomli_w
 
 from ...frontend.errors import InputError
 from ...frontend.factors import Log, Map, Prior
-from ...frontend.scan import Scan
-from ...frontend.se2 import Array
-from ...frontend.table import text
+from ...frontend.scan import Scan, attempted
+from ...frontend.toml.table import LARGEST, TomlTable
+
+T = TypeVar("T")
+P = ParamSpec("P")
 
 FILES = ("odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv")
+
+NOWHERE = Prior(np.zeros(3), np.eye(3))
+"""In place of a prior that cannot be read."""
+
+LARGEST_FLOAT = sys.float_info.max
 
 
 class Contents(NamedTuple):
@@ -32,6 +39,7 @@ class Contents(NamedTuple):
 class Words(NamedTuple):
     """What a log.toml says."""
 
+    file: TomlTable
     name: str
     prior: Prior
     truth_kind: Literal["truth", "reference"] | None
@@ -43,7 +51,7 @@ def check_words(log: Log) -> None:
     """InputError where the name or the notes of `log` are no words that a log.toml can hold."""
     name: Any = log.name
     if not isinstance(name, str) or not _encodable(name):
-        raise InputError(f"log {_short(name)}: found this name, expected a text that UTF-8 can hold.")
+        raise InputError(f"log {name!r:.100}: found this name, expected a text that UTF-8 can hold.")
     try:
         held = _encodable(tomli_w.dumps(_notes(log)))
     except (TypeError, ValueError, AttributeError, RecursionError):
@@ -79,93 +87,68 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
 
 
 def scan_words(path: Path) -> Scan[Words]:
-    """The words in `path`; a fault names the key, what was found and what was expected."""
-    try:
-        words = tomllib.loads(text(path))
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not valid TOML: {error}.") from error
-    yield from _only(path, "the file", words, ("name", "prior", "truth", "contents", "notes"))
-    name = words.get("name")
-    if not isinstance(name, str):
-        yield InputError(f"{path}: name is {name!r}, expected a text in quotes.")
-    notes = yield from _section(path, "notes", words.get("notes", {}), None)
-    prior = yield from _scan_prior(path, words.get("prior"))
-    kind = (yield from _section(path, "truth", words.get("truth", {}), ("kind",))).get("kind")
-    if kind not in (None, "truth", "reference"):
-        yield InputError(f"{path}: truth.kind is {kind!r}, expected 'truth' or 'reference'.")
-    contents = yield from _scan_contents(path, words.get("contents", {}))
-    return Words(str(name), prior, kind, notes, contents)
+    """The words in `path`; a fault names the line and the key, what was found and what was expected."""
+    file = TomlTable.read(path)
+    yield from file.unknown(("name", "prior", "truth", "contents", "notes"))
+    name = yield from _tried(_name, file)
+    notes = yield from _tried(file.table, "notes")
+    prior = yield from attempted(_scan_prior(file))
+    kind = yield from _tried(_truth_kind, file)
+    contents = yield from attempted(_scan_contents(file))
+    return Words(
+        file, name or "", prior or NOWHERE, kind, {} if notes is None else notes.entries, contents or Contents()
+    )
 
 
-def _scan_prior(path: Path, found: Any) -> Scan[Prior]:
-    """The prior; in place of what is no good, anything that is."""
-    nowhere = Prior(np.zeros(3), np.eye(3))
-    given = yield from _section(path, "prior", found, ("pose", "cov", "map"))
-    if not isinstance(found, dict):
-        return nowhere
-    pose = yield from _numbers(path, "prior.pose", given.get("pose"), 3)
-    cov = yield from _numbers(path, "prior.cov", given.get("cov"), 3, 3)
-    known = (yield from _scan_map(path, given["map"])) if "map" in given else None
-    return Prior(nowhere.pose if pose is None else pose, nowhere.cov if cov is None else cov, known)
+def _name(file: TomlTable) -> str:
+    file.given("name", "a text in quotes")
+    return file.text("name", "")
 
 
-def _scan_map(path: Path, found: Any) -> Scan[Map | None]:
+def _truth_kind(file: TomlTable) -> Literal["truth", "reference"] | None:
+    return file.table("truth").only(("kind",)).choice("kind", None, ("truth", "reference"))
+
+
+def _scan_prior(file: TomlTable) -> Scan[Prior]:
+    """The prior; `NOWHERE` in place of one that is no good."""
+    given = file.table("prior")
+    yield from given.unknown(("pose", "cov", "map"))
+    pose = yield from _tried(given.numbers, "pose", 3, most=LARGEST_FLOAT)
+    cov = yield from _tried(given.numbers, "cov", 3, 3, most=LARGEST_FLOAT)
+    known = (yield from _scan_map(given.table("map"))) if given.has("map") else None
+    return NOWHERE if pose is None or cov is None else Prior(pose, cov, known)
+
+
+def _scan_map(known: TomlTable) -> Scan[Map | None]:
     """The map of the prior; None if it is no good."""
-    known = yield from _section(path, "prior.map", found, ("ids", "xy", "cov"))
-    ids = known.get("ids")
-    if not isinstance(ids, list) or not all(type(one) is int and abs(one) < 2**63 for one in ids):
-        yield InputError(f"{path}: prior.map.ids is {_short(ids)}, expected a list of whole numbers.")
-        return None
-    n = len(ids)
-    cov = (yield from _numbers(path, "prior.map.cov", known["cov"], 2 * n, 2 * n)) if "cov" in known else None
-    xy = yield from _numbers(path, "prior.map.xy", known.get("xy"), n, 2)
+    yield from known.unknown(("ids", "xy", "cov"))
+    ids = known.given("ids", "a list of whole numbers")
+    if not isinstance(ids, list) or not all(type(one) is int and abs(one) <= LARGEST for one in ids):
+        raise known.fault("ids", "a list of whole numbers")
+    n, most = len(ids), LARGEST_FLOAT
+    cov = (yield from _tried(known.numbers, "cov", 2 * n, 2 * n, most=most)) if known.has("cov") else None
+    xy = yield from _tried(known.numbers, "xy", n, 2, most=most)
     return None if xy is None else Map(np.array(ids, np.int64), xy, cov)
 
 
-def _scan_contents(path: Path, found: Any) -> Scan[Contents]:
+def _scan_contents(file: TomlTable) -> Scan[Contents]:
     """What the other files contained, as far as it is told."""
-    given = yield from _section(path, "contents", found, ("factors", "truth", "rows"))
-    rows = yield from _section(path, "contents.rows", given.get("rows", {}), FILES)
-    for file, count in rows.items():
-        if type(count) is not int or count < 0:
-            yield InputError(f"{path}: contents.rows has {_short(count)} for {file}, expected a number of rows.")
-    for key in ("factors", "truth"):
-        if not isinstance(given.get(key, ""), str):
-            yield InputError(f"{path}: contents.{key} is {_short(given[key])}, expected a digest in quotes.")
-    return Contents(rows, given.get("factors"), given.get("truth"))
+    given = file.table("contents")
+    yield from given.unknown(("factors", "truth", "rows"))
+    rows, counts = given.table("rows"), dict[str, int]()
+    yield from rows.unknown(FILES)
+    for name in rows.entries:
+        counts[name] = (yield from _tried(rows.whole, name, 0, 0)) or 0
+    factors = yield from _tried(given.text, "factors", "")
+    truth = yield from _tried(given.text, "truth", "")
+    return Contents(counts, factors or None, truth or None)
 
 
-def _section(path: Path, name: str, found: Any, keys: tuple[str, ...] | None) -> Scan[dict[str, Any]]:
-    """`found` as a table that has none but `keys`, if these are given; an empty one if it is none."""
-    if not isinstance(found, dict):
-        yield InputError(f"{path}: {name} is {_short(found)}, expected a table [{name}].")
-        return {}
-    if keys is not None:
-        yield from _only(path, name, found, keys)
-    return found
-
-
-def _only(path: Path, name: str, found: Mapping[str, Any], keys: tuple[str, ...]) -> Scan[None]:
-    for key in found:
-        if key not in keys:
-            yield InputError(f"{path}: {name} has {_short(key)}, expected none but {', '.join(keys)}.")
-
-
-def _numbers(path: Path, name: str, found: Any, *shape: int) -> Scan[Array | None]:
-    """`found` as an array of that shape; None if it is none."""
+def _tried(read: Callable[P, T], *args: P.args, **options: P.kwargs) -> Scan[T | None]:
+    """What `read` returns of these; None where it raises an error, which is a fault."""
     try:
-        numbers = np.array(found, float)
-    except (TypeError, ValueError, OverflowError):
-        numbers = np.full((), np.nan)
-    if numbers.size == 0 == np.prod(shape):
-        return np.zeros(shape)
-    if numbers.shape != shape:
-        yield InputError(f"{path}: {name} is {_short(found)}, expected {' x '.join(map(str, shape))} numbers.")
-        return None
-    return numbers
-
-
-def _short(found: Any) -> str:
-    """What was found, on a line that one can read."""
-    shown = repr(found)
-    return shown if len(shown) <= 100 else f"{shown[:60]} ... {shown[-30:]}"
+        return read(*args, **options)
+    except InputError as error:
+        fault = error
+    yield fault
+    return None

@@ -33,11 +33,11 @@ from ...frontend.files import write_whole
 from ...frontend.markers.markers import Markers
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.se2 import Array
+from ...frontend.toml.table import TomlTable
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder, Floors
 from ...frontend.wheels.motion import Drift, TrackNoise
 from .rosbag import Topics
-from .settings import Settings
 
 ROBOT = "robot.toml"
 CALIBRATION = "calibration.yaml"
@@ -85,18 +85,18 @@ class Robot:
 
 
 def read_robot(path: Path) -> Robot:
-    """The robot that `path`, a robot.toml, tells of; InputError names the file and key of what cannot be used."""
+    """The robot that `path`, a robot.toml, tells of; InputError names the file, line and key of what cannot be used."""
     tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
-    file = Settings.load(path, ("name", *tables))
-    camera = file.table("camera", ("calibration", "size", "mounting", "time_offset", "exposure"))
-    markers = file.table("markers", ("dictionary", "side", "sides", "max_range"))
-    odometry = file.table("odometry", (*_TRACK, "floors", "max_speed"))
-    encoder = file.table("encoder", (*_names(Encoder), "counter_bits", "max_speed"))
-    frames = file.table("frames", _names(FrameSource))
-    topics = file.table("topics", Topics._fields)
+    file = TomlTable.read(path).only(("name", *tables))
+    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
+    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range"))
+    odometry = file.table("odometry").only((*_TRACK, "floors", "max_speed"))
+    encoder = file.table("encoder").only((*_names(Encoder), "counter_bits", "max_speed"))
+    frames = file.table("frames").only(_names(FrameSource))
+    topics = file.table("topics").only(Topics._fields)
     placed = _placed(camera)
     return Robot(
-        name=file.words("name", path.absolute().parent.name),
+        name=file.text("name") if file.has("name") else path.absolute().parent.name,
         markers=_markers(markers),
         camera=_camera(camera, placed),
         mounting=placed,
@@ -104,15 +104,15 @@ def read_robot(path: Path) -> Robot:
         exposure=camera.number("exposure", 0.0, least=0),
         max_range=markers.number("max_range", 3.0, above=0),
         encoder=_encoder(encoder) if file.has("encoder") else None,
-        counter_bits=encoder.whole("counter_bits", COUNTER_BITS),
+        counter_bits=encoder.choice("counter_bits", None, COUNTER_BITS),
         max_speed=_max_speed(encoder, odometry),
         track_noise=_track_noise(odometry),
-        drift=_drift(file.table("drift", _names(Drift))) if file.has("drift") else None,
-        noise=_noise(file.table("noise", None)),
-        prior=_prior(file.table("prior", ("pose", "sd"))),
-        topics=Topics(**{key: topics.words(key) for key in topics.entries}),
+        drift=_drift(file.table("drift").only(_names(Drift))) if file.has("drift") else None,
+        noise=_noise(file.table("noise")),
+        prior=_prior(file.table("prior").only(("pose", "sd"))),
+        topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=FrameSource(
-            source=frames.words("source") if frames.has("source") else None,
+            source=frames.text("source") if frames.has("source") else None,
             fps=frames.number("fps", above=0) if frames.has("fps") else None,
             start=frames.number("start", 0.0),
         ),
@@ -162,99 +162,96 @@ def write_robot(path: Path, robot: Robot) -> None:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
 
 
-def _placed(camera: Settings) -> Array:
-    given = camera.table("mounting", ("xyz", "rpy", "matrix"))
+def _placed(camera: TomlTable) -> Array:
+    given = camera.table("mounting").only(("xyz", "rpy", "matrix"))
     if given.has("matrix"):
         if given.has("xyz") or given.has("rpy"):
-            raise InputError(f"{given.where('matrix')}: is given beside xyz or rpy, expected one or the other.")
-        return from_matrix(given.entries["matrix"], given.where("matrix"))
-    zero = [0.0, 0.0, 0.0]
-    return from_rpy(given.numbers("xyz", 3, zero), given.numbers("rpy", 3, zero))
+            raise given.refused("matrix", "is given beside xyz or rpy, expected one or the other.")
+        return from_matrix(given.numbers("matrix", 4, 4), given.where("matrix"))
+    return from_rpy(*(given.numbers(key, 3, default=(0, 0, 0)).tolist() for key in ("xyz", "rpy")))
 
 
-def _camera(camera: Settings, placed: Array) -> Camera | None:
+def _camera(camera: TomlTable, placed: Array) -> Camera | None:
     if not camera.has("calibration"):
         return None
-    file = camera.path.parent / camera.words("calibration")
+    file = Path(camera.file).parent / camera.text("calibration")
     if not file.is_file():
-        raise InputError(f"{camera.where('calibration')}: there is no file {file}, expected a camera's calibration.")
+        raise camera.refused("calibration", f"there is no file {file}, expected a camera's calibration.")
     size = camera.numbers("size", 2) if camera.has("size") else None
     if size is not None and not all(side >= 1 and side == int(side) for side in size):
-        raise camera.fault("size", size, "width and height in whole px")
+        raise camera.fault("size", "width and height in whole px")
     return read(file, placed, None if size is None else (int(size[0]), int(size[1])))
 
 
-def _markers(markers: Settings) -> Markers:
-    sides = markers.table("sides", None)
+def _markers(markers: TomlTable) -> Markers:
+    sides = markers.table("sides")
     for key in sides.entries:
         if not (key.isascii() and key.isdigit()):
-            raise InputError(f"{sides.where(key)}: is no marker's id, expected a whole number.")
+            raise sides.refused(key, "is no marker's id, expected a whole number.")
     known = Markers(
-        markers.words("dictionary"),
+        markers.text("dictionary"),
         markers.number("side", above=0),
         {int(key): sides.number(key, above=0) for key in sides.entries},
-        markers.path.parent,
+        Path(markers.file).parent,
     )
     try:
         _ = known.opencv
     except InputError as error:
         raise InputError(f"{markers.where('dictionary')}: {error}") from None
-    known.check(f"{markers.path}: [markers]")
+    known.check(markers.where())
     return known
 
 
-def _encoder(encoder: Settings) -> Encoder:
+def _encoder(encoder: TomlTable) -> Encoder:
     rolls: dict[str, Any] = {key: encoder.number(key) for key in ("left", "right")}
     for key in ("left", "right"):
         if rolls[key] == 0:
-            raise encoder.fault(key, rolls[key], "metres a count, a number other than 0")
+            raise encoder.fault(key, "metres a count, a number other than 0")
     for key, choices in {"noise": ("proportional", "distance"), "curve": ("midpoint", "arc")}.items():
         if encoder.has(key):
-            rolls[key] = encoder.words(key, choices=choices)
+            rolls[key] = encoder.choice(key, None, choices)
     rolls |= _given(encoder, ("interval",), above=0) | _floors(encoder)
     return Encoder(**rolls, base=encoder.number("base", above=0), k=encoder.number("k", least=0))
 
 
-def _track_noise(odometry: Settings) -> TrackNoise:
+def _track_noise(odometry: TomlTable) -> TrackNoise:
     given: dict[str, Any] = _given(odometry, _TRACK, least=0)
     return TrackNoise(**given, **_floors(odometry))
 
 
-def _max_speed(encoder: Settings, odometry: Settings) -> float:
+def _max_speed(encoder: TomlTable, odometry: TomlTable) -> float:
     given = [table.number("max_speed", above=0) for table in (encoder, odometry) if table.has("max_speed")]
     if len(set(given)) > 1:
-        raise odometry.fault("max_speed", given[1], f"[encoder]'s {given[0]:g}, or nothing")
+        raise odometry.fault("max_speed", f"[encoder]'s {given[0]:g}, or nothing")
     return given[0] if given else MAX_SPEED
 
 
-def _drift(drift: Settings) -> Drift:
+def _drift(drift: TomlTable) -> Drift:
     return Drift(drift.number("position", above=0), drift.number("turning", above=0), **_floors(drift))
 
 
-def _noise(noise: Settings) -> Noise:
-    model = NOISES[noise.words("model", "proportional", choices=tuple(NOISES))]
-    noise = Settings(noise.path, "", {"noise": noise.entries}).table("noise", ("model", *_names(model)))
-    built: Any = model
-    return built(**_given(noise, _names(model), least=0))
+def _noise(noise: TomlTable) -> Noise:
+    model: Any = NOISES[noise.choice("model", "proportional", tuple(NOISES))]
+    return model(**_given(noise.only(("model", *_names(model))), _names(model), least=0))
 
 
-def _prior(prior: Settings) -> Prior:
-    pose, sd = (prior.numbers(key, 3, default) for key, default in (("pose", [0.0] * 3), ("sd", [START_SD] * 3)))
+def _prior(prior: TomlTable) -> Prior:
+    pose, sd = prior.numbers("pose", 3, default=(0, 0, 0)), prior.numbers("sd", 3, default=[START_SD] * 3)
     if abs(pose[2]) > np.pi:
-        raise prior.fault("pose", pose, "a heading from -pi to pi, in radians")
-    if min(sd) <= 0:
-        raise prior.fault("sd", sd, "3 numbers above 0")
-    return Prior(np.array(pose), np.diag(np.square(sd)))
+        raise prior.fault("pose", "a heading from -pi to pi, in radians")
+    if sd.min() <= 0:
+        raise prior.fault("sd", "3 numbers above 0")
+    return Prior(pose, np.diag(np.square(sd)))
 
 
-def _floors(table: Settings) -> dict[str, Any]:
+def _floors(table: TomlTable) -> dict[str, Any]:
     if not table.has("floors"):
         return {}
-    floors = table.table("floors", _names(Floors))
+    floors = table.table("floors").only(_names(Floors))
     return {"floors": Floors(**_given(floors, _names(Floors), above=0))}
 
 
-def _given(table: Settings, keys: Collection[str], **bounds: float) -> dict[str, Any]:
+def _given(table: TomlTable, keys: Collection[str], **bounds: float) -> dict[str, Any]:
     """The numbers among `keys` that are given; the others keep the default of what they are handed to."""
     return {key: table.number(key, **bounds) for key in keys if table.has(key)}
 

@@ -31,6 +31,7 @@ TOP = "."
 ROOMS: dict[str, dict[str, set[str]]] = {
     "frontend": {
         TOP: set(),
+        "toml": {TOP},
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},

@@ -89,9 +89,10 @@ def test_it_is_the_last_of_metrics_csv_with_its_value(made: Path) -> None:
 
 def test_the_files_of_runs_and_studies_have_it(made: Path) -> None:
     types: dict[str, str] = {}
-    for file, table in (("run/results.sqlite", "cells"), ("study.sqlite", "results"), ("study.sqlite", "cells")):
-        with sqlite3.connect(made / file) as db:
+    with sqlite3.connect(made / "run" / "results.sqlite") as db:
+        for table in ("results", "cells"):
             types[table] = {row[1]: row[2] for row in db.execute(f"PRAGMA table_info({table})")}["path_m"]
+    db.close()
     assert types == {"cells": "REAL", "results": "REAL"}
 
 

@@ -52,7 +52,7 @@ def survivors(
                 one = read(path)
             except InputError as error:
                 sentence = str(error)
-                assert sentence.endswith("."), sentence
+                assert sentence[-1] in ".?", sentence
                 assert "\n" not in sentence, sentence
                 assert path.name in sentence or str(path.parent) in sentence, sentence
                 sentences.append(sentence)

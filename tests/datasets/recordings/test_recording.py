@@ -337,7 +337,7 @@ LARGER = Camera(640, 480, (600.0, 600.0), (319.5, 239.5), (), CAMERA.mounting)
             removed("ticks.csv"),
             r"a: nothing tells how the robot moved; expected ticks\.csv or odometry\.csv .*\[drift\]",
         ),
-        (removed("calibration.yaml"), r"robot\.toml: \[camera\] calibration: there is no file .*calibration\.yaml"),
+        (removed("calibration.yaml"), r"robot\.toml, line \d+: camera\.calibration: there is no file .*n\.yaml"),
         (removed("robot.toml"), r"a: there is no robot\.toml with it"),
         (removed("frames.csv"), r"frames: nothing tells when 000000\.png was taken; expected .*frames\.csv.*\] fps"),
         (removed("frames/000003.png"), r"frames\.csv, line 5: there is no file .*000003\.png"),

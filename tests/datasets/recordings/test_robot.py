@@ -1,4 +1,4 @@
-"""robot.toml: what it says is read, what it says wrongly is refused by file and key, and what is written reads back."""
+"""robot.toml: it is read, refused by file, line and key where it is wrong, and what is written reads back."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -157,79 +157,49 @@ def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
         read_robot(folder_with(tmp_path, FULL, sizeless))
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ('name = "cart"', "name = 3", "robot.toml: name: found 3, expected a text in quotes."),
-        ('name = "cart"', "name = ", "robot.toml: not valid TOML: "),
-        ('name = "cart"', 'nam = "cart"', "robot.toml: nam: there is no such key; did you mean 'name'?"),
-        ("[drift]", "[drfit]", "robot.toml: drfit: there is no such key; did you mean 'drift'?"),
-        ("left = 1.5e-4", "left = 'x'", "robot.toml: [encoder] left: found 'x', expected a number."),
-        ("left = 1.5e-4", "left = true", "robot.toml: [encoder] left: found True, expected a number."),
-        ("left = 1.5e-4", "left = nan", "robot.toml: [encoder] left: found nan, expected a number."),
-        ("left = 1.5e-4", "left = 0", "[encoder] left: found 0.0, expected metres a count, a number other than 0."),
-        ("left = 1.5e-4", "", "robot.toml: [encoder] left: is missing, expected a number."),
-        ("base = 0.36", "base = -0.36", "robot.toml: [encoder] base: found -0.36, expected a number above 0."),
-        ("k = 0.01", "k = -1", "robot.toml: [encoder] k: found -1, expected a number at least 0."),
-        ('noise = "distance"', 'noise = "far"', "[encoder] noise: found 'far', expected one of 'proportional', 'dist"),
-        ("floors = {position = 1e-3}", "floors = 3", "robot.toml: [encoder] floors: found 3, expected a table"),
-        (
-            "{position = 1e-3}",
-            "{positon = 1e-3}",
-            "robot.toml: [encoder.floors] positon: there is no such key; did you",
-        ),
-        ("counter_bits = 16", "counter_bits = 12", "[encoder] counter_bits: found 12, expected one of 8, 16, 32."),
-        ("counter_bits = 16", "counterbits = 16", "[encoder] counterbits: there is no such key; did you mean 'count"),
-        ("max_speed = 2.0", "max_speed = 0", "robot.toml: [encoder] max_speed: found 0, expected a number above 0."),
-        ("forward = 0.03", "max_speed = 3.0", "[odometry] max_speed: found 3.0, expected [encoder]'s 2, or nothing."),
-        ("forward = 0.03", "forward = -3", "robot.toml: [odometry] forward: found -3, expected a number at least 0."),
-        ("turning = 0.6", "", "robot.toml: [drift] turning: is missing, expected a number."),
-        ("exposure = 0.02", "exposure = -0.02", "[camera] exposure: found -0.02, expected a number at least 0."),
-        (
-            "exposure = 0.02",
-            "size = [3.5, 2]",
-            "[camera] size: found [3.5, 2.0], expected width and height in whole px.",
-        ),
-        ('"calibration.yaml"', '"else.yaml"', "robot.toml: [camera] calibration: there is no file "),
-        ("[0.0, 0.2, -0.1]", "[0.0, 0.2]", "[camera.mounting] rpy: found [0.0, 0.2], expected 3 numbers."),
-        (
-            "rpy =",
-            "yaw =",
-            "robot.toml: [camera.mounting] yaw: there is no such key; expected none but xyz, rpy, matrix.",
-        ),
-        ("rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "[camera.mounting] matrix: is given beside xyz or rpy"),
-        ("xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "[camera.mounting] matrix: found 1 x 1"),
-        ('dictionary = "4X4_50"', 'dictionary = "4X4_51"', "robot.toml: [markers] dictionary: "),
-        ('dictionary = "4X4_50"', "", "robot.toml: [markers] dictionary: is missing, expected a text in quotes."),
-        ("side = 0.16", "side = 0", "robot.toml: [markers] side: found 0, expected a number above 0."),
-        (
-            "{7 = 0.2}",
-            "{seven = 0.2}",
-            "robot.toml: [markers.sides] seven: is no marker's id, expected a whole number.",
-        ),
-        ("{7 = 0.2}", "{7 = -1}", "robot.toml: [markers.sides] 7: found -1, expected a number above 0."),
-        ('model = "proportional"', 'model = "true"', "robot.toml: [noise] model: found 'true', expected one of 'prop"),
-        (
-            "k_range = 0.03",
-            "k_rang = 0.03",
-            "robot.toml: [noise] k_rang: there is no such key; did you mean 'k_range'?",
-        ),
-        ("pose = [1.0, 2.0, 0.5]", "pose = [1.0, 2.0, 50.0]", "[prior] pose: found [1.0, 2.0, 50.0], expected a head"),
-        (
-            "sd = [0.1, 0.2, 0.3]",
-            "sd = [0.1, 0, 0.3]",
-            "[prior] sd: found [0.1, 0.0, 0.3], expected 3 numbers above 0.",
-        ),
-        ("image =", "imgae =", "robot.toml: [topics] imgae: there is no such key; did you mean 'image'?"),
-        ("fps = 30", "fps = 0", "robot.toml: [frames] fps: found 0, expected a number above 0."),
-    ],
-)
-def test_what_cannot_be_used_is_refused_by_file_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
+REFUSALS = [
+    ('name = "cart"', "name = 3", "line 2: name: found 3, expected a text in quotes."),
+    ("[drift]", "[drfit]", "line 27: drfit: there is no such key; did you mean 'drift'?"),
+    ("left = 1.5e-4", "left = 0", "line 14: encoder.left: found 0, expected metres a count, a number other than 0."),
+    ("left = 1.5e-4", "", "line 13: encoder has no 'left', expected a number."),
+    ("base = 0.36", "base = -0.36", "line 16: encoder.base: found -0.36, expected a number above 0."),
+    ("k = 0.01", "k = -1", "line 17: encoder.k: found -1, expected a number at least 0."),
+    ('noise = "distance"', 'noise = "far"', "line 18: encoder.noise: found 'far', expected one of 'proportional',"),
+    ("{position = 1e-3}", "{positon = 1e-3}", "line 21: encoder.floors.positon: there is no such key; did you mean"),
+    ("counter_bits = 16", "counter_bits = 12", "line 22: encoder.counter_bits: found 12, expected one of 8, 16, 32."),
+    ("counter_bits = 16", "counterbits = 16", "line 22: encoder.counterbits: there is no such key; did you mean"),
+    ("max_speed = 2.0", "max_speed = 0", "line 23: encoder.max_speed: found 0, expected a number above 0."),
+    ("forward = 0.03", "max_speed = 3.0", "line 25: odometry.max_speed: found 3.0, expected [encoder]'s 2, or nothing"),
+    ("forward = 0.03", "forward = -3", "line 25: odometry.forward: found -3, expected a number at least 0."),
+    ("turning = 0.6", "", "line 27: drift has no 'turning', expected a number above 0."),
+    ("exposure = 0.02", "exposure = -0.02", "line 7: camera.exposure: found -0.02, expected a number at least 0."),
+    ("exposure = 0.02", "size = [3.5, 2]", "line 7: camera.size: found [3.5, 2], expected width and height in whole"),
+    ('"calibration.yaml"', '"else.yaml"', "line 4: camera.calibration: there is no file "),
+    ("[0.0, 0.2, -0.1]", "[0.0, 0.2]", "line 5: camera.mounting.rpy: found [0.0, 0.2], expected 3 numbers."),
+    ("rpy =", "yaw =", "line 5: camera.mounting.yaw: there is no such key; expected one of matrix, rpy, xyz."),
+    ("rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "line 5: camera.mounting.matrix: is given beside xyz or rpy"),
+    ("xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "line 5: camera.mounting.matrix: found"),
+    ('dictionary = "4X4_50"', 'dictionary = "4X4_51"', "line 9: markers.dictionary: marker dictionary: there is no"),
+    ('dictionary = "4X4_50"', "", "line 8: markers has no 'dictionary', expected a text in quotes."),
+    ("side = 0.16", "side = 0", "line 10: markers.side: found 0, expected a number above 0."),
+    ("side = 0.16", "side = 160", "line 8: markers: side: found 160, expected metres"),
+    ("{7 = 0.2}", "{seven = 0.2}", "line 11: markers.sides.seven: is no marker's id, expected a whole number."),
+    ("{7 = 0.2}", "{7 = -1}", "line 11: markers.sides.7: found -1, expected a number above 0."),
+    ('model = "proportional"', 'model = "true"', "line 31: noise.model: found 'true', expected one of 'proportional',"),
+    ("k_range = 0.03", "k_rang = 0.03", "line 32: noise.k_rang: there is no such key; did you mean 'k_range'?"),
+    ("2.0, 0.5]", "2.0, 50.0]", "line 35: prior.pose: found [1.0, 2.0, 50.0], expected a heading from -pi to pi"),
+    ("sd = [0.1, 0.2", "sd = [0.1, 0", "line 36: prior.sd: found [0.1, 0, 0.3], expected 3 numbers above 0."),
+    ("image =", "imgae =", "line 38: topics.imgae: there is no such key; did you mean 'image'?"),
+    ("fps = 30", "fps = 0", "line 41: frames.fps: found 0, expected a number above 0."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "message"), REFUSALS)
+def test_what_cannot_be_used_is_refused_by_file_line_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in FULL
     with pytest.raises(InputError) as refused:
         read_robot(folder_with(tmp_path, FULL.replace(old, new, 1)))
-    assert message in str(refused.value)
-    assert str(refused.value).startswith(str(tmp_path / "robot.toml"))
+    assert str(refused.value).startswith(f"{tmp_path / 'robot.toml'}, {message}")
 
 
 def test_no_robot_toml(tmp_path: Path) -> None:

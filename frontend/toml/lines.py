@@ -29,39 +29,39 @@ class _Scan:
         self.counts: dict[Place, int] = {}  # of the arrays of tables: how many there are so far
         self.ends = [match.start() for match in re.finditer("\n", text)]
         table: Place = ()
-        while self._next():
-            table = self._header() if self._next() == "[" else self._pair(table)
+        while first := self._next():
+            if first == "[":
+                table = self._header()
+            else:
+                self._pair(table)
 
     def _header(self) -> Place:
         """[table] or [[one of an array of tables]]: where it is."""
-        many = self.text.startswith("[[", self.at)
-        line = self._line()
+        many, line = self.text.startswith("[[", self.at), self._line()
         self.at += 1 + many
-        *outer, last = self._key()
+        place = self._named(())
         self.at += 1 + many
-        place: Place = ()
-        for part in outer:
-            place = (*place, part)
-            self.lines.setdefault(place, line)
-            if place in self.counts:
-                place = (*place, self.counts[place] - 1)
-        place = (*place, last)
-        self.lines.setdefault(place, line)
         if many:
             self.counts[place] = self.counts.get(place, 0) + 1
             place = (*place, self.counts[place] - 1)
             self.lines[place] = line
         return place
 
-    def _pair(self, table: Place) -> Place:
-        """A key and its value; `table` again."""
-        line, place = self._line(), table
-        for part in self._key():
-            place = (*place, part)
-            self.lines.setdefault(place, line)
+    def _pair(self, table: Place) -> None:
+        """A key and its value."""
+        place = self._named(table)
         self.at += 1  # the sign of equality
         self._value(place)
-        return table
+
+    def _named(self, place: Place) -> Place:
+        """The place of the key that is read next; in an array of tables it is in the last of them."""
+        line = self._line()
+        for part in self._key():
+            if place in self.counts:
+                place = (*place, self.counts[place] - 1)
+            place = (*place, part)
+            self.lines.setdefault(place, line)
+        return place
 
     def _value(self, place: Place) -> None:
         first = self._next()

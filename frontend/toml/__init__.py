@@ -1,0 +1,1 @@
+"""TOML files, read table by table with their lines at hand."""

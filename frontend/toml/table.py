@@ -1,0 +1,252 @@
+"""Reads a TOML file table by table; what cannot be used is refused by file, line and key."""
+
+import functools
+import math
+import tomllib
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..errors import InputError
+from ..nearest import nearest
+from ..scan import Scan, strict
+from ..se2 import Array
+from ..table import text
+from .lines import Place, lines
+
+T = TypeVar("T", bound=str | int)
+D = TypeVar("D")
+
+LARGEST = 2**63 - 1
+"""Of whole numbers, to TOML."""
+
+HUGE = 1e12
+"""No length, time or factor is as large."""
+
+SHOWN = 80
+"""Characters of a value that a sentence shows."""
+
+
+@dataclass(frozen=True)
+class TomlTable:
+    """A table and where it stands.
+
+    Every method that reads a key raises InputError for a value of another kind or out of range, and for a key that has
+    no default and is not there.
+    """
+
+    file: str
+    lines: Callable[[], Mapping[Place, int]]  # computed when an error first needs them
+    place: Place  # () for the file itself
+    entries: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, path: Path) -> "TomlTable":
+        """The file at `path`. InputError where there is none, or it is no TOML."""
+        return cls.parse(str(path), text(path))
+
+    @classmethod
+    def parse(cls, file: str, text: str) -> "TomlTable":
+        """The file with that text, called `file` in errors. InputError where it is no TOML."""
+        try:
+            entries = tomllib.loads(text)
+        except ValueError as error:  # TOMLDecodeError, or that of a number with thousands of digits
+            said = _with_line(str(error).partition("; use ")[0], text)
+            raise InputError(f"{file}{said}; expected a TOML file.") from None
+        except RecursionError:
+            raise too_deep(file) from None
+        return cls(file, functools.cache(functools.partial(lines, text)), (), entries)
+
+    def has(self, key: str) -> bool:
+        """Tells if it is given."""
+        return key in self.entries
+
+    def unknown(self, known: Collection[str]) -> Scan[None]:
+        """Its keys that are not `known`, each a fault."""
+        for key in self.entries:
+            if key not in known:
+                yield self.refused(key, f"there is no such key; {nearest(key, known)}")
+
+    def only(self, known: Collection[str]) -> "TomlTable":
+        """Itself. InputError for a key that is not `known`."""
+        strict(self.unknown(known))
+        return self
+
+    def given(self, key: str, expected: str) -> Any:
+        """The value as it is, of whatever kind."""
+        if key not in self.entries:
+            raise self.lacks(key, expected)
+        return self.entries[key]
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """A text; without a default it has to be given, and to have a letter."""
+        found = self.given(key, "a text in quotes") if default is None else self.entries.get(key, default)
+        if not isinstance(found, str) or (default is None and not found.strip()):
+            raise self.fault(key, "a text in quotes")
+        return found
+
+    def choice(self, key: str, default: D, known: Collection[T]) -> T | D:
+        """One of the texts or whole numbers `known`, or the default."""
+        if key not in self.entries:
+            return default
+        found = self.entries[key]
+        if type(found) not in map(type, known) or found not in known:
+            raise self.fault(key, f"one of {', '.join(map(shown, known))}")
+        return found
+
+    def switch(self, key: str, default: bool) -> bool:
+        """true or false."""
+        found = self.entries.get(key, default)
+        if not isinstance(found, bool):
+            raise self.fault(key, "true or false")
+        return found
+
+    def whole(self, key: str, default: int, least: int, most: int = LARGEST) -> int:
+        """A whole number from `least` to `most`."""
+        found = self.entries.get(key, default)
+        if type(found) is not int or not least <= found <= most:
+            raise self.fault(key, f"a whole number, at least {least}" + f" and at most {most:,}" * (most < LARGEST))
+        return found
+
+    def number(
+        self, key: str, default: float | None = None, *, above: float = -math.inf, least: float = -math.inf
+    ) -> float:
+        """A number above `above`, at least `least` and not beyond `HUGE`; the default is not checked."""
+        expected = "a number" + f" above {above:g}" * (above > -math.inf) + f" at least {least:g}" * (least > -math.inf)
+        if key not in self.entries and default is not None:
+            return default
+        found = self.given(key, expected)
+        if not is_number(found) or not (above < found and least <= found and abs(found) <= HUGE):
+            beyond = is_number(found) and HUGE < abs(found) < math.inf
+            raise self.fault(key, expected + f", not beyond {HUGE:g}" * beyond)
+        return float(found)
+
+    def numbers(self, key: str, *shape: int, default: Sequence[float] | None = None, most: float = HUGE) -> Array:
+        """Numbers, none beyond `most`, in lists of that shape."""
+        expected = f"{' x '.join(map(str, shape))} numbers"
+        if key not in self.entries and default is not None:
+            return np.array(default, float)
+        found = self.given(key, expected)
+        if not _fits(found, shape, most):
+            raise self.fault(key, expected)
+        return np.array(found, float).reshape(shape)
+
+    def names(self, key: str) -> list[str]:
+        """A text or a list of texts, at least one."""
+        found = self.given(key, "a text or a list of texts")
+        found = [found] if isinstance(found, str) else found
+        if not isinstance(found, list) or not found or not all(isinstance(name, str) for name in found):
+            raise self.fault(key, "a text or a list of texts, at least one")
+        return found
+
+    def table(self, key: str) -> "TomlTable":
+        """The table `key`, empty where there is none."""
+        found = self.entries.get(key, {})
+        if not isinstance(found, dict):
+            raise self.fault(key, f"a table, [{called((*self.place, key))}] or {called((key,))} = {{ ... }}")
+        return replace(self, place=(*self.place, key), entries=found)
+
+    def tables(self, key: str, expected: str) -> "list[TomlTable]":
+        """Those of a list of tables, none where it is not given."""
+        found = self.entries.get(key, [])
+        if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+            raise self.fault(key, expected)
+        return [replace(self, place=(*self.place, key, k), entries=one) for k, one in enumerate(found)]
+
+    def flat(self) -> dict[str, tuple[Any, Place]]:
+        """Its entries by dotted key, dataset.tags and "dataset.tags" being the same, and where each stands."""
+        found: dict[str, tuple[Any, Place]] = {}
+        for key, value in self.entries.items():
+            inner = self.table(key).flat() if isinstance(value, dict) and value else {"": (value, (*self.place, key))}
+            for rest, (deeper, place) in inner.items():
+                name = f"{key}.{rest}" if rest else key
+                if name in found:
+                    raise self.at(place, f"{name} is given twice, expected once.")
+                found[name] = deeper, place
+        return found
+
+    def fault(self, key: str, expected: str) -> InputError:
+        """The error that says what was found at `key` and what was `expected`."""
+        return self.refused(key, f"found {shown(self.entries[key])}, expected {expected}.")
+
+    def refused(self, key: str, sentence: str) -> InputError:
+        """The error that says so of `key`."""
+        return InputError(f"{self.where(key)}: {sentence}")
+
+    def lacks(self, key: str, expected: str) -> InputError:
+        """The error that says that `key` is not there."""
+        return self.at(self.place, f"{called(self.place) or 'the file'} has no {key!r}, expected {expected}.")
+
+    def at(self, place: Place, sentence: str) -> InputError:
+        """The error that says so of what stands at `place`."""
+        return InputError(f"{self._line(place)}: {sentence}")
+
+    def where(self, *key: str) -> str:
+        """The file, the line and the dotted name of `key`, or of the table itself, with which an error begins."""
+        place = (*self.place, *key)
+        return f"{self._line(place)}: {called(place)}"
+
+    def line(self, place: Place) -> int | None:
+        """The line of what stands at `place`, or else of the table or list around it."""
+        while place and place not in self.lines():
+            place = place[:-1]
+        return self.lines().get(place)
+
+    def _line(self, place: Place) -> str:
+        line = self.line(place)
+        return self.file if line is None else f"{self.file}, line {line}"
+
+
+def is_number(value: Any) -> bool:
+    """Tells a number from anything else, which true and false are."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def shown(value: Any, depth: int = 3) -> str:
+    """A value as the file has it, short."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table" if value else "an empty table"
+    if isinstance(value, int) and abs(value) > LARGEST:
+        return "a whole number beyond 64 bits"
+    if isinstance(value, list):
+        inside = [shown(one, depth - 1) for one in value[:4]] if depth else []
+        said = f"[{', '.join([*inside, '...'] if len(value) > len(inside) else inside)}]"
+    else:
+        said = repr(value) if isinstance(value, str | int | float) else f"the time {value}"
+    return said if len(said) <= SHOWN else f"{said[:SHOWN]}..."
+
+
+def called(place: Place) -> str:
+    """The dotted key of what stands at `place`, without the places in arrays."""
+    keys = [part for part in place if isinstance(part, str)]
+    return ".".join(key if key.isprintable() and 0 < len(key) <= SHOWN else shown(key) for key in keys)
+
+
+def too_deep(file: str) -> InputError:
+    """The error for tables or lists that are nested hundreds deep."""
+    return InputError(f"{file}: found tables or lists that are hundreds deep in one another, expected a few.")
+
+
+def _with_line(said: str, text: str) -> str:
+    """What tomllib says, with the line before it as in every other sentence."""
+    what, _, where = said.rstrip(")").rpartition(" (at ")
+    line, _, column = where.removeprefix("line ").partition(", column ")
+    if not what:
+        return f": not valid TOML: {said}"
+    if not column:
+        return f", line {len(text.splitlines())}: not valid TOML at its end: {what}"
+    return f", line {line}: not valid TOML at column {column}: {what}"
+
+
+def _fits(found: Any, shape: tuple[int, ...], most: float) -> bool:
+    """Tells if it is a list of lists of that shape, of numbers that are not beyond `most`."""
+    if not shape:
+        return is_number(found) and abs(found) <= most
+    return isinstance(found, list) and len(found) == shape[0] and all(_fits(one, shape[1:], most) for one in found)
