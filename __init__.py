@@ -1,17 +1,24 @@
 """The same robot log through several SLAM backends, and a verdict that holds up.
 
-log = slamduel.Log.from_arrays(...)
-slamduel.run(log, backend="ekf,isam2")
+    log = slamduel.Log.from_arrays(...)
+    slamduel.run(log, backend="ekf,isam2")
+
+Public are the names listed here and `slamduel.backends.api`, which plug-ins import; all other modules may move.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .bench.check.suite import check as check
+    from .bench.logs.show import Portrait as Portrait
     from .bench.logs.show import show as show
     from .bench.plan.load import load as load
+    from .bench.report.comparison import compare as compare
     from .bench.run.result import Result as Result
     from .bench.run.result import run as run
+    from .bench.study_report.result import study as study
+    from .frontend.errors import InputError as InputError
     from .frontend.errors import SlamduelError as SlamduelError
     from .frontend.factors import UNKNOWN as UNKNOWN
     from .frontend.factors import Dataset as Dataset
@@ -24,38 +31,30 @@ if TYPE_CHECKING:
     from .frontend.factors import Step as Step
     from .frontend.factors import Truth as Truth
 
-__all__ = [
-    "UNKNOWN",
-    "Dataset",
-    "Log",
-    "Map",
-    "Odometry",
-    "Prior",
-    "RangeBearing",
-    "RelativePoses",
-    "Result",
-    "SlamduelError",
-    "Step",
-    "Truth",
-    "load",
-    "run",
-    "show",
-]
-
-_PLACES = {
+_HOMES = {
+    "InputError": ".frontend.errors",
+    "Portrait": ".bench.logs.show",
     "Result": ".bench.run.result",
+    "SlamduelError": ".frontend.errors",
+    "check": ".bench.check.suite",
+    "compare": ".bench.report.comparison",
+    "load": ".bench.plan.load",
     "run": ".bench.run.result",
     "show": ".bench.logs.show",
-    "load": ".bench.plan.load",
-    "SlamduelError": ".frontend.errors",
-}
-"""Where what is not a part of the shared language is imported from, when it is first asked for."""
+    "study": ".bench.study_report.result",
+} | dict.fromkeys(
+    ("UNKNOWN", "Dataset", "Log", "Map", "Odometry", "Prior", "RangeBearing", "RelativePoses", "Step", "Truth"),
+    ".frontend.factors",
+)
+"""The public names and the modules that they are imported from, when first asked for."""
+
+__all__ = sorted(_HOMES)  # noqa: PLE0605  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_PLACES.get(name, ".frontend.factors"), __name__), name)
+    return getattr(import_module(_HOMES[name], __name__), name)
 
 
 def __dir__() -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 from ...backends.api import Builder
 from ...frontend.errors import InputError
+from ..plan.spec import backend_variants
 from . import contract, estimates
 from .adversarial import ends_near_the_batch_answer
 from .adversarial_logs import ADVERSARIES
@@ -67,12 +68,18 @@ def chosen(only: Collection[str]) -> tuple[Check, ...]:
     return tuple(check for check in CHECKS if not only or check.family in only or check.name in only)
 
 
-def check_backend(builder: Builder, options: Any = None, checks: Iterable[Check] = QUICK) -> list[Outcome]:
-    """`checks` on the backend that `builder` makes with `options`, its defaults where None, in this very process.
+def check(backend: Builder | str, options: Any = None, checks: Iterable[Check] = QUICK) -> list[Outcome]:
+    """Run `checks` on a backend in this very process, one outcome each; a plug-in's own tests can call it.
 
-    `checks=CHECKS` has the adversarial logs, too: tens of seconds. Nothing here ends a backend that does not come back.
+    `backend` is a builder, made with `options` or its defaults, or a name as on the command line. `checks=CHECKS` has
+    the adversarial logs, too: tens of seconds. A backend that does not return is not stopped.
     """
-    candidate = Candidate(builder, builder.options() if options is None else options)
+    if isinstance(backend, str):
+        variant = backend_variants(backend, "slamduel.check")[0]
+        if variant.builder is None:
+            raise InputError(variant.missing)
+        backend, options = variant.builder, variant.options if options is None else options
+    candidate = Candidate(backend, backend.options() if options is None else options)
     return [examine(check, candidate) for check in checks]
 
 

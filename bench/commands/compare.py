@@ -8,9 +8,8 @@ from rich.console import Console
 
 from ...frontend.files import write_whole
 from ..plan.values import positive
-from ..report.comparison import document, markdown, table
-from ..verdict.changes import changes, regressed, rest, summary
-from ..verdict.pairing import facing, side
+from ..report.comparison import compare, document, table
+from ..verdict.changes import regressed, rest, summary
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,14 +33,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Compare; 1 where something has become worse, 0 where nothing has."""
-    found = facing(
-        side(namespace.old), side(namespace.new), any_machine=namespace.any_machine, any_log=namespace.any_log
-    )
     least = None if namespace.least is None else namespace.least / 100
-    told = changes(found, least)
+    compared = compare(
+        namespace.old, namespace.new, least=least, any_machine=namespace.any_machine, any_log=namespace.any_log
+    )
+    found, told = compared.found, list(compared.changes)
     if namespace.out is not None:
         namespace.out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(namespace.out, markdown(found, told, least))
+        write_whole(namespace.out, compared.markdown())
     if namespace.json:
         print(json.dumps(document(found, told, least), indent=2))
     elif not namespace.quiet:

@@ -1,6 +1,8 @@
 """A comparison of two runs as a pull request, a terminal and a program read it."""
 
 import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from rich import box
@@ -10,9 +12,54 @@ from rich.text import Text
 from ..drawing.page import rendered
 from ..verdict import changes as judged
 from ..verdict.changes import FEW, GAIN, GONE, NEW, QUANTITIES, REGRESSION, Change, by_how_much, summary
-from ..verdict.pairing import Facing
+from ..verdict.pairing import Facing, facing, side
 from ..words.names import called
 from ..words.numerals import listed, number
+
+
+class Comparison:
+    """Compares the results of two folders; a notebook or a script reads its changes, or shows it."""
+
+    def __init__(self, found: Facing, least: float | None = None) -> None:
+        """`least`: the smallest share that counts as a change, for every quantity its own where None."""
+        self.found, self.least = found, least
+        self.changes: Sequence[Change] = judged.changes(found, least)
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Sentences on what was left out, or must be read with care."""
+        return self.found.notes
+
+    @property
+    def regressed(self) -> bool:
+        """True where anything has become worse."""
+        return judged.regressed(self.changes)
+
+    def markdown(self) -> str:
+        """The comparison for a pull request."""
+        return markdown(self.found, list(self.changes), self.least)
+
+    def __repr__(self) -> str:
+        worse_or_better = [c for c in self.changes if _striking(c)]
+        said = [f"{c.verdict}: {c.backend} on {c.dataset}: {c.quantity} {by_how_much(c)}" for c in worse_or_better]
+        return "\n".join([*said, *self.notes, judged.rest(self.changes), summary(self.changes)])
+
+
+def compare(
+    old: Path | str,
+    new: Path | str,
+    *,
+    least: float | None = None,
+    any_machine: bool = False,
+    any_log: bool = False,
+) -> Comparison:
+    """Compare the results in two folders, of runs or studies, as `bench compare` does.
+
+    `least` is the smallest share that counts as a change. InputError where they cannot be compared.
+    """
+    found = facing(side(Path(old)), side(Path(new)), any_machine=any_machine, any_log=any_log)
+    return Comparison(found, least)
+
 
 SIGNS = {REGRESSION: "🔴 ", GAIN: "🟢 "}
 STYLES = {REGRESSION: "bold red", GAIN: "green", FEW: "yellow", NEW: "cyan", GONE: "cyan"}

@@ -24,7 +24,7 @@ from ..verdict.summary import lines
 from ..verdict.verdict import Verdict
 from ..words.console import screen_console
 from ..workers.local_executor import Local
-from .benchmark import DEFAULTS, begun, benchmark, planned
+from .benchmark import begun, benchmark, planned
 from .progress import Screen
 from .runner import LOGS
 from .terminal import conclude, verdicts
@@ -42,8 +42,8 @@ Named = str | Path | Log | Dataset
 class Result:
     """A run's folder: its cells, verdicts and paths, which a notebook shows with its tables.
 
-    `pandas.DataFrame(found.cells)` is a frame with a row a cell; `found.verdict["aruco-room"].uses` tells which backend
-    to use on that dataset, and why.
+    `found.table` is a pandas frame with one row per cell; `found.verdict["aruco-room"].uses` names the backend to use
+    on that dataset, and why. The folder of a study can be read in the same way.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -54,6 +54,15 @@ class Result:
         """A dictionary a cell, by column of cells.csv; None where there is no value."""
         with Store(self.folder) as store:
             return [dict(row.columns) for row in store.cells()]
+
+    @property
+    def table(self) -> Any:
+        """The cells as a pandas frame, one row each. InputError where pandas is not installed."""
+        try:
+            import pandas
+        except ImportError:
+            raise InputError("Result.table: expected pandas to be installed; Result.cells is without.") from None
+        return pandas.DataFrame(self.cells)
 
     @property
     def verdict(self) -> dict[str, Verdict]:
@@ -117,29 +126,33 @@ def run(
     seeds: int | None = None,
     out: Path | str | None = None,
     jobs: int = 1,
+    timeout_s: float | None = None,
+    memory_mb: int | None = None,
+    map: Path | str | None = None,  # noqa: A002 - the option's name
+    map_fixed: bool | None = None,
+    oracle: bool | None = None,
+    retry: bool = False,
     quiet: bool = True,
-    **limits: Any,
 ) -> Result:
-    """Run backends on datasets as `bench run` does, each cell in a process of its own, and return what came of it.
+    """Run backends on datasets as `bench run` does and return the results.
 
     `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
-    `Log`. Results go to `out`, which is results/DATE-TIME where nothing is said; a run that was stopped goes on where
-    it was. `limits` are those of the command line: timeout_s, memory_mb, map, map_fixed, oracle. SlamduelError, with a
-    sentence, for anything that cannot be used.
+    `Log`. Results go to `out`, by default results/DATE-TIME; a run that was stopped goes on where it was. The other
+    arguments are the options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
     """
     folder = (
         Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
     )
-    unknown = sorted(set(limits) - set(DEFAULTS))
-    if unknown:
-        raise InputError(f"{ASKER}: there is no argument {unknown[0]!r}, expected one of {', '.join(DEFAULTS)}.")
-    given: dict[str, Any] = {name: value for name, value in limits.items() if value is not None}
-    if isinstance(given.get("map"), Path):
-        given["map"] = str(given["map"])
-    if seeds is not None:
-        given["seeds"] = seeds
-    if backend is not None:
-        given["backend"] = _backends(backend)
+    said = {
+        "seeds": seeds,
+        "timeout_s": timeout_s,
+        "memory_mb": memory_mb,
+        "map": str(map) if isinstance(map, Path) else map,
+        "map_fixed": map_fixed,
+        "oracle": oracle,
+        "backend": None if backend is None else _backends(backend),
+    }
+    given: dict[str, Any] = {name: value for name, value in said.items() if value is not None}
     held: dict[Path, Dataset] = {}
     if dataset is not None:
         given["dataset"] = ",".join(_word(one, folder, held) for one in _each(dataset, truth))
@@ -150,7 +163,7 @@ def run(
     with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
         words = [ASKER, *(f"{name}={value}" for name, value in given.items())]
         with contextlib.closing(Local(jobs)) as executor:
-            benchmark(given, folder, executor, words, screen)
+            benchmark(given, folder, executor, words, screen, retry=retry)
     return Result(folder)
 
 

@@ -70,7 +70,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "speed": {"workers", "plan", "measure", "drawing", "words"},
         "study": {"engine", "workers", "plan", "record", "measure", "words"},
         "claims": {"study", "verdict", "record", "measure", "words"},
-        "study_report": {"claims", "study", "verdict", "drawing", "record", "words"},
+        "study_report": {"claims", "study", "run", "engine", "workers", "verdict", "drawing", "record", "words"},
         "commands": {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
             "camera", "replay", "speed", "engine", "study", "claims", "study_report",

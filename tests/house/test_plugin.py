@@ -14,7 +14,7 @@ from places import SUPPORT
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Builder
-from slamduel.bench.check.suite import check_backend
+from slamduel.bench.check.suite import check
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.frontend.factors import Log
 from slamduel.frontend.se2 import Array, between
@@ -25,12 +25,12 @@ LOOK = """
 import json
 from importlib.metadata import entry_points
 from slamduel.backends import registry
-from slamduel.bench.check.suite import check_backend
+from slamduel.bench.check.suite import check
 (point,) = entry_points(group="slamduel.backends", name="iterated-ekf")
 builder = registry.find("iterated-ekf")
 module = __import__(builder.make.__module__)
 same = registry.find("slamduel_iterated_ekf:build") is builder
-failed = [list(found) for found in check_backend(builder) if found.status == "failed"]
+failed = [list(found) for found in check(builder) if found.status == "failed"]
 whose = registry.implementation("iterated-ekf", builder.options())
 print(json.dumps({"value": point.value, "same": same, "file": module.__file__, "failed": failed, "whose": whose}))
 """
@@ -68,7 +68,7 @@ def test_once_installed_it_is_found_by_name_and_conforms(tmp_path: Path) -> None
 
 
 def test_it_conforms_with_other_options(builder: Builder) -> None:
-    outcomes = check_backend(builder, builder.options(iterations=1))
+    outcomes = check(builder, builder.options(iterations=1))
     assert [found for found in outcomes if found.status == "failed"] == []
 
 

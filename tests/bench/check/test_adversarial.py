@@ -12,7 +12,7 @@ from slamduel.bench.check.candidate import Candidate, spread
 from slamduel.bench.check.isolated import examined
 from slamduel.bench.check.log_recipe import journey
 from slamduel.bench.check.small_logs import dead_reckoned
-from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check_backend, chosen, examine
+from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check, chosen, examine
 from slamduel.bench.cli import main
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.frontend.check import problems
@@ -162,7 +162,7 @@ def test_a_sound_backend_passes_where_the_broken_ones_do_not(name: str) -> None:
 
 
 def test_giving_up_is_for_the_logs_that_allow_for_it() -> None:
-    outcomes = check_backend(Builder(GivesUp), checks=ADVERSARIAL)
+    outcomes = check(Builder(GivesUp), checks=ADVERSARIAL)
     allowed = {adversary.name for adversary in ADVERSARIES if adversary.may_end}
     assert {found.name for found in outcomes if found.status == "gave up"} == allowed
     assert sum(found.status == "failed" for found in outcomes) == 50 - len(allowed)

@@ -12,7 +12,7 @@ from slamduel.backends import registry
 from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Solution, Step, option
 from slamduel.bench.check.candidate import Candidate, Failed, stays_near
 from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
-from slamduel.bench.check.suite import CHECKS, QUICK, Check, Outcome, check_backend, chosen, examine
+from slamduel.bench.check.suite import CHECKS, QUICK, Check, Outcome, check, chosen, examine
 from slamduel.frontend.se2 import Array, compose
 
 
@@ -31,7 +31,7 @@ def outcome(builder: Builder, name: str) -> Outcome:
 
 
 def test_a_sound_backend_passes_everything() -> None:
-    outcomes = check_backend(build(Sound))
+    outcomes = check(build(Sound))
     assert [found for found in outcomes if found.status == "failed"] == []
     assert {found.name for found in outcomes if found.status == "not applicable"} == {
         "unknown-landmarks-are-told-apart",
@@ -134,7 +134,7 @@ def test_options_are_handed_on() -> None:
             return self.ekf.step(step) + np.array([self.off, 0, 0])
 
     assert outcome(build(Off, options=Options), "it-starts-at-the-prior").status == "passed"
-    outcomes = check_backend(build(Off, options=Options), Options(0.1))
+    outcomes = check(build(Off, options=Options), Options(0.1))
     failed = {found.name for found in outcomes if found.status == "failed"}
     assert {"an-exact-log-is-followed", "it-starts-at-the-prior"} <= failed
 
@@ -179,7 +179,7 @@ SLOW = {"smoother": pytest.mark.slow}
 
 
 def conforms(name: str, checks: Sequence[Check]) -> None:
-    outcomes = check_backend(registry.find(name), checks=checks)
+    outcomes = check(registry.find(name), checks=checks)
     assert [found for found in outcomes if found.status == "failed"] == []
     assert {found.status for found in outcomes[len(QUICK) :]} <= {"passed", "gave up"}
 
