@@ -20,7 +20,8 @@ from . import _graph
 from ._graph import Graph
 
 MOST = 2000
-"""Scalars from which on degrees are not told apart."""
+"""Scalars from which on degrees are not told apart, in an elimination of few variables; in others it is their number.
+"""
 
 # variables: NAME in the graph; MANY elements from FIRST on; landmarks from SEES up to the next one's; how many poses it
 # waits for; its degree, and how it stands in the list of those of its degree
@@ -40,7 +41,7 @@ class Quotient(NamedTuple):
     elements: Ints  # (e, FIELDS)
     of: Ints  # the elements of variables
     seen: Ints  # the landmarks of variables
-    heads: Ints  # (MOST + 1,) lists by degree
+    heads: Ints  # lists by degree, the last of all from there on
 
 
 @compiled
@@ -119,7 +120,7 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, In
     for i in range(n):
         V[i + 1, FIRST] = V[i, FIRST] + V[i, MANY] + V[i, WAITS] + 1
         V[i, MANY] = 0
-    Q = Quotient(V, E, np.empty(V[n, FIRST], np.int64), seen, np.full(MOST + 1, -1, np.int64))
+    Q = Quotient(V, E, np.empty(V[n, FIRST], np.int64), seen, np.full(max(MOST, 3 * n) + 1, -1, np.int64))
     for f in range(e):
         for t in range(E[f, START], E[f, START] + E[f, COUNT]):
             i = pool[t]
@@ -142,7 +143,7 @@ def begin(E: Ints, e: int, kind: int, named: int, start: int, count: int, size: 
 @compiled
 def enlist(Q: Quotient, i: int, degree: int) -> None:
     """Variable `i` is first in the list of its degree."""
-    V, d = Q.variables, min(degree, MOST)
+    V, d = Q.variables, min(degree, len(Q.heads) - 1)
     V[i, DEGREE], V[i, LISTED], V[i, BEFORE], V[i, AFTER] = d, LISTED_NOW, -1, Q.heads[d]
     if Q.heads[d] >= 0:
         V[Q.heads[d], BEFORE] = i
