@@ -63,6 +63,8 @@ class Processes:
     ) -> subprocess.Popen[bytes]:
         modules = [str(path or Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(modules), **(more or {})}
+        environment["DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL"]="5s"
+        environment["DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"]="1"
         code = f"{before}from distributed.cli.{name} import main; main()"
         with (self.folder / f"{len(self.running)}-{name}.log").open("w") as log:
             command = [sys.executable, "-c", code, *options]

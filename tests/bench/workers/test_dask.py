@@ -75,7 +75,7 @@ def workers(processes: Processes) -> list[Any]:
 @pytest.fixture
 def executor(processes: Processes) -> Generator[tuple[Dask, list[str]]]:
     said: list[str] = []
-    made = Dask(str(processes.file), patience_s=60, silence_s=4, say=said.append)
+    made = Dask(str(processes.file), patience_s=60, say=said.append)
     yield made, said
     made.close()
 
@@ -98,8 +98,7 @@ def test_one_worker_killed_one_hung_and_a_late_one_change_nothing(
     workers[1].send_signal(signal.SIGCONT)
     assert untimed(found) == untimed(list(Here().run(wanted, alone=False)))
     assert not any(finished.alone for finished in found)
-    assert not any("not used" in sentence for sentence in said), said
-    processes.until(lambda: dask.slots == 2)  # the one that hung is asked again
+    assert not said
 
 
 def test_what_a_backend_does_to_its_process_does_not_reach_the_worker(
@@ -209,7 +208,7 @@ def test_what_is_no_address(address: str, words: str) -> None:
 
 
 def test_nobody_or_somebody_else_listens(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_cluster, "ANSWER_S", 1)
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1)
     with socket.socket() as free, socket.socket() as deaf:
         free.bind(("127.0.0.1", 0))
         deaf.bind(("127.0.0.1", 0))
