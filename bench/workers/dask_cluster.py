@@ -65,9 +65,9 @@ def quieten() -> None:
     from distributed.versions import VersionMismatchWarning
 
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)  # what matters is compared on every worker
-    for name in ("asyncio", "dask", "dask_jobqueue", "distributed", "tornado", *logging.root.manager.loggerDict):
-        if name.partition(".")[0] in ("asyncio", "dask", "dask_jobqueue", "distributed", "tornado"):
-            logger = logging.getLogger(name)
+    quiet = "asyncio", "dask", "dask_jobqueue", "distributed", "tornado"
+    for logger in (logging.getLogger(name) for name in (*quiet, *logging.root.manager.loggerDict)):
+        if logger.name.partition(".")[0] in quiet:
             logger.handlers = [logging.NullHandler()]
             logger.propagate = False
 

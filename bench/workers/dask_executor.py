@@ -8,7 +8,7 @@ import contextlib
 import pickle
 import sys
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,11 +28,9 @@ CENSUS_S = 1
 REMARK_S = 10
 """Without a worker, after which a user is told."""
 
-POLL_S = 0.01
-"""Between two looks at what has come back."""
-
-RETRIES = 2
-"""Of a task that raises; of one whose worker dies, Dask's `distributed.scheduler.allowed-failures` holds."""
+MISHAPS = 3
+"""Of a batch before its jobs are tried one by one, of such a job before it has failed. The deaths of workers are
+counted by Dask: after its `distributed.scheduler.allowed-failures`, that is as many at once."""
 
 
 def to_stderr(sentence: str) -> None:
@@ -63,7 +61,7 @@ class Dask:
     @property
     def slots(self) -> int:
         """Threads of the workers that there are now, at least one. InputError where there is no scheduler."""
-        workers = (self.cluster.workers() or {}).items()
+        workers = self.cluster.workers().items()
         return max(1, sum(worker["nthreads"] for address, worker in workers if address not in self.unfit))
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
@@ -88,6 +86,7 @@ class _Attempt:
     batch: Batch
     suspect: bool = False  # it runs while nothing else does, so that nothing else can be to blame
     workers: list[str] | None = None  # that may run it, where that is not any
+    mishaps: int = 0
 
 
 class _Run:
@@ -105,7 +104,6 @@ class _Run:
         self.landed = as_completed(loop=self.cluster.client.loop, with_results=True, raise_errors=False)
         self.workers: dict[str, Any] = {}
         self.fit = set[str]()
-        self.digests: dict[Any, tuple[str, str]] = {}  # of logs and truths, by what they are made of
         self.due, self.worked, self.remarked = 0.0, time.monotonic(), False
 
     def finished(self) -> Iterator[Finished]:
@@ -116,7 +114,7 @@ class _Run:
                 self.due = time.monotonic() + CENSUS_S
             self._hand_out()
             if not self.landed.has_ready():
-                time.sleep(POLL_S)
+                time.sleep(0.01)
             for future, result in self.landed.next_batch(block=False):
                 found = result[1] if isinstance(result, tuple) else result  # of an exception, its type comes first
                 if future in self.checks:
@@ -146,23 +144,23 @@ class _Run:
         """How many batches each worker runs at once that has been found fit."""
         fit = {address: self.workers[address] for address in self.fit}
         if self.alone:
-            return {address: 1 for address, worker in fit.items() if RESOURCE in worker["resources"]}
+            return {address: 1 for address, worker in fit.items() if _is_timed(worker)}
         return {address: worker["nthreads"] for address, worker in fit.items()}
 
     def _complain(self) -> None:
         """Say so where no worker can be used; InputError where that is for good, or has been for too long."""
-        executor, where, now = self.executor, f"--scheduler {self.cluster.address}", time.monotonic()
-        timed: dict[str, str] = {}
-        for address, worker in self.workers.items() if self.alone else ():
-            if worker["resources"].get(RESOURCE) and address != timed.setdefault(worker["host"], address):
-                raise InputError(
-                    f"{where}: workers {timed[worker['host']]} and {address} of one machine, {worker['host']}, both "
-                    f"have the resource {RESOURCE}; expected it at one worker a machine: timed cells run one by one."
-                )
+        unfit, patience_s, now = self.executor.unfit, self.executor.patience_s, time.monotonic()
+        where = f"--scheduler {self.cluster.address}"
+        timed = [worker["host"] for worker in self.workers.values() if _is_timed(worker)]
+        if self.alone and (twice := [host for host, number in Counter(timed).items() if number > 1]):
+            raise InputError(
+                f"{where}: two workers of {twice[0]} have the resource {RESOURCE}; expected it at one worker of each "
+                "machine: timed cells run one by one."
+            )
         if self._usable():
             self.worked, self.remarked = now, False
-        elif self.workers and self.workers.keys() <= executor.unfit.keys():
-            why = "; ".join(f"{address} {executor.unfit[address]}" for address in list(self.workers)[:3])
+        elif self.workers and self.workers.keys() <= unfit.keys():
+            why = "; ".join(f"{address} {unfit[address]}" for address in list(self.workers)[:3])
             raise InputError(f"{where}: none of its {len(self.workers)} workers can be used: {why}. {GO_ON}.")
         elif self.workers and self.alone and not timed:
             raise InputError(
@@ -170,12 +168,12 @@ class _Run:
                 f"machine that does nothing else: dask worker {self.cluster.address} --nthreads 1 "
                 f'--resources "{RESOURCE}=1". {GO_ON}.'
             )
-        elif now - self.worked > executor.patience_s:
-            raise InputError(f"{where}: no worker to run on for {executor.patience_s:.0f} s; expected one. {GO_ON}.")
+        elif now - self.worked > patience_s:
+            raise InputError(f"{where}: no worker to run on for {patience_s:.0f} s; expected one. {GO_ON}.")
         elif now - self.worked > REMARK_S and not self.remarked:
             self.remarked = True
-            wait = f"No worker to run on; waiting up to {executor.patience_s:.0f} s for one"
-            executor.say(f"{wait}: dask worker {self.cluster.address}")
+            wait = f"No worker to run on; waiting up to {patience_s:.0f} s for one"
+            self.executor.say(f"{wait}: dask worker {self.cluster.address}")
 
     def _hand_out(self) -> None:
         """Give Dask a batch for every thread and one ahead for each worker; a suspect only when nothing else runs."""
@@ -183,12 +181,12 @@ class _Run:
         room = sum(usable.values()) + (0 if self.alone else len(usable))
         while self.waiting and len(self.attempts) < (min(1, room) if self.waiting[0].suspect else room):
             attempt = self.waiting.popleft()
-            attempt.workers = list(usable) if self.workers.keys() & self.executor.unfit.keys() else None
+            attempt.workers = None if self.workers.keys() <= self.fit else list(usable)
             task = order(attempt.batch, self.wanted, alone=self.alone)
             self.attempts[self._submit(task, attempt.workers, {RESOURCE: 1} if self.alone else None)] = attempt
 
     def _submit(self, task: bytes, workers: list[str] | None, resources: dict[str, float] | None = None) -> Any:
-        limits = {"workers": workers, "resources": resources, "retries": RETRIES}
+        limits = {"workers": workers, "resources": resources}
         try:
             future = self.cluster.client.submit(pickle.loads, task, pure=False, **limits)
         except Exception:  # whichever way a connection fails
@@ -214,25 +212,26 @@ class _Run:
         if isinstance(found, cancelled):  # with a connection that was lost and is there again
             self.waiting.appendleft(attempt)
         elif isinstance(found, killed):
-            yield from self._failed(attempt, f"{found.last_worker.address} died")
+            yield from self._failed(attempt, f"{found.last_worker.address} died", MISHAPS)
         elif isinstance(found, Exception):
+            self.due = 0.0  # a worker that has just come and cannot run anything may be behind it
             yield from self._failed(attempt, f"{type(found).__name__}: {found}")
         else:
-            ended: list[Finished] = pickle.loads(found)
-            log, facts = attempt.batch.log, ended[0].log
-            if facts is not None and self.digests.setdefault(log, facts.digests) != facts.digests:
-                raise InputError(
-                    f"--scheduler {self.cluster.address}: {ended[0].host} makes another log of {log[0]} than other "
-                    f"workers do; expected the same of all. {GO_ON}."
-                )
-            yield from ended
+            yield from pickle.loads(found)
 
-    def _failed(self, attempt: _Attempt, how: str) -> Iterator[Finished]:
-        """What Dask has given up is taken apart and tried once more, job by job; what it gives up then has failed."""
+    def _failed(self, attempt: _Attempt, how: str, mishaps: int = 1) -> Iterator[Finished]:
+        """Try again what went wrong; at last job by job, and the job that still goes wrong has failed."""
+        attempt.mishaps += mishaps
         batch = attempt.batch
-        if attempt.suspect:
-            reason = f"Dask workers died or failed each time that it ran, the last one so: {how}"
-            yield from unmade(batch, Result("error", reason), 0.0)
-        else:
+        if attempt.mishaps < MISHAPS:
+            self.waiting.appendleft(attempt)
+        elif not attempt.suspect:
             parts = [replace(batch, jobs=(job,)) for job in batch.jobs] or [batch]
             self.waiting.extend(_Attempt(part, suspect=True) for part in parts)
+        else:
+            reason = f"Dask workers died or failed each time that it ran, the last one so: {how}"
+            yield from unmade(batch, Result("error", reason), 0.0)
+
+
+def _is_timed(worker: dict[str, Any]) -> bool:
+    return worker["resources"].get(RESOURCE, 0) >= 1

@@ -59,7 +59,7 @@ def _words(kind: str, name: str, here: str, there: str) -> str:
 @functools.cache
 def _value(kind: str, name: str) -> str:
     if kind == "python":
-        return platform.python_version()
+        return f"{platform.python_version()} for {platform.machine()}"
     if kind == "library":
         return version(name)
     return _module(name) if kind == "module" else _digest(Path(name))
