@@ -43,7 +43,7 @@ class Cluster:
     def workers(self) -> dict[str, Any]:
         """What the scheduler knows of each, by its address; InputError where there is no scheduler any more."""
         try:
-            identity = self.client.scheduler.identity
+            identity: Any = self.client.scheduler.identity
             return self.client.sync(identity, n_workers=-1, callback_timeout=2 * CONNECT_S)["workers"]
         except Exception:  # whichever way a connection fails
             raise self.lost() from None
@@ -78,8 +78,8 @@ async def _identify(address: str) -> None:
     from distributed.security import Security
 
     async with rpc(address, connection_args=Security().get_connection_args("client")) as asked:
-        kind = (await asked.identity())["type"]
-    if kind != "Scheduler":
+        found: Any = await asked.identity()
+    if (kind := found["type"]) != "Scheduler":
         raise ValueError(f"found a Dask {kind} there")
 
 

@@ -66,11 +66,7 @@ class Dask:
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
         """Each job as it ends; InputError where there is no scheduler, or no worker that can be used, for too long."""
-        run = _Run(self, batches, alone)
-        try:
-            yield from run.finished()
-        finally:
-            run.cancel()
+        yield from _Run(self, batches, alone).finished()
 
     def close(self) -> None:
         """Leave the cluster; its workers are whoever's they were."""
@@ -107,29 +103,28 @@ class _Run:
         self.due, self.worked, self.remarked = 0.0, time.monotonic(), False
 
     def finished(self) -> Iterator[Finished]:
-        """Every job as it ends."""
-        while self.waiting or self.attempts:
-            if time.monotonic() >= self.due:
-                yield from self._census()
-                self.due = time.monotonic() + CENSUS_S
-            self._hand_out()
-            if not self.landed.has_ready():
-                time.sleep(0.01)
-            for future, result in self.landed.next_batch(block=False):
-                found = result[1] if isinstance(result, tuple) else result  # of an exception, its type comes first
-                if future in self.checks:
-                    self._checked(self.checks.pop(future), found)
-                elif future in self.attempts:  # and has not been taken back
-                    yield from self._ended(self.attempts.pop(future), found)
-
-    def cancel(self) -> None:
-        """Take back what is not done; a worker that is at it stops after the cell in hand."""
-        with contextlib.suppress(Exception):  # with the scheduler, its tasks are gone
-            self.cluster.client.cancel([*self.attempts, *self.checks])
+        """Every job as it ends; a worker that is at one when nobody listens any more stops after it."""
+        try:
+            while self.waiting or self.attempts:
+                if time.monotonic() >= self.due:
+                    yield from self._census()
+                self._hand_out()
+                if not self.landed.has_ready():
+                    time.sleep(0.01)
+                for future, result in self.landed.next_batch(block=False):
+                    found = result[1] if isinstance(result, tuple) else result  # of an exception, its type comes first
+                    if future in self.checks:
+                        self._checked(self.checks.pop(future), found)
+                    elif future in self.attempts:  # and has not been taken back
+                        yield from self._ended(self.attempts.pop(future), found)
+        finally:
+            with contextlib.suppress(Exception):  # where the scheduler is gone, so are its tasks
+                self.cluster.client.cancel([*self.attempts, *self.checks])
 
     def _census(self) -> Iterator[Finished]:
         """Look who is there, check who is new, and take back what nobody is left to run."""
         self.workers, unfit = self.cluster.workers(), self.executor.unfit.keys()
+        self.due = time.monotonic() + CENSUS_S
         self.fit &= self.workers.keys()
         for address in self.workers.keys() - self.fit - unfit - set(self.checks.values()):
             self.checks[self._submit(check(self.wanted), [address])] = address
@@ -150,30 +145,29 @@ class _Run:
     def _complain(self) -> None:
         """Say so where no worker can be used; InputError where that is for good, or has been for too long."""
         unfit, patience_s, now = self.executor.unfit, self.executor.patience_s, time.monotonic()
-        where = f"--scheduler {self.cluster.address}"
-        timed = [worker["host"] for worker in self.workers.values() if _is_timed(worker)]
-        if self.alone and (twice := [host for host, number in Counter(timed).items() if number > 1]):
-            raise InputError(
-                f"{where}: two workers of {twice[0]} have the resource {RESOURCE}; expected it at one worker of each "
-                "machine: timed cells run one by one."
-            )
-        if self._usable():
+        timed = Counter(worker["host"] for worker in self.workers.values() if _is_timed(worker))
+        twice = [host for host, number in timed.items() if number > 1]
+        wrong = ""
+        if self.alone and twice:
+            wrong = f"two workers of {twice[0]} have the resource {RESOURCE}; expected it at one worker of each machine"
+        elif self._usable():
             self.worked, self.remarked = now, False
         elif self.workers and self.workers.keys() <= unfit.keys():
             why = "; ".join(f"{address} {unfit[address]}" for address in list(self.workers)[:3])
-            raise InputError(f"{where}: none of its {len(self.workers)} workers can be used: {why}. {GO_ON}.")
+            wrong = f"none of its {len(self.workers)} workers can be used: {why}"
         elif self.workers and self.alone and not timed:
-            raise InputError(
-                f"{where}: no worker has the resource {RESOURCE}, without which no cell is timed; start one on each "
-                f"machine that does nothing else: dask worker {self.cluster.address} --nthreads 1 "
-                f'--resources "{RESOURCE}=1". {GO_ON}.'
+            wrong = (
+                f"no worker has the resource {RESOURCE}, without which no cell is timed; start one on each machine "
+                f'that does nothing else: dask worker {self.cluster.address} --nthreads 1 --resources "{RESOURCE}=1"'
             )
         elif now - self.worked > patience_s:
-            raise InputError(f"{where}: no worker to run on for {patience_s:.0f} s; expected one. {GO_ON}.")
+            wrong = f"no worker to run on for {patience_s:.0f} s; expected one"
         elif now - self.worked > REMARK_S and not self.remarked:
             self.remarked = True
             wait = f"No worker to run on; waiting up to {patience_s:.0f} s for one"
             self.executor.say(f"{wait}: dask worker {self.cluster.address}")
+        if wrong:
+            raise InputError(f"--scheduler {self.cluster.address}: {wrong}. {GO_ON}.")
 
     def _hand_out(self) -> None:
         """Give Dask a batch for every thread and one ahead for each worker; a suspect only when nothing else runs."""

@@ -4,11 +4,10 @@ A task reaches a worker as bytes that do the work when they are unpickled: so ne
 worker has to import this package to pass them on, and a worker that does not have it says so as the task's error.
 """
 
-import contextlib
 import pickle
 import tempfile
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,20 +54,12 @@ def carry_out(batch: Batch, wanted: Inventory, alone: bool) -> bytes:
     """The pickled answer of this worker; RuntimeError where it is another than the one that was checked."""
     if lacks := differences(wanted):
         raise RuntimeError(lacks)
-    with _with_log_here(batch) as batch:
-        return pickle.dumps([finished._replace(alone=alone) for finished in _ended(batch, alone=alone)])
-
-
-@contextlib.contextmanager
-def _with_log_here(batch: Batch) -> Generator[Batch]:
-    """The batch, with the log that came with it in a file of this machine."""
-    if batch.kept is None:
-        yield batch
-        return
     with tempfile.NamedTemporaryFile(prefix="slamduel-", suffix=".npz") as here:
-        here.write(batch.kept.content)
-        here.flush()
-        yield replace(batch, kept=batch.kept._replace(path=Path(here.name), content=b""))
+        if batch.kept is not None:
+            here.write(batch.kept.content)
+            here.flush()
+            batch = replace(batch, kept=batch.kept._replace(path=Path(here.name), content=b""))
+        return pickle.dumps([finished._replace(alone=alone) for finished in _ended(batch, alone=alone)])
 
 
 def _ended(batch: Batch, *, alone: bool) -> Iterator[Finished]:

@@ -49,8 +49,10 @@ def on(said: list[str], monkeypatch: pytest.MonkeyPatch) -> Generator[Callable[.
             spec = {
                 name: {"cls": Worker, "options": {**usual, "nthreads": 1, **more}} for name, more in workers.items()
             }
-            cluster = SpecCluster(workers=spec, scheduler={"cls": Scheduler, "options": usual})
-            dask = Dask(stack.enter_context(cluster).scheduler_address, patience_s=0.5, say=said.append)
+            cluster: Any = stack.enter_context(
+                SpecCluster(workers=spec, scheduler={"cls": Scheduler, "options": usual})
+            )
+            dask = Dask(cluster.scheduler_address, patience_s=0.5, say=said.append)
             stack.callback(dask.close)
             return dask
 
@@ -161,7 +163,7 @@ def test_few_batches_are_on_their_way_at_once(on: Any) -> None:
 
 
 def test_who_stops_listening_cancels_what_runs(on: Any) -> None:
-    interrupted: list[int | None] = []
+    interrupted = list[str]()
 
     def does(worker: str, batch: Batch) -> Iterator[Finished]:
         try:
@@ -169,7 +171,7 @@ def test_who_stops_listening_cancels_what_runs(on: Any) -> None:
                 time.sleep(0.1 if batch.jobs[0][0] else 0)
                 yield one
         except GeneratorExit:
-            interrupted.append(one.index)
+            interrupted.append(worker)
 
     dask = on(does, a={})
     running = dask.run(batches(20, jobs=50), alone=False)
