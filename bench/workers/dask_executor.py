@@ -145,14 +145,15 @@ class _Run:
     def _complain(self) -> None:
         """Say so where no worker can be used; InputError where that is for good, or has been for too long."""
         unfit, patience_s, now = self.executor.unfit, self.executor.patience_s, time.monotonic()
+        able = [worker for address, worker in self.workers.items() if address not in unfit]
         timed = Counter(worker["host"] for worker in self.workers.values() if _is_timed(worker))
         twice = [host for host, number in timed.items() if number > 1]
         wrong = ""
         if self.alone and twice:
             wrong = f"two workers of {twice[0]} have the resource {RESOURCE}; expected it at one worker of each machine"
-        elif self._usable():
+        elif any(_is_timed(worker) or not self.alone for worker in able):
             self.worked, self.remarked = now, False
-        elif self.workers and self.workers.keys() <= unfit.keys():
+        elif self.workers and not able:
             why = "; ".join(f"{address} {unfit[address]}" for address in list(self.workers)[:3])
             wrong = f"none of its {len(self.workers)} workers can be used: {why}"
         elif self.workers and self.alone and not timed:
