@@ -12,8 +12,8 @@ from pathlib import Path
 WITHOUT = 'import sys; sys.modules["slamduel"] = None; '
 """Before anything else in a process that is to be without this package."""
 
-HASTY = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "5s", "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
-"""A silent worker is given up after 5 s, a task after two deaths of workers."""
+HASTY = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "5s", "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
+"""A silent worker is given up after 5 s, a task after one death of a worker."""
 
 
 class Processes:
@@ -40,8 +40,8 @@ class Processes:
     def worker(
         self, *options: str, path: Path | None = None, before: str = "", environment: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
-        """Start one without a nanny, but with the option `--nanny`; `path`: where it finds modules first, `before`: what
-        it runs first.
+        """Start one, without a nanny unless told `--nanny`; `path`: where it finds modules first, `before`: what it runs
+        first.
         """
         local = str(self.folder / "local")
         wanted = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", local, *options)

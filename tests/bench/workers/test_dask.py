@@ -214,7 +214,7 @@ def test_what_is_no_address(address: str, words: str) -> None:
 
 def test_a_file_without_an_address(tmp_path: Path) -> None:
     (tmp_path / "s.json").write_text("[]")
-    with pytest.raises(InputError, match="s.json: no Dask scheduler: the file holds no address; expected"):
+    with pytest.raises(InputError, match=r"s\.json: no Dask scheduler: the file holds no address; expected"):
         Cluster(str(tmp_path / "s.json"))
 
 

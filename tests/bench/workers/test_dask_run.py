@@ -105,7 +105,8 @@ def test_a_cell_whose_task_raises_is_to_blame_and_no_other(on: Any) -> None:
 
     found = list(on(does, a={}).run(batches(3, jobs=5), alone=False))
     assert ended(found) == {k: "error" if k == 3 else "done" for k in range(15)}
-    assert [one.result.reason for one in found if one.index == 3][0].endswith(": OSError: no space left")
+    (reason,) = [one.result.reason for one in found if one.index == 3]
+    assert reason.endswith(": OSError: no space left")
 
 
 def test_a_worker_that_dies_takes_nothing_with_it(on: Any) -> None:
