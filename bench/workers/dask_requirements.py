@@ -17,7 +17,7 @@ from ..record.library_version import version
 from .batch import Batch
 
 Inventory = Mapping[tuple[str, str], str]
-"""(kind, name) -> version or digest; kinds are python, library, module, plug-in and file."""
+"""(kind, name) -> version or digest; kinds are python, library, module and file."""
 
 WORK = Batch.__module__
 """Imports all that has a part in a cell's numbers, but for datasets and backends."""
@@ -28,68 +28,41 @@ SHOWN = 3
 
 def inventory(batches: Iterable[Batch]) -> Inventory:
     """What the batches need, as it is here."""
-    names, sources, paths = set[str](), set[str](), set[str]()
+    modules, paths = {WORK}, set[str]()
     for batch in batches:
-        names |= {job.name for _, job in batch.jobs}
-        sources.add(batch.dataset)
+        modules |= {datasets.module(batch.dataset)} | {backends.target(j.name).partition(":")[0] for _, j in batch.jobs}
         if batch.kept is None:  # else it is sent, and its files are not needed
             paths.add(str(getattr(batch.options, "path", None) or ""))
-    modules = {WORK} | {datasets.module(name) for name in sources}
-    own = {name for name in names if name not in backends.BUILTIN}
-    modules |= {backends.target(name).partition(":")[0] for name in names}
-    wanted: set[tuple[str, str]] = {("python", "Python")} | {("plug-in", name) for name in own}
-    wanted |= {("file", path) for path in paths if Path(path).exists() and path}
-    for module in modules:
-        files, libraries = closure(module)
+    wanted = {("python", "Python")} | {("file", path) for path in paths if path and Path(path).exists()}
+    for files, libraries in map(closure, modules):
         wanted |= {("module", name) for name in files} | {("library", name) for name in libraries}
     return {key: _value(*key) for key in sorted(wanted)}
 
 
-def differences(wanted: Inventory) -> list[str]:
-    """What is not the same here, each in words: what was found, what was expected."""
+def differences(wanted: Inventory) -> str:
+    """What is not the same here, in a phrase: what was found, what was expected; "" where all is."""
     found = ((key, _value(*key), value) for key, value in wanted.items())
-    return [_words(*key, here, there) for key, here, there in found if here != there]
-
-
-def told(words: list[str]) -> str:
-    """The differences in one phrase."""
+    words = [_words(*key, here, there) for key, here, there in found if here != there]
     more = f" and {len(words) - SHOWN} more differences" if len(words) > SHOWN else ""
     return "; ".join(words[:SHOWN]) + more
 
 
 def _words(kind: str, name: str, here: str, there: str) -> str:
     if kind == "module":
-        lacks = (
-            "is not there" if not here else "is not the same code (changed since the worker started, or another copy)"
-        )
-        return f"module {name} {lacks}"
+        changed = "is not the same code (changed since the worker started, or another copy)"
+        return f"module {name} {changed if here else 'is not there'}"
     if kind == "file":
         return f"file {name} " + ("has another content" if here else "is not there")
-    if kind == "plug-in":
-        return f"backend {here or there}"
     return f"{name} is {here or 'not installed'}, expected {there or 'none'}"
 
 
 @functools.cache
 def _value(kind: str, name: str) -> str:
     if kind == "python":
-        return platform.python_version()
+        return f"{platform.python_version()} for {platform.machine()}"
     if kind == "library":
         return version(name)
-    if kind == "module":
-        return _module(name)
-    return _plugin(name) if kind == "plug-in" else _digest(Path(name))
-
-
-def _plugin(name: str) -> str:
-    """What hinders the import of a backend; the same words wherever it cannot be imported for the same reason."""
-    try:
-        backends.find(name)
-    except KeyError:
-        return f"{name} is not installed"
-    except backends.Missing as error:
-        return str(error)
-    return ""
+    return _module(name) if kind == "module" else _digest(Path(name))
 
 
 def _module(name: str) -> str:

@@ -12,6 +12,9 @@ from pathlib import Path
 WITHOUT = 'import sys; sys.modules["slamduel"] = None; '
 """Before anything else in a process that is to be without this package."""
 
+HASTY = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "5s", "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
+"""A silent worker is given up after 5 s, a task after one death of a worker."""
+
 
 class Processes:
     """A scheduler, and workers that come and go."""
@@ -37,7 +40,9 @@ class Processes:
     def worker(
         self, *options: str, path: Path | None = None, before: str = "", environment: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
-        """Start one without a nanny; `path`: where it finds modules first, `before`: what it runs first."""
+        """Start one, without a nanny unless told `--nanny`; `path`: where it finds modules first, `before`: what it runs
+        first.
+        """
         local = str(self.folder / "local")
         wanted = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", local, *options)
         return self._start(before, "dask_worker", self.address, *wanted, path=path, more=environment)
@@ -62,7 +67,8 @@ class Processes:
         self, before: str, name: str, *options: str, path: Path | None = None, more: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
         modules = [str(path or Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(modules), **(more or {})}
+        own = {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(modules)}
+        environment = {**os.environ, **HASTY, **own, **(more or {})}
         code = f"{before}from distributed.cli.{name} import main; main()"
         with (self.folder / f"{len(self.running)}-{name}.log").open("w") as log:
             command = [sys.executable, "-c", code, *options]

@@ -6,6 +6,7 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,15 @@ class KillsItself(Reckoning):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+class KillsItsRunner(Reckoning):
+    """Kills the process that started its process's fork server."""
+
+    def trouble(self) -> None:
+        server = Path(f"/proc/{os.getppid()}/stat").read_text().rpartition(")")[2].split()
+        os.kill(int(server[1]), signal.SIGKILL)
+        time.sleep(10_000)
+
+
 class Crashes(Reckoning):
     def trouble(self) -> None:
         print("reading address zero now", file=sys.stderr, flush=True)
@@ -169,6 +179,7 @@ loops_for_ever = Builder(LoopsForEver)
 sleeps_for_ever = Builder(SleepsForEver)
 eats_memory = Builder(EatsMemory)
 kills_itself = Builder(KillsItself)
+kills_its_runner = Builder(KillsItsRunner)
 crashes = Builder(Crashes)
 exits = Builder(Exits)
 wrong_shape = Builder(WrongShape)

@@ -85,15 +85,15 @@ def test_a_job_is_what_the_user_configured_and_what_timed_cells_need(commands: P
 
 
 def test_jobs_join_and_are_cancelled(commands: Path, configured: None) -> None:
-    slurm, found = Slurm(1, exclusive=True), list[Any]()
+    slurm, found = Slurm(1, exclusive=True), dict[str, Any]()
     try:
         end = time.monotonic() + 60
         while not found and time.monotonic() < end:
-            found = slurm.cluster.workers() or []
+            found = slurm.cluster.workers()
             time.sleep(0.1)
-        (worker,) = found
-        assert worker.timed
-        assert worker.threads == 1
+        (worker,) = found.values()
+        assert worker["resources"] == {"MACHINE": 1}
+        assert worker["nthreads"] == 1
     finally:
         slurm.close()
     (job,) = (commands / "cancelled").read_text().split()
