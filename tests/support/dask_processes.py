@@ -40,8 +40,9 @@ class Processes:
     def worker(
         self, *options: str, path: Path | None = None, before: str = "", environment: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
-        """Start one, without a nanny unless told `--nanny`; `path`: where it finds modules first, `before`: what it runs
-        first.
+        """Start one, without a nanny unless told `--nanny`.
+
+        `path`: where it finds modules first, `before`: what it runs first.
         """
         local = str(self.folder / "local")
         wanted = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", local, *options)
