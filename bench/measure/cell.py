@@ -17,7 +17,7 @@ from ...backends.api import Diverged, TruthWanted
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Log, Truth
-from .drive import drive
+from .drive import drive, warm_up
 from .memory import Peak, limited
 from .score import score
 
@@ -58,6 +58,16 @@ def run_on(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth
     """The result of the job; every way in which a backend can end short of killing the process is a status here."""
     with limited(job.memory_mb):
         return _run(job, read_log, read_truth)
+
+
+def rehearse(job: Job, log: Log) -> Result:
+    """Let the job's backend load or compile its code, on the first steps of the log; nothing of it is a result."""
+    try:
+        with limited(job.memory_mb):
+            warm_up(backends.find(job.name), job.options, log, lambda: generator(job.seed, job.backend))
+    except BaseException as error:  # a backend may raise anything at all; its cell will say so
+        return Result("error", _where(error))
+    return Result("done", "")
 
 
 def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:

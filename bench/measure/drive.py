@@ -9,6 +9,7 @@ import gc
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import isfinite
 from typing import Any, NamedTuple, TypeGuard
 
@@ -17,7 +18,7 @@ import numpy as np
 from ...backends.api import Backend, Belief, Builder, Diverged, Solution, WantsTruth
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
-from ...frontend.factors import Log, Map, Prior, Step, Truth
+from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints
 from .clock import CLOCK
 
@@ -76,7 +77,7 @@ def drive(
     """
     log = log if builder.associates else log.identified()
     steps = list(log)
-    _warm_up(builder, options, log.prior, steps[:WARM_UP], generator, truth)
+    warm_up(builder, options, log, generator, truth)
     clock = CLOCK.cost()
 
     gc.collect()
@@ -131,18 +132,17 @@ def _tell(backend: Backend, truth: Truth | None) -> bool:
     return truth is not None and isinstance(backend, WantsTruth) and backend.tell(truth)
 
 
-def _warm_up(
+def warm_up(
     builder: Builder,
     options: Any,
-    prior: Prior,
-    steps: Sequence[Step],
+    log: Log,
     generator: Callable[[], np.random.Generator],
-    truth: Truth | None,
+    truth: Truth | None = None,
 ) -> None:
-    """Take a backend of its own through the log's first steps, every method once."""
-    backend = builder.make(prior, options, generator())
+    """Take a backend of its own through the log's first steps, calling every method once."""
+    backend = builder.make(log.prior, options, generator())
     _tell(backend, truth)
-    for step in steps:
+    for step in islice(log if builder.associates else log.identified(), WARM_UP):
         backend.step(step)
     backend.belief()
     backend.map()

@@ -44,6 +44,7 @@ class Batch:
     kept: KeptLog | None = None  # the log is loaded instead of made
     whole: bool = False  # the log itself comes back, too
     map: Map | None = None  # goes into the log's prior
+    rehearsal: bool = False  # the jobs' backends load or compile their code, and nothing is measured
 
     @property
     def log(self) -> tuple[str, Any, int, tuple[str, str] | None]:
@@ -120,7 +121,10 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
         yield Finished(batch, None, facts, Result("done", ""), time.perf_counter() - began, False, HOST)
     for index, job in batch.jobs:
         began = time.perf_counter()
-        result = cell.run_on(job, lambda: dataset.log, lambda: dataset.truth)
+        if batch.rehearsal:
+            result = cell.rehearse(job, dataset.log)
+        else:
+            result = cell.run_on(job, lambda: dataset.log, lambda: dataset.truth)
         if not batch.keep:
             result = replace(result, arrays={})
         yield Finished(batch, index, facts, result, time.perf_counter() - began, False, HOST)

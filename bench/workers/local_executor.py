@@ -34,6 +34,9 @@ AHEAD = 2
 MOST_CREWS = 8
 """Backends whose processes are kept when cells run alone: each holds its libraries and its last few logs."""
 
+REHEARSAL_S = 300.0
+"""Limit of the time in which a backend loads or compiles its code before cells run alone."""
+
 Crew = list[PoolWorker]
 
 
@@ -61,12 +64,41 @@ class Local:
             yield from self._work(BatchQueue(batches), self._crew(""), max(self.slots, os.cpu_count() or 1), AHEAD)
         elif alone or self.slots == 1:
             _end(self._crew(""))
+            self._rehearse(batches)
             for batch in _single(batches):
                 crew = self._crew(batch.jobs[0][1].backend)
                 for finished in self._work(BatchQueue([batch]), crew, 1, 1):
                     yield finished._replace(alone=True)
         else:
             yield from self._work(BatchQueue(batches), self._crew(""), self.slots, AHEAD)
+
+    def _rehearse(self, batches: Sequence[Batch]) -> None:
+        """Let several backends load or compile their code, each in the process of its own, on every core.
+
+        Nothing is timed meanwhile, and nothing of it is a result: whatever goes wrong will do so again in a cell.
+        """
+        first = {job[1].backend: replace(batch, jobs=(job,)) for batch in batches[::-1] for job in batch.jobs[::-1]}
+        waiting = [(name, batch) for name, batch in first.items() if not self._crews.get(name)][-MOST_CREWS:]
+        waiting = waiting if len(first) > 1 else []
+        busy: dict[PoolWorker, Crew] = {}
+        try:
+            while waiting or busy:
+                while waiting and len(busy) < (os.cpu_count() or 1):
+                    name, batch = waiting.pop()
+                    crew = self._crew(name)
+                    crew.append(PoolWorker(self._folder))
+                    limit = min(batch.timeout_s, REHEARSAL_S)
+                    crew[-1].give(self._calls, replace(batch, timeout_s=limit, rehearsal=True, keep=False))
+                    busy[crew[-1]] = crew
+                for worker in _ready(list(busy)):
+                    finished = _last_word(worker)
+                    if finished is not None:
+                        crew = busy.pop(worker)
+                        if finished != "done":
+                            _dismiss(worker, crew)
+        finally:
+            for worker, crew in busy.items():
+                _dismiss(worker, crew)
 
     def _crew(self, name: str) -> Crew:
         """The processes under that name; the name used longest ago loses its own where there are too many."""
@@ -139,6 +171,17 @@ class Local:
             if used and queue.try_again(replace(finished.batch, jobs=finished.batch.jobs[:1])):
                 return
         yield finished
+
+
+def _last_word(worker: PoolWorker) -> str | None:
+    """The status of the worker's only job, "dead" and "late" among them; None while it goes on."""
+    if not worker.process.pipe.poll():
+        return "late" if time.monotonic() >= worker.deadline else None
+    try:
+        finished = worker.hear()
+    except (EOFError, OSError):
+        return "dead"
+    return None if finished is None else finished.result.status
 
 
 def _give_up(worker: PoolWorker, queue: BatchQueue, crew: Crew, rest: Sequence[Batch]) -> None:

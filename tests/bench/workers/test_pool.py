@@ -188,8 +188,17 @@ def test_alone_every_backend_has_a_process_of_its_own(pool: Local) -> None:
     for finished in pool.run([batch(["ekf", "ukf"], seed=seed, first=10 * seed) for seed in range(2)], alone=True):
         assert finished.alone
         seen.append(children())
-    assert [len(pids) for pids in seen] == [1, 2, 2, 2]
-    assert seen[1] == seen[2] == seen[3]
+    assert [len(pids) for pids in seen] == [2] * 4
+    assert all(pids == seen[0] for pids in seen)
+    before = children()
+    assert len(list(pool.run([batch(["ekf", "ukf"])], alone=True))) == 2
+    assert children() == before
+
+
+def test_alone_a_backend_that_goes_wrong_while_it_warms_up_is_one_result(pool: Local) -> None:
+    names = ["ekf", "misbehaving:raises", "misbehaving:kills_itself", "misbehaving:sleeps_for_ever"]
+    found = by_index(pool.run([batch(names, timeout_s=3.0)], alone=True))
+    assert [found[k].status for k in range(4)] == ["done", "error", "error", "timeout"]
 
 
 def test_alone_no_more_than_so_many_backends_keep_theirs(monkeypatch: pytest.MonkeyPatch, pool: Local) -> None:
