@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera.camera import Camera
+from ..compile_ahead import compile_ahead
 from ..errors import InputError
 from ..se2 import Array
 from . import template
@@ -63,6 +64,8 @@ class Detector:
 
     @cached_property
     def _opencv(self) -> cv2.aruco.ArucoDetector:
+        if self.refinement == "template":
+            compile_ahead(f"{__package__}.kernels")
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = OPENCV.get(self.refinement, cv2.aruco.CORNER_REFINE_NONE)
         parameters.perspectiveRemovePixelPerCell = CELL

@@ -47,6 +47,20 @@ print(compiled.ready() - before)
 """
 
 
+IN_THE_ROOM = """
+import numpy as np
+from slamduel.datasets import registry
+from slamduel.frontend import compile_ahead, compiled
+from slamduel.frontend.markers import kernels
+
+compile_ahead._compile(kernels.kernels())
+before = compiled.ready()
+source = registry.find("aruco-room")
+source.make(source.options(markers=8, seconds=1.0), np.random.default_rng(0))
+print(compiled.ready() - before)
+"""
+
+
 @pytest.fixture
 def house(tmp_path: Path) -> Path:
     """A package with eight inner loops that call a ninth."""
@@ -91,6 +105,7 @@ def test_one_core_compiles_what_it_calls(house: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_smoother_calls_nothing_else() -> None:
-    done = subprocess.run([sys.executable, "-c", COVERED], capture_output=True, text=True, check=True)
+@pytest.mark.parametrize("program", [COVERED, IN_THE_ROOM], ids=["a smoother", "a marker detector"])
+def test_nothing_is_called_that_is_not_listed(program: str) -> None:
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["0"]

@@ -1,0 +1,18 @@
+"""The inner loops of the marker detector, each with arguments of its types, to be compiled at once."""
+
+import numpy as np
+
+from ..compile_ahead import Kernels
+from . import _alignment, _homography, _square_pose
+
+
+def kernels() -> Kernels:
+    """The two that take longest first and last."""
+    table, numbers = np.zeros((3, 3)), np.zeros(3)
+    image, rays, pattern = np.zeros((2, 2), np.uint8), np.zeros((2, 2, 2)), np.zeros((2, 2), np.bool_)
+    return [
+        (_alignment.align, (image, rays, pattern, table, table)),
+        (_homography.corner_rays, (table, 4, table)),
+        (_square_pose.settle, (table, table, table, table, numbers)),
+        (_homography.homography, (table, 4)),
+    ]
