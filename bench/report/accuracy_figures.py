@@ -1,6 +1,6 @@
 """Figures of errors: by log, between backends, and along a run."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,9 +34,10 @@ def bars(found: Iterable[Typical]) -> str:
     return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (min(counts) < FEWEST)
 
 
-def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+def by_log(name: str, scene: Scene) -> Exhibit | None:
     """None where no backend ran on two logs."""
-    shown = [line for line in lines if any(column in line.values for column in PATHS.values())]
+    looks = scene.looks
+    shown = [line for line in scene.lines if any(column in line.values for column in PATHS.values())]
     shown.sort(key=lambda line: scene.order.index(line.backend))
     if not any(line.values[column].n > 1 for line in shown for column in PATHS.values() if column in line.values):
         return None
@@ -92,30 +93,38 @@ def _lost(line: Line) -> str:
     return f" · {lost} of {len(line.rows)} not done" if lost else ""
 
 
-def pairs(
-    name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
-) -> Iterator[Exhibit]:
-    """The most accurate backend against every other one, for each path on which there are intervals.
+def online_pairs(name: str, scene: Scene) -> Exhibit | None:
+    """The most accurate online path against every other one; None where no two are compared."""
+    return _against_the_best(name, scene, "online")
 
-    One that it has a single other one on is no figure, but a sentence below that of the other path.
-    """
+
+def final_pairs(name: str, scene: Scene) -> Exhibit | None:
+    """The most accurate final path against every other one; None where no two are compared."""
+    return _against_the_best(name, scene, "final")
+
+
+def _against_the_best(name: str, scene: Scene, path: str) -> Exhibit | None:
+    """A path on which only two are compared is no figure, but a sentence below that of the other path."""
+    found = _compared(scene) if scene.kind == "truth" else {}
+    called = tags(scene.looks)
+    said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
+    best, against = found.get(path, ("", ()))
+    return _pairs(name, path, best, against, scene.looks, said) if len(against) > 1 else None
+
+
+def _compared(scene: Scene) -> dict[str, tuple[str, Sequence[Comparison]]]:
+    """By path: the most accurate backend, and its comparisons with the others for which there are intervals."""
     found: dict[str, tuple[str, Sequence[Comparison]]] = {}
     for path, column in PATHS.items():
-        compared = [c for c in comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
+        compared = [c for c in scene.comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
         known = {label for c in compared for label in (c.first, c.second)}
-        able = [line for line in lines if line.backend in known]
+        able = [line for line in scene.lines if line.backend in known]
         if not able:
             continue
         best = min(able, key=lambda line: typical(line, column).value).backend
         against = sorted((_over(best, c) for c in compared if best in (c.first, c.second)), key=lambda c: c.ratio)
         found[path] = best, against
-    called = tags(looks)
-    said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
-    for path, (best, against) in found.items():
-        if len(against) > 1:
-            yield _pairs(
-                f"{name}-pairs" if path == "online" else f"{name}-{path}-pairs", path, best, against, looks, said
-            )
+    return found
 
 
 def _said(path: str, called: Mapping[str, str], c: Comparison) -> str:

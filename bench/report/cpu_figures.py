@@ -1,6 +1,5 @@
 """Figures of CPU time: along a run, over all of a run's steps, and as the log or the map grows."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,6 @@ from ..drawing.legend import ROW, named
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
 from ..measure.growth import NO_GROWTH, binned
-from ..verdict.summary import Line
 from ..words.names import tags
 from ..words.numerals import number, raised
 from ..words.styles import Look
@@ -91,12 +89,20 @@ class _Growth(NamedTuple):
     power: float | None
 
 
-def growth(name: str, scene: Scene, lines: Sequence[Line], along: str) -> Exhibit | None:
-    """Against the step's number, or against landmarks known, `along` being steps or landmarks; both logarithmic.
+def growth_over_steps(name: str, scene: Scene) -> Exhibit | None:
+    """Against the step's number, both logarithmic; None where no power is to be seen: each fit is flat, or none is."""
+    return _against(name, scene, "steps")
 
-    None where there is no power to be seen: each fit is flat, or there is none.
-    """
-    powers = {line.backend: line.values[f"growth_{along}"].median for line in lines if f"growth_{along}" in line.values}
+
+def growth_over_landmarks(name: str, scene: Scene) -> Exhibit | None:
+    """Against landmarks known, likewise."""
+    return _against(name, scene, "landmarks")
+
+
+def _against(name: str, scene: Scene, along: str) -> Exhibit | None:
+    """`along` is steps or landmarks."""
+    column = f"growth_{along}"
+    powers = {line.backend: line.values[column].median for line in scene.lines if column in line.values}
     grown = [
         _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label))
         for trace in _timed(scene)

@@ -10,6 +10,7 @@ from ...frontend.se2 import Array
 from ..measure.times import length
 from ..record.schema import Row
 from ..record.store import Store
+from ..verdict.statistics import Comparison
 from ..verdict.summary import Line, logs
 from ..words.styles import BASELINE, Look
 
@@ -33,6 +34,9 @@ class Scene(NamedTuple):
     traces: Sequence[Trace]
     missing: Sequence[str]  # the backends that have no cell to draw
     lengths: Mapping[int, float | None]  # s that each seed's log covers; None where its times are no times
+    lines: Sequence[Line] = ()  # the dataset's, over all its logs
+    looks: Mapping[str, Look] = {}  # by backend
+    comparisons: Mapping[str, Sequence[Comparison]] = {}  # the verdict's, by column
     order: Sequence[str] = ()  # the backends, the lowest median error first
     nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
     nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
@@ -52,7 +56,13 @@ class Scene(NamedTuple):
         return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
 
 
-def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]) -> Scene | None:
+def scene(
+    store: Store,
+    lines: Sequence[Line],
+    looks: Mapping[str, Look],
+    slugs: Mapping[str, str],
+    comparisons: Mapping[str, Sequence[Comparison]] | None = None,
+) -> Scene | None:
     """The scene of a dataset's lines; None where no cell is done."""
     done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
     if not done:
@@ -69,6 +79,9 @@ def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs:
         ],
         missing=[line.backend for line in lines if all(line is not drawn for drawn, _ in shown)],
         lengths=_lengths(store, [row for _, row in done]),
+        lines=lines,
+        looks=looks,
+        comparisons=comparisons or {},
         order=[line.backend for line in sorted(lines, key=_error)],
         nees={line.backend: _nees(store, line) for line in lines},
         nis={line.backend: found for line in lines if (found := _nis(store, line))},

@@ -43,9 +43,9 @@ class _Choice(NamedTuple):
     ringed: bool  # not compiled here, where others are
 
 
-def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+def pareto(name: str, scene: Scene) -> Exhibit | None:
     """None where there are no two to choose from."""
-    choices = list(_choices(lines, looks))
+    choices = list(_choices(scene.lines, scene.looks))
     choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
     if len({choice.label for choice in choices}) < 2:
         return None
@@ -93,7 +93,7 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
     elif choices[0].final:
         caption += f" Cost: {whole}."
     if any(choice.ringed for choice in choices):
-        caption += f" Ringed: {_ringed(lines, choices)}."
+        caption += f" Ringed: {_ringed(scene.lines, choices)}."
     if len(choices) > NAMED:
         caption += f" Of {len(choices)} points, {NAMED} are named."
     curves = [

@@ -77,8 +77,8 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
     from .figures import exhibits
     from .trajectories import trajectories
 
-    shown = scene(store, found, look, run["folders"])
     ruling = verdict(found)
+    shown = scene(store, found, look, run["folders"], ruling.comparisons)
     known, slug = representative(found), run["folders"][found[0].dataset]
     return Section(
         dataset=found[0].dataset,
@@ -99,7 +99,7 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         inner=inner_table(found),
         scene=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
-        exhibits=exhibits(slug, shown, found, look, ruling.comparisons) if shown else [],
+        exhibits=exhibits(slug, shown) if shown else [],
         failures=[failure for line in found for failure in _failures(line)],
     )
 

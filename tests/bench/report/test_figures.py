@@ -72,14 +72,14 @@ def draw(folder: Path, backends: Sequence[tuple[str, str]], seeds: int) -> Drawn
     record.log("room", "truth", seeds - 1, steps=STEPS)
     found = lines(record.store.cells())
     look = looks(line.backend for line in found)
-    shown = scene(record.store, found, look, record.store.run()["folders"])
-    record.store.close()
-    assert shown is not None
     comparisons = {
         column: compare({line.backend: line.by_log(column) for line in found if column in line.values})
         for column in ("ate_m", "final_ate_m")
     }
-    return Drawn(shown, found, look, [*trajectories("p", shown)], exhibits("x", shown, found, look, comparisons))
+    shown = scene(record.store, found, look, record.store.run()["folders"], comparisons)
+    record.store.close()
+    assert shown is not None
+    return Drawn(shown, found, look, [*trajectories("p", shown)], exhibits("x", shown))
 
 
 @pytest.fixture(scope="module")
@@ -304,7 +304,7 @@ def test_no_point_is_outside_the_frame_however_accurate(tmp_path: Path) -> None:
     record.store.close()
     assert shown is not None
     assert shown.which == ""
-    pareto = exhibits("x", shown, found, look)[0]
+    pareto = exhibits("x", shown)[0]
     assert pareto.plot is not None
     assert pareto.plot.y.low < 1e-6 < 100 < pareto.plot.y.high
     assert "better" not in pareto.caption
