@@ -15,6 +15,7 @@ from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
 from .drawn_log import Scene, scene
+from .figures import exhibits
 from .pairs_table import pairs_table
 from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table
 
@@ -74,7 +75,6 @@ def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
 
 
 def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
-    from .figures import exhibits
     from .trajectories import trajectories
 
     ruling = verdict(found)

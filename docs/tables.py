@@ -1,0 +1,91 @@
+"""Writes the tables of backends.md and datasets.md from the registries: `make docs-tables`.
+
+Each file keeps its text; what stands between the lines BEGIN and END is replaced.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from slamduel.backends import registry as backends
+from slamduel.bench.plan.spec import describe
+from slamduel.datasets import registry as datasets
+
+FOLDER = Path(__file__).parent
+BEGIN, END = "<!-- begin: written by make docs-tables -->", "<!-- end -->"
+
+BAR = "\\|"
+"""A bar within a cell."""
+
+SHARED = 5
+"""An option that so many have is described once."""
+
+Option = tuple[str, str, str]
+"""Name, default and help."""
+
+
+class Entry(NamedTuple):
+    """A backend or a dataset."""
+
+    name: str
+    cells: tuple[str, ...]  # of its row in the first table
+    options: list[Option]
+
+
+def pages() -> dict[Path, str]:
+    """The two files as they should be."""
+    named = {
+        "backends.md": (("backend", "implementation", "summary"), list(_backends())),
+        "datasets.md": (("dataset", "logs", "summary"), list(_datasets())),
+    }
+    return {FOLDER / name: _page(FOLDER / name, "\n".join(_tables(*found))) for name, found in named.items()}
+
+
+def _page(path: Path, tables: str) -> str:
+    before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
+    return f"{before}{BEGIN}\n{tables}\n{END}{rest.partition(END)[2]}"
+
+
+def _backends() -> Iterator[Entry]:
+    for name in backends.BUILTIN:
+        builder = backends.find(name)
+        made_by = backends.implementation(name, builder.options())
+        yield Entry(name, (made_by, builder.summary), describe(builder.options))
+
+
+def _datasets() -> Iterator[Entry]:
+    for name in datasets.BUILTIN:
+        source = datasets.find(name)
+        yield Entry(name, ("one per seed" if source.seeded else "one", source.summary), describe(source.options))
+
+
+def _tables(headings: tuple[str, ...], entries: list[Entry]) -> Iterator[str]:
+    yield from _table(headings, [(f"`{entry.name}`", *entry.cells) for entry in entries])
+    having = Counter(option for entry in entries for option in entry.options)
+    shared = [option for option, count in having.items() if count >= SHARED]
+    if shared:
+        names = [f"`{entry.name}`" for entry in entries if set(shared) & set(entry.options)]
+        yield f"\nOptions of {', '.join(names)}:\n"
+        yield from _options(shared)
+    for entry in entries:
+        own = [option for option in entry.options if option not in shared]
+        if own:
+            yield f"\n{'Further options' if len(own) < len(entry.options) else 'Options'} of `{entry.name}`:\n"
+            yield from _options(own)
+
+
+def _options(options: list[Option]) -> Iterator[str]:
+    yield from _table(
+        ("option", "default", "meaning"), [(f"`{n}`", value and f"`{value}`", text) for n, value, text in options]
+    )
+
+
+def _table(headings: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
+    for cells in (headings, ("---",) * len(headings), *rows):
+        yield f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |"
+
+
+if __name__ == "__main__":
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")
