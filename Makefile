@@ -2,6 +2,7 @@
 # make test                 lint, types and all tests that are quick
 # make test-slow            the other tests: browsers, clusters, kills, large samples
 # make test-older           the quick tests as two older machines would run them
+# make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
@@ -19,7 +20,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-older lint types unit clean gallery study-city study-statistics study-kills
+.PHONY: demo test test-slow test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -48,6 +49,9 @@ test-older: $(VENV)/.installed-dev
 	for kind in haswell nehalem; do \
 		$(BIN)/python tests/support/older_machine.py $$kind $(PYTEST) -m "not slow" || exit 1; \
 	done
+
+docs-tables: $(VENV)/.installed
+	$(BIN)/python docs/tables.py
 
 # A finding that is not reproduced is an answer, too.
 gallery: $(VENV)/.installed

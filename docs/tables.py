@@ -1,4 +1,4 @@
-"""Writes the tables of backends.md and datasets.md from the registries: `make docs-tables`.
+"""Writes the tables of backends.md and datasets.md, and the format in studies.md: `make docs-tables`.
 
 Each file keeps its text; what stands between the lines BEGIN and END is replaced.
 """
@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from slamduel.backends import registry as backends
 from slamduel.bench.plan.spec import describe
+from slamduel.bench.study.file import FORMAT
 from slamduel.datasets import registry as datasets
 
 FOLDER = Path(__file__).parent
@@ -34,17 +35,18 @@ class Entry(NamedTuple):
 
 
 def pages() -> dict[Path, str]:
-    """The two files as they should be."""
-    named = {
-        "backends.md": (("backend", "implementation", "summary"), list(_backends())),
-        "datasets.md": (("dataset", "logs", "summary"), list(_datasets())),
+    """The files as they should be."""
+    written = {
+        "backends.md": _tables(("backend", "implementation", "summary"), list(_backends())),
+        "datasets.md": _tables(("dataset", "logs", "summary"), list(_datasets())),
+        "studies.md": ["", FORMAT.strip("\n")],
     }
-    return {FOLDER / name: _page(FOLDER / name, "\n".join(_tables(*found))) for name, found in named.items()}
+    return {FOLDER / name: _page(FOLDER / name, "\n".join(lines)) for name, lines in written.items()}
 
 
-def _page(path: Path, tables: str) -> str:
+def _page(path: Path, text: str) -> str:
     before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
-    return f"{before}{BEGIN}\n{tables}\n{END}{rest.partition(END)[2]}"
+    return f"{before}{BEGIN}\n{text}\n{END}{rest.partition(END)[2]}"
 
 
 def _backends() -> Iterator[Entry]:

@@ -8,6 +8,7 @@ import ast
 import functools
 import graphlib
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -249,6 +250,16 @@ def test_the_table_has_floors() -> None:
     """No room sees one that sees it, at whatever distance."""
     for rooms in ROOMS.values():
         graphlib.TopologicalSorter(rooms).prepare()
+
+
+def test_contributing_has_every_room_on_a_floor_above_those_that_it_sees() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    plan = re.findall(r"^\| `?(\w+)`? \| `(\w+)` \| \S", text, re.MULTILINE)
+    shown = {("bench" if place.isdigit() else place, room) for place, room in plan}
+    assert shown == {(layer, room) for layer in BELOW for room in ROOMS[layer] if room != TOP}
+    floors = {room: int(place) for place, room in plan if place.isdigit()}
+    for room, floor in floors.items():
+        assert all(floors[seen] < floor for seen in ROOMS["bench"][room]), room
 
 
 def test_no_modules_load_one_another_in_a_circle() -> None:

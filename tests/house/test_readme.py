@@ -1,8 +1,10 @@
-"""The README says what is so: its commands are taken, its names exist, its table is what the terminal prints."""
+"""README and docs say what is so: commands are taken, files and names exist, Python runs, tables are those of today."""
 
 import argparse
 import re
+import runpy
 import shlex
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -11,33 +13,39 @@ import pytest
 
 from places import ROOT
 from random_logs import random_log
-from slamduel.backends import registry as backends
+from slamduel.backends import registry
+from slamduel.bench.check.suite import check_backend
 from slamduel.bench.cli import COMMANDS
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.terminal import tables
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.console import WIDE
-from slamduel.datasets import registry as datasets
 from slamduel.datasets.formats import log_folder
 
-README = (ROOT / "README.md").read_text()
+PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.glob("docs/*.md")}
+PAGES["README.md"] = README = (ROOT / "README.md").read_text(encoding="utf-8")
+BESIDE = {"CONTRIBUTING.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")}
 
 
-def commands() -> list[list[str]]:
-    found = [line.strip().partition("#")[0] for line in README.splitlines() if line.startswith("    bench ")]
-    assert len(found) > 6
-    (log,) = re.findall(r"^    LOG='(.*)'$", README, re.MULTILINE)
-    return [shlex.split(line.replace("$LOG", log)) for line in found]
+def commands(page: str) -> list[list[str]]:
+    """The words of every command that a page shows."""
+    text = PAGES[page]
+    found = [line.strip().partition("   #")[0] for line in text.splitlines() if line.startswith("    bench ")]
+    logs: list[str] = re.findall(r"^    LOG='(.*)'$", text, re.MULTILINE)
+    return [shlex.split(line.replace("$LOG", logs[0]) if logs else line) for line in found]
+
+
+SHOWN = [(page, words) for page in PAGES for words in commands(page)]
 
 
 def written() -> set[str]:
-    """What earlier commands leave."""
-    return {words[words.index("--out") + 1] for words in commands() if "--out" in words}
+    """What the commands leave."""
+    return {words[words.index("--out") + 1] for _, words in SHOWN if "--out" in words}
 
 
-@pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_every_command_is_taken_and_names_what_exists(words: list[str]) -> None:
+@pytest.mark.parametrize(("page", "words"), SHOWN, ids=[" ".join((page, *words)) for page, words in SHOWN])
+def test_every_command_is_taken_and_names_what_exists(page: str, words: list[str]) -> None:
     parser = argparse.ArgumentParser()
     import_module(COMMANDS[words[1]][1], "slamduel.bench").arguments(parser)
     given: dict[str, list[str] | str] = vars(
@@ -51,16 +59,35 @@ def test_every_command_is_taken_and_names_what_exists(words: list[str]) -> None:
         assert "/" in name or name in written() or dataset_variants(name)
 
 
-def test_every_name_is_told() -> None:
-    for name in [*backends.BUILTIN, *(name for name in datasets.BUILTIN if name != "log")]:
-        assert re.search(rf"^\| .*`{name}`.* \|$", README, re.MULTILINE), name
+def test_the_readme_shows_every_command() -> None:
+    assert {words[1] for words in commands("README.md")} == set(COMMANDS) | {"run"}
 
 
-def test_every_link_leads_somewhere() -> None:
-    links = [link for link in re.findall(r"\]\(([^)]+)\)", README) if "://" not in link]
-    assert len(links) >= 4
+@pytest.mark.parametrize("page", [*PAGES, *BESIDE])
+def test_every_link_leads_somewhere(page: str) -> None:
+    text = (PAGES | BESIDE)[page]
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)|src=\"([^\"]+)\"", text) if "://" not in link[0]]
     for link in links:
-        assert (ROOT / link).exists(), link
+        assert ((ROOT / page).parent / "".join(link)).exists(), link
+
+
+@pytest.mark.parametrize("page", [*PAGES, *BESIDE])
+def test_every_file_that_is_named_exists(page: str) -> None:
+    text = re.sub(r"```.*?```", "", (PAGES | BESIDE)[page], flags=re.DOTALL)
+    named = re.findall(r"`((?:backends|bench|datasets|docs|frontend|tests)/[\w./-]*\w/?)`", text)
+    added = {"bench/study/studies/NAME.toml", *re.findall(r"such as\s`([\w/.]+)`:\n", text)}
+    assert [name for name in named if name not in added and not (ROOT / name).exists()] == []
+
+
+def test_every_page_is_linked_from_the_readme() -> None:
+    assert [page for page in PAGES if page != "README.md" and f"({page})" not in README] == []
+
+
+def test_the_generated_parts_are_as_make_docs_tables_writes_them() -> None:
+    written: dict[Path, str] = runpy.run_path(str(ROOT / "docs" / "tables.py"))["pages"]()
+    assert {path.name for path in written} == {"backends.md", "datasets.md", "studies.md"}
+    for path, text in written.items():
+        assert path.read_text(encoding="utf-8") == text, "make docs-tables writes it anew"
 
 
 def test_the_headings_of_the_table_are_the_terminals() -> None:
@@ -72,24 +99,46 @@ def test_the_headings_of_the_table_are_the_terminals() -> None:
     assert re.split(r"\s{2,}", shown.strip()) == headings
 
 
+def test_the_readmes_table_is_the_one_of_the_results() -> None:
+    shown = re.findall(r"^ {6}[\w-]+ +10/10 .*$", README, re.MULTILINE)
+    assert len(shown) == 5
+    assert [line for line in shown if line not in PAGES["docs/results.md"]] == []
+
+
 def test_the_log_folder_is_as_described(tmp_path: Path) -> None:
     log, truth = random_log(np.random.default_rng(1), 5, 3)
     log_folder.write(tmp_path / "log", log, truth)
     for name in ("odometry.csv", "sightings.csv", "landmarks.csv"):
         header = (tmp_path / "log" / name).read_text().splitlines()[0]
-        assert re.search(rf"{name}\s+{re.escape(header)}\s", README), name
+        assert re.search(rf"{name}\s+{re.escape(header)}\s", PAGES["docs/own_log.md"]), name
     assert (tmp_path / "log" / "log.toml").is_file()
     assert (tmp_path / "log" / "truth.tum").is_file()
 
 
+def python(page: str) -> str:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGES[page], re.DOTALL)
+    return code
+
+
+def test_every_block_of_python_is_run_here() -> None:
+    assert {page for page, text in PAGES.items() if "```python" in text} == {"README.md", "docs/own_log.md"}
+
+
 @pytest.mark.usefixtures("no_report")
-def test_the_python_in_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (code,) = [block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "from_arrays" in block]
+def test_the_python_with_a_log_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log, truth = random_log(np.random.default_rng(2), 25, 6)
     assert truth is not None
     names = ("t", "delta", "delta_cov", "sighting_step", "ids", "z", "z_cov")
     known = {name: getattr(log, name) for name in names} | {"poses": truth.poses}
     monkeypatch.chdir(tmp_path)
-    exec(code.replace("cov=1e-6 * np.eye(3)", "cov=np.eye(3)"), known)
+    exec(python("docs/own_log.md").replace("cov=1e-6 * np.eye(3)", "cov=np.eye(3)"), known)
     assert known["path"].shape == (25, 3)
     assert len(known["log"]) == 6969
+
+
+def test_the_backend_conforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_module.py").write_text(python("README.md"))
+    monkeypatch.syspath_prepend(tmp_path)
+    builder = registry.find("my_module:build")
+    monkeypatch.delitem(sys.modules, "my_module")
+    assert [outcome for outcome in check_backend(builder) if outcome.status == "failed"] == []
