@@ -21,7 +21,7 @@ import json
 from pathlib import Path
 
 from slamduel.backends import registry as backends
-from slamduel.bench.check.suite import check_backend
+from slamduel import check
 from slamduel.bench.claims.words import sized
 from slamduel.bench.cli import main
 from slamduel.bench.plan.spec import describe
@@ -35,7 +35,7 @@ for name, words in commands.items():
     with Path(f"{name}.txt").open("w") as file, contextlib.redirect_stdout(file), contextlib.suppress(SystemExit):
         assert main(words) == 0, words
 builder, source = backends.find("scaled-odometry"), datasets.find("corridor")
-found = {"checks": [check[:4] for check in check_backend(builder) if check.status == "failed"]}
+found = {"checks": [one[:4] for one in check(builder) if one.status == "failed"]}
 found |= {"measures": list(MEASURES), "sized": sized(1.5, "path_m"), "whose": builder.implementation}
 found |= {"options": [describe(one.options) for one in (builder, source)]}
 Path("found.json").write_text(json.dumps(found))

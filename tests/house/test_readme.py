@@ -14,7 +14,7 @@ import pytest
 from places import ROOT
 from random_logs import random_log
 from slamduel.backends import registry
-from slamduel.bench.check.suite import check_backend
+from slamduel.bench.check.suite import check
 from slamduel.bench.cli import COMMANDS
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
@@ -141,4 +141,4 @@ def test_the_backend_conforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.syspath_prepend(tmp_path)
     builder = registry.find("my_module:build")
     monkeypatch.delitem(sys.modules, "my_module")
-    assert [outcome for outcome in check_backend(builder) if outcome.status == "failed"] == []
+    assert [outcome for outcome in check(builder) if outcome.status == "failed"] == []

@@ -64,7 +64,7 @@ def test_installed_it_is_imported_from_there(wheel: Path, tmp_path: Path) -> Non
         "assert all(r.find(name) for r in (b, d) for name in r.BUILTIN); "
         "print(slamduel.__file__); print(c.__file__); "
         "from importlib.metadata import distribution; "
-        "print(*(e.value for e in distribution('slamduel').entry_points if e.group == 'console_scripts'))"
+        "print(*{e.value for e in distribution('slamduel').entry_points if e.group == 'console_scripts'})"
     )
     env = os.environ | {"PYTHONPATH": str(site)}
     done = subprocess.run(
