@@ -34,8 +34,8 @@ AHEAD = 2
 MOST_CREWS = 8
 """Backends whose processes are kept when cells run alone: each holds its libraries and its last few logs."""
 
-REHEARSAL_S = 300.0
-"""Limit of the time in which a backend loads or compiles its code before cells run alone."""
+REHEARSAL_S = 30.0
+"""Limit of the time in which a backend loads or compiles its code before cells run alone; its cells do the rest."""
 
 Crew = list[PoolWorker]
 

@@ -90,7 +90,6 @@ def test_the_same_again_goes_on_and_another_log_does_not(world: Dataset, result:
     ("arguments", "sentence"),
     [
         ({"backend": "ekff"}, "there is no backend 'ekff'"),
-        ({"timeout": 3}, "there is no argument 'timeout'"),
         ({"dataset": "roomm"}, "there is no dataset 'roomm'"),
     ],
 )

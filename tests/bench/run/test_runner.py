@@ -197,7 +197,7 @@ from pathlib import Path
 sys.path[:0] = [{tests!r}]
 if __name__ == "__main__":
     from small_run import go
-    go(Path({out!r}), {backends!r}, {log!r}, workers=1, seeds=4)
+    go(Path({out!r}), {backends!r}, {log!r}, workers=1, seeds=4, timeout_s=10.0)
 """
 
 
