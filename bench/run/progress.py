@@ -91,7 +91,7 @@ class Screen:
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         """One has ended; on a terminal it is said at once, and once, where it did not go well, elsewhere always."""
-        self._rows.append(Row({**dict.fromkeys((*COLUMNS, *MORE)), **row}, ""))
+        self._rows.append(Row({name: row.get(name) for name in (*COLUMNS, *MORE)}, ""))
         self._done += 1
         self._latest = time.monotonic()
         self._pace.took(_kind(cell.cell), seconds)
