@@ -1,13 +1,13 @@
-"""Suggests a name that is known in place of one that is not."""
+"""Suggests the known name nearest to an unknown one."""
 
 import difflib
 from collections.abc import Iterable
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that was meant, or all of them."""
+    """Suggests the known name that was meant, or lists all."""
     names = sorted(known)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"
-    return f"expected one of {', '.join(names)}." if names else "it has none."
+    return f"expected one of {', '.join(names)}." if names else "there are none."
