@@ -102,7 +102,7 @@ def _twin(name: str, digests: Mapping[str, str]) -> str:
         same = sum(known.get(file) == digest for file, digest in digests.items())
         if 2 * same > len(digests):
             published = all(PUBLISHED[other].files.values())
-            source = "" if published else f" (as {place(other)} holds it; remove that if it is the wrong one)"
+            source = "" if published else f" (compared with {place(other)}; remove that if it is the wrong one)"
             return f"{same} of its {len(digests)} files are those of {other}{source}"
     return ""
 

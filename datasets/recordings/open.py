@@ -65,7 +65,7 @@ def _frames_of(path: Path, robot: Robot) -> Path:
     if len(found) != 1:
         names = ", ".join(one.name for one in found) or "none"
         raise InputError(
-            f"{path}: found {names}, expected one recording: {_KINDS}. Of several, [frames] source in {ROBOT} selects one."
+            f"{path}: found {names}, expected one recording: {_KINDS}. [frames] source in {ROBOT} selects one."
         )
     return found[0]
 

@@ -37,7 +37,7 @@ Bits = NDArray[np.bool_]
 
 
 def clutter(camera: Camera, count: int, rng: np.random.Generator) -> Iterator[Image]:
-    """Yields `count` frames of random squares, checkerboards, rectangles, writing, noise and other dictionaries' markers.
+    """Yields `count` frames of squares, checkerboards, rectangles, writing, noise and other dictionaries' markers.
 
     All have random sizes and angles. None is a marker of DICTIONARY: random ones that are get redrawn.
     """

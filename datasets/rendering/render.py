@@ -187,7 +187,7 @@ class Renderer:
         image[patch.part] += grey - hit * image[patch.part]
 
     def _put(self, image: Singles, box: Box, textures: tuple[Image, ...], pose: Array) -> None:
-        """Draws the box into `image`: at the edge of two faces, all but one ray in some ten thousand hit one of them."""
+        """Draws the box into `image`: at the edge of two faces, all but one ray in some ten thousand hit either."""
         seen = [self._face(image, face, texture, pose) for face, texture in zip(box.faces, textures, strict=True)]
         for part, change in (found for found in seen if found is not None):
             image[part] += change

@@ -132,7 +132,7 @@ def _cardboard(face: Face, paper: float, rng: np.random.Generator) -> NDArray[np
 def _around(
     u: Grey, z: Grey, left: float, right: float, bottom: float, top: float, reach: float
 ) -> tuple[slice, slice]:
-    """The rows and columns of a wall within `reach` (m) of a rectangle: along rows u rises, down columns z falls."""
+    """The rows and columns of a wall within `reach` (m) of a rectangle: u rises along rows, z falls down columns."""
     rows = np.searchsorted(-z[:, 0], (-top - reach, reach - bottom)).tolist()
     columns = np.searchsorted(u, (left - reach, right + reach)).tolist()
     return slice(*rows), slice(*columns)

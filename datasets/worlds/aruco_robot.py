@@ -22,8 +22,8 @@ from ...frontend.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder
 from ..registry import Source
 from ..rendering.room import Room, wall_point
+from .faults import Faults, with_faults
 from .measurements import counted, in_reach, polar, prior
-from .mishaps import Mishaps, befallen
 from .wheeled_robot import Loop, count, drive
 
 ENCODER = Encoder(left=2.31249273072714e-06, right=2.30439760302837e-06, base=0.719561485930414, k=0.01, interval=0.05)
@@ -61,7 +61,7 @@ LOOP = Loop(
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
+class Options(Faults):
     """The room, the drive, and faults."""
 
     markers: int = option(24, "markers around the walls", minimum=1, maximum=200)
@@ -102,7 +102,7 @@ def aruco_robot(options: Options, rng: np.random.Generator) -> Dataset:
             "noise": NOISE.settings,
         },
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, places[:, :2], None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, places[:, :2], None), None, "truth")), options, rng)
 
 
 def in_view(poses: Array, places: Array, normals: Array) -> tuple[Ints, Ints]:
@@ -140,7 +140,7 @@ def _seen_from(poses: Array, points: Array) -> Array:
 
 
 def _hang(count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Positions (count, 3) and normals (count, 2) of markers around the walls: evenly spaced, each shifted at random."""
+    """Positions (count, 3) and normals (count, 2) of markers around the walls: even, each shifted at random."""
     along = ROOM.perimeter * (np.arange(count) + rng.uniform(0.1, 0.9, count)) / count
     xy, normals = wall_point(ROOM, along)
     return np.column_stack((xy, rng.uniform(LOW, HIGH, count))), normals

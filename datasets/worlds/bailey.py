@@ -19,8 +19,8 @@ from ...frontend.se2 import Array
 from ...frontend.small_matrices import product
 from ...frontend.wheels.encoder import compose
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import FLOORS, in_reach, polar, prior
-from .mishaps import Mishaps, befallen
 
 SPEED = 3.0
 """m/s."""
@@ -50,7 +50,7 @@ ASIDE = (4.0, 14.0)
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
+class Options(Faults):
     """The world, its noise, and faults."""
 
     landmarks: int = option(
@@ -102,7 +102,7 @@ def bailey(options: Options, rng: np.random.Generator) -> Dataset:
             "source": "simulated after Bailey and others, IROS 2006 and ICRA 2006; waypoints and landmarks are ours",
         },
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def landmarks(count: int) -> Array:

@@ -20,8 +20,8 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, wrap
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
-from .mishaps import Mishaps, befallen
 
 BASE = 0.5
 """m between the wheels."""
@@ -31,7 +31,7 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
+class Options(Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)
@@ -73,7 +73,7 @@ def circle(options: Options, rng: np.random.Generator) -> Dataset:
         z_cov,
         notes={"source": "simulated after Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010"},
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def _round(options: Options) -> Array:

@@ -13,8 +13,8 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
-from .mishaps import Mishaps, befallen
 
 BLOCK = 20.0
 """m between the middles of two streets."""
@@ -36,7 +36,7 @@ HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
+class Options(Faults):
     """The city, the drive, its noise, and faults."""
 
     landmarks: int = option(
@@ -91,7 +91,7 @@ def city(options: Options, rng: np.random.Generator) -> Dataset:
             "landmarks sighted": len(np.unique(row)),
         },
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def side(landmarks: int) -> int:

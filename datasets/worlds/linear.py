@@ -14,8 +14,8 @@ from ...frontend.factors import Dataset, Log, Map, Prior, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, wrap
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import START_SD, in_reach, sightings
-from .mishaps import Mishaps, befallen
 
 RADIUS = 10.0
 """m, radius of the robot's circle."""
@@ -34,7 +34,7 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
+class Options(Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(400, "steps, of half a metre", minimum=2, maximum=100_000)
@@ -75,7 +75,7 @@ def linear(options: Options, rng: np.random.Generator) -> Dataset:
         z_cov,
         notes={"source": "slamduel's own linear world"},
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def _landmarks(count: int, rng: np.random.Generator) -> Array:

@@ -18,8 +18,8 @@ from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import FLOORS, counted, in_reach, polar, prior
-from .mishaps import Mishaps, befallen
 from .wheeled_robot import Loop, count, drive
 
 CENTRE, HALF, START = np.array([1.0, 1.4]), np.array([2.3, 1.75]), np.deg2rad(160.0)
@@ -45,7 +45,7 @@ NEAREST, FARTHEST, HALF_VIEW = 0.3, 2.2, np.deg2rad(42.0)
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
+class Options(Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags, the first of 12; the report has 6 or 12", minimum=1, maximum=12)
@@ -81,7 +81,7 @@ def matlab_report(options: Options, rng: np.random.Generator) -> Dataset:
         z_cov[there],
         notes={"source": "simulated after the Matlab report, chapter 4; path, tags and noise are ours"},
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, TAGS[ids], None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, TAGS[ids], None), None, "truth")), options, rng)
 
 
 def _path(t: Array) -> Array:

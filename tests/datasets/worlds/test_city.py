@@ -115,7 +115,7 @@ def test_the_smallest_city_is_one_block() -> None:
     check(city(Options(landmarks=40, steps=500), generator("city", 0)).log, "city")
 
 
-def test_mishaps_befall_a_city(made: Dataset) -> None:
+def test_faults_apply_to_a_city(made: Dataset) -> None:
     """They alone: the city, the drive and what is left of the sightings stay."""
     poor = city(Options(missing=0.5, clutter=0.5), generator("city", 0))
     check(poor.log, "city")
@@ -123,7 +123,7 @@ def test_mishaps_befall_a_city(made: Dataset) -> None:
     kept = poor.log.z[poor.log.ids >= 0]
     assert np.isin(kept[:, 0], made.log.z[:, 0]).all()
     assert len(kept) / len(made.log.z) == pytest.approx(0.5, abs=6 * 0.5 / np.sqrt(len(made.log.z)))
-    assert np.sum(poor.log.ids < 0) == poor.log.notes["mishaps"]["false sightings"] > 0
+    assert np.sum(poor.log.ids < 0) == poor.log.notes["faults"]["false sightings"] > 0
 
 
 def test_a_drive_may_be_as_long_as_the_streets() -> None:

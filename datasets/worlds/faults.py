@@ -28,7 +28,7 @@ TRACK = 0.5
 
 
 @dataclass(frozen=True)
-class Mishaps:
+class Faults:
     """Faults applied to a log, by default none; a simulated world's options inherit it."""
 
     sensor_scale: float = option(1.0, "sd of a sighting's errors, in stated sd", minimum=0.0, maximum=1000.0)
@@ -64,16 +64,14 @@ class _Draws(NamedTuple):
     clutter: np.random.Generator
 
 
-def befallen(dataset: Dataset, mishaps: Mishaps, rng: np.random.Generator) -> Dataset:
+def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> Dataset:
     """Applies the faults to the simulated `dataset`; without any, it is returned unchanged if all ranges are positive.
 
     Its ground truth must have a pose per step, and the map. The new one's `assigned` has the true ids if some have
     changed or sightings are false, whose true id is UNKNOWN. A sighting whose error makes its range zero or negative is
     lost, even without faults. The log's notes have the options, and counts, under "faults".
     """
-    wanted = {
-        field.name: value for field in fields(Mishaps) if (value := getattr(mishaps, field.name)) != field.default
-    }
+    wanted = {field.name: value for field in fields(Faults) if (value := getattr(faults, field.name)) != field.default}
     log, truth = dataset
     if not wanted and (log.z[:, 0] > 0).all():
         return dataset
@@ -82,24 +80,24 @@ def befallen(dataset: Dataset, mishaps: Mishaps, rng: np.random.Generator) -> Da
     draws, counts = _Draws(*rng.spawn(len(_Draws._fields))), dict[str, int]()
     view = log.z
     if wanted.keys() & {"odometry_scale", "tails"}:
-        log = _off(log, truth, mishaps.odometry_scale, mishaps.tails, draws.motions)
-    if mishaps.slip:
-        log, counts["slips"] = _slipped(log, truth, mishaps.slip, draws.slips)
+        log = _off(log, truth, faults.odometry_scale, faults.tails, draws.motions)
+    if faults.slip:
+        log, counts["slips"] = _slipped(log, truth, faults.slip, draws.slips)
     if wanted.keys() & {"sensor_scale", "tails", "jitter"}:
-        log = _missed(log, truth, mishaps, draws)
-    if mishaps.wrong_ids:
-        log, truth = swapped(log, truth, mishaps.wrong_ids, draws.ids)
+        log = _missed(log, truth, faults, draws)
+    if faults.wrong_ids:
+        log, truth = swapped(log, truth, faults.wrong_ids, draws.ids)
         assert truth is not None
-    kept = (draws.missing.uniform(size=len(log.ids)) >= mishaps.missing) & (log.z[:, 0] > 0)
-    false = _clutter(log, view, mishaps.clutter, draws.clutter)
-    blind = _gap(len(log), mishaps.gap)
+    kept = (draws.missing.uniform(size=len(log.ids)) >= faults.missing) & (log.z[:, 0] > 0)
+    false = _clutter(log, view, faults.clutter, draws.clutter)
+    blind = _gap(len(log), faults.gap)
     kept, false = kept & ~blind[log.sighting_step], false.only(~blind[false.step])
-    if mishaps.clutter:
+    if faults.clutter:
         counts["false sightings"] = len(false.step)
     if not kept.all():
         counts["sightings lost"] = int((~kept).sum())
-    log, truth = _merged(log, truth, kept, false, mishaps.clutter_ids)
-    return Dataset(replace(log, notes={**log.notes, "mishaps": wanted | counts}), truth)
+    log, truth = _merged(log, truth, kept, false, faults.clutter_ids)
+    return Dataset(replace(log, notes={**log.notes, "faults": wanted | counts}), truth)
 
 
 def _scale(scale: float, tails: float | None, rows: int, rng: np.random.Generator) -> Array:
@@ -133,7 +131,7 @@ def _slipped(log: Log, truth: Truth, rate: float, rng: np.random.Generator) -> t
     return _with_motions(log, delta[1:]), slips
 
 
-def _missed(log: Log, truth: Truth, mishaps: Mishaps, draws: _Draws) -> Log:
+def _missed(log: Log, truth: Truth, faults: Faults, draws: _Draws) -> Log:
     """The log with larger errors in its sightings, those of a step taken with a common time error.
 
     Between steps the robot is assumed to move straight and evenly.
@@ -145,12 +143,12 @@ def _missed(log: Log, truth: Truth, mishaps: Mishaps, draws: _Draws) -> Log:
     poses = truth.poses
     right = sighted_from(poses[step], xy)
     error = difference(log.z, right)
-    if mishaps.jitter:
-        moments = log.t + mishaps.jitter * draws.moments.standard_normal(len(log))
+    if faults.jitter:
+        moments = log.t + faults.jitter * draws.moments.standard_normal(len(log))
         columns = (*poses.T[:2], np.unwrap(poses[:, 2]))
         poses = np.stack([np.interp(moments, log.t, column) for column in columns], axis=-1)
         right = sighted_from(poses[step], xy)
-    z = right + error * _scale(mishaps.sensor_scale, mishaps.tails, len(ids), draws.sightings)[:, None]
+    z = right + error * _scale(faults.sensor_scale, faults.tails, len(ids), draws.sightings)[:, None]
     z[:, 1] = wrap(z[:, 1])
     return replace(log, z=_frozen(np.where(row[:, None] >= 0, z, log.z)))
 
