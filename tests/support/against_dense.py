@@ -1,4 +1,4 @@
-"""Smoothed solutions held against dense Gauss-Newton, on random logs of every kind."""
+"""Compares smoothed solutions with dense Gauss-Newton, on random logs of every kind."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ def of_kind(kind: str, made: Dataset, rng: np.random.Generator) -> Log:
 
 
 def dense(log: Log, found: Solution, iterations: int = 6, **loss: Any) -> Dense:
-    """The optimum next to what was found."""
+    """The optimum near the solution."""
     return dense_fit(log, found.path, dict(zip(found.map.ids.tolist(), found.map.xy, strict=True)), iterations, **loss)
 
 

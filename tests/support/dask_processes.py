@@ -1,4 +1,4 @@
-"""Schedulers and workers of Dask as processes of this machine, each with a log that tells why it did not come up."""
+"""Dask schedulers and workers as local processes, each with a log for failures at start."""
 
 import json
 import os
@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 WITHOUT = 'import sys; sys.modules["slamduel"] = None; '
-"""Before anything else in a process that is to be without this package."""
+"""Prefix of the code of a process without this package."""
 
 
 class Processes:
-    """A scheduler, and workers that come and go."""
+    """A scheduler and its workers."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -37,13 +37,13 @@ class Processes:
     def worker(
         self, *options: str, path: Path | None = None, before: str = "", environment: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
-        """Start one without a nanny; `path`: where it finds modules first, `before`: what it runs first."""
+        """Starts one without a nanny; `path`: precedes its module path, `before`: code to run first."""
         local = str(self.folder / "local")
         wanted = ("--no-nanny", "--nthreads", "1", "--no-dashboard", "--local-directory", local, *options)
         return self._start(before, "dask_worker", self.address, *wanted, path=path, more=environment)
 
     def until(self, there: Callable[[], bool], seconds: float = 60) -> None:
-        """Wait for something, with what the processes said where it does not come."""
+        """Waits for a condition; on timeout, fails with the processes' output."""
         end = time.monotonic() + seconds
         while not there():
             said = "\n".join(path.read_text() for path in self.folder.glob("*.log"))
@@ -51,7 +51,7 @@ class Processes:
             time.sleep(0.05)
 
     def close(self) -> None:
-        """End all of them."""
+        """Ends all of them."""
         for process in self.running:
             process.send_signal(signal.SIGCONT)
             process.kill()
