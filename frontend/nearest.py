@@ -10,4 +10,4 @@ def nearest(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"did you mean {close[0]!r}?"
-    return f"expected one of {', '.join(names)}." if names else "there are none."
+    return f"expected one of {', '.join(names)}." if names else "it has none."

@@ -51,7 +51,7 @@ def check_words(log: Log) -> None:
     """Raises InputError if the name or the notes of `log` cannot be stored in a log.toml."""
     name: Any = log.name
     if not isinstance(name, str) or not _encodable(name):
-        raise InputError(f"log {name!r:.100}: expected a name that can be encoded as UTF-8.")
+        raise InputError(f"log {name!r:.100}: found this name, expected a string that UTF-8 can encode.")
     try:
         held = _encodable(tomli_w.dumps(_notes(log)))
     except (TypeError, ValueError, AttributeError, RecursionError):

@@ -63,7 +63,7 @@ def read(path: Path, mounting: Array, size: tuple[int, int] | None = None) -> Ca
     def find(names: Sequence[str], what: str | None = None) -> _Entry | None:
         entry = next((entries[name] for name in names if name in entries), None)
         if entry is None and what is not None:
-            raise InputError(f"{path}: no {what}, expected the keys of a calibration")
+            raise InputError(f"{path}: found no {what}, expected the keys of a calibration")
         return entry
 
     matrix, lens = find(_MATRIX, "camera_matrix"), find(_LENS, "distortion_coefficients")
@@ -204,7 +204,7 @@ def _camera(
         raise InputError(f"{where}: {model.key}: found {model.value!r}, expected one of {names}")
     k = _numbers(where, matrix)
     if k.size != 9:
-        raise InputError(f"{where}: {matrix.key}: found {k.size} numbers, expected nine")
+        raise InputError(f"{where}: {matrix.key}: found {k.size} numbers, expected 9")
     (fx, skew, cx), (low, fy, cy), last = k.reshape(3, 3)
     if not (fx > 0 and fy > 0):
         raise InputError(f"{where}: {matrix.key}: found the focal lengths {fx:g} and {fy:g} px, expected both above 0")
@@ -213,7 +213,7 @@ def _camera(
     d = _numbers(where, lens)
     lengths = DISTORTION_LENGTHS[known]
     if d.size not in lengths:
-        expected = f"{known} has {' or '.join(map(str, lengths))}"
+        expected = f"{' or '.join(map(str, lengths))} of a {known}"
         raise InputError(f"{where}: {lens.key}: found {d.size} coefficients, expected {expected}")
     centre, focal = (float(cx), float(cy)), (float(fx), float(fy))
     return Camera(width, height, focal, centre, tuple(d.tolist()), mounting, known)

@@ -302,7 +302,7 @@ def test_ideal_needs_the_truth_of_every_step_and_landmark() -> None:
     cases = [
         (None, "--oracle"),
         (truth._replace(t=truth.t[:-3], poses=truth.poses[:-3]), "t = 1.7 s"),
-        (truth._replace(map=Map(truth.map.ids[:-1], truth.map.xy[:-1], None)), f"{truth.map.ids[-1]} is lacking"),
+        (truth._replace(map=Map(truth.map.ids[:-1], truth.map.xy[:-1], None)), f"none of {truth.map.ids[-1]}"),
     ]
     for told, said in cases:
         backend = make(log.prior, told, jacobians="ideal")

@@ -85,7 +85,7 @@ def test_a_member_lost_from_the_directory_is_noticed(tmp_path: Path):
     content = (tmp_path / "a.npz").read_bytes()
     head, _, tail = content.rpartition(b"truth.map.ids")
     (tmp_path / "a.npz").write_bytes(head + b"truth.map.idz" + tail)
-    with pytest.raises(InputError, match=r"a\.npz: not the archive"):
+    with pytest.raises(InputError, match=r"a\.npz: not a prepared log"):
         archive.load(tmp_path / "a.npz")
 
 

@@ -157,7 +157,7 @@ def replaced(name: str, old: str, new: str) -> Callable[[Path], object]:
     [
         (lambda f: (f / "Barcodes.dat").unlink(), "Barcodes.dat", "there is no such file"),
         (lambda f: (f / ODOMETRY).unlink(), ODOMETRY, "there is no such file"),
-        (lambda f: (f / ODOMETRY).write_text(HEADER), ODOMETRY, "there is no row, expected"),
+        (lambda f: (f / ODOMETRY).write_text(HEADER), ODOMETRY, "found no rows, expected"),
         (replaced(ODOMETRY, "9.0", "fast"), ODOMETRY, "line 3: v is 'fast', expected a number"),
         (replaced(ODOMETRY, "190.000", "180.000"), ODOMETRY, "line 7: t is 1248444180.0, expected"),
         (replaced(MEASUREMENT, "1.0", "-1.0"), MEASUREMENT, "line 3: range is -1.0, expected more"),
@@ -168,7 +168,7 @@ def replaced(name: str, old: str, new: str) -> Callable[[Path], object]:
         (
             lambda f: (f / GROUNDTRUTH).write_text(rows((100.0, 0.0, 0.0, 0.0), (100.1, 0.0, 0.0, 0.0))),
             ODOMETRY,
-            "no command falls into the time of Robot1_Groundtruth.dat",
+            "no command lies within the time of Robot1_Groundtruth.dat",
         ),
     ],
 )  # fmt: skip

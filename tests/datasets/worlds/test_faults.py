@@ -227,7 +227,7 @@ def test_the_log_goes_to_its_folder_and_back(clean: Dataset, tmp_path: Path) -> 
 def test_without_the_truth_there_is_no_error_to_scale(clean: Dataset) -> None:
     truth, _ = known(clean)
     for unknown in (None, truth._replace(map=None), truth._replace(t=truth.t[1:], poses=truth.poses[1:])):
-        with pytest.raises(ValueError, match="truth is known at every step"):
+        with pytest.raises(ValueError, match="true pose of every step"):
             with_faults(Dataset(clean.log, unknown), Faults(missing=0.1), np.random.default_rng(0))
 
 

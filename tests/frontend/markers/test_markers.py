@@ -81,7 +81,7 @@ def test_opencvs_own_example() -> None:
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("4X4_500", r"no '4X4_500'; the nearest is 4X4_50; a custom one is written custom\["),
+        ("4X4_500", r"no '4X4_500'; the nearest is 4X4_50; write a custom one as custom\["),
         ("tags", "expected one of 4X4_100, .*, ARUCO_ORIGINAL; a custom one"),
         ("custom[count=30]", "expected count and either size or base"),
         ("custom[size=4]", "expected count and either size or base"),
