@@ -70,8 +70,8 @@ BAD: dict[str, tuple[Change, str, int, str]] = {
     ),
     "an id twice in a step": (put("ids", 4, 3), "sightings", 4, "id 3 occurs twice in step 2, expected once"),
     "sightings without noise": (put("z_cov", 3, 0.0), "sightings", 3, "smallest eigenvalue is 0"),
-    "a sighting after the end": (put("sighting_step", 5, 6), "sightings", 0, "expected steps from 0 to 5"),
-    "a sighting before the start": (put("sighting_step", 0, -1), "sightings", 0, "expected steps from 0 to 5"),
+    "a sighting after the end": (put("sighting_step", 5, 6), "sightings", 0, "expected 0 to 5"),
+    "a sighting before the start": (put("sighting_step", 0, -1), "sightings", 0, "expected 0 to 5"),
     "too few measurements": (lambda p: p.update(z=p["z"][:5]), "sightings", 0, "z has shape (5, 2), expected (6, 2)"),
     "odometry short of a row": (lambda p: p.update(delta=p["delta"][:5]), "odometry", 0, "(5, 3), expected (6, 3)"),
     "a loop to its own step": (
@@ -104,7 +104,7 @@ def test_a_log_needs_a_step():
         "empty", prior, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none, np.zeros((0, 2)),
         np.zeros((0, 2, 2)),
     )  # fmt: skip
-    with pytest.raises(InputError, match="there is no step"):
+    with pytest.raises(InputError, match="found no steps"):
         check(empty, where="empty")
 
 

@@ -97,7 +97,7 @@ def test_a_wrap_no_faster_than_a_wheel_can_be_is_seen_all_the_same() -> None:
     encoder = Encoder(2.3e-6, 2.3e-6, 0.7, 0.01)
     t = np.arange(200.0) / 10
     counts = np.rint(np.stack((30e3 * t, 31e3 * t), axis=-1)) % 2**16
-    with pytest.raises(InputError, match="say counter_bits = 16"):
+    with pytest.raises(InputError, match="set counter_bits = 16"):
         Wheels(Ticks(t, counts), encoder).check()
     Wheels(Ticks(t, unwrap(counts, 16)), encoder).check()
 
@@ -139,7 +139,7 @@ def test_odometry_that_was_set_back_is_refused() -> None:
     way = poses(driven())
     Track(T, way, TrackNoise()).check()
     way[80:] -= way[80]
-    found = r"between readings 79 and 80, .* expected at most max_speed = 5 m/s: odometry that was set back"
+    found = r"between readings 79 and 80, .* expected at most max_speed = 5 m/s: an odometry reset"
     with pytest.raises(InputError, match=found):
         Track(T, way, TrackNoise()).check()
 
