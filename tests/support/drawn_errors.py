@@ -48,7 +48,6 @@ def _squared(error: Array, cov: Array) -> Array:
 def run(backend: str, made: Dataset) -> tuple[Array, Array]:
     """The online path (n, 3) of a filter, and the NEES (n,) of its poses."""
     (variant,) = backend_variants(backend)
-    assert variant.builder is not None
     filter_ = variant.builder.make(made.log.prior, variant.options, np.random.default_rng(0))
     truth, _ = known(made)
     if isinstance(filter_, WantsTruth):
@@ -58,7 +57,6 @@ def run(backend: str, made: Dataset) -> tuple[Array, Array]:
         pose = filter_.step(step)
         belief = filter_.belief()
         assert pose is not None
-        assert belief is not None
         assert belief.cov is not None
         poses[k], covs[k] = pose, belief.cov
     return poses, nees(poses, covs, truth.poses)

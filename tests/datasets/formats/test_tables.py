@@ -53,7 +53,6 @@ def made(options: dict[str, Any]) -> Dataset:
 
 def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
     log, truth = made(files)
-    assert truth is not None
     assert not list(problems(log))
     assert log.name == "odometry"
     np.testing.assert_array_equal(truth.t, log.t)
@@ -61,7 +60,6 @@ def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
     np.testing.assert_array_equal(log.prior.pose, truth.poses[0])
     assert np.diff(log.t).max() <= 1 + 1e-9
     assert (len(log.ids), len(log)) == (60, 32)  # 30 times of detections, the start and the end
-    assert truth.map is not None
     x, y = (truth.map.xy[log.ids] - truth.poses[log.sighting_step, :2]).T
     np.testing.assert_allclose(log.z[:, 0], np.hypot(x, y), atol=1e-12)
 
@@ -127,7 +125,6 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
     np.testing.assert_array_equal(started.pose, [1, 2, 0.5])
     np.testing.assert_allclose(started.cov, 0.04 * np.eye(3))
     alone = made(without).truth  # the landmarks are known, the path is not
-    assert alone is not None
     assert alone.map is not None
     assert len(alone.t) == 0
 

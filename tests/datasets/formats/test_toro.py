@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from slamduel.datasets.formats import gtsam_text, toro
-from slamduel.datasets.registry import find
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.se2 import Array, between, compose, rotation, wrap
 
@@ -76,9 +75,3 @@ def test_what_cannot_be_used_is_named(text: str, words: str, tmp_path: Path) -> 
         toro.read(path)
     assert str(path) in str(caught.value)
     assert words in str(caught.value)
-
-
-def test_the_file_has_to_be_named() -> None:
-    source = find("toro")
-    with pytest.raises(InputError, match=r"toro\[path=FILE\]"):
-        source.make(source.options(), np.random.default_rng(0))

@@ -122,8 +122,6 @@ def test_what_noise_did_to_a_sighting_is_mended_and_counted(folder: Path):
 
 def test_the_landmarks_alone_are_the_truth(folder: Path):
     truth = freiburg.read(folder, Options()).truth
-    assert truth is not None
-    assert truth.map is not None
     assert (truth.t.shape, truth.poses.shape, truth.kind) == ((0,), (0, 3), "truth")
     np.testing.assert_array_equal(truth.map.ids, [1, 2, 3])
     np.testing.assert_array_equal(truth.map.xy, [[2, 1], [0, 4], [7, 7]])
@@ -181,8 +179,6 @@ def test_a_damaged_file_is_read_or_turned_down(folder: Path, name: str):
     def fit(dataset: Dataset) -> None:
         assert list(problems(dataset.log)) == []
         assert len(dataset.log.ids) <= SENSOR.count("SENSOR") + 1  # a line may be doubled
-        assert dataset.truth is not None
-        assert dataset.truth.map is not None
         assert np.isfinite(dataset.truth.map.xy).all()
 
     def read(path: Path) -> Dataset:
@@ -226,7 +222,6 @@ def places(landmarks: Map) -> Array:
 @pytest.mark.parametrize("name", ["ekf", "isam2", "graph", "fastslam"])
 def test_the_landmarks_are_where_the_world_has_them(whole: Dataset, name: str):
     """From the origin, which leaves the heading of the first metres in the map, and aligned."""
-    assert whole.truth is not None
     assert whole.truth.map is not None
     found, truth = places(estimated(name, whole.log)), places(whole.truth.map)
     assert rmse(found, truth) < (0.3 if name == "fastslam" else 0.09)  # a particle's heading at the start is a draw

@@ -122,7 +122,6 @@ def test_counts_are_interpolated_at_the_middle_of_the_exposure(tmp_path: Path) -
     expected = (
         ROBOT.encoder.odometry(*readings(Ticks(rows[:, 0], rows[:, 1:]), 0.123, 0.223)) if ROBOT.encoder else None
     )
-    assert expected is not None
     np.testing.assert_allclose(log.delta[2], expected.delta, atol=1e-12)
 
 
@@ -183,7 +182,6 @@ def test_pictures_are_grey_and_not_turned(tmp_path: Path) -> None:
         assert good
         (folder / "frames" / f"{number:06d}.jpg").write_bytes(plain.tobytes()[:2] + exif + plain.tobytes()[2:])
     turned = cv2.imread(str(folder / "frames" / "000000.jpg"))
-    assert turned is not None
     assert turned.shape[:2] == (160, 120)  # the note is understood by those who look at it
     (folder / "frames.csv").write_text((folder / "frames.csv").read_text().replace(".png", ".jpg"))
     frames = list(open_recording(folder).recording.frames)
@@ -407,11 +405,9 @@ def test_truth_is_taken_to_the_times_of_the_log(tmp_path: Path) -> None:
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     write_truth(folder, Truth(t, poses, Map(np.array([4]), np.array([[1.0, 2.0]]), None), None, "truth"))
     found = build(open_recording(folder)).truth
-    assert found is not None
     assert found.t.tolist() == [0.1, 0.2, 0.3, 0.4]  # of what follows, nothing is known for more than 0.5 s
     np.testing.assert_array_equal(found.poses[[0, 1, 3]], poses[[0, 1, 4]])
     np.testing.assert_allclose(found.poses[2], [0.3, 0.6, 3.3 - 2 * np.pi], atol=1e-12)
-    assert found.map is not None
     assert found.map.ids.tolist() == [4]
 
 

@@ -151,7 +151,6 @@ def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
     sizeless = "\n".join(line for line in CALIBRATION.split("\n") if not line.startswith("image_"))
     words = FULL.replace("exposure = 0.02", "size = [320, 240]")
     camera = read_robot(folder_with(tmp_path, words, sizeless)).camera
-    assert camera is not None
     assert (camera.width, camera.height) == (320, 240)
     with pytest.raises(InputError, match=r"calibration\.yaml: found no image_width"):
         read_robot(folder_with(tmp_path, FULL, sizeless))

@@ -159,7 +159,6 @@ def test_the_original_systems_topics(tmp_path: Path, kind: str) -> None:
     np.testing.assert_array_equal(streams.readings.t, [20 * k / 1000 for k in range(1, 12)])
     np.testing.assert_array_equal(streams.readings.counts, [[11 * k, 21 * k] for k in range(1, 12)])
     camera = streams.camera
-    assert camera is not None
     assert (camera.width, camera.height, camera.focal, camera.centre) == (640, 480, (500, 510), (320, 240))
     assert camera.distortion == (0.1, -0.2, 0.001, 0.002, 0.05)
     np.testing.assert_array_equal(camera.mounting, np.eye(4))
@@ -297,7 +296,6 @@ def test_a_choice_of_topics_is_asked_for(tmp_path: Path) -> None:
     streams = read(path, Topics("right/image", "/encoder"))
     np.testing.assert_array_equal(frames(streams)[0][1], picture(1))
     assert isinstance(streams.readings, Ticks)
-    assert streams.camera is not None
     assert streams.camera.focal[0] == 501  # of the two, the one beside the images
     assert isinstance(read(path, Topics("/left/image", odometry="/odom")).readings, Poses)
     with pytest.raises(InputError, match=r"has no topic '/front', which \[topics\] image names; found /encoder \(geom"):

@@ -4,30 +4,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from slamduel.datasets import registry
+from drawn_errors import known
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.city import BEND, BLOCK, KERB, LEAST_RANGE, Options, city, side
 from slamduel.frontend.check import check
-from slamduel.frontend.factors import Dataset, Map, Truth
+from slamduel.frontend.factors import Dataset
 from slamduel.frontend.se2 import between, wrap
 
 
 @pytest.fixture(scope="module")
 def made() -> Dataset:
     return city(Options(), generator("city", 0))
-
-
-def known(made: Dataset) -> tuple[Truth, Map]:
-    assert made.truth is not None
-    assert made.truth.map is not None
-    return made.truth, made.truth.map
-
-
-def test_it_is_registered() -> None:
-    source = registry.find("city")
-    assert source.make is city
-    assert source.seeded
-    assert source.summary
 
 
 def test_the_robot_keeps_to_the_streets(made: Dataset) -> None:

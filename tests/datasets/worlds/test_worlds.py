@@ -60,12 +60,20 @@ def made(world: str, given: dict[str, str]) -> Any:
     return source.make(options, np.random.default_rng(1))
 
 
+@pytest.mark.parametrize("world", [*SMALL, "aruco-room", "linear"])
+def test_a_world_is_registered_under_its_name(world: str) -> None:
+    source = registry.find(world)
+    assert source.make.__name__ == world.replace("-", "_")
+    assert source.seeded
+    assert source.costly == (world == "aruco-room")
+    assert source.summary
+
+
 @pytest.mark.parametrize("world", SMALL)
 def test_the_ends_of_every_option_make_a_good_log(world: str) -> None:
     for given in ends(world):
         log, truth = made(world, given)
         assert list(problems(log)) == [], given
-        assert truth is not None
         assert len(truth.t) == len(log)
 
 
