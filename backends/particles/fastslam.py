@@ -71,11 +71,7 @@ class FastSlam:
         self._poses = np.empty(
             (5, M)
         )  # x, y, heading, and the cosine and sine that rotate a motion into the world's axes
-        self._poses.T[:] = (
-            *prior.pose,
-            1.0,
-            0.0,
-        )  # the prior's covariance, used as the first motion's, is in the world frame already
+        self._poses.T[:] = (*prior.pose, 1.0, 0.0)  # turned by 0: the prior's covariance is in the world frame already
         self._started = False
         self._log_weights = np.zeros(M)  # the largest is zero
         self._weights = np.full(M, 1 / M)

@@ -73,12 +73,7 @@ def add_seen(
     z0, z1, z2 = scale * seen[s, 2], scale * seen[s, 3], scale * seen[s, 4]
     r2 = dx * dx + dy * dy
     r = sqrt(r2)
-    a, b, c, d = (
-        dx / r,
-        dy / r,
-        -dy / r2,
-        dx / r2,
-    )  # by the landmark; by the pose's position minus that, by its heading -1
+    a, b, c, d = dx / r, dy / r, -dy / r2, dx / r2  # by the landmark; by the position minus that, by the heading -1
     u0, u1 = z0 * e0 + z1 * e1, z1 * e0 + z2 * e1
     h0, h1 = a * u0 + c * u1, b * u0 + d * u1
     t0, t1 = a * z1 + c * z2, b * z1 + d * z2

@@ -72,9 +72,7 @@ class Options:
     """The graph and the meaning of its numbers."""
 
     path: str | None = option(None, "the file of the graph, or the name of one that ships with GTSAM")
-    noise: str = option(
-        "auto", "meaning of the numbers after an edge's motion, in load2D's names; root: iSAM's", choices=NOISES
-    )
+    noise: str = option("auto", "an edge's numbers after its motion, in load2D's names; root: iSAM's", choices=NOISES)
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random

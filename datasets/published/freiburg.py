@@ -58,9 +58,7 @@ _UNLIKELY = 5.0
 class Options:
     """Location of the log, and its noise."""
 
-    path: str | None = option(
-        None, "the folder with sensor_data.dat and world.dat; not given: the copy from bench fetch"
-    )
+    path: str | None = option(None, "folder with sensor_data.dat and world.dat; not given: the copy from bench fetch")
     motion: str = option("turns", "the motion's noise: of its turns, or as in the course", choices=("turns", "course"))
     alpha1: float = option(1e-5, "variance of a turn, per its square (motion=turns)", minimum=0.0)
     alpha2: float = option(3e-5, "variance of a turn, rad^2 per squared metre driven", minimum=0.0)

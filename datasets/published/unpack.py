@@ -84,9 +84,7 @@ def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tu
     else:
         with source.open("rb") as file:
             start = file.read(40)
-        if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(
-            b"<"
-        ):  # servers often answer with one instead of a missing file
+        if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):  # many servers' answer for a missing file
             raise NotFound(f"{called}: a web page, not the published file.")
         if start.startswith(b"PK"):
             raise NotFound(f"{called}: a truncated or damaged zip archive.")
@@ -99,9 +97,7 @@ def _wanted(path: str, size: int, wanted: Collection[str], called: str) -> bool:
     """Tells if a file of an archive is to be read; NotFound if it is too large or its path leads outside."""
     plain = PurePosixPath(path.replace("\\", "/"))
     if plain.is_absolute() or ".." in plain.parts or (plain.parts and plain.parts[0].endswith(":")):
-        raise NotFound(
-            f"{called}: it contains the path {path!r}, which leads outside of it: not the published archive."
-        )
+        raise NotFound(f"{called}: it contains the path {path!r}, which leads outside of it: not the published file.")
     if plain.name in wanted and size > LARGEST:
         raise NotFound(f"{called}: {path} is larger than {LARGEST:,} bytes: not the published file.")
     return plain.name in wanted

@@ -44,9 +44,7 @@ class Live:
                 missed = 0 if there else missed + 1
                 yield Frame(t, np.asarray(image, np.uint8) if there else None)
             if missed == _PATIENCE:
-                raise InputError(
-                    f"{self.name}: failed to deliver a frame {_PATIENCE} times in a row, expected a working camera."
-                )
+                raise InputError(f"{self.name}: gave no frame {_PATIENCE} times in a row, expected a working camera.")
         finally:
             if previous is not None:
                 signal.signal(signal.SIGINT, previous)

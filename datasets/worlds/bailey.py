@@ -53,9 +53,7 @@ ASIDE = (4.0, 14.0)
 class Options(Faults):
     """The world, its noise, and faults."""
 
-    landmarks: int = option(
-        35, "landmarks along the loop; larger sets contain the smaller ones", minimum=1, maximum=10_000
-    )
+    landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)
     loops: int = option(2, "laps of the loop", minimum=1, maximum=50)
     speed_noise: float = option(0.3, "noise of a control's speed, m/s", minimum=1e-4, maximum=3.0)
     steering_noise: float = option(3.0, "noise of a control's steering angle, degrees", minimum=1e-3, maximum=30.0)

@@ -54,9 +54,7 @@ class Options(Faults):
     reach: float = option(4.0, "range of the sightings, m", minimum=2.5, maximum=100.0)
     forward: float = option(0.02, "noise of the distance of a step, m", minimum=1e-4, maximum=1.0)
     turning: float = option(0.001, "noise of the turn of a step, rad", minimum=1e-5, maximum=1.0)
-    sighting: float = option(
-        0.05, "noise of a sighting along and across the line of sight, m", minimum=1e-4, maximum=10
-    )
+    sighting: float = option(0.05, "noise of a sighting along and across its line, m", minimum=1e-4, maximum=10)
 
 
 def city(options: Options, rng: np.random.Generator) -> Dataset:

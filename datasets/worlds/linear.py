@@ -41,9 +41,7 @@ class Options(Faults):
     landmarks: int = option(30, "landmarks around the circle", minimum=1, maximum=1000)
     sliding: float = option(0.05, "noise of a step's motion in x and in y, m", minimum=1e-4, maximum=1.0)
     turning: float = option(1e-6, "noise of a step's turn, rad", minimum=1e-6, maximum=0.3)
-    sighting: float = option(
-        0.05, "noise of a sighting along and across the line of sight, m", minimum=1e-4, maximum=1.0
-    )
+    sighting: float = option(0.05, "noise of a sighting along and across its line, m", minimum=1e-4, maximum=1.0)
 
 
 def linear(options: Options, rng: np.random.Generator) -> Dataset:

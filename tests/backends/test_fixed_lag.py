@@ -90,7 +90,7 @@ def test_its_tables_stay_as_long_as_the_window() -> None:
 
 def test_asking_changes_nothing() -> None:
     log = drawn(8, "plain", 80)
-    asking_changes_nothing(*(make("fixed-lag", log.prior, lag=5.0) for _ in range(2)), log)
+    asking_changes_nothing(make("fixed-lag", log.prior, lag=5.0), make("fixed-lag", log.prior, lag=5.0), log)
 
 
 def test_odometry_without_a_covariance_ends_with_a_sentence() -> None:

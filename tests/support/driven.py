@@ -13,7 +13,7 @@ NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 
-def make(name: str, prior: Prior, seed: int = 0, **options: Any) -> Any:
+def make(name: str, prior: Prior, seed: int = 0, /, **options: Any) -> Any:
     """A new backend; "fixed-lag by gtsam" sets the option `solver`."""
     name, _, solver = name.partition(" by ")
     builder = find(name)
@@ -21,13 +21,13 @@ def make(name: str, prior: Prior, seed: int = 0, **options: Any) -> Any:
     return builder.make(prior, chosen, np.random.default_rng(seed))
 
 
-def run(name: str, log: Log, seed: int = 0, **options: Any) -> tuple[Any, Array]:
+def run(name: str, log: Log, seed: int = 0, /, **options: Any) -> tuple[Any, Array]:
     """The backend at the end of the log, and its online path (n, 3)."""
     backend = make(name, log.prior, seed, **options)
     return backend, np.array([backend.step(step) for step in log])
 
 
-def final(name: str, log: Log, seed: int = 0, **options: Any) -> Any:
+def final(name: str, log: Log, seed: int = 0, /, **options: Any) -> Any:
     """The backend's solution."""
     return run(name, log, seed, **options)[0].finish()
 
