@@ -1,9 +1,8 @@
-"""Arrays under names that compiled code is handed all at once, by one address.
+"""Bundles arrays so that compiled code receives them all by one address.
 
-To numba a NamedTuple of twenty arrays is 120 numbers, which each call of a function passes on, and each function's code
-takes apart and puts together: it doubles the time that compiling takes, and a call from Python spends a microsecond on
-every three arrays. Here a function gets the address of a table that has, for each array, its own address and its shape,
-and reads from it what it uses.
+To numba a NamedTuple of twenty arrays is 120 numbers, which each function passes on and takes apart: it doubles
+compilation time, and a call from Python spends a microsecond on every three arrays. Here a function gets the address of
+a table with the address and shape of each array, and reads from it what it uses.
 """
 
 from functools import cache
@@ -34,15 +33,14 @@ Integers = Annotated[Ints, 1]
 IntegerTable = Annotated[Ints, 2]
 
 WORDS = 3
-"""Of an array in the table: its address, rows, and columns."""
+"""An array's entry in the table: address, rows and columns."""
 
 
 class Arrays:
-    """Contiguous arrays, which a subclass names, each annotated as one of the four kinds above.
+    """Contiguous arrays, named by a subclass, each annotated as one of the four kinds above.
 
-    Compiled code has the arrays as attributes, and can change what is in them. They have to be kept for as long as it
-    runs. `address` is what `at` makes the same of in compiled code: to pass a whole number costs less than to pass an
-    object.
+    Compiled code sees the arrays as attributes and can write to their elements. They must stay alive while it runs. In
+    compiled code `at` makes the same object from `address`: passing an integer is cheaper than passing an object.
     """
 
     def __init__(self, **arrays: Any) -> None:
@@ -50,17 +48,17 @@ class Arrays:
         self._hold({}, np.zeros((len(kinds), WORDS), np.int64), {name: arrays[name] for name, _, _ in kinds})
 
     def replaced(self, **arrays: Any) -> Self:
-        """The same but for these arrays."""
+        """A copy with these arrays replaced."""
         made = object.__new__(type(self))
         made._hold(self._arrays, self._table.copy(), arrays)
         return made
 
     def copied(self) -> Self:
-        """The same, sharing nothing."""
+        """A deep copy."""
         return self.replaced(**{name: array.copy() for name, array in self._arrays.items()})
 
     def _hold(self, before: dict[str, Any], table: Ints, arrays: dict[str, Any]) -> None:
-        """Hold the arrays from `before` and, instead of some of them, `arrays`, which are written into the table."""
+        """Takes the arrays from `before`, with `arrays` in place of some of them, which are entered into the table."""
         kinds = places(type(self))
         for name, array in arrays.items():
             row, dtype, ndim = kinds[name]
@@ -81,12 +79,12 @@ def layout(kind: type[Arrays]) -> tuple[tuple[str, str, int], ...]:
 
 @cache
 def places(kind: type[Arrays]) -> dict[str, tuple[int, Any, int]]:
-    """Row in the table, dtype and dimensions of each, by name."""
+    """Row in the table, dtype and dimensions of each array, by name."""
     return {name: (row, np.dtype(dtype), ndim) for row, (name, dtype, ndim) in enumerate(layout(kind))}
 
 
 def at(kind: type[Arrays]) -> Any:
-    """A function for compiled code: from the `address` of such arrays, the arrays."""
+    """Returns a function for compiled code, from the `address` of such arrays to the arrays."""
     made = _known(kind)
 
     def whole(typing: Any, address: Any) -> Any:
@@ -102,13 +100,13 @@ def at(kind: type[Arrays]) -> Any:
 
 
 def _of(hint: Any) -> tuple[str, int]:
-    """Dtype and dimensions of what is so annotated."""
+    """Dtype and dimensions of an annotation."""
     array, ndim = get_args(hint)
     return np.dtype(get_args(get_args(array)[1])[0]).name, ndim
 
 
 class ArraysType(types.Type):
-    """The type of a subclass's objects in compiled code."""
+    """Numba's type of a subclass."""
 
     def __init__(self, kind: type[Arrays]) -> None:
         kinds = layout(kind)
@@ -138,7 +136,7 @@ class _Attributes(AttributeTemplate):
 
 @lower_getattr_generic(ArraysType)
 def _attribute(context: Any, builder: Any, kind: Any, pointer: Any, name: str) -> Any:
-    """The array of that name. What the table says stays: a loop need not read it again."""
+    """The array of that name. Loads are marked invariant, so that loops need not repeat them."""
     array = kind.kinds[name]
     invariant = builder.module.add_metadata([])
 

@@ -1,7 +1,7 @@
-"""Two BLAS routines for compiled code, called where scipy has them: through an address that is passed along.
+"""Two BLAS routines for compiled code, called at scipy's addresses, which are passed as arguments.
 
-A numba function that holds a routine's address as a constant cannot be kept on disk, since the address differs from
-process to process; one that is handed the address can.
+A numba function with a routine's address as a constant cannot be cached on disk, since addresses differ between
+processes; with the address as an argument it can.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ from numba.extending import get_cython_function_address
 from numba.extending import intrinsic as numba_intrinsic
 
 intrinsic: Any = numba_intrinsic
-"""Typed so: what it makes takes one argument less than the function under it."""
+"""Typed explicitly: the decorator's result takes one argument less than the function under it."""
 
 
 def routine(name: str) -> int:
@@ -21,7 +21,7 @@ def routine(name: str) -> int:
 
 
 def _call(builder: Any, address: Any, arguments: list[Any]) -> None:
-    """Call a Fortran routine that returns nothing: every argument by reference, whole numbers as 32 bits."""
+    """Calls a Fortran routine without return value: all arguments by reference, integers as 32 bits."""
     pointers: list[Any] = []
     for argument in arguments:
         wide = isinstance(argument.type, ir.IntType) and argument.type.width > 32
@@ -58,7 +58,7 @@ def add_product(
 
     `a`, `b`, `c` are the addresses of their first entries, `a_row` and so on the entries from one row to the next.
     """
-    del typing, dgemm, m, n, k, sign, a, a_row, b, b_row, c, c_row  # their types: all are as the signature says
+    del typing, dgemm, m, n, k, sign, a, a_row, b, b_row, c, c_row  # argument types, given by the signature
     whole = (types.intp,)
     signature = types.void(*whole * 4, types.float64, *whole * 6)
 
@@ -74,8 +74,8 @@ def add_product(
 
 
 def _square(letter: str, typing: Any, of: list[Any]) -> Any:
-    """Signature and code of dsyrk on the triangle that Fortran, which sees C order transposed, names `letter`."""
-    del typing, of  # their types: all are as the signature says
+    """Signature and code of dsyrk for the triangle named `letter` in Fortran order, which is C order transposed."""
+    del typing, of  # argument types, given by the signature
     whole = (types.intp,)
     signature = types.void(*whole * 3, types.float64, *whole * 4)
 

@@ -1,4 +1,4 @@
-"""The models of `models.py` for one landmark at a time, for compiled inner loops: scalars in, tuples of scalars out."""
+"""Scalar versions of `models.py`, one landmark at a time, for compiled inner loops."""
 
 from math import atan2, cos, floor, pi, sin, sqrt
 
@@ -7,7 +7,7 @@ from ..frontend.compiled import compiled
 
 @compiled
 def wrap(angle: float) -> float:
-    """An angle (rad) in (-pi, pi]; one that is there already comes back to the last bit."""
+    """Wraps an angle (rad) to (-pi, pi]; one already there is returned bit for bit."""
     if -pi < angle <= pi:
         return angle
     turned = angle - 2 * pi * floor((angle + pi) / (2 * pi))
@@ -23,12 +23,12 @@ def moved(x: float, y: float, heading: float, dx: float, dy: float, turn: float)
 
 @compiled
 def sighted(x: float, y: float, heading: float, mx: float, my: float) -> tuple[float, float]:
-    """The (range, bearing) at which a pose sees a landmark: ArUco EKF SLAM, eq. (12)."""
+    """The (range, bearing) of a landmark seen from a pose: ArUco EKF SLAM, eq. (12)."""
     dx, dy = mx - x, my - y
     return sqrt(dx * dx + dy * dy), wrap(atan2(dy, dx) - heading)
 
 
 @compiled
 def placed(x: float, y: float, heading: float, r: float, bearing: float) -> tuple[float, float]:
-    """Where a landmark stands that a pose sees at (range, bearing): ArUco EKF SLAM, eq. (17)."""
+    """Position of a landmark seen at (range, bearing) from a pose: ArUco EKF SLAM, eq. (17)."""
     return x + r * cos(heading + bearing), y + r * sin(heading + bearing)

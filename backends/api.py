@@ -1,6 +1,6 @@
-"""The contract between the runner and an estimator: all that a plug-in imports.
+"""The interface between the runner and an estimator: all that a plug-in imports.
 
-A backend is a class with four methods, and a `Builder` that says how to make one:
+A backend is a class with four methods, and a `Builder` that makes one:
 
     class Mine:
         def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None: ...
@@ -12,7 +12,7 @@ A backend is a class with four methods, and a `Builder` that says how to make on
     build = Builder(Mine, options=Options)
 
 It runs as `bench run --backend my_package.my_module:build`, or by a short name once its distribution declares the entry
-point `[project.entry-points."slamduel.backends"] mine = "my_package.my_module:build"`. `bench check` holds it to the
+point `[project.entry-points."slamduel.backends"] mine = "my_package.my_module:build"`. `bench check` tests it by the
 same rules as the backends that come with slamduel.
 """
 
@@ -34,32 +34,32 @@ __all__ = [
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
-"""Of a backend whose inner loops are kernels of this package, compiled for the processor that it runs on."""
+"""Implementation of backends whose inner loops are this package's kernels, compiled for the local processor."""
 
 GTSAM_WHEEL = "GTSAM's wheel"
-"""Of a backend on GTSAM as its publisher compiled it, for any processor, each call going through Python."""
+"""Implementation of backends on GTSAM as published, compiled for any processor, each call through Python."""
 
 Pose = Array
 """(3,) x, y (m), heading (rad) in (-pi, pi]."""
 
 
 class Belief(NamedTuple):
-    """What a backend thinks after a step; what it does not know is None."""
+    """A backend's estimate after a step; unknown values are None."""
 
     pose: Pose
     cov: Array | None = None  # (3, 3) of (x, y, heading) in the world frame
     nis: float | None = None  # normalised innovation squared of the step's sightings, summed
     nis_dof: int = 0  # degrees of freedom of nis: 2 for each sighting that has an innovation
     n_eff: float | None = None  # effective number of particles
-    ancestors: int | None = None  # how many of the particles at the start the present ones descend from
-    refused: int = 0  # sightings of the step that a gate kept out
-    assigned: Ints | None = None  # (k,) the landmark each sighting of the step was taken for
+    ancestors: int | None = None  # number of initial particles with living descendants
+    refused: int = 0  # sightings of the step rejected by a gate
+    assigned: Ints | None = None  # (k,) data association: landmark of each sighting of the step
 
 
 class Solution(NamedTuple):
-    """What a smoother thinks of the whole log once it is over."""
+    """A smoother's estimate of the whole log at its end."""
 
-    path: Array  # (n, 3) a pose a step
+    path: Array  # (n, 3) one pose per step
     map: Map
     cov: Array | None = None  # (n, 3, 3) of each pose, in the world frame
 
@@ -68,63 +68,63 @@ class Solution(NamedTuple):
 class Backend(Protocol):
     """An estimator in the middle of a log. Each method is timed on its own; nothing hides in an untimed call.
 
-    What a method has returned is the caller's: it must not change when the backend goes on. The arrays of a step and of
-    the prior are read-only. A backend that is handed a map keeps to it: held fixed where it has no covariance.
+    Returned arrays belong to the caller: the backend must not change them later. The arrays of a step and of the prior
+    are read-only. A given map is kept: held fixed where it has no covariance.
     """
 
     def step(self, step: Step) -> Pose | None:
-        """Fold `step` in and return the pose it implies; None from a batch method, which has no online estimate."""
+        """Processes `step` and returns the pose estimate; None from a batch method, which has no online estimate."""
         ...
 
     def belief(self) -> Belief | None:
-        """The belief after the last step, around the pose that it returned; None from a batch method.
+        """The belief after the last step, around the pose it returned; None from a batch method.
 
-        Asking must not change any later answer, not even in its last bit.
+        Calling it must not change any later result, not even in the last bit.
         """
         ...
 
     def map(self) -> Map:
-        """The landmarks as known after the last step."""
+        """The map after the last step."""
         ...
 
     def finish(self) -> Solution | None:
-        """The log is over: the smoothed path and map, or None from a filter."""
+        """Ends the log: returns the smoothed path and map, or None from a filter."""
         ...
 
 
 @runtime_checkable
 class WantsTruth(Protocol):
-    """A backend that can be told the truth, for a study of what it would do if it linearised there.
+    """A backend that can be given ground truth, to study linearisation at the true state.
 
-    `bench run --oracle` tells it, openly, and marks the rows of those that used it; without that flag nobody does.
+    Only `bench run --oracle` gives it, and marks the rows of backends that used it.
     """
 
     def tell(self, truth: Truth) -> bool:
-        """Take the truth of the log, before its first step; whether this backend, with its options, makes use of it."""
+        """Takes the log's ground truth before its first step; returns False if these options do not use it."""
         ...
 
 
 class TruthWanted(SlamduelError):
-    """Raised by a backend whose options need the truth, at its first step without; its cell ends as `skipped`."""
+    """Raised at the first step by a backend whose options need ground truth; its cell ends as `skipped`."""
 
 
 class Diverged(SlamduelError):
-    """Raised by a backend whose numbers left the domain on which it is defined; its cell ends as `diverged`."""
+    """Raised by a backend whose estimate left the domain of its equations; its cell ends as `diverged`."""
 
 
 @dataclass(frozen=True)
 class Builder:
-    """How a backend is made, and what the runner must know of it before.
+    """Makes a backend, and declares its properties to the runner.
 
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
-    `random`: it draws from `rng`, so it is run once a seed even where the log is always the same. `loops`: it takes
-    RelativePoses factors; a log that has some is skipped for a backend that does not. `associates`: it finds landmarks
-    for sightings with id UNKNOWN by itself; for the others these are taken out of the log, and counted. `forgets`: it
-    lets go of landmarks that are long out of view, so that it does not close loops. `linear`: it takes the models for
-    linear at a heading that is not its estimate, and where that heading is off is held to dead reckoning's bound alone.
-    `implementation`: whose program does the work, in two or three words for tables, such as "compiled here" or "GTSAM's
-    wheel"; a function of the options where they choose between programs. A cost is one of an implementation as much as
-    of an algorithm. A builder that does not say is listed under the distribution that it comes from.
+    `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
+    otherwise logs that have some are skipped. `associates`: it does data association for sightings with id UNKNOWN;
+    otherwise these are removed from the log, and counted. `forgets`: it drops landmarks long out of view, so that it
+    does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
+    is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
+    three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
+    costs are those of an implementation as much as of an algorithm. If empty, the backend is listed under its
+    distribution.
     """
 
     make: Callable[[Prior, Any, np.random.Generator], Backend]
@@ -137,7 +137,7 @@ class Builder:
     implementation: str | Callable[[Any], str] = ""
 
     def implemented(self, options: Any) -> str:
-        """Whose program does the work with these options; "" where the builder does not say."""
+        """The implementation with these options; "" if not declared."""
         return self.implementation if isinstance(self.implementation, str) else self.implementation(options)
 
     @property

@@ -1,4 +1,4 @@
-"""Measurement models with their Jacobians, for one pose or a batch of them on leading axes: ArUco EKF SLAM's."""
+"""Measurement models with Jacobians, for one pose or a batch on leading axes: ArUco EKF SLAM's."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from .api import Diverged
 
 
 def sight(pose: Array, xy: Array) -> tuple[Array, Array, Array]:
-    """The (range, bearing) (..., 2) at which `pose` sees a landmark at `xy` (..., 2) m, and its Jacobians.
+    """The (range, bearing) (..., 2) of a landmark at `xy` (..., 2) m seen from `pose`, and its Jacobians.
 
-    Those are (..., 2, 3) by the pose and (..., 2, 2) by the landmark: ArUco EKF SLAM, eqs (12), (13) and (16).
-    Raises Diverged where the landmark is at the robot itself: the bearing has no derivative there.
+    Those are (..., 2, 3) by the pose and (..., 2, 2) by the landmark: ArUco EKF SLAM, eqs (12), (13) and (16). Raises
+    Diverged where the landmark is at the robot itself: the bearing has no derivative there.
     """
     dx, dy = xy[..., 0] - pose[..., 0], xy[..., 1] - pose[..., 1]
     q = dx * dx + dy * dy
@@ -30,17 +30,17 @@ def sight(pose: Array, xy: Array) -> tuple[Array, Array, Array]:
 
 
 def innovation(z: Array, expected: Array) -> Array:
-    """Measured less expected (range, bearing) (..., 2), the bearing wrapped."""
+    """Measured minus expected (range, bearing) (..., 2), the bearing wrapped."""
     difference = z - expected
     difference[..., 1] = wrap(difference[..., 1])
     return difference
 
 
 def place(pose: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Where in the world a landmark measured at `z` (range, bearing) from `pose` stands, (..., 2) m.
+    """World position (..., 2), m, of a landmark measured at `z` (range, bearing) from `pose`.
 
-    With it the Jacobians by the pose, (..., 2, 3), and by the measurement, (..., 2, 2): ArUco EKF SLAM, eqs (17),
-    (19) and (20).
+    With it the Jacobians by the pose, (..., 2, 3), and by the measurement, (..., 2, 2): ArUco EKF SLAM, eqs (17), (19)
+    and (20).
     """
     r, c, s = z[..., 0], np.cos(z[..., 1]), np.sin(z[..., 1])
     xy = np.stack((r * c, r * s), axis=-1)

@@ -1,10 +1,9 @@
-"""Landmarks that are not yet believed in.
+"""Delayed initialisation of landmarks.
 
-A landmark starts where its first sighting has it, and a linear solver takes the whole way from there in one step. Where
-that is further than the landmark is away it leads through the robot and out of all that the derivatives are good for,
-so sightings of a new landmark are held back until, together, they say where it is to less than its own distance. And
-where the first one is wrong a redescending loss takes all the right ones that follow for the wrong ones, so that with a
-loss two of them have to agree as well.
+A landmark starts at its first sighting, and a linear solver makes the whole correction in one step. If that is longer
+than the landmark's distance, it passes the robot and leaves the region where the derivatives hold, so sightings of a
+new landmark are held back until, together, they determine its position to less than its own distance. And if the first
+one is an outlier, a redescending loss rejects all the correct ones that follow; with a loss two must therefore agree.
 """
 
 from collections import deque
@@ -16,27 +15,27 @@ from ..frontend.se2 import Array, between, compose, rotation
 from .models import place
 
 AGREE = 13.82
-"""Squared Mahalanobis distance within which 999 of 1000 right pairs are: chi-square of 2 degrees of freedom."""
+"""Squared Mahalanobis distance that 999 of 1000 correct pairs stay within: chi-square, 2 degrees of freedom."""
 
 Sighting = tuple[int, Array, Array]
 """The step, the (range, bearing) (2,) and its covariance (2, 2)."""
 
 
 class Newcomers:
-    """Holds back the sightings of a new landmark until they place it and, where `two` must agree, two of them do.
+    """Holds back sightings of a new landmark until they determine its position and, with `two`, two of them agree.
 
-    The motion between two sightings is known by odometry.
+    The motion between two sightings is that of odometry.
     """
 
     def __init__(self, two: bool) -> None:
         self._two = two
         self._path: list[Array] = []  # dead reckoning from the first step
-        self._covs: list[Array] = []  # of the motion before each step, turned into the frame of the first
+        self._covs: list[Array] = []  # of the motion before each step, in the frame of the first
         self._held: dict[int, deque[Sighting]] = {}
-        self._told: dict[int, Array] = {}  # (2,) 1/m^2, 1/rad^2; what those held tell of range and bearing
+        self._told: dict[int, Array] = {}  # (2,) 1/m^2, 1/rad^2; information of those held about range and bearing
 
     def move(self, odometry: Odometry | None) -> None:
-        """The next step, and the motion that led to it; to be told only where two must agree."""
+        """Adds the motion to the next step; needed only with `two`."""
         if odometry is None:
             self._path.append(np.zeros(3))
             self._covs.append(np.zeros((3, 3)))
@@ -46,9 +45,9 @@ class Newcomers:
             self._path.append(compose(self._path[-1], odometry.delta))
 
     def sighted(self, landmark: int, now: Sighting, since: int = 0) -> list[Sighting]:
-        """Everything held of `landmark` once it is enough with the sighting `now`, that one last; else nothing.
+        """Returns everything held of `landmark` once it suffices with `now`, that one last; else nothing.
 
-        What was sighted before step `since` is dropped.
+        Sightings before step `since` are dropped.
         """
         before = self._held.setdefault(landmark, deque())
         told = self._told.setdefault(landmark, np.zeros(2))
@@ -63,7 +62,7 @@ class Newcomers:
         return list(before)
 
     def _agree(self, before: Sighting, now: Sighting) -> bool:
-        """Whether two sightings can be of one landmark: it is placed by both, seen from the pose of the first."""
+        """Tests if two sightings can be of one landmark, located by both in the frame of the first pose."""
         motion, motion_cov = self.motion(before[0], now[0])
         there, _, there_by_z = place(np.zeros(3), before[1])
         here, by_motion, here_by_z = place(motion, now[1])
@@ -77,9 +76,9 @@ class Newcomers:
         return {landmark: held[-1] for landmark, held in self._held.items()}
 
     def motion(self, i: int, j: int) -> tuple[Array, Array]:
-        """Step j seen from step i, (3,), and its covariance (3, 3) by odometry alone, to first order.
+        """Step j relative to step i, (3,), and its covariance (3, 3) by odometry alone, to first order.
 
-        A motion's error shifts all that follows, and its turn swings it round the place where it ended.
+        A motion's error shifts everything after it, and its turn rotates that about the motion's end.
         """
         path, covs = np.array(self._path[i : j + 1]), np.array(self._covs[i + 1 : j + 1]).reshape(-1, 3, 3)
         swing = np.tile(np.eye(3), (j - i, 1, 1))
@@ -91,6 +90,6 @@ class Newcomers:
 
 
 def _placed(told: Array, distance: float) -> bool:
-    """Whether a landmark's place is told to one standard deviation of less than its distance, and than a radian."""
+    """Tells if a landmark's standard deviation is below its distance, and below a radian."""
     by_range, by_bearing = told
-    return not np.minimum(by_range * distance**2, by_bearing) <= 1  # what is not a number is GTSAM's to refuse
+    return not np.minimum(by_range * distance**2, by_bearing) <= 1  # NaN is left for GTSAM to reject

@@ -1,6 +1,6 @@
-"""Backend names and the builders behind them; nothing is imported before it is asked for.
+"""Names of backends and their builders, imported on demand.
 
-A name is that of a built-in, of an entry point in the group `slamduel.backends`, or a `module:attribute` outright.
+A name is that of a built-in, of an entry point in the group `slamduel.backends`, or `module:attribute`.
 """
 
 import contextlib
@@ -27,33 +27,33 @@ BUILTIN = {
 GROUP = "slamduel.backends"
 
 NOT_STATED = "not stated"
-"""Of a backend that does not say whose program it is, and comes from no installed distribution."""
+"""Implementation of a backend without declared implementation and without distribution."""
 
 
 class Missing(InputError):
-    """A backend that is named and known, but cannot be imported here: a row with a reason, not the end of a run."""
+    """A known backend that cannot be imported here: it becomes a row with a reason, and the run continues."""
 
 
 def plugins() -> Mapping[str, EntryPoint]:
-    """The installed entry points of the group, by name; a built-in's name cannot be taken over."""
+    """The installed entry points of the group, by name; built-in names take precedence."""
     return {found.name: found for found in entry_points(group=GROUP) if found.name not in BUILTIN}
 
 
 def target(name: str) -> str:
-    """Where the builder of that name is, as module:builder; KeyError where nothing has the name."""
+    """Locates the builder of that name, as module:builder; KeyError for an unknown name."""
     return BUILTIN.get(name) or (name if ":" in name else plugins()[name].value)
 
 
 def find(name: str) -> Builder:
-    """The builder of that name.
+    """Finds the builder of that name.
 
-    Raises KeyError where nothing has the name, and Missing where what has it cannot be imported or is no Builder.
+    Raises KeyError for an unknown name, and Missing if it cannot be imported or is not a Builder.
     """
     place = target(name)
     module, _, attribute = place.partition(":")
     try:
         found = getattr(import_module(module), attribute)
-    except Exception as error:  # a plug-in's import may fail in any way at all, and that is the plug-in's matter
+    except Exception as error:  # a plug-in's import may raise anything
         raise Missing(f"backend {name}: {place} cannot be imported: {type(error).__name__}: {error}") from error
     if not isinstance(found, Builder):
         raise Missing(f"backend {name}: {place} is {type(found).__name__}, expected slamduel.backends.api.Builder")
@@ -61,13 +61,13 @@ def find(name: str) -> Builder:
 
 
 def implementation(name: str, options: Any) -> str:
-    """Whose program does the work of the backend of that name with these options, in a few words for tables.
+    """The program behind a backend with these options, in a few words for tables.
 
-    What its builder says; of a plug-in that does not say, "from NAME", the distribution it was installed by, else
-    NOT_STATED. Raises as `find`.
+    From its builder; for a plug-in that does not declare it, "from NAME", its distribution, else NOT_STATED. Raises as
+    `find`.
     """
     builder = find(name)
-    with contextlib.suppress(Exception):  # as with an import: what a plug-in's function raises is no end of a run
+    with contextlib.suppress(Exception):  # as with an import: a plug-in's error must not end a run
         if said := builder.implemented(options):
             return said
     known = plugins().get(name)

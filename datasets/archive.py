@@ -1,7 +1,7 @@
-"""A prepared log in one .npz file: how a worker is handed its factors, and what the cache and a study keep.
+"""Stores a prepared log in one .npz file, for workers, the cache and studies.
 
-The arrays come back bit for bit and read-only. The truth lies in members of its own, which `load_log` does not touch.
-Notes are stored as JSON: plain strings, numbers, lists and mappings.
+The arrays are restored bit for bit and read-only. The ground truth has members of its own, which `load_log` does not
+read. Notes are stored as JSON: plain strings, numbers, lists and mappings.
 """
 
 import json
@@ -26,12 +26,12 @@ T = TypeVar("T")
 
 
 def save(path: Path, dataset: Dataset) -> None:
-    """Write `dataset` to `path`, all of it or nothing. OSError where the place cannot be written to."""
+    """Writes `dataset` to `path` atomically. OSError if that fails."""
     write_whole(path, packed(dataset))
 
 
 def packed(dataset: Dataset) -> bytes:
-    """The content of the file that `save` writes; the same for the same dataset."""
+    """The content of the file that `save` writes; deterministic."""
     log, truth = dataset
     members = {name: getattr(log, name) for name in _LOG}
     members |= {"prior.pose": log.prior.pose, "prior.cov": log.prior.cov} | _map_members("prior.map", log.prior.map)
@@ -48,17 +48,17 @@ def packed(dataset: Dataset) -> bytes:
 
 
 def unpacked(content: bytes) -> Dataset:
-    """The log and truth that `packed` wrote, whole."""
+    """Restores the log and ground truth that `packed` wrote."""
     return _taken(BytesIO(content), _both)
 
 
 def load(path: Path) -> Dataset:
-    """The log and truth that `save` wrote; InputError where the file is missing or damaged."""
+    """Loads the log and ground truth that `save` wrote; InputError if the file is missing or damaged."""
     return _read(path, _both)
 
 
 def load_log(path: Path) -> Log:
-    """The factors that `save` wrote, without looking at the truth; InputError where the file is missing or damaged."""
+    """Loads the factors that `save` wrote, without the ground truth; InputError if the file is missing or damaged."""
     return _read(path, _log)
 
 
@@ -67,16 +67,16 @@ def _read(path: Path, take: Callable[[Members, Words], T]) -> T:
         with path.open("rb") as file:
             return _taken(file, take)
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file; expected the archive of a prepared log.") from None
-    except Exception as error:  # a damaged zip file raises nearly anything, from struct.error to NotImplementedError
-        raise InputError(f"{path}: not the archive of a prepared log, or a damaged one ({error!r}).") from error
+        raise InputError(f"{path}: there is no such file; expected a prepared log.") from None
+    except Exception as error:  # a damaged zip file raises almost any exception
+        raise InputError(f"{path}: not a prepared log, or damaged ({error!r}).") from error
 
 
 def _taken(file: IO[bytes], take: Callable[[Members, Words], T]) -> T:
     with np.load(file, allow_pickle=False) as members:
         words = json.loads(members["words"].tobytes())
         if set(members.files) != {*words["members"], "words"}:
-            raise ValueError("an optional member is lost")
+            raise ValueError("an optional member is missing")
         return take(members, words)
 
 

@@ -1,7 +1,7 @@
-"""Datasets ready for the runner: the one place where a (name, options, seed) becomes a log.
+"""Prepares datasets for the runner: turns (name, options, seed) into a log.
 
-The sources marked costly are kept in the user's cache folder, under a name made of everything that the log depends on,
-so an entry is never stale: what has changed has another name. The environment variable SLAMDUEL_CACHE moves the folder.
+Logs of sources marked costly are cached in the user's cache folder, under a key of everything that they depend on, so
+an entry is never stale. The environment variable SLAMDUEL_CACHE moves the folder.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
 
 
 def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
-    """The dataset `name` of `source`, made with `options`, for `seed`; InputError where it cannot be made.
+    """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
 
     A costly source must depend on nothing but its options, its random generator and the code of this package.
     """
@@ -33,24 +33,24 @@ def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     if not source.costly:
         return _made(name, source, options, seed)
     entry = folder() / f"{_key(name, options, seed)}.npz"
-    with contextlib.suppress(InputError):  # absent or damaged: made anew
+    with contextlib.suppress(InputError):  # missing or damaged: made again
         return archive.load(entry)
     dataset = _made(name, source, options, seed)
-    with contextlib.suppress(OSError):  # a cache that cannot be written to only costs time
+    with contextlib.suppress(OSError):  # an unwritable cache only costs time
         entry.parent.mkdir(parents=True, exist_ok=True)
         archive.save(entry, dataset)
     return dataset
 
 
 def folder() -> Path:
-    """Where prepared logs are kept; it may not exist yet."""
+    """The cache folder; it may not exist yet."""
     return Path(os.environ.get("SLAMDUEL_CACHE") or platformdirs.user_cache_path("slamduel"))
 
 
 def generator(name: str, seed: int) -> np.random.Generator:
     """The random generator of the dataset `name` for `seed`, the same in every process.
 
-    Options have no part in it, so that variants of one dataset share their randomness and can be compared in pairs.
+    It does not depend on the options: variants of a dataset share their random numbers and can be compared in pairs.
     """
     word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
     return np.random.default_rng(np.random.SeedSequence([seed, word]))
@@ -60,13 +60,13 @@ def _made(name: str, source: Source, options: Any, seed: int) -> Dataset:
     try:
         dataset = source.make(options, generator(name, seed))
     except OSError as error:
-        raise InputError(f"dataset {name}: {error}; expected files that can be read.") from None
+        raise InputError(f"dataset {name}: {error}; expected readable files.") from None
     check(dataset.log, where=f"dataset {name}")
     return dataset
 
 
 def _key(name: str, options: Any, seed: int) -> str:
-    """sha256 of what the log depends on."""
+    """The cache key: sha256 of everything that the log depends on."""
     package = Path(__file__).parent.parent
     total = hashlib.sha256(repr((name, options, seed, platform.python_version())).encode())
     for part in _MADE_WITH:

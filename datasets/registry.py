@@ -1,4 +1,4 @@
-"""Dataset names and the builders behind them; nothing is imported before it is asked for."""
+"""Names of datasets and their builders, imported on demand."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,12 +13,11 @@ from ..frontend.options import NoOptions
 
 @dataclass(frozen=True)
 class Source:
-    """How a dataset is made, and what the runner must know of it before.
+    """Makes a dataset, and declares its properties to the runner.
 
-    `make(options, rng)` returns the log and, where there is one, its truth; `options` is a frozen dataclass made with
-    `option(...)` fields. `seeded`: it draws from `rng`, so there is another log a seed. `costly`: it takes long enough
-    to make that the result is kept in the user's cache. `portable`: its log is the same to the last bit on every
-    x86-64 machine.
+    `make(options, rng)` returns the log and, if there is one, its ground truth; `options` is a frozen dataclass made
+    with `option(...)` fields. `seeded`: it draws from `rng`, so there is one log per seed. `costly`: it is expensive
+    enough for the user's cache. `portable`: its log is the same to the last bit on every x86-64 machine.
     """
 
     make: Callable[[Any, np.random.Generator], Dataset]
@@ -56,10 +55,10 @@ BUILTIN = {
 
 
 def module(name: str) -> str:
-    """The full name of the module that has the source of that name; KeyError where there is none."""
+    """The full name of the module that has the source of that name; KeyError for an unknown name."""
     return f"{__package__}{BUILTIN[name].partition(':')[0]}"
 
 
 def find(name: str) -> Source:
-    """The source of that name; KeyError where there is none."""
+    """The source of that name; KeyError for an unknown name."""
     return getattr(import_module(module(name)), BUILTIN[name].partition(":")[2])

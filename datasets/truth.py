@@ -1,7 +1,6 @@
-"""Where a robot was and its landmarks are, as files beside what it recorded.
+"""Ground truth of the path and the landmarks, as files beside a recording.
 
-truth.tum        t x y z qx qy qz qw
-landmarks.csv    id,x,y
+truth.tum        t x y z qx qy qz qw landmarks.csv    id,x,y
 """
 
 from pathlib import Path
@@ -19,16 +18,16 @@ PLACES = "landmarks.csv"
 COLUMNS = ("id", "x", "y")
 
 LONGEST_GAP = 0.5
-"""s; between two true poses farther apart in time than this, nobody knows where the robot was."""
+"""s; longest interval between two true poses that is interpolated."""
 
 
 def read_truth(folder: Path) -> Truth | None:
-    """The truth in `folder`, None where there is no file of it; InputError names the file and line of a fault."""
+    """Reads the ground truth in `folder`, None without a file of it; InputError names the file and line of a fault."""
     return strict(scan_truth(folder))
 
 
 def scan_truth(folder: Path, times: Array | None = None) -> Scan[Truth | None]:
-    """What `read_truth` reads, without what is no good; with `times`, a pose at any other is not."""
+    """Scans as `read_truth` reads, without invalid rows; with `times`, poses at other times are faults."""
     path = known = None
     if (folder / POSES).exists():
         path = yield from attempted(scan_tum(folder / POSES, times))
@@ -42,7 +41,7 @@ def scan_truth(folder: Path, times: Array | None = None) -> Scan[Truth | None]:
 
 
 def digest(truth: Truth) -> str:
-    """sha256, in hexadecimal, of all that a log's folder keeps of a truth: all but the covariance of its map."""
+    """sha256, in hexadecimal, of the ground truth as stored in a log's folder: all but the covariance of its map."""
     known = truth.map
     return digest_of(
         {
@@ -57,7 +56,7 @@ def digest(truth: Truth) -> str:
 
 
 def write_truth(folder: Path, truth: Truth) -> None:
-    """Write the poses and the landmarks' places, where there are any, to `folder`; their covariance is left out."""
+    """Writes the poses and the landmarks' positions, if any, to `folder`; their covariance is left out."""
     if len(truth.t):
         write_tum(folder / POSES, truth.t, truth.poses)
     if truth.map is not None:
@@ -68,10 +67,10 @@ def write_truth(folder: Path, truth: Truth) -> None:
 
 
 def sample(truth: Truth, t: Array) -> Truth:
-    """The truth at those of the times `t` (n,), s, that it covers.
+    """The ground truth at those of the times `t` (n,), s, that it covers.
 
-    At a time it has, that pose, bit for bit; elsewhere on the straight line between two that are LONGEST_GAP apart at
-    most: a robot at 0.5 m/s that turns by 1 rad/s is then 2 cm off the line, and off by less the shorter the gap.
+    At its own times poses are returned bit for bit; otherwise interpolated linearly between two at most LONGEST_GAP
+    apart: a robot at 0.5 m/s that turns by 1 rad/s is then 2 cm off the line, and less in shorter gaps.
     """
     if not len(truth.t):
         return truth
@@ -96,7 +95,7 @@ def _scan_places(path: Path) -> Scan[Map]:
     names = table.column("id")
     _, first = np.unique(names, return_index=True)
     twice = np.isin(np.arange(len(names)), first, invert=True)
-    table = (yield from table.refuse(twice, lambda row: f"id {names[row]:.0f} is there twice, expected once")).sound()
+    table = (yield from table.refuse(twice, lambda row: f"id {names[row]:.0f} occurs twice, expected once")).sound()
     ids, xy = table.whole("id"), table.rows[:, 1:].copy()
     ids.flags.writeable = xy.flags.writeable = False
     return Map(ids, xy, None)

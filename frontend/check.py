@@ -1,6 +1,6 @@
-"""What makes a log usable, in one place for every reader, simulator and front end.
+"""Checks that a log is usable, for every reader, simulator and front end.
 
-A column is called here what it is called in a log's CSV files, so that a reader only adds the file and the line.
+Columns are named as in a log's CSV files, so that a reader only adds the file and the line.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,16 +18,16 @@ SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
 LOOPS = ("step", "to", *ODOMETRY[1:])
 
 _LEAST_PIVOT = 1e-12
-"""A Cholesky pivot under this share of its diagonal entry leaves an update without a digit to stand on."""
+"""A Cholesky pivot below this share of its diagonal entry leaves an update without significant digits."""
 
 _HALF_TURN = np.pi + 1e-12
-"""rad, with room for the rounding of sums of angles. What is beyond was not wrapped, or is in degrees."""
+"""rad, with room for rounding of sums of angles. Angles beyond were not wrapped, or are in degrees."""
 
 Table = Literal["prior", "odometry", "sightings", "loops"]
 
 
 class Problem(NamedTuple):
-    """One reason why a log cannot be used."""
+    """A reason why a log cannot be used."""
 
     table: Table
     row: int  # of the table: the step in odometry, the landmark in a prior's map
@@ -35,19 +35,19 @@ class Problem(NamedTuple):
 
 
 def check(log: Log, where: str) -> None:
-    """InputError with the first of the log's problems, if it has any; `where` says which log it is."""
+    """Raises InputError with the first of the log's problems, if any; `where` names the log."""
     for table, row, message in problems(log):
         raise InputError(f"{where}: {table} row {row}: {message}.")
 
 
 def check_truth(log: Log, truth: Truth, where: str) -> None:
-    """InputError with the first reason why `truth` is none of `log`, which is good itself; `where` as in `check`."""
+    """Raises InputError with the first reason why `truth` does not fit `log`, itself checked; `where` as in `check`."""
     for message in _truth_problems(log, truth):
         raise InputError(f"{where}: truth: {message}.")
 
 
 def problems(log: Log) -> Iterator[Problem]:
-    """Everything that makes `log` unusable, table by table; nothing for a good one."""
+    """Yields every problem of `log`, table by table."""
     misshapen = list(_shapes(log))
     yield from misshapen
     if misshapen:
@@ -61,7 +61,7 @@ def problems(log: Log) -> Iterator[Problem]:
 def _shapes(log: Log) -> Iterator[Problem]:
     n, s, m = len(log), len(log.ids), len(log.loop_to)
     if n == 0:
-        yield Problem("odometry", 0, "there is no step, expected at least one")
+        yield Problem("odometry", 0, "found no steps, expected at least one")
     wanted: dict[Table, dict[str, tuple[int, ...]]] = {
         "odometry": {"delta": (n, 3), "delta_cov": (n, 3, 3)},
         "sightings": {"z": (s, 2), "z_cov": (s, 2, 2)},
@@ -74,7 +74,7 @@ def _shapes(log: Log) -> Iterator[Problem]:
     tables: tuple[tuple[Table, Any, int], ...] = (("sightings", log.sighting_first, s), ("loops", log.loop_first, m))
     for table, first, rows in tables:
         if n and (first[0] != 0 or first[-1] != rows):
-            yield Problem(table, 0, f"a row belongs to no step, expected steps from 0 to {n - 1}")
+            yield Problem(table, 0, f"a row belongs to a step that does not exist, expected 0 to {n - 1}")
 
 
 def _prior(prior: Prior) -> Iterator[Problem]:
@@ -98,7 +98,7 @@ def _known(known: Map) -> Iterator[Problem]:
         yield Problem("prior", int(row), f"the map's id is {known.ids[row]}, expected 0 to {MOST}")
     _, first = np.unique(known.ids, return_index=True)
     for row in np.setdiff1d(np.arange(n), first):
-        yield Problem("prior", int(row), f"the map's id {known.ids[row]} is there twice, expected once")
+        yield Problem("prior", int(row), f"the map's id {known.ids[row]} occurs twice, expected once")
     yield from _finite("prior", ("the map's x", "the map's y"), known.xy)
     if known.cov is not None and n:
         yield from _covariance("prior", known.cov[None], "the map's covariance")
@@ -125,7 +125,7 @@ def _sightings(log: Log) -> Iterator[Problem]:
     order = np.lexsort((log.ids, step))
     twin = (np.diff(step[order]) == 0) & (np.diff(log.ids[order]) == 0) & (log.ids[order[1:]] != UNKNOWN)
     for row in np.sort(order[1:][twin]):
-        yield Problem("sightings", int(row), f"id {log.ids[row]} is there twice in step {step[row]}, expected once")
+        yield Problem("sightings", int(row), f"id {log.ids[row]} occurs twice in step {step[row]}, expected once")
 
 
 def _loops(log: Log) -> Iterator[Problem]:
@@ -189,7 +189,7 @@ def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
 
 
 def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) -> Iterator[Problem]:
-    """`columns` (m, len(names)); row 0 of it is row `first` of the table."""
+    """Problems of `columns` (m, len(names)), whose row 0 is row `first` of the table."""
     for row, column in np.argwhere(~np.isfinite(columns)):
         yield Problem(table, int(row) + first, f"{names[column]} is {columns[row, column]!s}, expected a finite number")
 
@@ -200,7 +200,7 @@ def _angle(table: Table, name: str, angles: Array, first: int = 0) -> Iterator[P
 
 
 def _covariance(table: Table, cov: Array, name: str = "the covariance", first: int = 0) -> Iterator[Problem]:
-    """`cov` (m, k, k): finite, symmetric to rounding, and positive definite with some digits to spare."""
+    """Checks `cov` (m, k, k): finite, symmetric to rounding, and positive definite with some digits to spare."""
     k = cov.shape[-1]
     with np.errstate(all="ignore"):
         diagonal = np.einsum("mii->mi", cov)

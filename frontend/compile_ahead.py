@@ -1,6 +1,6 @@
-"""Compiling a list of inner loops on two cores: one process goes through it from its start, another from its end.
+"""Compiles a list of inner loops on two cores: one process from the list's start, another from its end.
 
-Where they meet, what one has made the other loads from disk. Whoever comes too late finds the list done.
+Once they meet, each loads from disk what the other has compiled.
 """
 
 import os
@@ -14,14 +14,14 @@ from typing import Any
 from .compiled import kept
 
 Kernels = Sequence[tuple[Callable[..., Any], tuple[Any, ...]]]
-"""Compiled functions, each with arguments of the types that it is called with."""
+"""Compiled functions, each with arguments of the types it is called with."""
 
 
 @cache
 def compile_ahead(module: str) -> None:
-    """Compile what `kernels()` of a module lists, all at once where some of it is not kept on disk yet.
+    """Compiles what `kernels()` of a module lists, where some of it is not cached on disk yet.
 
-    With a single core nothing is done: each function is compiled at its first call. Once a process is enough.
+    Does nothing on a single core, where each function is compiled at its first call. Runs once per process.
     """
     if (os.cpu_count() or 1) < 2 or all(kept(kernel) for kernel, _ in _listed(module)):
         return
@@ -36,7 +36,7 @@ def compile_ahead(module: str) -> None:
 
 
 def backwards(module: str, parent: int) -> None:
-    """The same from the list's end, for as long as the process `parent` waits for it."""
+    """Compiles from the list's end, as long as the process `parent` waits."""
     for one in reversed(_listed(module)):
         if os.getppid() == parent:
             _compile([one])

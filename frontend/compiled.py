@@ -1,9 +1,8 @@
-"""Inner loops as machine code: numba's, kept on disk between processes, and made anew when any of them changes.
+"""Inner loops compiled by numba, cached on disk, and recompiled when any of them changes.
 
-Numba keeps a function's code for as long as the file it stands in is unchanged, and does not look at the files of the
-functions that it calls: an edit to one of those would go unnoticed. Here what is kept is good for as long as neither
-that file has changed nor any other with inner loops that it imports. Those are the files of the package whose names
-begin with an underscore; they import what they call from one another, by relative imports.
+Numba invalidates its cache when a function's own file changes, but not when the files of the functions it calls do.
+Here a cache entry is valid until that file changes or any other file with inner loops that it imports. Those are the
+files of the package whose names begin with an underscore; they import what they call by relative imports.
 """
 
 import ast
@@ -21,14 +20,14 @@ R = TypeVar("R")
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """`function` as machine code of this machine, compiled at its first call and kept on disk.
+    """Compiles `function` at its first call and caches the machine code on disk.
 
-    Division follows IEEE (no exception), and nothing is reassociated: the bits of a result are those of the source, and
-    the same whether the code was compiled now or before.
+    Division follows IEEE (no exception), and nothing is reassociated: the bits of a result are those of the source,
+    whether the code was compiled now or before.
     """
     file = Path(function.__code__.co_filename)
     if not file.name.startswith("_"):
-        raise ValueError(f"{file}: a file with inner loops begins with an underscore")
+        raise ValueError(f"{file}: expected a file name with a leading underscore, for inner loops")
     from numba import njit
 
     dispatcher: Any = njit(cache=True, error_model="numpy")(function)
@@ -40,7 +39,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
-    """A call with a constant is one with any number: numba would compile the function once more for its type."""
+    """Types constant arguments as plain numbers: numba would compile the function again for each literal type."""
     from numba.core.types import unliteral
 
     def found(args: Any, kws: Any) -> Any:
@@ -50,10 +49,10 @@ def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _in_turn(dispatcher: Any, compile_: Callable[..., Any]) -> Callable[..., Any]:
-    """Where another process is compiling the same function, wait for it and load what it has made.
+    """Waits while another process compiles the same function, and loads its result.
 
-    A lock a function: it is held while those that it calls are compiled, but calls go one way only, so that no two
-    processes wait for one another.
+    There is one lock per function, held while its callees are compiled; as calls are not cyclic, no two processes
+    deadlock.
     """
     name = f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
     place = int.from_bytes(hashlib.sha256(name.encode()).digest()[:7])
@@ -75,33 +74,33 @@ def _in_turn(dispatcher: Any, compile_: Callable[..., Any]) -> Callable[..., Any
 
 @cache
 def _locks(folder: str) -> int:
-    """A descriptor of the file whose bytes are the locks of the functions kept in a folder; it stays open."""
+    """A descriptor, kept open, of the file whose bytes are the locks of the functions cached in a folder."""
     Path(folder).mkdir(parents=True, exist_ok=True)
     return os.open(Path(folder) / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
 
 
 def kept(dispatcher: Any) -> bool:
-    """Whether machine code of this function is known here or kept on disk."""
+    """Tells if machine code of this function is loaded or cached on disk."""
     return bool(dispatcher.overloads or dispatcher._cache._cache_file._load_index())
 
 
 _dispatchers: list[Any] = []
-"""Every function: its machine code by the types of its arguments, as far as this process has made or loaded it."""
+"""Every function: its machine code by argument types, as compiled or loaded by this process."""
 
 
 def ready() -> int:
-    """How many pieces of machine code this process has made or loaded; it grows at a function's first call."""
+    """Number of pieces of machine code this process has compiled or loaded; it grows at a function's first call."""
     return sum(len(dispatcher.overloads) for dispatcher in _dispatchers)
 
 
 def made() -> int:
-    """How many of these it had to make: what compiling takes, memory above all, is no backend's own."""
+    """Number of those that were compiled here; the memory this takes is not the backend's own."""
     return sum(sum(dispatcher.stats.cache_misses.values()) for dispatcher in _dispatchers)
 
 
 @cache
 def stamp(file: Path) -> str:
-    """A digest of a file with inner loops and of all such files that it imports, directly or through others."""
+    """Digest of a file with inner loops and of all such files that it imports, directly or indirectly."""
     total = hashlib.sha256()
     for one in sorted(closure(file)):
         total.update(one.name.encode() + one.read_bytes())
@@ -121,7 +120,7 @@ def closure(file: Path) -> set[Path]:
 
 @cache
 def _imported(file: Path) -> list[Path]:
-    """The files with inner loops that a file imports, or imports something from; a loop itself can import nothing."""
+    """The files with inner loops that a file imports; a loop itself can import nothing."""
     found = list[Path]()
     for node in ast.parse(file.read_bytes()).body:
         if isinstance(node, ast.ImportFrom) and node.level:

@@ -1,6 +1,6 @@
-"""Other people's coordinates, and ours: points for ranges and bearings, covariances after a motion for those before it.
+"""Converts between our coordinates and others': points and range-bearing, covariances after and before a motion.
 
-All of it is first order, and exact both ways: what is taken over and back again is what it was, but for rounding.
+All are first order and exactly invertible, up to rounding.
 """
 
 import numpy as np
@@ -38,14 +38,14 @@ def as_points(z: Array, cov: Array) -> tuple[Array, Array]:
 
 
 def before_motion(delta: Array, cov: Array) -> Array:
-    """(m, 3, 3) in the body frame before the motions `delta` (m, 3), of `cov` (m, 3, 3) in the one after them."""
+    """Converts `cov` (m, 3, 3) from the body frame after the motions `delta` (m, 3) to the frame before them."""
     return _turned(delta[:, 2], cov)
 
 
 def after_motion(delta: Array, cov: Array) -> Array:
-    """(m, 3, 3) in the body frame after the motions `delta` (m, 3), of `cov` (m, 3, 3) in the one before them.
+    """Converts `cov` (m, 3, 3) from the body frame before the motions `delta` (m, 3) to the frame after them.
 
-    GTSAM and g2o have them so: their error is what is left of the motion at its end.
+    GTSAM and g2o use the latter: their residual is taken at the motion's end.
     """
     return _turned(-delta[:, 2], cov)
 

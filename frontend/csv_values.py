@@ -1,18 +1,18 @@
-"""The cells of a text file: how they are read as numbers, and how a sentence tells what is wrong with them."""
+"""Parses numbers in text files and words the errors about them."""
 
 from collections.abc import Sequence
 
 SHOWN = 40
-"""Characters of a cell that a sentence shows."""
+"""Characters of a value that a message quotes."""
 
 SHOWN_IN_ALL = 200
-"""Characters of a whole header that a sentence shows."""
+"""Characters of a header that a message quotes."""
 
 _SEPARATORS = {";": "found ; between the columns", "\t": "found tabs between the columns"}
 
 
 def number(cell: str) -> float | None:
-    """None for what is none."""
+    """Parses a number; None if it is not one."""
     if "_" in cell or not cell.isascii():  # float() reads 1_000, and digits of every script
         return None
     try:
@@ -22,7 +22,7 @@ def number(cell: str) -> float | None:
 
 
 def no_number(cell: str) -> str:
-    """What is said of `cell` where it is no number."""
+    """Words the error for a `cell` that is not a number."""
     cell = cell.strip()
     if not cell:
         return "is blank, expected a number"
@@ -31,12 +31,12 @@ def no_number(cell: str) -> str:
 
 
 def shortened(text: str, most: int = SHOWN) -> str:
-    """`text` in quotes, tabs and the like by their escapes, and of what is longer than `most` the beginning."""
+    """`text` in quotes, control characters escaped, truncated to `most` characters."""
     return repr(text) if len(text) <= most else f"{text[:most]!r}..."
 
 
 def other_count(found: Sequence[str], columns: Sequence[str], delimiter: str | None) -> str:
-    """What is said of a row whose cells `found` are not as many as the columns."""
+    """Words the error for a row with the wrong number of cells."""
     wanted = f"{len(columns)} ({shown(columns)})"
     decimal = delimiter == "," and len(found) > len(columns) and not any("." in cell for cell in found)
     hint = "; numbers have a decimal point: are there decimal commas?" if decimal else ""
@@ -44,13 +44,13 @@ def other_count(found: Sequence[str], columns: Sequence[str], delimiter: str | N
 
 
 def shown(columns: Sequence[str]) -> str:
-    """The names of columns, as they would stand in a header, of many the first."""
+    """Column names as a header would have them, truncated."""
     header = ",".join(columns)
     return header if header.isprintable() and len(header) <= SHOWN_IN_ALL else shortened(header, SHOWN_IN_ALL)
 
 
 def other_header(line: str, columns: Sequence[str]) -> str | None:
-    """What is said of the header `line` where it has `columns`, but with other separators or in another spelling."""
+    """Words the error for a header that has `columns` but with other separators or spelling; None if it does not."""
     if "," not in line and len(columns) > 1:
         for separator, found in _SEPARATORS.items():
             if separator in line:
@@ -63,10 +63,10 @@ def other_header(line: str, columns: Sequence[str]) -> str | None:
 
 
 def header_names(line: str) -> list[str]:
-    """The names in a header, without the blanks around them."""
+    """The names in a header, stripped."""
     return [cell.strip() for cell in line.split(",")]
 
 
 def _look(name: str) -> str:
-    """What is left of a name without case, blanks and quotes."""
+    """A name without case, blanks and quotes."""
     return "".join(name.replace('"', "").split()).casefold()

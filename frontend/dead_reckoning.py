@@ -1,4 +1,4 @@
-"""Where odometry alone has the robot."""
+"""Paths from odometry alone."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .se2 import Array, wrap
 
 
 def dead_reckoned(log: Log) -> Array:
-    """(n, 3) the path from the prior's pose along the log's odometry; its covariances have no part in it."""
+    """(n, 3) the path from the prior's pose along the log's odometry; covariances are not used."""
     return summed(log.prior.pose, log.delta[1:])
 
 

@@ -1,9 +1,9 @@
-"""Elementary functions whose bits are the same on every machine.
+"""Elementary functions with the same bits on every machine.
 
-numpy's sin, cos, arctan2, exp and their kin choose code by the processor, and so does the C library, which has them
-with and without fused multiply-add: last bits differ, and with them the digest of a log. The functions here use nothing
-but addition, subtraction, multiplication, division and roots, which IEEE 754 rounds in one way, in an order that the
-source fixes. Their errors are below one unit in the last place, those of arctan2 below 1.2.
+numpy's sin, cos, arctan2, exp and the like choose code by the processor, and so does the C library, which has them with
+and without fused multiply-add: last bits differ, and with them the digest of a log. The functions here use nothing but
+addition, subtraction, multiplication, division and roots, which IEEE 754 rounds in one way, in an order that the source
+fixes. Their errors are below one unit in the last place, those of arctan2 below 1.2.
 
 Reductions and coefficients are those of fdlibm (Sun Microsystems, 1993), whose comments derive them.
 """
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Number = TypeVar("Number", float, Array)
 
 _FAR = 5e5
-"""rad; up to here the multiples of pi/2 are taken off with 118 bits of it."""
+"""rad; up to here multiples of pi/2 are subtracted with 118 bits of it."""
 
 _HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 """pi/2 in pieces: the first two have 33 bits each, so that their multiples by up to 2^20 are exact."""
@@ -42,23 +42,23 @@ _EXP = (
 )  # fmt: skip
 
 _NEAR, _MIDDLE = 0.4375, 0.6875
-"""Tangents up to which an angle is taken as it is, and as atan 1/2 and the rest; beyond it is pi/4 and the rest."""
+"""Largest tangents of angles used as they are, and as the sum of atan 1/2 and a rest; beyond, of pi/4 and a rest."""
 
 _BASES = (
     (4.63647609000806093515e-01, 2.26987774529616870924e-17),
     (7.85398163397448278999e-01, 3.06161699786838301793e-17),
 )
-"""atan 1/2 and pi/4, each as the double next to it and what is missing of it."""
+"""atan 1/2 and pi/4, each as the nearest double and its error."""
 
 _PI_LOW = 1.22464679914735317720e-16
-"""What is missing of pi in the double next to it."""
+"""pi minus its nearest double."""
 
 _LN2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
 """In two pieces, the first of 32 bits."""
 
 
 class SinCos(NamedTuple):
-    """Sine and cosine of the same angles; of a single one, numbers of no dimension."""
+    """Sine and cosine of the same angles; scalars for a single one."""
 
     sin: Array
     cos: Array
@@ -99,7 +99,7 @@ def sinc(angle: ArrayLike) -> Array:
 
 
 def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
-    """The angle of the point (x, y), in [-pi, pi], with signed zeros as in C; NaN of what is not finite."""
+    """The angle of the point (x, y), in [-pi, pi], with signed zeros as in C; NaN where not finite."""
     y, x = np.asarray(y, np.float64), np.asarray(x, np.float64)
     if not y.ndim and not x.ndim:
         return np.asarray(_arctan2_of_one(float(y), float(x)))[()]
@@ -119,7 +119,7 @@ def arctan2(y: ArrayLike, x: ArrayLike) -> Array:
 
 
 def hypot(x: ArrayLike, y: ArrayLike) -> Array:
-    """The length of (x, y); of numbers whose squares are neither too large nor too small for a double."""
+    """The length of (x, y), where the squares neither overflow nor underflow."""
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     return np.sqrt(x * x + y * y)[()]
 
@@ -136,7 +136,7 @@ def exp(power: ArrayLike) -> Array:
 
 
 def _sincos_of_one(x: float) -> SinCos:
-    """The same bits, without what numpy takes for a single number: 3 instead of 70 microseconds."""
+    """The same bits without numpy's overhead for scalars: 3 instead of 70 microseconds."""
     if not math.isfinite(x):
         sine = cosine = math.nan
         return SinCos(np.asarray(sine)[()], np.asarray(cosine)[()])
@@ -170,7 +170,7 @@ def _arctan2_of_one(y: float, x: float) -> float:
 
 
 def _arctan(rise: Number, most: Number, more: Number, base: Number, base_low: Number) -> Number:
-    """`base`, an angle in two pieces, and the small angle whose tangent is `rise` / (`most` + `more`)."""
+    """`base`, an angle in two pieces, plus the small angle whose tangent is `rise` / (`most` + `more`)."""
     run = most + more
     t = rise / run
     t_low = (_less_product(rise, t, run) - t * (more - (run - most))) / run
@@ -179,20 +179,20 @@ def _arctan(rise: Number, most: Number, more: Number, base: Number, base_low: Nu
 
 
 def _less_product(a: Number, b: Number, c: Number) -> Number:
-    """a - b c, which is small, without the rounding of the product (Dekker, Numerische Mathematik 18, 1971)."""
+    """a - b c, which is small, without rounding the product (Dekker, Numerische Mathematik 18, 1971)."""
     (b_high, b_low), (c_high, c_low) = _halves(b), _halves(c)
     return (((a - b_high * c_high) - b_high * c_low) - b_low * c_high) - b_low * c_low
 
 
 def _halves(x: Number) -> tuple[Number, Number]:
-    """`x` as two numbers of 26 bits (Veltkamp)."""
+    """Splits `x` into two numbers of 26 bits (Veltkamp)."""
     wide = 134217729.0 * x
     high = wide - (wide - x)
     return high, x - high
 
 
 def _polynomial(x: Number, coefficients: tuple[float, ...]) -> Number:
-    """By Horner's rule, from the coefficient of 1 on."""
+    """Horner's rule; coefficients from the constant term on."""
     total: Any = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = coefficient + x * total
@@ -200,7 +200,7 @@ def _polynomial(x: Number, coefficients: tuple[float, ...]) -> Number:
 
 
 def _reduced(x: Number, turns: Number) -> tuple[Number, Number]:
-    """`x` less so many quarter turns, in [-pi/4, pi/4], as a double and what is missing of it."""
+    """`x` less a number of quarter turns, in [-pi/4, pi/4], as a double and its error."""
     first = x - turns * _HALF_PI[0]
     second = turns * _HALF_PI[1]
     rest = first - second

@@ -1,4 +1,4 @@
-"""The one root of every error that is the user's to read."""
+"""Root classes of the errors meant for the user."""
 
 
 class SlamduelError(Exception):
@@ -9,8 +9,8 @@ class SlamduelError(Exception):
 
 
 class InputError(SlamduelError):
-    """A file, a log, a command-line option or a combination of them that cannot be used as it stands."""
+    """A file, a log, an option or a combination of them that cannot be used."""
 
 
 class Interrupted(SlamduelError):
-    """The user stopped a command; the sentence says how to go on with it."""
+    """The user stopped a command; the message says how to resume it."""

@@ -1,9 +1,9 @@
-"""The shared language: the factors that every backend is handed, and the log and truth they come from.
+"""The factors given to every backend, and the log and ground truth they come from.
 
 Conventions, everywhere: metres, radians, seconds, float64. World x, y; body x forward, y left; headings
 counter-clockwise in (-pi, pi]. A measurement is (range, bearing), the bearing from the body's x axis. Odometry is the
 motion since the last step in the body frame *before* the motion, with its covariance in those coordinates. A pose's
-covariance is of (x, y, heading) in the world frame. A covariance that is not known is None, never zeros.
+covariance is of (x, y, heading) in the world frame. An unknown covariance is None, never zeros.
 """
 
 import hashlib
@@ -18,10 +18,10 @@ from .errors import InputError
 from .se2 import Array, Ints
 
 ROUNDING = 1e-9
-"""The share of its own scale by which the halves of a covariance may differ."""
+"""Largest relative asymmetry of a covariance that counts as rounding."""
 
 UNKNOWN = -1
-"""The id of a sighting whose landmark the front end could not tell."""
+"""The id of a sighting without data association."""
 
 
 class Odometry(NamedTuple):
@@ -34,13 +34,13 @@ class Odometry(NamedTuple):
 class RangeBearing(NamedTuple):
     """The k landmarks sighted at one step."""
 
-    ids: Ints  # (k,) UNKNOWN, or a landmark's id, at most once a step
+    ids: Ints  # (k,) UNKNOWN, or a landmark's id, at most once per step
     z: Array  # (k, 2) range (m), bearing (rad)
     cov: Array  # (k, 2, 2) of (range, bearing), positive definite
 
 
 class RelativePoses(NamedTuple):
-    """The m loop closures found at one step: where it stands, seen from earlier steps."""
+    """The m loop closures found at one step: its pose relative to earlier steps."""
 
     to: Ints  # (m,) the earlier step
     delta: Array  # (m, 3) the pose of this step in the body frame of step `to`
@@ -48,7 +48,7 @@ class RelativePoses(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What a backend is given at one keyframe. Step 0 has no odometry: the prior is the belief there."""
+    """A backend's input at one keyframe. Step 0 has no odometry: the prior is the belief there."""
 
     t: float  # s
     odometry: Odometry | None
@@ -61,7 +61,7 @@ class Map(NamedTuple):
 
     ids: Ints  # (n,)
     xy: Array  # (n, 2) m
-    cov: Array | None  # (2n, 2n) joint, of x0, y0, x1, y1, ...; None: not known
+    cov: Array | None  # (2n, 2n) joint, of x0, y0, x1, y1, ...; None: unknown
 
 
 class Prior(NamedTuple):
@@ -73,22 +73,22 @@ class Prior(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """Where the robot was, for the judges alone: no backend sees it.
+    """Ground truth, for evaluation only: no backend sees it.
 
-    `t` is a subset of the log's times (a gap in the truth leaves steps out): a step's truth is the one at the same t.
+    `t` is a subset of the log's times: steps in a gap of the ground truth are left out. Entries match steps of equal t.
     """
 
     t: Array  # (m,) s
     poses: Array  # (m, 3)
-    map: Map | None = None  # the landmarks' true places
-    assigned: Ints | None = None  # (s,) the true id of every sighting of the log, also of those without id
-    kind: Literal["truth", "reference"] = "truth"  # "reference": the batch optimum of a log whose truth nobody knows
-    places: Literal["truth", "reference"] = "truth"  # whose map; landmarks may be surveyed where no path is known
-    words: str = ""  # what the reference is, where there is more to say than that it is the batch optimum
+    map: Map | None = None  # true landmark positions
+    assigned: Ints | None = None  # (s,) true id of every sighting, unknown ones included
+    kind: Literal["truth", "reference"] = "truth"  # "reference": the batch optimum of a log without ground truth
+    places: Literal["truth", "reference"] = "truth"  # of the map; landmarks may be surveyed though the path is unknown
+    words: str = ""  # describes the reference, unless it is simply the batch optimum
 
 
 class Dataset(NamedTuple):
-    """What a dataset's builder returns: the factors, and the truth where there is one."""
+    """The return value of a dataset's builder: the factors, and the ground truth if there is one."""
 
     log: "Log"
     truth: Truth | None
@@ -135,11 +135,11 @@ class Log:
         loop_cov: Array | None = None,
         notes: Mapping[str, Any] | None = None,
     ) -> "Log":
-        """A log of n steps from its tables; the arrays are copied and can no longer be written to.
+        """Builds a log of n steps from its tables; the arrays are copied and made read-only.
 
-        `delta` (n, 3) and `delta_cov` (n, 3, 3) have a row a step, of which row 0 is not looked at. `sighting_step`
-        (s,) and `loop_step` (l,), both sorted, say which step each row of the other columns belongs to. InputError for
-        what is no numbers, or not sorted; what the numbers have to be is for `check` to say.
+        `delta` (n, 3) and `delta_cov` (n, 3, 3) have one row per step, row 0 ignored. `sighting_step` (s,) and
+        `loop_step` (l,), both sorted, give the step of each row of the other columns. InputError for values that are
+        not numbers or not sorted; `check` judges the values themselves.
         """
         if not isinstance(prior, Prior):  # pyright: ignore[reportUnnecessaryIsInstance] - no notebook checks types
             raise InputError(f"prior: found {type(prior).__name__}, expected Prior(pose, cov).")
@@ -168,7 +168,7 @@ class Log:
     def from_steps(
         cls, name: str, prior: Prior, steps: Sequence[Step], notes: Mapping[str, Any] | None = None
     ) -> "Log":
-        """A log from steps in order; the odometry of the first is not looked at."""
+        """Builds a log from steps in order; the odometry of the first is ignored."""
         nan = Odometry(np.full(3, np.nan), np.full((3, 3), np.nan))
         odometry = [nan if s.odometry is None else s.odometry for s in steps]
         index = np.arange(len(steps))
@@ -237,7 +237,7 @@ class Log:
 
     @cached_property
     def digest(self) -> str:
-        """sha256, in hexadecimal, of everything a backend is given: two logs with one digest are the same factors."""
+        """sha256, in hexadecimal, of everything a backend is given: logs with equal digests have the same factors."""
         known = self.prior.map
         columns: dict[str, Array | Ints | None] = {
             "prior.pose": self.prior.pose,
@@ -250,7 +250,7 @@ class Log:
         return digest_of(columns)
 
     def identified(self) -> "Log":
-        """The log without its sightings of UNKNOWN landmarks; itself where it has none."""
+        """The log without its sightings of UNKNOWN landmarks; itself if it has none."""
         known = self.ids != UNKNOWN
         if known.all():
             return self
@@ -312,7 +312,7 @@ _COLUMNS = (
 
 
 def _numbers(name: str, values: Any) -> Array:
-    """`values` as floats; InputError, which names the argument, for what is none."""
+    """Converts `values` to floats; InputError names the argument."""
     try:
         return np.asarray(values, np.float64)
     except (TypeError, ValueError) as error:
@@ -320,7 +320,7 @@ def _numbers(name: str, values: Any) -> Array:
 
 
 def _whole(name: str, values: Any) -> Ints:
-    """`values` as integers; InputError, which names the argument, for what is none."""
+    """Converts `values` to integers; InputError names the argument."""
     numbers = np.asarray(values)
     if numbers.dtype.kind not in "iu":
         numbers = _numbers(name, values)
@@ -331,7 +331,7 @@ def _whole(name: str, values: Any) -> Ints:
 
 
 def _sorted(name: str, values: Any) -> Ints:
-    """`values` as integers, none smaller than the one before; InputError names the argument."""
+    """Converts `values` to ascending integers; InputError names the argument."""
     numbers = _whole(name, values)
     back = np.flatnonzero(np.diff(numbers) < 0)
     if len(back):
@@ -341,7 +341,7 @@ def _sorted(name: str, values: Any) -> Ints:
 
 
 def _even(cov: Array) -> Array:
-    """`cov` (m, k, k) with halves that differ by rounding alone replaced by their mean; others are left for `check`."""
+    """Symmetrises `cov` (m, k, k) where the halves differ by rounding alone; others are left for `check`."""
     if cov.ndim != 3 or cov.shape[1] != cov.shape[2]:
         return cov
     other = cov.swapaxes(1, 2)
@@ -373,7 +373,7 @@ def _frozen_prior(prior: Prior) -> Prior:
 
 
 def _without_first(rows: Array) -> Array:
-    """A copy whose row 0 is NaN, the same NaN whatever stood there, so that a digest does not depend on it."""
+    """A copy whose row 0 is NaN, so that a digest does not depend on it."""
     copy = np.array(rows, np.float64)
     copy[:1] = np.nan
     return copy

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic file writes."""
 
 import contextlib
 import os
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Put `content` in the file at `path`, a reader sees what was there before or the new, never a part."""
+    """Writes `content` to `path` atomically: a reader sees the old or the new file, never a part."""
     part = beside(path)
     try:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -19,6 +19,6 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def beside(path: Path) -> Path:
-    """A hidden place next to `path` that no thread or process but the caller has, for what is to take its place."""
+    """A hidden temporary path next to `path`, unique to the caller."""
     whole = path.absolute()
     return whole.with_name(f".{whole.name[:40]}.{secrets.token_hex(8)}.part")

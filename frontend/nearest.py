@@ -1,11 +1,11 @@
-"""Suggests a name that is known in place of one that is not."""
+"""Suggests the known name nearest to an unknown one."""
 
 import difflib
 from collections.abc import Iterable
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that was meant, or all of them."""
+    """Suggests the known name that was meant, or lists all."""
     names = sorted(known)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     if close:

@@ -4,7 +4,7 @@
     class Options:
         particles: int = option(100, "number of particles", minimum=1)
 
-The command line's `fastslam[particles=1000]`, its help and its refusals are made from these fields alone.
+The command line's `fastslam[particles=1000]`, its help and its error messages derive from these fields alone.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class NoOptions:
-    """Nothing to set."""
+    """No options."""
 
 
 def option(
@@ -24,10 +24,10 @@ def option(
     maximum: float | None = None,
     choices: tuple[str, ...] | None = None,
 ) -> Any:
-    """A dataclass field with what a user is told of it: `summary` (with its unit), its range or its choices.
+    """Declares an option as a dataclass field with its help text `summary` (with its unit) and range or choices.
 
-    `minimum` and `maximum` are inclusive. The field's annotation says how its text is read: int, float, bool or str,
-    or one of these `| None`, where None stands for "not given".
+    `minimum` and `maximum` are inclusive. The field's annotation determines its parser: int, float, bool or str, or one
+    of these `| None`, where None stands for "not given".
     """
     metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices}
     return field(default=default, metadata=metadata)

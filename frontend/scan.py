@@ -1,7 +1,7 @@
-"""Reading that can name every fault of a file and not only the first, with one copy of the rules.
+"""Scans: readers that can report every fault of a file and not only the first.
 
-A scan is a generator. It yields each fault as the error that says it, goes on as well as it can, and returns what it
-has read; where it cannot go on it raises the error. A reader is a scan that nobody lets go on: `strict`.
+A scan is a generator. It yields each fault as an error, continues as well as it can, and returns what it has read;
+where it cannot continue it raises the error. `strict` makes a reader of it that raises the first.
 """
 
 from collections.abc import Generator
@@ -14,7 +14,7 @@ Scan = Generator[InputError, None, T]
 
 
 def strict(scan: Scan[T]) -> T:
-    """What `scan` returns; its first fault, if it has one, is raised."""
+    """Returns the result of `scan`; raises its first fault."""
     try:
         raise next(scan)
     except StopIteration as end:
@@ -22,7 +22,7 @@ def strict(scan: Scan[T]) -> T:
 
 
 def attempted(scan: Scan[T]) -> Scan[T | None]:
-    """What `scan` yields, and also what it raises where it cannot go on: it then returns None."""
+    """Yields also the error that `scan` raises where it cannot continue, and then returns None."""
     try:
         return (yield from scan)
     except InputError as error:
@@ -32,7 +32,7 @@ def attempted(scan: Scan[T]) -> Scan[T | None]:
 
 
 def counted(scan: Scan[T]) -> Scan[tuple[T, int]]:
-    """What `scan` yields; what it returns, and the number of its faults."""
+    """Yields what `scan` yields; returns its result and the number of its faults."""
     faults = 0
     while True:
         try:

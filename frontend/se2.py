@@ -1,8 +1,8 @@
-"""The planar rigid motions, SE(2): poses (x, y, heading) and their Jacobians.
+"""Planar rigid motions, SE(2): poses (x, y, heading) and their Jacobians.
 
 A pose is an array (..., 3) of x (m), y (m) and heading (rad, counter-clockwise, wrapped to (-pi, pi]); every function
 takes one pose or a batch of them, on leading axes. Jacobians are with respect to these three plain coordinates, so a
-covariance pushed through them stays one of (x, y, heading).
+covariance propagated through them stays one of (x, y, heading).
 """
 
 import numpy as np
@@ -15,14 +15,14 @@ Ints = NDArray[np.int64]
 
 
 def wrap(angle: Array) -> Array:
-    """`angle` (rad) taken to (-pi, pi]; an angle already there comes back bit for bit."""
+    """Wraps `angle` (rad) to (-pi, pi]; an angle already there is returned bit for bit."""
     turned = angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
     turned = np.where(turned <= -np.pi, np.pi, np.minimum(turned, np.pi))  # rounding may leave the range by an ulp
     return np.where((-np.pi < angle) & (angle <= np.pi), angle, turned)
 
 
 def compose(a: Array, b: Array) -> Array:
-    """The pose a + b of Smith, Self and Cheeseman: motion `b`, in the body frame of `a`, made from `a`. (..., 3)."""
+    """The pose a + b of Smith, Self and Cheeseman: motion `b`, in the body frame of `a`, applied to `a`. (..., 3)."""
     s, c = sincos(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
     y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
@@ -74,9 +74,9 @@ def act_jacobians(pose: Array, xy: Array) -> tuple[Array, Array]:
 
 
 def rotation(heading: float) -> Array:
-    """The 3x3 matrix that turns (x, y) by `heading` (rad) and leaves a heading alone.
+    """The 3x3 matrix that rotates (x, y) by `heading` (rad) and leaves a heading alone.
 
-    It takes a covariance of (dx, dy, dheading) from a body frame at `heading` to the world: R @ cov @ R.T.
+    It transforms a covariance of (dx, dy, dheading) from a body frame at `heading` to the world: R @ cov @ R.T.
     """
     s, c = sincos(heading)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,8 +1,8 @@
-"""A log in a few numbers, from which it can be told how far it is from another one, in units of its own noise.
+"""Sketches of logs: a few numbers that give the distance of two logs, in units of their own noise.
 
-Where frames are rendered or a library chooses code by the processor, two logs that are the same by all that made them
-differ by rounding, and so in their digests. The sketch is a random projection (Johnson and Lindenstrauss, 1984): the
-distance of two sketches estimates that of the logs themselves, with a standard deviation of 18 %.
+Where frames are rendered or a library chooses code by the processor, logs of the same sources differ by rounding, and
+so in their digests. The sketch is a random projection (Johnson and Lindenstrauss, 1984): the distance of two sketches
+estimates that of the logs, with a standard deviation of 18 %.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from .factors import Log, digest_of
 from .se2 import Array
 
 ROUNDING = 0.1
-"""Standard deviations; two logs whose numbers, all together, are no further apart are the same to rounding."""
+"""Standard deviations; two logs whose numbers, all together, are no further apart are equal up to rounding."""
 
 SUMS = 16
 _BLOCK = 1 << 16
@@ -22,13 +22,13 @@ _SEED = 1984
 
 
 class Sketch(NamedTuple):
-    """What must be equal, and sums of everything else."""
+    """A digest of the exact parts, and projections of everything else."""
 
     frame: str  # digest of the times, the ids and which step each row belongs to
     sums: Array  # (SUMS,)
 
     def words(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Converts to JSON values."""
         return {"frame": self.frame, "sums": self.sums.tolist()}
 
 
@@ -50,9 +50,9 @@ def sketch(log: Log) -> Sketch:
 
 
 def distance(one: Sketch, other: Sketch) -> float:
-    """About the root of the sum of all squared differences of two logs, each in standard deviations; else infinite.
+    """Estimates the root of the summed squared differences of two logs, in standard deviations; may be infinite.
 
-    Variances count by their logarithms' halves, so that a share by which a standard deviation differs is what counts.
+    Variances count by half their logarithms, so that relative differences of standard deviations matter.
     """
     if one.frame != other.frame:
         return np.inf
@@ -60,7 +60,7 @@ def distance(one: Sketch, other: Sketch) -> float:
 
 
 def from_words(words: Any) -> Sketch | None:
-    """What `Sketch.words` gave; None where it is no such thing."""
+    """Inverts `Sketch.words`; None for anything else."""
     try:
         found = Sketch(str(words["frame"]), np.array(words["sums"], np.float64))
     except (TypeError, KeyError, ValueError):
@@ -69,7 +69,7 @@ def from_words(words: Any) -> Sketch | None:
 
 
 def _standardised(log: Log) -> Iterator[Array]:
-    """Every number that is subject to rounding, in units of its standard deviation; not finite where that is zero."""
+    """Every number subject to rounding, in units of its standard deviation; not finite where that is zero."""
     prior, known = log.prior, log.prior.map
     pairs = [(prior.pose[None], prior.cov[None]), (log.delta[1:], log.delta_cov[1:])]
     pairs += [(log.z, log.z_cov), (log.loop_delta, log.loop_cov)]

@@ -1,6 +1,6 @@
 """Products, factors and inverses of batches of 2x2 and 3x3 matrices, with the same bits on every machine.
 
-BLAS and LAPACK choose code by the processor, and with it the order of sums. Here sums have the order of the textbook.
+BLAS and LAPACK choose code by the processor, and with it the order of sums. Here the order is the textbook's.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from .se2 import Array
 
 
 def product(a: Array, b: Array) -> Array:
-    """a @ b of (..., i, j) and (..., j, k), either of which may lack the leading axes of the other."""
+    """a @ b of (..., i, j) and (..., j, k), leading axes broadcast."""
     total = a[..., :, :1] * b[..., :1, :]
     for j in range(1, a.shape[-1]):
         total = total + a[..., :, j : j + 1] * b[..., j : j + 1, :]
@@ -22,7 +22,7 @@ def propagated(jacobian: Array, cov: Array) -> Array:
 
 
 def cholesky(cov: Array) -> Array:
-    """The lower triangular L (..., k, k) with L L' = `cov`, which is positive definite; NaN where it is not."""
+    """The lower triangular L (..., k, k) with L L' = `cov`; NaN where `cov` is not positive definite."""
     lower = np.zeros_like(cov)
     with np.errstate(invalid="ignore", divide="ignore"):
         for j in range(cov.shape[-1]):
@@ -35,7 +35,7 @@ def cholesky(cov: Array) -> Array:
 
 
 def inverse(cov: Array) -> Array:
-    """The inverse of `cov` (..., k, k), which is positive definite, by its Cholesky factor; NaN where it is not."""
+    """The inverse of `cov` (..., k, k) by its Cholesky factor; NaN where `cov` is not positive definite."""
     lower = cholesky(cov)
     root = np.zeros_like(lower)  # of the inverse: L^-1
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,6 +1,6 @@
-"""Text files of numbers, a row a line: read in one go while they are good, and line by line to name what is not.
+"""Reads text files of numbers, one row per line: in one pass if valid, line by line to name faults.
 
-Every reader here is the strict form of a scan, which names all that is wrong and not only the first.
+Every reader here is the strict form of a scan, which reports all faults and not only the first.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,42 +16,42 @@ from .scan import Scan, strict
 from .se2 import Array, Ints
 
 MOST = 2**53
-"""The largest whole number up to which every one has a double of its own."""
+"""The largest integer up to which all are exact as doubles."""
 
 LARGEST = 1e9
-"""m, rad or their squares: no robot goes beyond it, and its square is still far from overflow."""
+"""m, rad or their squares: beyond any robot, and its square is still far from overflow."""
 
 CHUNK = 100_000
-"""Lines that are parsed at once, and again one by one if one of them is no good."""
+"""Lines parsed at once, and again one by one if any of them is invalid."""
 
 
 class Table(NamedTuple):
-    """The rows of a file, and where they stood."""
+    """The rows of a file and their line numbers."""
 
     path: Path
     columns: tuple[str, ...]
     rows: Array  # (r, columns)
     lines: Ints  # (r,) counted from 1
-    broken: Ints = np.zeros(0, np.int64)  # the rows in which a fault was found
+    broken: Ints = np.zeros(0, np.int64)  # rows with a fault
 
     def column(self, name: str) -> Array:
         """(r,) the column of that name."""
         return self.rows[:, self.columns.index(name)]
 
     def whole(self, name: str) -> Ints:
-        """(r,) the column of that name as integers; InputError for a number that is none."""
+        """(r,) the column of that name as integers; InputError for other numbers."""
         return strict(self.scan_whole(name)).column(name).astype(np.int64)
 
     def fault(self, row: SupportsIndex, message: str) -> InputError:
-        """The error that says `message` of `row`."""
+        """The error `message` about `row`."""
         return InputError(f"{self.path}, line {self.lines[row]}: {message}.")
 
     def finite(self) -> "Table":
-        """Itself; InputError for a number that is not finite."""
+        """Returns itself; InputError for a number that is not finite."""
         return strict(self.scan_finite())
 
     def bounded(self, least: float, most: float, *names: str) -> "Table":
-        """Itself; InputError for a number in those columns that is less than `least` or more than `most`."""
+        """Returns itself; InputError for a number in those columns outside `least` to `most`."""
         for name in names:
             column = self.column(name)
             for row in np.flatnonzero(~((column >= least) & (column <= most))):
@@ -59,7 +59,7 @@ class Table(NamedTuple):
         return self
 
     def refuse(self, bad: NDArray[np.bool_], message: Callable[[int], str]) -> Scan["Table"]:
-        """Itself with the rows where `bad` (r,) is true broken; of those that were not, each is a fault."""
+        """Breaks the rows where `bad` (r,) is true, yields a fault for each that was not broken; returns itself."""
         rows = np.flatnonzero(bad)
         if not len(rows):
             return self
@@ -68,7 +68,7 @@ class Table(NamedTuple):
         return self._replace(broken=np.union1d(self.broken, rows))
 
     def scan_whole(self, *names: str) -> Scan["Table"]:
-        """Itself; a number in those columns that is no integer is a fault."""
+        """Yields a fault for each non-integer in those columns; returns itself."""
         broken, message = self.broken, "{} is {!s}, expected a whole number up to " + str(MOST)
         for name in names:
             column = self.column(name)
@@ -79,7 +79,7 @@ class Table(NamedTuple):
         return self if broken is self.broken else self._replace(broken=broken)
 
     def scan_finite(self) -> Scan["Table"]:
-        """Itself; a number that is not finite is a fault."""
+        """Yields a fault for each number that is not finite; returns itself."""
         bad = ~np.isfinite(self.rows)
         bad[self.broken] = False
         for row, column in np.argwhere(bad):
@@ -87,16 +87,16 @@ class Table(NamedTuple):
         return self._replace(broken=np.union1d(self.broken, np.flatnonzero(bad.any(axis=1))))
 
     def sound(self) -> "Table":
-        """The rows that are not broken."""
+        """The rows without faults."""
         return self.take(np.delete(np.arange(len(self.rows)), self.broken)) if len(self.broken) else self
 
     def take(self, rows: Ints) -> "Table":
-        """Those rows, in that order."""
+        """The given rows, in that order."""
         return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
 
 def read_csv(path: Path, columns: Sequence[str]) -> Table:
-    """The table in `path`, whose first line names `columns`.
+    """Reads the table in `path`, whose first line names `columns`.
 
     InputError names the file, the line and the column of what cannot be read; NaN and infinity can.
     """
@@ -106,12 +106,12 @@ def read_csv(path: Path, columns: Sequence[str]) -> Table:
 def scan_csv(
     path: Path, columns: Sequence[str], optional: Sequence[str] = (), blank_after: int | None = None
 ) -> Scan[Table]:
-    """The table of `read_csv`, in which a row with a cell that cannot be read is broken, and all NaN.
+    """Scans as `read_csv` reads; rows with unreadable cells are broken, and all NaN.
 
-    The header may go on with `optional`, all of them or none. With `blank_after`, the first row fills that many cells
-    and leaves the others blank, which reads as NaN.
+    The header may continue with `optional`, all of them or none. With `blank_after`, the first row fills that many
+    cells and leaves the others blank, which reads as NaN.
 
-    InputError for a file that is not there, is no text or has another header.
+    InputError for a file that is missing, not text or has another header.
     """
     lines = text(path).split("\n")
     many = optional and lines[0].count(",") >= len(columns)
@@ -125,7 +125,7 @@ def scan_csv(
 
 
 def read_spaced(path: Path, columns: Sequence[str]) -> Table:
-    """The table in `path`, of `columns` between blanks, without a header; lines that begin with # are comments.
+    """Reads the blank-separated `columns` in `path`, without a header; lines that begin with # are comments.
 
     InputError as from `read_csv`.
     """
@@ -133,14 +133,14 @@ def read_spaced(path: Path, columns: Sequence[str]) -> Table:
 
 
 def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
-    """The table of `read_spaced`, broken where `scan_csv` says."""
+    """Scans as `read_spaced` reads; broken rows as in `scan_csv`."""
     lines = text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
     return (yield from _scan_rows(path, lines, first, tuple(columns), None, []))
 
 
 def text(path: Path) -> str:
-    """What `path` holds, its lines ended by one newline each; InputError where it is not there, empty or no UTF-8."""
+    """The content of `path` with \n line ends; InputError if it is missing, empty or not UTF-8."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -150,7 +150,7 @@ def text(path: Path) -> str:
     if not content or content.isspace():
         raise InputError(f"{path}: the file is empty.")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:2]:
-        raise InputError(f"{path}: it looks like UTF-16, expected UTF-8 text.")
+        raise InputError(f"{path}: found UTF-16, expected UTF-8 text.")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -186,7 +186,7 @@ def _scan_rows(
 
 
 def _parsed(lines: Sequence[str], delimiter: str | None) -> Array | None:
-    """All lines in one go; None where one is no row of numbers."""
+    """Parses all lines at once; None if one is invalid."""
     if not any(line.strip() for line in lines):
         return None
     try:
@@ -198,7 +198,7 @@ def _parsed(lines: Sequence[str], delimiter: str | None) -> Array | None:
 def _scan_lines(
     path: Path, lines: Sequence[str], first: int, columns: tuple[str, ...], delimiter: str | None
 ) -> Scan[Table]:
-    """The rows of `lines`, of which the first has the number `first`, but for blank lines and comments."""
+    """Scans `lines`, the first numbered `first`, skipping blank lines and comments."""
     rows, numbers = list[list[float] | None](), list[int]()
     for line, content in enumerate(lines, start=first):
         if content.strip() and not (delimiter is None and content.lstrip().startswith("#")):
@@ -208,7 +208,7 @@ def _scan_lines(
 
 
 def _table(path: Path, columns: tuple[str, ...], rows: Sequence[list[float] | None], numbers: Sequence[int]) -> Table:
-    """The table of `rows`, of which those that are None are broken."""
+    """The table of `rows`; those that are None are broken."""
     filled = [[np.nan] * len(columns) if row is None else row for row in rows]
     broken = np.array([k for k, row in enumerate(rows) if row is None], np.int64)
     return Table(path, columns, np.array(filled).reshape(-1, len(columns)), np.array(numbers, np.int64), broken)
@@ -251,7 +251,7 @@ def _check_header(path: Path, line: str, columns: Sequence[str]) -> None:
     missing = [name for name in columns if name not in found]
     extra = [name for name in found if name not in columns]
     if missing and extra:
-        raise InputError(f"{path}, line 1: column {shortened(extra[0])} where {missing[0]!r} is missing, {expected}.")
+        raise InputError(f"{path}, line 1: column {shortened(extra[0])} in place of {missing[0]!r}, {expected}.")
     if missing:
         raise InputError(f"{path}, line 1: column {missing[0]!r} is missing, {expected}.")
     if extra:

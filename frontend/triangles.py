@@ -1,4 +1,4 @@
-"""Symmetric matrices as their upper triangles, row by row: how files and records have them."""
+"""Converts symmetric matrices to and from their upper triangles, row by row, as in files and records."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from .se2 import Array
 
 
 def upper(cov: Array) -> Array:
-    """The upper triangles (k (k + 1) / 2, m), row by row, of `cov` (m, k, k); the mean of both where halves differ."""
+    """Upper triangles (k (k + 1) / 2, m), row by row, of `cov` (m, k, k); the mean of both where halves differ."""
     i, j = np.triu_indices(cov.shape[-1])
     return ((cov[:, i, j] + cov[:, j, i]) / 2).T
 

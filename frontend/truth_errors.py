@@ -1,4 +1,4 @@
-"""Measured minus true, of those measurements of which the truth is known."""
+"""Measurement errors against ground truth."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ from .se2 import Array, Ints, between, wrap
 
 
 class Errors(NamedTuple):
-    """Of a log's sightings, or of its motions."""
+    """Errors of a log's sightings or motions."""
 
-    row: Ints  # (m,) of the log's sightings, or steps
+    row: Ints  # (m,) index of the sighting, or step
     values: Array  # (m, 2) range, bearing; or (m, 3) in the coordinates of delta
 
 
 def sighting_errors(log: Log, truth: Truth) -> Errors:
-    """Of the sightings from a step with a true pose of a landmark with a true place; a true id goes before a given."""
+    """Errors of sightings where pose and landmark have ground truth; a true id takes precedence over the given one."""
     ids = log.ids if truth.assigned is None else truth.assigned
     if truth.map is None:
         return Errors(np.zeros(0, np.int64), np.zeros((0, 2)))
@@ -27,7 +27,7 @@ def sighting_errors(log: Log, truth: Truth) -> Errors:
 
 
 def odometry_errors(log: Log, truth: Truth) -> Errors:
-    """Of the motions between neighbouring steps that both have a true pose."""
+    """Errors of the motions between consecutive steps that both have a true pose."""
     pose = rows_of(truth.t, log.t)
     row = np.flatnonzero((pose[1:] >= 0) & (pose[:-1] >= 0)) + 1
     right = between(truth.poses[pose[row - 1]], truth.poses[pose[row]])
@@ -35,20 +35,20 @@ def odometry_errors(log: Log, truth: Truth) -> Errors:
 
 
 def sighted_from(poses: Array, xy: Array) -> Array:
-    """The true range (m) and bearing (rad, not wrapped) (s, 2) of the points `xy` (s, 2) from the poses (s, 3)."""
+    """True range (m) and bearing (rad, not wrapped) (s, 2) of the points `xy` (s, 2) from the poses (s, 3)."""
     x, y = (xy - poses[:, :2]).T
     return np.stack((hypot(x, y), arctan2(y, x) - poses[:, 2]), axis=-1)
 
 
 def difference(found: Array, right: Array) -> Array:
-    """`found` minus `right`, sightings (m, 2) or poses or motions (m, 3), the angle, which is last, wrapped."""
+    """`found` minus `right`, sightings (m, 2) or poses or motions (m, 3), the last column, an angle, wrapped."""
     error = found - right
     error[:, -1] = wrap(error[:, -1])
     return error
 
 
 def rows_of(known: Array | Ints, wanted: Array | Ints) -> Ints:
-    """Where each of `wanted` is in `known`, whose entries are distinct; -1 where it is not."""
+    """Index of each of `wanted` in `known`, whose entries are distinct; -1 where missing."""
     if not len(known):
         return np.full(len(wanted), -1)
     order = np.argsort(known)

@@ -1,6 +1,6 @@
-"""Paths in the TUM format, `t x y z qx qy qz qw` a line, which evo and most trajectory tools read.
+"""Reads and writes paths in the TUM format, lines of `t x y z qx qy qz qw`, as evo and most trajectory tools do.
 
-A planar pose has z = qx = qy = 0. Written here, headings read back bit for bit, and so does everything else.
+A planar pose has z = qx = qy = 0. All values, headings included, read back bit for bit.
 """
 
 import itertools
@@ -17,7 +17,7 @@ COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 def write_tum(path: Path, t: Array, poses: Array) -> None:
-    """Write poses (n, 3) at times `t` (n,)."""
+    """Writes poses (n, 3) at times `t` (n,)."""
     qz, qw = _quaternion(poses[:, 2])
     rows = zip(t.tolist(), *poses[:, :2].T.tolist(), qz.tolist(), qw.tolist(), strict=True)
     with path.open("w", encoding="utf-8", newline="\n") as file:
@@ -26,21 +26,21 @@ def write_tum(path: Path, t: Array, poses: Array) -> None:
 
 
 def read_tum(path: Path) -> tuple[Array, Array]:
-    """Times (n,), increasing, and poses (n, 3); of a pose out of the plane, its place in it and turn about z.
+    """Reads times (n,), increasing, and poses (n, 3); poses out of the plane are projected to it.
 
-    InputError names the file and line of what cannot be used.
+    InputError names the file and line of what is invalid.
     """
     return strict(scan_tum(path))
 
 
 def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]]:
-    """What `read_tum` reads, without the lines that are no good; with `times`, one at any other is not."""
+    """Scans as `read_tum` reads, without invalid lines; with `times`, lines at other times are faults."""
     table = yield from scan_spaced(path, COLUMNS)
     table = yield from table.scan_finite()
     if times is not None:
         t = table.column("t")
         table = yield from table.refuse(
-            ~np.isin(t, times), lambda row: f"t is {t[row]!s}, expected only times that odometry.csv has"
+            ~np.isin(t, times), lambda row: f"t is {t[row]!s}, expected a time in odometry.csv"
         )
     table = table.sound()
     t, qz, qw = table.column("t"), table.column("qz"), table.column("qw")
@@ -53,14 +53,14 @@ def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]
 
 
 def _heading(qz: Array, qw: Array) -> Array:
-    """2 atan2(qz, qw) in (-pi, pi]; q and -q are the same turn."""
+    """2 atan2(qz, qw) in (-pi, pi]; q and -q are the same rotation."""
     qz, qw = np.where(qw < 0, -qz, qz), np.abs(qw)
     heading = 2 * arctan2(qz, qw)
     return np.where(heading == -np.pi, np.pi, heading)
 
 
 def _quaternion(heading: Array) -> tuple[Array, Array]:
-    """(qz, qw) of headings in (-pi, pi], each moved by the few last-place units that bring its heading back exactly."""
+    """(qz, qw) of headings in (-pi, pi], adjusted by the few last-place units that restore the heading exactly."""
     qz, qw = sincos(heading / 2)
     qw = np.abs(qw)
     sine, cosine = qz.copy(), qw.copy()

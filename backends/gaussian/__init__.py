@@ -1,1 +1,1 @@
-"""Estimators whose belief is one Gaussian: dead reckoning, Kalman filters and their kernels."""
+"""Estimators with a single Gaussian belief: dead reckoning, Kalman filters and their kernels."""

@@ -1,7 +1,7 @@
-"""Between the whole state and its active part: fetch a landmark, and give back what the part has become.
+"""Transfers between the whole state and its active part: fetch a landmark, and write the part back.
 
-The equations are in `compressed.py`; here P is the whole covariance as it was when the part was last given back, A the
-active part, in the order of `members`, of which `transition`, `information` and `pull` are Phi, Psi and theta.
+The equations are in `compressed.py`; here P is the whole covariance at the part's last write-back, A the active part,
+in the order of `members`, and `transition`, `information` and `pull` are Phi, Psi and theta.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ def entry(flat: Array, i: int, j: int) -> float:
 def load(
     mean: Array, cross: Array, flat: Array, members: Ints, a: int, part_mean: Array, part_cross: Array, part_flat: Array
 ) -> None:
-    """Copy the landmarks `members[:a]` out of a whole that nothing is owed to."""
+    """Copies the landmarks `members[:a]` from a whole without deferred updates."""
     for i in range(2 * a):
         at = 2 * members[i // 2] + i % 2
         part_mean[3 + i] = mean[3 + at]
@@ -46,7 +46,7 @@ def fetch(
     information: Array,
     pull: Array,
 ) -> None:
-    """Make `members[a]` the part's landmark a: its rows are P - P_mA Psi P_A, and P_mA Phi' with the part."""
+    """Makes `members[a]` the part's landmark a: its rows are P - P_mA Psi P_A, and P_mA Phi' with the part."""
     m = 3 + 2 * a
     d, e = np.empty((2, m)), np.zeros((2, m))
     for h in range(2):
@@ -87,7 +87,7 @@ def fetch(
 
 @compiled
 def rows_of(cross: Array, flat: Array, members: Ints, a: int, n: int, out: Array) -> None:
-    """P_A, the rows of the pose and of the part's landmarks as the whole has them, into out (3 + 2a, n)."""
+    """P_A, the whole's rows of the pose and of the part's landmarks, into out (3 + 2a, n)."""
     for j in range(n):
         for i in range(3):
             out[i, j] = cross[i, j]
@@ -108,7 +108,7 @@ def give_back(
     part_flat: Array,
     rows: Array,
 ) -> None:
-    """Write the part into the whole: its own blocks, and `rows` (3 + 2a, n), Phi P_A, its covariance with the rest."""
+    """Writes the part back: its own blocks, and `rows` (3 + 2a, n), Phi P_A, its covariance with the rest."""
     for i in range(2 * a):
         at = 2 * members[i // 2] + i % 2
         mean[3 + at] = part_mean[3 + i]

@@ -1,15 +1,15 @@
-"""One frame of EKF-SLAM in one compiled call: ArUco EKF SLAM, eqs (5)-(20), on the part of the state it is handed.
+"""One frame of EKF-SLAM in one compiled call: ArUco EKF SLAM, eqs (5)-(20), on the given part of the state.
 
 The covariance is in three pieces: the pose's (3, 3), the cross-covariance of the pose with the map (3, n), and the
 map's own, a triangle (see `_triangle`). A sighting corrects it by -w' w, w = L^-1 H P (2, n) with H P H' + R = L L'.
-These rows are owed: they are gathered in W, the next sighting forms its H P from the covariance and the rows owed so
-far, and one pass over the triangle at the end of the frame subtracts W' W. This is exact.
+These rows are deferred: they are collected in W, the next sighting forms its H P from the covariance and the rows
+deferred so far, and one pass over the triangle at the end of the frame subtracts W' W. This is exact.
 
-`transition` (3 + n, m) has the same done to it as the state has: motions and corrections multiply it from the left, a
-new landmark's rows are made from the pose's. The compressed filter needs it (see `_compressed`); else m is 0.
+`transition` (3 + n, m) is transformed like the state: motions and corrections multiply it from the left, a new
+landmark's rows derive from the pose's. The compressed filter needs it (see `_compressed`); else m is 0.
 
-The linear Kalman filter (see `kf`) is the same with everything linearised at dead reckoning's heading, which knows of
-no correction, and sightings taken as offsets along and across the line of sight, which are linear in the state.
+The linear Kalman filter (see `kf`) differs in that everything is linearised at dead reckoning's heading, without
+corrections, and sightings are offsets along and across the line of sight, which are linear in the state.
 """
 
 from math import cos, exp, sin, sqrt
@@ -23,16 +23,16 @@ from .._models import moved, placed, sighted, wrap
 from ._triangle import REAL, add_square_of, put, take
 
 OWED = 48
-"""Rows that may be owed before they are folded in; a frame of more than 24 sightings takes several passes."""
+"""Deferred rows before they are applied; a frame of more than 24 sightings takes several passes."""
 
 STANDARD, FIRST, IDEAL, ODOMETRY = 0, 1, 2, 3
-"""Where the Jacobians are taken: at the mean, at first estimates, at the truth, at dead reckoning."""
+"""Linearisation points: the mean, first estimates, ground truth, dead reckoning."""
 
 ASTRAY = -1
-"""In place of a count of agreements: the landmark is to be made anew."""
+"""In place of a count of agreements: the landmark is to be initialised again."""
 
 INDEFINITE, AT_ROBOT = 1, 2
-"""Why a frame could not be finished."""
+"""Reasons why a frame could not be finished."""
 
 
 @compiled
@@ -50,9 +50,9 @@ def predict(
 ) -> None:
     """Eqs (5)-(9) for the body-frame `motion`: rows of dx, dy, dtheta and of its covariance, (4, 3).
 
-    The Jacobian of eq. (3) is [1, 0, -(y' - y); 0, 1, x' - x; 0, 0, 1] for a motion from (x, y) to (x', y'): those are
-    taken from `points`, where the pose was linearised last, to where it is now. At dead reckoning the mean's deviation
-    from it goes the same way, and no angle is wrapped.
+    The Jacobian of eq. (3) is [1, 0, -(y' - y); 0, 1, x' - x; 0, 0, 1] for a motion from (x, y) to (x', y'): from
+    `points`, where the pose was linearised last, to its present place. With dead reckoning, the mean's deviation from
+    it is transformed likewise, and no angle is wrapped.
     """
     x, y = points[0], points[1]
     turned = points[2] if where in (IDEAL, ODOMETRY) else mean[2]
@@ -108,7 +108,7 @@ def settle(
     dgemm: int,
     dsyrk: int,
 ) -> None:
-    """Fold in what is owed: the covariance less W' W, the transition less W' Y, the information plus Y' Y."""
+    """Applies deferred updates: subtracts W' W from the covariance and W' Y from the transition, adds Y' Y to Psi."""
     for q in range(rank):
         for i in range(3):
             a = Wp[q, i]
@@ -151,7 +151,7 @@ def combine(by_pose: Array, by_landmark: Array, of_pose: Array, of_landmark: Arr
 
 @compiled
 def pay(v: Array, owed: Array, q: int, a: float, b: float, c: float, d: float, n: int) -> None:
-    """v (2, n) less [a b; c d] times the rows q and q + 1 that are owed."""
+    """v (2, n) -= [a b; c d] times the deferred rows q and q + 1."""
     for j in range(n):
         v[0, j] -= a * owed[q, j] + b * owed[q + 1, j]
         v[1, j] -= c * owed[q, j] + d * owed[q + 1, j]
@@ -171,8 +171,8 @@ def whiten(v: Array, n: int, l00: float, l10: float, l11: float, out: Array, q: 
 def offset(heading: float, z: Array, R: Array) -> tuple[float, float, float, float, float, float, float]:
     """A sighting as an offset in the world, its direction, and its covariance along and across that: rr, rb, bb.
 
-    The middle of the arc on which the landmark may be, E exp(i b) = exp(-v / 2) of a bearing of variance v, lies nearer
-    than the arc, and the arc's points scatter inwards of it by (r v)^2 / 2.
+    The mean over the arc of possible positions, E exp(i b) = exp(-v / 2) for a bearing of variance v, lies inside the
+    arc, and the arc's points scatter inwards of it by (r v)^2 / 2.
     """
     r, v = z[0], R[1, 1]
     ux, uy = cos(heading + z[1]), sin(heading + z[1])
@@ -199,10 +199,10 @@ def add(
     where: int,
     rows: Array,
 ) -> None:
-    """Eqs (17)-(20): the landmark at map entry `at` made from one sighting, with its covariance with all the rest.
+    """Eqs (17)-(20): initialises the landmark at map entry `at` from one sighting, with all covariances.
 
     G_p is [1, 0, -dy; 0, 1, dx] for a landmark at (dx, dy) from the pose, and G_z the inverse of the sighting's
-    Jacobian by the landmark; both are taken where the pose and the landmark are linearised. G_z is [ux, ax; uy, ay].
+    Jacobian by the landmark; both are evaluated at the linearisation points. G_z is [ux, ax; uy, ay].
     """
     rr, rb, bb = R[0, 0], R[1, 0], R[1, 1]
     if where == ODOMETRY:
@@ -216,7 +216,7 @@ def add(
             points[3 + at], points[4 + at] = mean[3 + at], mean[4 + at]
         dx, dy = points[3 + at] - points[0], points[4 + at] - points[1]
         r = sqrt(dx * dx + dy * dy)
-        ux, uy = cos(mean[2] + z[1]), sin(mean[2] + z[1])  # of a landmark at no distance
+        ux, uy = cos(mean[2] + z[1]), sin(mean[2] + z[1])  # for a landmark at zero distance
         if r > 0.0:
             ux, uy = dx / r, dy / r
         ax, ay = -dy, dx
@@ -269,13 +269,12 @@ def frame(
     dgemm: int,
     dsyrk: int,
 ) -> tuple[int, int, float, int, int]:
-    """Predict, then take `k` sightings of the landmarks in `slots`, of which those from n / 2 on are new.
+    """Predicts, then processes `k` sightings of the landmarks in `slots`, of which those from n / 2 on are new.
 
-    Jacobians are taken at `points`, which may be `mean` itself; `joint` evaluates every expected sighting at the
-    prediction, which `predicted` has room for. A sighting whose innovation is beyond `gate` is refused, or, where the
-    landmark has been agreed with by fewer than `confirm`, takes the place of all that the landmark was made from.
-    Returns the sighting at which it ended early and why (-1, 0: it did not), the NIS, its degrees of freedom and how
-    many sightings were refused.
+    Jacobians are evaluated at `points`, which may be `mean` itself; `joint` evaluates all expected sightings at the
+    prediction, stored in `predicted`. A sighting with an innovation beyond `gate` is rejected or, if fewer than
+    `confirm` have agreed with its landmark, replaces all that the landmark was made from. Returns the sighting at which
+    it failed and the reason (-1, 0: none), the NIS, its degrees of freedom and the number of rejected sightings.
     """
     if moves:
         predict(mean, points, pose, cross, transition, n, m, motion, truth, where)
@@ -318,7 +317,7 @@ def frame(
             by_landmark[1, 0], by_landmark[1, 1] = -dy / q, dx / q
         for h in range(2):
             by_pose[h, 0], by_pose[h, 1] = -by_landmark[h, 0], -by_landmark[h, 1]
-        # H P, eq. (15), as the covariance has it and then less what is owed
+        # H P, eq. (15), from the covariance, less deferred updates
         take(flat, at, n, rows)
         combine(by_pose, by_landmark, cross, rows, 0, n, v)
         for j in range(3):
@@ -356,7 +355,7 @@ def frame(
         else:
             er, eb = sighted(expecting[0], expecting[1], expecting[2], expecting[3 + at], expecting[4 + at])
             dr, db = z[i, 0] - er, wrap(z[i, 1] - eb)
-        if joint:  # less what the corrections since the prediction already explain of it
+        if joint:  # less the effect of the corrections since the prediction
             turned = wrap(mean[2] - predicted[2])
             ex, ey = mean[0] - predicted[0], mean[1] - predicted[1]
             mx, my = mean[3 + at] - predicted[3 + at], mean[4 + at] - predicted[4 + at]
@@ -392,7 +391,7 @@ def frame(
         if rank == OWED:
             settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
             rank = 0
-    for i in range(k if joint else 0):  # what is new is added after a joint update
+    for i in range(k if joint else 0):  # new landmarks are added after a joint update
         at = 2 * int(slots[i])
         if at >= n or agreed[slots[i]] == ASTRAY:
             add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
@@ -405,7 +404,7 @@ def frame(
 
 @compiled
 def project(by_pose: Array, by_landmark: Array, of_pose: Array, of_map: Array, at: int, h: int, q: int) -> float:
-    """Row h of H times row q of a covariance's rows, split in those of the pose (_, 3) and those of the map (_, n)."""
+    """Row h of H times row q of a covariance, given as the pose's columns (_, 3) and the map's (_, n)."""
     return (
         by_pose[h, 0] * of_pose[q, 0]
         + by_pose[h, 1] * of_pose[q, 1]

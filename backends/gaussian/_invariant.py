@@ -1,10 +1,10 @@
-"""The inner loops of `invariant_ekf.py`.
+"""Inner loops of `invariant_ekf.py`.
 
 The belief, in the right-invariant error (x, y, heading, x and y of each landmark): pose (3,) and landmarks' mean (n,);
 the pose's three rows of the covariance in full, strip (3, 3 + n); and the landmarks' block, a triangle (see
-`_triangle`). What changes the whole of that block is low-rank: such corrections are rows w (n,) of `owed`, gathered
-until there are RANK of them and then folded in at one go. The first owing[0] rows are sightings', each -w' w, and the
-last owing[1] are turns', each w' w. No landmark that is new owes anything: from column n on, `owed` is zero.
+`_triangle`). Updates of that whole block are low-rank: they are collected as rows w (n,) of `owed`, up to RANK of them,
+and then applied at once. The first owing[0] rows are from sightings, each -w' w, and the last owing[1] from turns, each
+w' w. New landmarks have no pending updates: from column n on, `owed` is zero.
 """
 
 from math import cos, sin, sqrt
@@ -17,18 +17,18 @@ from .._models import moved, placed, sighted, wrap
 from ._triangle import add_square_of, put, take_less
 
 RANK = 48
-"""Corrections that may be owed."""
+"""Most deferred updates."""
 WRONG = (
     "nothing",
     "an innovation's covariance is not positive definite",
     "a landmark's estimate lies at the robot's own position, where its bearing is undefined",
 )
-"""What went wrong, by the number that `observe` returns."""
+"""Error messages, by the number that `observe` returns."""
 
 
 @compiled
 def fold(flat: Array, n: int, owed: Array, owing: Ints, dgemm: int, dsyrk: int) -> None:
-    """Add what is owed to the landmarks' block; nothing is owed afterwards."""
+    """Applies the deferred updates to the landmarks' block."""
     add_square_of(flat, n, -1.0, owed, owing[0], dgemm, dsyrk)
     add_square_of(flat, n, 1.0, owed[RANK - owing[1] :], owing[1], dgemm, dsyrk)
     owing[:] = 0
@@ -48,10 +48,10 @@ def move(
     dgemm: int,
     dsyrk: int,
 ) -> None:
-    """Predict with the body-frame motion `delta` (3,), noise `cov` (3, 3).
+    """Predicts with the body-frame motion `delta` (3,), noise `cov` (3, 3).
 
-    The error itself is carried over as it is, F = I. The noise of the turn is an error of everything about the origin,
-    a rank-1 correction of the whole; what is independent of it in the noise of the translation is the position's alone.
+    The error itself is unchanged, F = I. The turn's noise acts on everything about the origin, a rank-1 update of the
+    whole; the independent rest of the translation's noise affects the position alone.
     """
     if owing[0] + owing[1] == RANK:
         fold(flat, n, owed, owing, dgemm, dsyrk)
@@ -79,7 +79,7 @@ def move(
 
 @compiled
 def gather(flat: Array, n: int, at: int, owed: Array, owing: Ints, rows: Array) -> None:
-    """The block's rows of the landmark at `at`, as if nothing were owed, to rows (2, n)."""
+    """The block's rows of the landmark at `at`, with deferred updates applied, to rows (2, n)."""
     take_less(flat, at, n, owed, owing[0], rows)
     first, second = rows[0], rows[1]
     for m in range(RANK - owing[1], RANK):
@@ -102,12 +102,12 @@ def correct(
     own: Array,
     rows: Array,
 ) -> tuple[float, int]:
-    """Correct by a sighting z (2,), R (2, 2) of the landmark whose rows of the covariance are own (2, 3), rows (2, n).
+    """Corrects by a sighting z (2,), R (2, 2) of a landmark with covariance rows own (2, 3) and rows (2, n).
 
-    The measurement depends on landmark less position alone: H has no heading column. `at` is the landmark's place in
+    The measurement depends on landmark minus position alone: H has no heading column. `at` is the landmark's place in
     the state, -1 for one held fixed, whose error is that of the heading about the origin. The mean and the strip are
-    corrected at once; the corrections of the rest take the place of `rows`. Returns the normalised innovation squared,
-    and what went wrong.
+    corrected at once; the deferred update replaces `rows`. Returns the normalised innovation squared and an error
+    number.
     """
     dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
     q = dx * dx + dy * dy
@@ -122,7 +122,7 @@ def correct(
     for j in range(n):
         x, y = first[j] - strip[0, 3 + j], second[j] - strip[1, 3 + j]
         first[j], second[j] = h00 * x + h01 * y, h10 * x + h11 * y
-    u, v = np.empty(2), np.empty(2)  # what H makes of it: landmark less position, first in the plane
+    u, v = np.empty(2), np.empty(2)  # H times P: landmark minus position, first in the plane
     for i in range(2):
         if at >= 0:
             u[i], v[i] = rows[i, at] - own[i, 0], rows[i, at + 1] - own[i, 1]
@@ -158,7 +158,7 @@ def correct(
 
 @compiled
 def retract(pose: Array, mean: Array, n: int, own: Array, first: Array, second: Array, nu0: float, nu1: float) -> None:
-    """The group's exponential of xi = W' nu times the mean, W of the pose (2, 3): everything turns and shifts."""
+    """Applies the group's exponential of xi = W' nu, W of the pose (2, 3), to the mean: a rotation and shift of all."""
     angle = own[0, 2] * nu0 + own[1, 2] * nu1
     c, s = cos(angle), sin(angle)
     along, across = 1.0, 0.0  # the left Jacobian of SO(2): sin(a) / a and (1 - cos(a)) / a
@@ -180,7 +180,7 @@ def retract(pose: Array, mean: Array, n: int, own: Array, first: Array, second: 
 
 @compiled
 def add(pose: Array, mean: Array, strip: Array, flat: Array, n: int, z: Array, R: Array) -> None:
-    """Add a landmark seen at z (2,): in this error it is off as the position is, and by its own sighting's noise."""
+    """Adds a landmark seen at z (2,): its error is that of the position plus the sighting's noise."""
     r, c, s = z[0], cos(pose[2] + z[1]), sin(pose[2] + z[1])
     mean[n], mean[n + 1] = placed(pose[0], pose[1], pose[2], z[0], z[1])
     a, b, d = R[0, 0], r * R[1, 0], r * r * R[1, 1]
@@ -217,10 +217,10 @@ def observe(
     dgemm: int,
     dsyrk: int,
 ) -> tuple[int, int]:
-    """Take k sightings in their order: z (k, 2), R (k, 2, 2).
+    """Processes k sightings in their order: z (k, 2), R (k, 2, 2).
 
     slots[i] is the landmark's number, -1 for a new one, -2 - j for number j of those in `known` (., 2), held fixed.
-    Their normalised innovations squared go to `nis` (k,), -1 for none. Returns n, and what went wrong.
+    Their normalised innovations squared go to `nis` (k,), -1 for none. Returns n and an error number.
     """
     wrong = 0
     landmark, own = np.empty(2), np.empty((2, 3))

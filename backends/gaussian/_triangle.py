@@ -1,9 +1,9 @@
-"""A symmetric matrix kept as its lower triangle, in one flat array that grows at its end only.
+"""A symmetric matrix stored as its lower triangle, in one flat array that grows at its end only.
 
 Panel b holds the rows [b B, (b + 1) B), B = PANEL, each from its first column to the end of the diagonal block, in C
-order: rows of (b + 1) B entries. A row more is therefore never a copy of the others, a matrix of n rows takes little
-more than n^2 / 2 entries, and a correction of low rank is a product (BLAS 3) and a square a panel. What stands above
-the diagonal in a diagonal block means nothing.
+order: rows of (b + 1) B entries. Appending a row therefore copies nothing, a matrix of n rows takes little more than
+n^2 / 2 entries, and a low-rank update is a product (BLAS 3) and a square per panel. Entries above the diagonal in a
+diagonal block are undefined.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from ...frontend.se2 import Array
 from .._blas import add_product, add_square
 
 PANEL = 1016
-"""Rows a panel: even, so that no landmark is parted, and an odd number of cache lines, so that rows do not collide."""
+"""Rows per panel: even, so that no landmark is split, and an odd number of cache lines, so that rows do not collide."""
 
 REAL = 8
 """Bytes of a float64."""
@@ -31,13 +31,13 @@ def space(n: int) -> int:
 
 @compiled
 def row(i: int) -> int:
-    """Where row i begins."""
+    """Index at which row i begins."""
     b = i // PANEL
     return PANEL * PANEL * b * (b + 1) // 2 + (i - b * PANEL) * (b + 1) * PANEL
 
 
 def grown(flat: Array, n: int) -> Array:
-    """The same matrix with space for n rows at least, the new ones zero: `flat` itself, or one that takes its place."""
+    """The matrix with space for at least n rows, new ones zero: `flat` itself, or its replacement."""
     entries = space(n)
     if entries > max(LARGE, len(flat)):
         flat.resize(entries, refcheck=False)  # in place: the system moves pages, and copies nothing
@@ -69,7 +69,7 @@ def take(flat: Array, i: int, n: int, out: Array) -> None:
 
 @compiled
 def take_less(flat: Array, i: int, n: int, owed: Array, rank: int, out: Array) -> None:
-    """The same rows of the matrix less W' W, into out (2, n); W (rank, _) are `owed`'s first rows, an even number."""
+    """The same rows of the matrix minus W' W, into out (2, n); W (rank, _) are `owed`'s first rows, an even number."""
     take(flat, i, n, out)
     first, second = out[0], out[1]
     for m in range(0, rank, 2):
@@ -82,7 +82,7 @@ def take_less(flat: Array, i: int, n: int, owed: Array, rank: int, out: Array) -
 
 @compiled
 def put(flat: Array, i: int, n: int, rows: Array) -> None:
-    """Make rows (2, n) the rows and columns i and i + 1 (i even); of its own block the lower triangle counts."""
+    """Sets rows and columns i and i + 1 (i even) to rows (2, n); only the lower triangle of their own block is used."""
     upper, lower = row(i), row(i + 1)
     for j in range(i + 1):
         flat[upper + j] = rows[0, j]
@@ -109,7 +109,7 @@ def add_square_of(flat: Array, n: int, sign: float, W: Array, rank: int, dgemm: 
 
 @compiled
 def subtract_product(flat: Array, n: int, M: Array, T: Array, dgemm: int) -> None:
-    """P -= M' T, a product that is symmetric, for M and T (rank, n)."""
+    """P -= M' T, a symmetric product, for M and T (rank, n)."""
     left, right, out = M.ctypes.data, T.ctypes.data, flat.ctypes.data
     for top in range(0, n, PANEL):
         rows, stride = min(PANEL, n - top), top + PANEL

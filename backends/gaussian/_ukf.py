@@ -1,11 +1,11 @@
-"""The inner loops of `ukf.py`: the unscented transform of each of the three models, and what it does to the belief.
+"""Inner loops of `ukf.py`: the unscented transform of the three models, and the belief's update.
 
 The belief: mean (3 + n,), pose first; the pose's covariance (3, 3), its cross-covariance with the map (3, n), and the
-map's own, a triangle (see `_triangle`). Each model is a line A over the few coordinates x that it depends on, and a
-covariance of what the line leaves over (see `_unscented`); A takes the place of a Jacobian.
+map's own, a triangle (see `_triangle`). Each model is approximated by a line A over the few coordinates x that it
+depends on, and a residual covariance (see `_unscented`); A replaces the Jacobian.
 
 A sighting corrects the covariance by -w' w, w = L^-1 A P_x (2, 3 + n), where A P_xx A' + rest + R = L L'. The pose's
-rows are corrected at once; for the map's triangle the rows are gathered, and one product at the end of the frame
+rows are corrected at once; for the map's triangle the rows are collected, and one product at the end of the frame
 subtracts all of them. This is exact, as in the EKF (see `_ekf`).
 """
 
@@ -20,12 +20,12 @@ from ._triangle import add_square_of, put, take_less
 from ._unscented import ROUNDING, add_outer, cholesky, regress, unroot
 
 WRONG = ("nothing", "the predicted pose", "an innovation", "a new landmark")
-"""Whose covariance is not positive definite, by the number that `frame` returns."""
+"""The covariance that is not positive definite, by the number that `frame` returns."""
 
 
 @compiled
 def move(mean: Array, pose: Array, cross: Array, n: int, motion: Array, scaling: Array) -> bool:
-    """Predict with `motion` (4, 3), rows of dx, dy, dtheta and of its covariance; False where one is not definite.
+    """Predicts with `motion` (4, 3), rows of dx, dy, dtheta and of its covariance; False if a covariance is indefinite.
 
     `scaling` holds alpha^2, kappa and beta - alpha^2.
     """
@@ -59,7 +59,7 @@ def move(mean: Array, pose: Array, cross: Array, n: int, motion: Array, scaling:
 
 @compiled
 def marginal(pose: Array, cross: Array, rows: Array, at: int) -> Array:
-    """The joint covariance (5, 5) of the pose and the landmark at `at`, whose rows are `rows`; its lower triangle."""
+    """The joint covariance (5, 5) of the pose and the landmark at `at`, with covariance `rows`; its lower triangle."""
     cov = np.empty((5, 5))
     for i in range(3):
         for j in range(i + 1):
@@ -73,7 +73,7 @@ def marginal(pose: Array, cross: Array, rows: Array, at: int) -> Array:
 def expect(
     mean: Array, x: float, y: float, root: Array, dims: int, scaling: Array
 ) -> tuple[float, float, Array, Array]:
-    """The sighting to expect of the landmark at (x, y): range, bearing, slope (2, 5), covariance (2, 2) of the rest."""
+    """The expected sighting of a landmark at (x, y): range, bearing, slope (2, 5), residual covariance (2, 2)."""
     spread = scaling[0] * (5.0 + scaling[1])
     r, bearing = sighted(mean[0], mean[1], mean[2], x, y)
     away = np.zeros((2, 5, 2))
@@ -106,11 +106,11 @@ def correct(
     R: Array,
     scaling: Array,
 ) -> float:
-    """Correct by a sighting z (2,), R (2, 2) of the landmark at (x, y), whose rows of the covariance are rows (2, n).
+    """Corrects by a sighting z (2,), R (2, 2) of the landmark at (x, y) with covariance rows (2, n).
 
     `at` is its place in the map, -1 for one held fixed, whose rows are zero. The mean, the pose's covariance and its
-    rows are corrected at once; what corrects the map's covariance, w of -w' w, takes the place of `rows`. Returns the
-    normalised innovation squared, or -1 where its covariance is not positive definite.
+    rows are corrected at once; `rows` is replaced by w, the map's correction being -w' w. Returns the normalised
+    innovation squared, or -1 where its covariance is not positive definite.
     """
     dims = 5 if at >= 0 else 3
     root, noise = np.zeros((5, 5)), np.empty((2, 2))
@@ -137,7 +137,7 @@ def correct(
 def apply(
     mean: Array, pose: Array, cross: Array, rows: Array, n: int, at: int, by: Array, f0: float, f1: float
 ) -> None:
-    """Correct by the whitened innovation (f0, f1), where w = by P_x and `by` (2, 5) is L^-1 A: see `correct`."""
+    """Corrects by the whitened innovation (f0, f1), where w = by P_x and `by` (2, 5) is L^-1 A: see `correct`."""
     own = np.zeros((2, 3))  # the pose's part of w
     for h in range(2):
         for i in range(3):
@@ -164,7 +164,7 @@ def apply(
 
 @compiled
 def add(mean: Array, pose: Array, cross: Array, flat: Array, n: int, z: Array, R: Array, scaling: Array) -> bool:
-    """Add the landmark that the pose sees at `z` (2,), after the n entries of the map; False as in `move`."""
+    """Adds the landmark that the pose sees at `z` (2,), after the n entries of the map; False as in `move`."""
     spread = scaling[0] * (5.0 + scaling[1])
     root, noise = np.empty((3, 3)), np.empty((2, 2))
     if not (cholesky(pose, root, 3, ROUNDING) and cholesky(R, noise, 2, 0.0)):
@@ -216,10 +216,10 @@ def frame(
     dgemm: int,
     dsyrk: int,
 ) -> tuple[int, float, int]:
-    """Predict where it `moves`, then take k sightings in their order: z (k, 2), R (k, 2, 2).
+    """Predicts if it `moves`, then processes k sightings in their order: z (k, 2), R (k, 2, 2).
 
     slots[i] is the landmark's number, a new one from n / 2 on, -1 - j for number j of those in `known` (., 2), held
-    fixed. `owed` (_, >= n + 2k) is scratch. Returns what went wrong, the NIS and its degrees of freedom.
+    fixed. `owed` (_, >= n + 2k) is scratch. Returns an index into WRONG, the NIS and its degrees of freedom.
     """
     nis, dof, rank = 0.0, 0, 0
     if moves and not move(mean, pose, cross, n, motion, scaling):
@@ -229,7 +229,7 @@ def frame(
         if at >= n:
             if not add(mean, pose, cross, flat, n, z[i], R[i], scaling):
                 return 3, nis, dof
-            for q in range(rank):  # a new landmark owes nothing
+            for q in range(rank):  # new landmarks have no deferred updates
                 owed[q, n], owed[q, n + 1] = 0.0, 0.0
             n += 2
             continue

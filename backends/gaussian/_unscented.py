@@ -1,8 +1,8 @@
-"""The unscented transform as a regression, and the small roots that it takes, compiled.
+"""The unscented transform as a regression, and small Cholesky roots, compiled.
 
 A transform takes x = mean + root xi, xi ~ N(0, 1), over the few coordinates x that a model depends on, and returns it
-as a regression on xi: slope, shift of the mean, and the covariance of what a line leaves over. In x itself the slope is
-A = slope root^-1, and the covariance of the model with anything else is A times that of x.
+as a regression on xi: slope, shift of the mean, and residual covariance. In x itself the slope is A = slope root^-1,
+and the covariance of the model with anything else is A times that of x.
 """
 
 from math import sqrt
@@ -13,14 +13,14 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 
 ROUNDING = 1e-15
-"""Share of a variance that rounding may hide: what is left of it, given the coordinates before, is taken as no less."""
+"""Share of a variance hidden by rounding: conditional variances are not taken below it."""
 
 
 @compiled
 def cholesky(A: Array, root: Array, n: int, floor: float) -> bool:
-    """The lower root (n, n) of A (n, n), of which the lower triangle is read; False where A has none.
+    """The lower root (n, n) of A (n, n), whose lower triangle is read; False if it is indefinite.
 
-    No pivot is taken as less than `floor` times its diagonal entry.
+    No pivot is taken below `floor` times its diagonal entry.
     """
     for i in range(n):
         for j in range(i + 1):
@@ -44,11 +44,11 @@ def cholesky(A: Array, root: Array, n: int, floor: float) -> bool:
 def regress(
     ahead: Array, behind: Array, dims: int, outs: int, spread: float, excess: float
 ) -> tuple[Array, Array, Array]:
-    """The regression of a model on xi from its values at +-sqrt(spread) along each xi, less that at the mean.
+    """Regresses a model on xi from its values at +-sqrt(spread) along each xi, minus that at the mean.
 
-    `ahead` and `behind` are (dims, outs); `excess` is beta - alpha^2. Returns slope (outs, dims), shift (outs,) and
-    the covariance of the rest (outs, outs). In these sums and differences the scaled unscented transform's mean is
-    shift, and its covariance slope slope' + rest, whatever alpha, beta and kappa.
+    `ahead` and `behind` are (dims, outs); `excess` is beta - alpha^2. Returns slope (outs, dims), shift (outs,) and the
+    residual covariance (outs, outs). In these sums and differences the scaled unscented transform's mean is shift, and
+    its covariance slope slope' + rest, whatever alpha, beta and kappa.
     """
     slope, shift, rest = np.empty((outs, dims)), np.zeros(outs), np.empty((outs, outs))
     for i in range(outs):

@@ -1,20 +1,20 @@
-"""The compressed filter (Guivant and Nebot, IEEE Trans. Robotics and Automation 17(3), 2001): exact, and mostly local.
+"""The compressed filter (Guivant and Nebot, IEEE Trans. Robotics and Automation 17(3), 2001): exact, mostly local.
 
-While only the pose and the landmarks of a part A are moved, seen or added, what happens to the rest B is linear in what
-B was correlated with at the start: with G and H the Jacobians of a motion and a sighting of the part,
+While only the pose and the landmarks of a part A are moved, seen or added, the updates of the rest B are linear in B's
+initial correlations with A: with G and H the Jacobians of a motion and a sighting of the part,
 
     Phi <- G Phi                          a motion
     Phi <- (1 - K H) Phi                  a sighting, nu = z - h, S = H P H' + R
     Psi <- Psi + Phi' H' S^-1 H Phi
     theta <- theta + Phi' H' S^-1 nu
 
-and the rest can wait, however large it is, until it is asked for:
+and the update of the rest, however large, can be deferred until it is needed:
 
     P_AB <- Phi P_AB,  P_BB <- P_BB - P_BA Psi P_AB,  x_B <- x_B + P_BA theta.
 
-A landmark of B that comes into view joins A at once, for the price of its own rows of these equations; a new one joins
-with a row of Phi that is the pose's, seen through its Jacobian, and with zeros in B's books. So the rest is settled
-only when the part has become too large, and the part then begins anew with the landmarks last seen.
+A landmark of B that comes into view joins A at the cost of its own rows of these equations; a new one joins with a row
+of Phi propagated from the pose's by its Jacobian, and with zeros for B. So the rest is updated only when the part has
+become too large, and the part then restarts with the landmarks last seen.
 """
 
 import numpy as np
@@ -24,29 +24,29 @@ from ._ekf import OWED
 from .joint import Joint
 
 MOST = 64
-"""Landmarks that the part may hold. More make every step dearer, fewer make settling with the rest more frequent."""
+"""Most landmarks in the part. More make every step costlier, fewer make updates of the rest more frequent."""
 
 KEPT = 12
-"""Landmarks, those last seen, with which the part begins anew."""
+"""Landmarks, those last seen, with which the part restarts."""
 
 
 class Active(Joint):
-    """The active part of a joint belief, and what is owed to the rest of it."""
+    """The active part of a joint belief, and the deferred update of the rest."""
 
     def __init__(self, whole: Joint, dgemm: int, *, fixed_points: bool) -> None:
         super().__init__(whole.mean[:3], whole.pose, fixed_points=fixed_points)
         self.points[:3] = whole.points[:3]
         self._whole, self._dgemm = whole, dgemm
-        self._members = np.zeros(len(self.agreed), np.int64)  # the part's landmarks, by their place in the whole
-        self._place: dict[int, int] = {}  # and back
+        self._members = np.zeros(len(self.agreed), np.int64)  # indices of the part's landmarks in the whole
+        self._place: dict[int, int] = {}  # and the inverse
         self._last_seen: dict[int, int] = {}
         self._frame = 0
         self._begin([])
 
     def bring(self, slots: list[int], known: int) -> list[int]:
-        """The places in the part of the whole's landmarks `slots`, of which those from `known` on are new.
+        """Indices in the part of the whole's landmarks `slots`, of which those from `known` on are new.
 
-        They are fetched where they are not in it, and the rest is settled with first where it would become too large.
+        Missing ones are fetched; where the part would become too large, the rest is updated first.
         """
         self._frame += 1
         place = self._place
@@ -65,7 +65,7 @@ class Active(Joint):
         return [place[slot] for slot in slots]
 
     def settle_with(self, whole: Joint) -> None:
-        """Bring a whole as it was when the part was taken from it up to date; the part is only read."""
+        """Updates a whole to the present; the part is only read."""
         n, m = 2 * whole.landmarks, self.columns
         before = np.empty((m, n))
         _compressed.rows_of(whole.cross, whole.flat, self._members, self.landmarks, n, before)
@@ -87,7 +87,7 @@ class Active(Joint):
             pairs[members] = self.points[3 : 3 + n].reshape(-1, 2)[: self.landmarks]
 
     def _begin(self, slots: list[int]) -> None:
-        """Hold these landmarks, with nothing owed: Phi = 1, Psi = 0, theta = 0."""
+        """Starts with these landmarks and no deferred update: Phi = 1, Psi = 0, theta = 0."""
         whole, a = self._whole, len(slots)
         self.grow(a)
         self._members[:a] = slots
@@ -101,13 +101,13 @@ class Active(Joint):
         self.owed_transition = np.zeros((OWED, space))
 
     def _join(self, slot: int, *, new: bool) -> None:
-        """Hold one landmark more."""
+        """Adds one landmark."""
         whole, a = self._whole, self.landmarks
         self.grow(a + 1)
         self._members[a], self._place[slot] = slot, a
         self._copy_points(a)
         self.agreed[a] = whole.agreed[slot]
-        self.transition[3 + 2 * a : 5 + 2 * a] = 0.0  # a new landmark's rows are made from the pose's
+        self.transition[3 + 2 * a : 5 + 2 * a] = 0.0  # a new landmark's rows derive from the pose's
         self.transition[:, 3 + 2 * a : 5 + 2 * a] = 0.0
         if not new:
             _compressed.fetch(
@@ -122,7 +122,7 @@ class Active(Joint):
             pairs[first:n] = whole.points[3:].reshape(-1, 2)[self._members[first:n]]
 
     def grow(self, landmarks: int) -> None:
-        """Have space for so many landmarks; Phi is square."""
+        """Reserves space for that many landmarks; Phi is square."""
         self.columns = 3 + 2 * landmarks
         before = len(self.mean)
         super().grow(landmarks)

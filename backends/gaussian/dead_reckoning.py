@@ -1,4 +1,4 @@
-"""Dead reckoning: odometry alone, the line that every other backend has to beat."""
+"""Dead reckoning: odometry alone, the baseline for every other backend."""
 
 import numpy as np
 
@@ -11,18 +11,18 @@ NOTHING = np.zeros((3, 0))
 
 
 class DeadReckoning:
-    """Odometry alone: the prior, carried along by every motion; sightings are not looked at."""
+    """Odometry alone: the prior, propagated by every motion; sightings are ignored."""
 
     def __init__(self, prior: Prior, options: NoOptions, rng: np.random.Generator) -> None:
         del options, rng
         self._pose, self._cov, self._known = prior.pose, prior.cov, prior.map
 
     def step(self, step: Step) -> Pose:
-        """Compose the motion: ArUco EKF SLAM, eqs (1) and (2), by the EKF's own kernel with nothing in its map."""
+        """Composes the motion: ArUco EKF SLAM, eqs (1) and (2), by the EKF's own kernel with an empty map."""
         if step.odometry is not None:
             motion = np.empty((4, 3))
             motion[0], motion[1:] = step.odometry
-            pose, cov = np.array(self._pose), np.array(self._cov)  # what was handed out is the caller's
+            pose, cov = np.array(self._pose), np.array(self._cov)  # earlier results are the caller's
             _ekf.predict(pose, pose, cov, NOTHING, NOTHING, 0, 0, motion, pose, _ekf.STANDARD)
             self._pose, self._cov = pose, cov
         return self._pose
@@ -32,11 +32,11 @@ class DeadReckoning:
         return Belief(self._pose, self._cov)
 
     def map(self) -> Map:
-        """The map that was given; an empty one where none was."""
+        """The given map, or an empty one."""
         return self._known or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
 
     def finish(self) -> Solution | None:
-        """None: nothing is smoothed."""
+        """None: a filter does not smooth."""
         return None
 
 

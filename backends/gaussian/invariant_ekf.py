@@ -1,15 +1,15 @@
-"""Right-invariant EKF-SLAM: the extended Kalman filter with its error taken in a group that the whole map turns with.
+"""Right-invariant EKF-SLAM: the EKF with its error defined on a group that rotates the whole map.
 
-Pose and landmarks (R, p, f1, ..., fN) are one element of SE_{N+1}(2), and the truth is exp(xi) times the estimate: an
-error of the heading is one of everything about the origin. Then xi passes through a motion unchanged (F = I), what a
-sighting measures depends on f - p alone, and neither depends on the estimate in a direction in which the world may be
-moved unnoticed: such directions gain no information from being linearised anew, which makes the plain EKF overconfident
-(Barrau and Bonnabel, An EKF-SLAM Algorithm with Consistency Properties, arXiv 1510.06263, 2015; Zhang, Wu, Song, Huang
-and Dissanayake, Convergence and Consistency Analysis for a 3-D Invariant-EKF SLAM, IEEE RA-L 2(2), 2017).
+Pose and landmarks (R, p, f1, ..., fN) are one element of SE_{N+1}(2), and the true state is exp(xi) times the estimate:
+an error of the heading rotates everything about the origin. Then xi is unchanged by motions (F = I), sightings depend
+on f - p alone, and neither depends on the estimate along unobservable directions: these gain no information from
+relinearisation, which makes the plain EKF overconfident (Barrau and Bonnabel, An EKF-SLAM Algorithm with Consistency
+Properties, arXiv 1510.06263, 2015; Zhang, Wu, Song, Huang and Dissanayake, Convergence and Consistency Analysis for a
+3-D Invariant-EKF SLAM, IEEE RA-L 2(2), 2017).
 
-The models are those of ArUco EKF SLAM, eqs (2), (12) and (17), its sightings taken one after another. To first order
-a plain error of position or landmark is its part of xi plus the heading's times J f, where J turns by a right angle:
-so priors come in, and beliefs go out.
+The models are those of ArUco EKF SLAM, eqs (2), (12) and (17), its sightings processed one by one. To first order a
+plain error of position or landmark is its part of xi plus the heading's times J f, where J rotates by a right angle:
+priors and beliefs are converted so.
 """
 
 import numpy as np
@@ -25,29 +25,29 @@ SPACE = 64
 
 
 class InvariantEkf:
-    """Right-invariant EKF-SLAM: heading, position and landmarks are one element of a group, and so is their error."""
+    """Right-invariant EKF-SLAM: heading, position and landmarks form one group element, and so does their error."""
 
     def __init__(self, prior: Prior, options: NoOptions, rng: np.random.Generator) -> None:
         del options, rng
-        # Nothing depends on where the group's origin is but rounding: it is where the robot starts.
+        # The group's origin, here the robot's start, affects rounding only.
         self._origin = np.array(prior.pose[:2])
         self._pose = np.array([0.0, 0.0, prior.pose[2]])
-        self._slot: dict[int, int] = {}  # landmark id -> its number, or -2 less its number among those held fixed
+        self._slot: dict[int, int] = {}  # landmark id -> its number, or -2 minus its number among those held fixed
         self._known = np.zeros((0, 2))  # landmarks held fixed, m from the origin
         self._n = 0  # entries of the landmarks' mean
         self._mean = np.zeros(0)
         self._strip = np.zeros((3, 3))  # the pose's rows of the covariance
-        self._flat = np.zeros(0)  # the landmarks' covariance, less what is owed to it: see _triangle, _invariant
+        self._flat = np.zeros(0)  # the landmarks' covariance without deferred updates: see _triangle, _invariant
         self._owed, self._owing = np.zeros((_invariant.RANK, 0)), np.zeros(2, np.int64)
         self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._reserve(SPACE)
-        self._strip[:, :3] = prior.cov  # at the origin itself both errors are one
+        self._strip[:, :3] = prior.cov  # both errors agree at the origin
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
         if prior.map is not None:
             self._adopt(prior.map)
 
     def step(self, step: Step) -> Pose:
-        """Predict with the odometry, then take one sighting after another: correct, or add a landmark not yet known."""
+        """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks."""
         if step.odometry is not None:
             self._predict(step.odometry)
         self._nis = np.empty(len(step.sightings.ids))
@@ -56,7 +56,7 @@ class InvariantEkf:
         return self._placed()
 
     def belief(self) -> Belief:
-        """The pose's marginal in plain coordinates, and the NIS of the sightings of landmarks already known."""
+        """The pose's marginal in plain coordinates, and the NIS of the sightings of known landmarks."""
         plain = np.eye(3)
         plain[0, 2], plain[1, 2] = -self._pose[1], self._pose[0]
         cov = plain @ self._strip[:, :3] @ plain.T
@@ -64,10 +64,10 @@ class InvariantEkf:
         return Belief(self._placed(), (cov + cov.T) / 2, float(nis.sum()) if len(nis) else None, 2 * len(nis))
 
     def map(self) -> Map:
-        """All landmarks, with their joint covariance in plain coordinates; those held fixed first, the rest as seen."""
+        """All landmarks with joint covariance in plain coordinates; fixed ones first, then in order of sighting."""
         n, fixed = self._n, self._known.size
         block, around = np.empty((n, n)), _lever(self._mean[:n])
-        flat = self._flat.copy()  # asking must not change what comes after
+        flat = self._flat.copy()  # later results must not change
         _invariant.fold(flat, n, self._owed, self._owing.copy(), self._dgemm, self._dsyrk)
         _triangle.whole(flat, n, block)
         turned = np.outer(around, self._strip[2, 3 : n + 3])
@@ -77,7 +77,7 @@ class InvariantEkf:
         return Map(np.fromiter(self._slot, np.int64, len(self._slot)), xy, cov)
 
     def finish(self) -> None:
-        """None: a filter does not look back."""
+        """None: a filter does not smooth."""
 
     def _placed(self) -> Pose:
         return np.array([self._pose[0] + self._origin[0], self._pose[1] + self._origin[1], self._pose[2]])
@@ -89,7 +89,7 @@ class InvariantEkf:
         )  # fmt: skip
 
     def _take(self, seen: RangeBearing) -> None:
-        """Correct by the sightings of landmarks that are known, and add the others, all in their order."""
+        """Corrects by the sightings of known landmarks and adds the others, in their order."""
         slot, count = self._slot, self._n // 2
         slots = [slot.get(landmark, -1) for landmark in seen.ids.tolist()]
         if -1 in slots:
@@ -105,10 +105,10 @@ class InvariantEkf:
             raise Diverged(_invariant.WRONG[wrong])
 
     def _adopt(self, given: Map) -> None:
-        """Start from a given map, whose plain errors are independent of the pose's: those of the group are not.
+        """Starts from a given map, whose plain errors, unlike the group's, are independent of the pose's.
 
-        Landmarks without covariance are held fixed, outside of the state. A plain error of zero is an error of the
-        group that is the heading's alone, which the exponential takes back exactly: they stay where they are.
+        Landmarks without covariance are held fixed, outside of the state. Their zero plain error is an error of the
+        group caused by the heading alone, which the exponential inverts exactly: they do not move.
         """
         n, xy = given.xy.size, given.xy - self._origin
         if given.cov is None:
@@ -124,7 +124,7 @@ class InvariantEkf:
         _triangle.store(self._flat, block)
 
     def _reserve(self, entries: int) -> None:
-        """Make room for that many entries of the landmarks' mean; in the vectors for half as many again."""
+        """Reserves that many entries of the landmarks' mean; half as many again in the vectors."""
         self._flat = _triangle.grown(self._flat, entries)
         if entries <= len(self._mean):
             return
@@ -135,7 +135,7 @@ class InvariantEkf:
 
 
 def _lever(mean: Array) -> Array:
-    """J f of every landmark, (n,): where the landmarks (n,) go as the world turns about the origin."""
+    """J f of every landmark, (n,): the landmarks' (n,) derivative under a rotation about the origin."""
     return (mean.reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]).ravel()
 
 

@@ -1,4 +1,4 @@
-"""The joint belief over the pose and a map: a mean and one triangle of a covariance, in arrays that grow."""
+"""The joint Gaussian of the pose and a map: a mean and a triangular covariance, in arrays that grow."""
 
 from copy import copy
 
@@ -10,17 +10,17 @@ from . import _triangle
 from ._ekf import OWED
 
 SPACE = 64
-"""Landmarks that the vectors have space for at first; doubled whenever it runs out. The matrix grows by panels."""
+"""Landmarks the vectors have space for at first, doubled when exhausted. The matrix grows by panels."""
 
 
 class Joint:
-    """A Gaussian over (x, y, heading, m1x, m1y, m2x, ...), landmarks in the order in which they were first seen."""
+    """A Gaussian over (x, y, heading, m1x, m1y, m2x, ...), landmarks in order of first sighting."""
 
     def __init__(self, pose: Array, cov: Array, *, fixed_points: bool) -> None:
         self.landmarks = 0
         self.mean = np.zeros(3 + 2 * SPACE)
-        self.points = self.mean  # (3 + 2 SPACE,) where Jacobians are taken: at the mean itself, or fixed
-        self.agreed = np.zeros(SPACE, np.int64)  # sightings that have agreed with a landmark since it was made
+        self.points = self.mean  # (3 + 2 SPACE,) linearisation points: the mean itself, or fixed
+        self.agreed = np.zeros(SPACE, np.int64)  # sightings that have agreed with a landmark since its initialisation
         self.pose = (cov + cov.T) / 2  # (3, 3), symmetric to the last bit
         self.cross = np.zeros((3, 2 * SPACE))  # covariance of the pose with the map
         self.flat = np.zeros(0)  # covariance of the map: see _triangle
@@ -34,7 +34,7 @@ class Joint:
             self.points = self.mean.copy()
 
     def grow(self, landmarks: int) -> None:
-        """Have space for so many landmarks; the new ones' entries are zero."""
+        """Reserves space for that many landmarks; the new ones' entries are zero."""
         self.landmarks = landmarks
         self.flat = _triangle.grown(self.flat, 2 * landmarks)
         space = len(self.agreed)
@@ -50,7 +50,7 @@ class Joint:
         self.owed_map = np.zeros((OWED, 2 * len(self.agreed)))
 
     def adopt(self, known: Map) -> None:
-        """Take over a map; one without covariance is held fixed: its block stays zero, and so does its gain."""
+        """Adopts a map; one without covariance is held fixed: its block stays zero, and so does its gain."""
         n = 2 * len(known.ids)
         self.grow(len(known.ids))
         self.mean[3 : 3 + n] = self.points[3 : 3 + n] = known.xy.ravel()
@@ -68,7 +68,7 @@ class Joint:
         return out
 
     def copy(self) -> "Joint":
-        """One that shares nothing that is written to."""
+        """A copy that shares nothing mutable."""
         other = copy(self)
         other.mean, other.pose, other.cross, other.flat, other.agreed = (
             array.copy() for array in (self.mean, self.pose, self.cross, self.flat, self.agreed)

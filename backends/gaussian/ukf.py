@@ -1,21 +1,20 @@
-"""UKF-SLAM, with sigma points only where a model touches the state.
+"""UKF-SLAM, with sigma points only over the coordinates a model depends on.
 
 The unscented transform (Julier and Uhlmann, A New Extension of the Kalman Filter to Nonlinear Systems, 1997; scaled as
-by Wan and van der Merwe, 2000) replaces the EKF's Jacobians by a regression over a few points as far apart as the
-belief is wide. The whole state need not be sampled: a motion depends on the pose and its own noise alone, a sighting on
-the pose and one landmark, so 13 or 11 points do whatever the size of the map (Andrade-Cetto, Vidal-Calleja and
-Sanfeliu, Unscented Transformation of Vehicle States in SLAM, ICRA 2005; Huang, Mourikis and Roumeliotis, On the
-Complexity and Consistency of UKF-based SLAM, ICRA 2009). Angles are averaged as differences from the one in the middle,
-wrapped.
+by Wan and van der Merwe, 2000) replaces the EKF's Jacobians by a regression over a few points spread as wide as the
+belief. The whole state need not be sampled: a motion depends on the pose and its own noise alone, a sighting on the
+pose and one landmark, so 13 or 11 points suffice for any size of the map (Andrade-Cetto, Vidal-Calleja and Sanfeliu,
+Unscented Transformation of Vehicle States in SLAM, ICRA 2005; Huang, Mourikis and Roumeliotis, On the Complexity and
+Consistency of UKF-based SLAM, ICRA 2009). Angles are averaged as wrapped differences from the central point's.
 
-Over these few coordinates x the transform is the line A (x - mean) + shift and a covariance of what the line leaves
-over (Lefebvre, Bruyninckx and De Schutter, IEEE Trans. Automatic Control 47(8), 2002). The rest of the state follows
-through its covariance with x: a step is the EKF's with A in the place of the Jacobian and the rest added to the noise,
-and costs as much. Only the 3 x 3 or 5 x 5 covariance of x has its root taken.
+Over these few coordinates x the transform is the line A (x - mean) + shift and a residual covariance (Lefebvre,
+Bruyninckx and De Schutter, IEEE Trans. Automatic Control 47(8), 2002). The rest of the state follows through its
+covariance with x: a step is the EKF's with A as the Jacobian and the residual added to the noise, at the same cost.
+Only the 3 x 3 or 5 x 5 covariance of x is factored.
 
 The square-root form, which keeps the root of the whole covariance (van der Merwe and Wan, ICASSP 2001; Holmes, Klein
-and Murray, ICRA 2008), gives the same estimates at five times the cost for 1,000 landmarks. It stands a wider range of
-numbers: here, as in the EKF, rounding can make a covariance indefinite where the prior's standard deviations are more
+and Murray, ICRA 2008), gives the same estimates at five times the cost for 1,000 landmarks, with a larger numerical
+range: here, as in the EKF, rounding can make a covariance indefinite where the prior's standard deviations are more
 than 10^6 times a sighting's. The filter then ends with `Diverged`.
 
 The models are those of ArUco EKF SLAM: eq. (2) for a motion, (12) for a sighting, (17) for a new landmark.
@@ -35,21 +34,21 @@ from .joint import Joint
 
 @dataclass(frozen=True)
 class Options:
-    """How the sigma points are spread and weighted; with any of these the covariance stays one."""
+    """Spread and weights of the sigma points; all settings keep the covariance positive definite."""
 
-    alpha: float = option(1.0, "how far out sigma points lie; 1 is sqrt(dimensions + kappa)", minimum=1e-3, maximum=2)
-    beta: float = option(2.0, "more weight for the point in the middle; 2 suits a Gaussian", minimum=0, maximum=10)
-    kappa: float = option(0.0, "added to the number of dimensions in the points' spread", minimum=0, maximum=10)
+    alpha: float = option(1.0, "spread of the sigma points; 1 is sqrt(dimensions + kappa)", minimum=1e-3, maximum=2)
+    beta: float = option(2.0, "extra weight of the central point; 2 suits a Gaussian", minimum=0, maximum=10)
+    kappa: float = option(0.0, "added to the number of dimensions in the spread", minimum=0, maximum=10)
 
 
 class Ukf:
-    """Unscented Kalman filter: sigma points in the place of Jacobians, over the pose and the landmark in question."""
+    """Unscented Kalman filter: sigma points replace Jacobians, over the pose and one landmark."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
         self._scaling = np.array([options.alpha**2, options.kappa, options.beta - options.alpha**2])
         self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
-        self._slot: dict[int, int] = {}  # landmark id -> its number, or -1 less its number among those held fixed
+        self._slot: dict[int, int] = {}  # landmark id -> its number, or -1 minus its number among those held fixed
         self._known = np.zeros((0, 2))  # landmarks held fixed, m
         self._joint = Joint(prior.pose, prior.cov, fixed_points=False)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
@@ -58,7 +57,7 @@ class Ukf:
             self._adopt(prior.map)
 
     def step(self, step: Step) -> Pose:
-        """Predict with the odometry, then take one sighting after another: correct, or add a landmark not yet known."""
+        """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks."""
         joint, slot = self._joint, self._slot
         count, fixed = joint.landmarks, len(self._known)
         ids, z, R = step.sightings
@@ -77,12 +76,12 @@ class Ukf:
         return joint.mean[:3].copy()
 
     def belief(self) -> Belief:
-        """The pose's marginal and the NIS of the step's sightings of landmarks already known."""
+        """The pose's marginal and the NIS of the step's sightings of known landmarks."""
         nis = self._nis if self._nis_dof else None
         return Belief(self._joint.mean[:3].copy(), self._joint.pose.copy(), nis, self._nis_dof)
 
     def map(self) -> Map:
-        """All landmarks with their joint covariance, those held fixed first, then as they were first seen."""
+        """All landmarks with their joint covariance, fixed ones first, then in order of first sighting."""
         fixed, n = self._known.size, 2 * self._joint.landmarks
         cov = np.zeros((fixed + n, fixed + n))
         cov[fixed:, fixed:] = self._joint.cov()
@@ -90,10 +89,10 @@ class Ukf:
         return Map(np.fromiter(self._slot, np.int64, len(self._slot)), xy, cov)
 
     def finish(self) -> None:
-        """None: a filter does not look back."""
+        """None: a filter does not smooth."""
 
     def _adopt(self, given: Map) -> None:
-        """Start from a given map; landmarks without covariance are held fixed, outside of the state."""
+        """Starts from a given map; landmarks without covariance are held fixed, outside of the state."""
         ids = given.ids.tolist()
         if given.cov is None:
             self._known = np.array(given.xy)

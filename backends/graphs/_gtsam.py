@@ -1,4 +1,4 @@
-"""Our factors as GTSAM's: the order of a measurement, the frame of a covariance and the names of variables change here.
+"""Converts our factors to GTSAM's: order of a measurement, frame of a covariance, names of variables.
 
 GTSAM measures (bearing, range), and keeps pose covariances in the frame of the pose itself, where ours are in the world
 frame, or, for odometry, in the frame before the motion. Every rotation between the two is done in this file.
@@ -17,7 +17,7 @@ from ..models import place
 from ..newcomers import Newcomers
 
 FIXED_SD = 1e-6
-"""m; how firmly a landmark that is given without covariance is held in place."""
+"""m; standard deviation that holds a landmark given without covariance in place."""
 
 LOSSES = {
     "huber": (gtsam.noiseModel.mEstimator.Huber, 1.345),
@@ -27,22 +27,22 @@ LOSSES = {
 """Robust losses and the scale, in standard deviations, at which each is 95 % efficient on clean Gaussian errors."""
 
 FAILURES = (RuntimeError, ValueError, IndexError)
-"""What GTSAM's exceptions are in Python."""
+"""GTSAM's exceptions in Python."""
 
 NEAREST = 1e-3
-"""m; a landmark is not started closer to the robot than this: at no distance at all its bearing has no derivative."""
+"""m; least initial distance of a landmark from the robot: at zero distance its bearing has no derivative."""
 
 FIRST_POSE, FIRST_LANDMARK = gtsam.symbol("x", 0), gtsam.symbol("l", 0)
-"""Their keys; those of the others follow."""
+"""Keys of the first pose and landmark; those of the others follow."""
 
 BYTES = 4 * np.dtype(np.float64).itemsize
-"""What the covariance of a sighting takes up."""
+"""Bytes of a sighting's covariance."""
 
 
 class Keys:
-    """Variable names: x0, x1, ... for the poses, l0, l1, ... for landmarks in the order in which they were first seen.
+    """Variable names: x0, x1, ... for the poses, l0, l1, ... for landmarks in order of first sighting.
 
-    An id may be any 64-bit number; GTSAM's symbols hold 56 bits. A landmark that was forgotten comes back as another.
+    An id may be any 64-bit number; GTSAM's symbols hold 56 bits. A forgotten landmark gets a new key when seen again.
     """
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class Keys:
         return FIRST_POSE + step
 
     def landmark(self, landmark: int) -> int:
-        """The key of a landmark's position, made up where the id is new."""
+        """The key of a landmark's position, created for a new id."""
         key = self.landmarks.get(landmark)
         if key is None:
             key = self.landmarks[landmark] = FIRST_LANDMARK + self._named
@@ -64,10 +64,11 @@ class Keys:
 
 
 class Factors:
-    """A log's steps as GTSAM's factors, one after another, with first values of the variables that they bring in.
+    """Converts a log's steps to GTSAM's factors, with initial values of new variables.
 
     Sightings have the robust `loss`, with `loss_scale` in standard deviations, 0 being the loss's own of `LOSSES`.
-    Those of a new landmark are held back until they place it and, with a loss, two agree, unless `at_once`.
+    Those of a new landmark are held back until they determine its position and, with a loss, two agree, unless
+    `at_once`.
     """
 
     def __init__(self, prior: Prior, loss: str = "none", loss_scale: float = 0.0, at_once: bool = False) -> None:
@@ -78,7 +79,7 @@ class Factors:
         self._newcomers = None if at_once else Newcomers(two=self._robust)
 
     def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """The belief at step 0, the given map included."""
+        """The prior at step 0, the given map included."""
         graph, values, (pose, cov, known) = gtsam.NonlinearFactorGraph(), gtsam.Values(), self._prior
         R = rotation(pose[2])
         graph.add(gtsam.PriorFactorPose2(self.keys.pose(0), pose2(pose), noise(R.T @ cov @ R)))
@@ -90,21 +91,21 @@ class Factors:
     def step(
         self, k: int, step: Step, guess: gtsam.Pose2, since: int = 0
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """The factors of step `k`, and first values of what they are the first to mention, seen from pose `guess`.
+        """The factors of step `k`, and initial values of the variables they introduce, seen from pose `guess`.
 
-        A landmark seen for the first time is put where ArUco EKF SLAM, eq. (17), has it. A sighting that was held back
-        is used if its step is not before `since`.
+        A new landmark is initialised by ArUco EKF SLAM, eq. (17). A held-back sighting is used if its step is not
+        before `since`.
         """
         graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), self.keys.pose(k)
         if step.odometry is not None:
-            values.insert(j=here, pose2=guess)  # by name: GTSAM would try four conversions before the right one
+            values.insert(j=here, pose2=guess)  # by name: else GTSAM tries four conversions first
             graph.add(motion_factor(self.keys.pose(k - 1), here, step.odometry))
         if len(step.loops.to):
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov)))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
-        known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # from NumPy once a step: one by one it is slow
+        known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # converted once per step: one by one is slow
         for i, (landmark, z) in enumerate(zip(step.sightings.ids.tolist(), step.sightings.z.tolist(), strict=True)):
             cov = covs[BYTES * i : BYTES * (i + 1)]
             to = known.get(landmark)
@@ -122,12 +123,12 @@ class Factors:
         return graph, values
 
     def forget(self, landmarks: Iterable[int]) -> None:
-        """These landmarks are out of the graph; sighted again they are new ones."""
+        """Removes these landmarks; sighted again they are new ones."""
         for landmark in landmarks:
             del self.keys.landmarks[landmark]
 
     def with_newcomers(self, path: Array, landmarks: Map) -> Map:
-        """The map, and on it, without covariance, what is still held back: where its last sighting has it."""
+        """The map, with landmarks still held back added without covariance, at their last sighting."""
         alone = {} if self._newcomers is None else self._newcomers.alone()
         more = {i: place(path[k], z)[0] for i, (k, z, _) in alone.items() if i not in landmarks.ids}
         if not more:
@@ -145,18 +146,18 @@ def pose2(pose: Array) -> gtsam.Pose2:
 
 
 def array(pose: gtsam.Pose2) -> Array:
-    """A Pose2 as (3,)."""
+    """Converts a Pose2 to (3,)."""
     heading = pose.theta()
     return np.array((pose.x(), pose.y(), heading if heading > -math.pi else math.pi))
 
 
 def noise(cov: Array) -> gtsam.noiseModel.Gaussian:
-    """A full covariance as a noise model."""
+    """Converts a full covariance to a noise model."""
     return gtsam.noiseModel.Gaussian.Covariance(cov)
 
 
 def to_world(pose: Array, cov: Array) -> Array:
-    """GTSAM's marginal covariance (3, 3) of a pose, which is in the pose's own frame, in the world frame."""
+    """Rotates GTSAM's marginal covariance (3, 3) from the pose's own frame to the world frame."""
     R = rotation(pose[2])
     return R @ cov @ R.T
 
@@ -182,14 +183,14 @@ def joint_covariance(keys: Keys, marginals: gtsam.Marginals | gtsam.ISAM2) -> Ar
 
 
 def failure(error: Exception) -> str:
-    """GTSAM's words for a failure, on one line and without its page of advice."""
+    """GTSAM's error message on one line, without its page of advice."""
     return "GTSAM: " + " ".join(str(error).split()).partition(" Thrown when")[0]
 
 
 def motion_factor(before: int, after: int, motion: Odometry) -> gtsam.BetweenFactorPose2:
-    """A motion between two poses; its covariance C turned from the frame before the motion into the one after it.
+    """A motion between two poses; its covariance C rotated from the frame before the motion to the one after it.
 
-    R(dtheta)' C R(dtheta), entry by entry: this is most of what Python does at a step.
+    R(dtheta)' C R(dtheta), entry by entry: this dominates the cost in Python of a step.
     """
     dx, dy, dtheta = motion.delta.tolist()
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = motion.cov.tolist()
@@ -212,12 +213,12 @@ def _sighting_noise(loss: str, loss_scale: float, cov: bytes) -> gtsam.noiseMode
 
 
 def _first_value(pose: gtsam.Pose2, z: Array) -> Array:
-    """(2,) where a landmark sighted at `z` from `pose` stands."""
+    """(2,) position of a landmark sighted at `z` from `pose`."""
     return place(array(pose), np.array((max(z[0], NEAREST), z[1])))[0]
 
 
 def _add_known_map(known: Map, keys: Keys, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-    """Put a given map into `graph` and `values`: one joint Gaussian, or each landmark held fixed where cov is None."""
+    """Adds a given map to `graph` and `values`: one joint Gaussian, or fixed landmarks where cov is None."""
     for landmark, xy in zip(known.ids.tolist(), known.xy, strict=True):
         values.insert(keys.landmark(landmark), xy)
     if known.cov is None:
@@ -231,8 +232,8 @@ def _add_known_map(known: Map, keys: Keys, graph: gtsam.NonlinearFactorGraph, va
 def _joint_prior(keys: list[int], cov: Array, values: gtsam.Values) -> gtsam.LinearContainerFactor:
     """The Gaussian with covariance `cov` (2n, 2n) around `values`, as one factor on all of `keys`.
 
-    Factors of any number of keys cannot be made from Python directly; a sum of pairwise quadratic ones can, and it is
-    the whole that is positive definite.
+    Python cannot create factors of many keys directly; a sum of pairwise quadratic ones can, and only that sum is
+    positive definite.
     """
     information = np.linalg.inv(cov)
     block = [[information[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] for j in range(len(keys))] for i in range(len(keys))]

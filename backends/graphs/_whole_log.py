@@ -1,4 +1,4 @@
-"""Writing down many steps of a log in one call, and linearising all of it anew."""
+"""Adds many steps of a log in one call, and relinearises all of it."""
 
 from typing import NamedTuple
 
@@ -15,24 +15,24 @@ from ..smoothing._log import add_loop, add_pose_after, add_sightings_of, move
 class Columns(NamedTuple):
     """A log of n steps, s sightings and l loop closures as columns."""
 
-    motions: Array  # (n, 4, 3) motion and covariance; of step 0 the prior's pose and covariance
+    motions: Array  # (n, 4, 3) motion and covariance; at step 0 the prior's pose and covariance
     poses: NDArray[np.bool]  # (n,) steps whose poses are variables
     sighting_first: Ints  # (n + 1,)
-    landmarks: Ints  # (s,) their variables
+    landmarks: Ints  # (s,) variable of each sighting
     seen: Array  # (s, 6) range, bearing and the covariance of both
     loop_first: Ints  # (n + 1,)
     loop_to: Ints  # (l,) the earlier step
     loop_delta: Array  # (l, 3)
     loop_cov: Array  # (l, 3, 3)
-    start: Array  # (n, 3) where poses are linearised, or none: where the motions lead
+    start: Array  # (n, 3) linearisation points of poses; empty: from the motions
 
 
 @compiled
 def write_steps(g: Graph, log: Columns, first: int, end: int, newest: int, pose: Array, cov: Array) -> int:
-    """Write down steps `first` to `end`; there is room, and pose 0 is a variable already.
+    """Adds steps `first` to `end`; there must be room, and pose 0 be a variable already.
 
-    `newest` is the last pose that is a variable; `pose` (3,) and `cov` (3, 3) go on from the latest by the motions.
-    Returns the new newest, or NO_VARIABLE where a motion or a loop has no covariance.
+    `newest` is the last pose that is a variable; `pose` (3,) and `cov` (3, 3) are propagated by the motions. Returns
+    the new newest, or NO_VARIABLE where a motion or a loop has no covariance.
     """
     for k in range(first, end):
         if k > 0:
@@ -58,9 +58,9 @@ def write_steps(g: Graph, log: Columns, first: int, end: int, newest: int, pose:
 
 @compiled
 def linearise_at(g: Graph, path: Array, values: Array) -> None:
-    """Everything is where `path` (T, 3) and `values` (V, 3) have it, and is to be eliminated anew.
+    """Linearises at `path` (T, 3) and `values` (V, 3), with everything to be eliminated again.
 
-    A link that is no more positive definite shows in the elimination.
+    A link that is no longer positive definite is detected in the elimination.
     """
     for k in range(g.state[STEPS]):
         for i in range(3):

@@ -1,7 +1,7 @@
-"""A whole log as one forest: all its factors written down, each variable at its first value.
+"""A whole log as one forest: all its factors, each variable at its initial value.
 
-From dead reckoning come values that are of use where odometry is good. From chunks of the log come better ones: each
-chunk is solved and linearised anew before odometry leads on from where it ended.
+Initial values from dead reckoning suffice where odometry is good. Chunks of the log give better ones: each chunk is
+solved and relinearised before odometry continues from its end.
 """
 
 import contextlib
@@ -25,18 +25,18 @@ CHUNK = 100
 """Most steps of a chunk."""
 
 TURNED = 0.1
-"""rad; a chunk is no longer than by odometry alone the heading is known to this (1 sd).
+"""rad; chunks end where odometry alone leaves the heading less certain than this (1 sd).
 
-Further off, a start is no start: on Huang's circle, where the wheels lose 2 degrees a second, chunks of 100 steps end
-where J is two thousand times its least.
+Worse initial values are useless: on Huang's circle, where odometry loses 2 degrees a second, chunks of 100 steps
+converge to a J two thousand times its minimum.
 """
 
 EVERY, THRESHOLD = 20, 0.03
-"""Steps after which what is off by more (m, rad) is linearised anew, at the end of a chunk."""
+"""Steps between relinearisations at a chunk's end, and the offset (m, rad) above which a variable is relinearised."""
 
 
 class Batch:
-    """The factors of a log, all sightings at once, with a robust loss of these."""
+    """The factors of a log, all sightings at once, with a robust loss."""
 
     def __init__(self, log: Log, loss: int, scale: float) -> None:
         prior, n = log.prior, len(log)
@@ -49,16 +49,16 @@ class Batch:
         _log.move(forest.g, self._columns.motions[0], forest.pose, forest.cov)
         self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
         self.variable: dict[int, int] = {} if prior.map is None else add_map(forest, prior.map)
-        """Landmark id -> its variable, in the order in which they were first seen."""
+        """Landmark id -> its variable, in order of first sighting."""
         self._variable_of = np.array([self.variable.get(i, NO_VARIABLE) for i in self._ids], np.int64)
 
     def start_at(self, path: Array, landmarks: Map) -> None:
-        """Write all of it down, poses at `path` (n, 3), and landmarks where the map has them."""
+        """Adds everything, poses at `path` (n, 3), landmarks as in the map; orders and eliminates it."""
         self.write_at(path, landmarks)
         self.order()
 
     def write_at(self, path: Array, landmarks: Map) -> None:
-        """The same, and neither order nor eliminate."""
+        """Adds everything likewise, without ordering or eliminating."""
         self._columns = self._columns._replace(start=path)
         self._write(len(path))
         values = self.forest.g.values
@@ -67,22 +67,22 @@ class Batch:
                 values[self.variable[landmark], :2] = xy
 
     def start_by_odometry(self) -> None:
-        """Write all of it down, poses where dead reckoning has them."""
+        """Adds everything, with poses from dead reckoning."""
         for end in chunks(self._log):
             self._write(end)
         self.order()
 
     def start_by_chunks(self) -> None:
-        """Write it down chunk by chunk, each solved before the next one is written; now and then linearise anew.
+        """Adds everything chunk by chunk, each solved before the next is added, with occasional relinearisation.
 
-        Meanwhile it has Huber's loss where it is to have none. Without it gross errors lead chunks astray, to one
-        of many minima: on MRCLAM 6, robot 3, from 1.9e4 to 1.3e5 by where chunks end; with it always to the same.
+        Huber's loss is used meanwhile if there is to be none. Without it gross errors lead chunks to different local
+        minima: on MRCLAM 6, robot 3, from 1.9e4 to 1.3e5 by the chunks' ends; with it always to the same.
         """
         forest, relinearised = self.forest, 0
         loss = forest.g.settings[LOSS : SCALE + 1].copy()
         if loss[0] == NONE:
             forest.g.settings[LOSS : SCALE + 1] = HUBER, LOSSES["huber"]
-        forest.g.settings[DAMPING] = FIRST_DAMPING  # what is seen from its own place alone has no curvature yet
+        forest.g.settings[DAMPING] = FIRST_DAMPING  # a landmark sighted from its own position only has no curvature yet
         for end in chunks(self._log):
             touched, state = self._write(end), forest.g.state
             everything = int(state[LAST]) == 0 or bool(state[WORK] > PATIENCE * state[FULL] + LEAST)
@@ -96,29 +96,29 @@ class Batch:
         self.order()
 
     def order(self) -> None:
-        """Order and eliminate all; where it is not positive definite, the forest's state says so."""
+        """Orders and eliminates everything; the forest's state reports an indefinite matrix."""
         forest = self.forest
         forest.g.settings[DAMPING] = 0.0
         with contextlib.suppress(Diverged):
             forest.reorganise(self._newest, _opening.sighted(forest.g, self._newest), everything=True)
 
     def refit(self) -> None:
-        """Eliminate all anew, factors having changed."""
+        """Eliminates everything again, after factors have changed."""
         eliminate(self.forest)
 
     def fit(self, tolerance: float, iterations: int) -> Fit:
-        """Move everything to where J is least: see `minimise`."""
+        """Minimises J: see `minimise`."""
         return minimise(self.forest, tolerance, iterations)
 
     def place(self) -> tuple[Array, Map]:
-        """The path (n, 3) and the landmarks, where they are linearised."""
+        """The linearisation points: path (n, 3) and landmarks."""
         g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
         return g.steps[: len(self._log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
 
     def solution(self, joint_up_to: int) -> Solution:
-        """Where everything is, and, if J is curved there in every direction, the covariances of poses and map.
+        """The estimate and, if J is curved in every direction, the covariances of poses and map.
 
-        That of the map is joint, and worked out for up to so many landmarks.
+        The map's is joint, computed for at most that many landmarks.
         """
         forest = self.forest
         path, landmarks = self.place()
@@ -128,22 +128,22 @@ class Batch:
         if eliminate(forest):
             cov = forest.pose_covariances()
             if len(landmarks.ids) <= joint_up_to:
-                with contextlib.suppress(Diverged):  # with all landmarks last there may be no digits left
+                with contextlib.suppress(Diverged):  # with all landmarks last, precision may not suffice
                     landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values)
         return Solution(path, landmarks, cov)
 
     def _variables(self) -> Ints:
-        """Those of the landmarks."""
+        """The landmarks' variables."""
         return np.fromiter(self.variable.values(), np.int64, len(self.variable))
 
     def _lead_on(self, end: int) -> None:
-        """Take the latest pose, which is the newest variable's after a solution, to step `end` - 1 by the motions."""
+        """Propagates the latest pose, after a solution the newest variable's, to step `end` - 1 by the motions."""
         newest = int(self.forest.g.variables[self._newest, STEP])
         for delta in self._log.delta[newest + 1 : end]:
             self.forest.pose[:] = compose(self.forest.pose, delta)
 
     def _write(self, end: int) -> Ints:
-        """Write the steps up to `end` down; the variables that are new or have new factors."""
+        """Adds the steps up to `end`; returns the variables that are new or have new factors."""
         forest, columns, first = self.forest, self._columns, self._written
         g, last = forest.g, self._newest
         rows = slice(columns.sighting_first[first], columns.sighting_first[end])
@@ -169,7 +169,7 @@ class Batch:
 
 
 def chunks(log: Log) -> list[int]:
-    """Where chunks of the log end: the step after the last one of each."""
+    """End of each chunk of the log: the step after its last one."""
     turned = np.concatenate(([0.0], np.cumsum(log.delta_cov[1:, 2, 2])))  # rad^2, the heading's variance at each step
     ends = [0]
     while ends[-1] < len(turned):
@@ -180,7 +180,7 @@ def chunks(log: Log) -> list[int]:
 
 
 def _columns(log: Log) -> Columns:
-    """What the compiled code reads, as arrays that can be written to."""
+    """The compiled code's input, as writable arrays."""
     n, s = len(log), len(log.ids)
     motions = np.empty((n, 4, 3))
     motions[:, 0], motions[:, 1:] = log.delta, log.delta_cov

@@ -1,4 +1,4 @@
-"""Where landmarks stand by what was first seen of them."""
+"""Initial values of landmarks from their first sightings."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from ..smoothing.smoother import NEAREST
 
 
 def first_values(poses: Array, z: Array, cov: Array, which: Ints, landmarks: int) -> Array:
-    """(landmarks, 2) the mean of where sightings have them, each weighted by its information.
+    """(landmarks, 2) the mean of the sighted positions, each weighted by its information.
 
     Sighting i, z (s, 2) with covariance (s, 2, 2), is of landmark `which[i]`, from the pose (s, 3).
     """
@@ -32,5 +32,5 @@ def first_values(poses: Array, z: Array, cov: Array, which: Ints, landmarks: int
 
 
 def _times(A: Array, x: Array) -> Array:
-    """The products (n, 2) of symmetric matrices, xx, xy, yy in A (n, 3), with x (n, 2)."""
+    """Products (n, 2) of symmetric matrices, xx, xy, yy in A (n, 3), with x (n, 2)."""
     return np.stack((A[:, 0] * x[:, 0] + A[:, 1] * x[:, 1], A[:, 1] * x[:, 0] + A[:, 2] * x[:, 1]), axis=-1)

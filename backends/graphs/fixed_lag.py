@@ -1,4 +1,4 @@
-"""Fixed-lag smoothing, by this package's solver or by GTSAM's: poses and landmarks of the last seconds alone."""
+"""Fixed-lag smoothing over poses and landmarks of the last seconds, by our solver or GTSAM's."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ from ..window import fixed_lag
 
 @dataclass(frozen=True)
 class Options(fixed_lag.Options):
-    """How long the window is, when its variables are relinearized, and who solves it."""
+    """Length of the window, relinearisation, and the solver."""
 
     solver: str = option("own", "this package's solver, or GTSAM's", choices=("own", "gtsam"))
 
 
 def make(prior: Prior, options: Options, rng: np.random.Generator) -> Backend:
-    """Fixed-lag smoothing: the last seconds' poses and landmarks, and a Gaussian prior of what is older."""
+    """Fixed-lag smoothing: poses and landmarks of the last seconds, with a Gaussian prior for older ones."""
     if options.solver == "own":
         return fixed_lag.FixedLag(prior, options, rng)
     from .gtsam_fixed_lag import GtsamFixedLag
@@ -27,7 +27,7 @@ def make(prior: Prior, options: Options, rng: np.random.Generator) -> Backend:
 
 
 def implementation(options: Options) -> str:
-    """Whose program the solver is."""
+    """The solver's implementation."""
     return COMPILED_HERE if options.solver == "own" else GTSAM_WHEEL
 
 

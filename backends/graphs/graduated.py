@@ -1,8 +1,8 @@
-"""Graduated non-convexity: which sightings to leave out of a batch, by truncated least squares.
+"""Graduated non-convexity: rejects sightings from a batch by truncated least squares.
 
 H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for robust spatial perception: from
-non-minimal solvers to global outlier rejection", IEEE RA-L 5(2), 2020: a loss that is convex at first and truncated at
-last; in between, weights of the sightings and the fit with these weights take turns.
+non-minimal solvers to global outlier rejection", IEEE RA-L 5(2), 2020: a loss that starts convex and ends truncated,
+alternating between weighting the sightings and fitting with these weights.
 """
 
 import numpy as np
@@ -14,23 +14,23 @@ from ..smoothing._graph import LANDMARK, NO_VARIABLE, POSE, SIGHTINGS
 from .batch import Batch
 
 INLIER = 13.816
-"""Squared Mahalanobis distance within which 999 of 1000 right sightings are: chi-square of 2 degrees of freedom."""
+"""Squared Mahalanobis distance that 999 of 1000 correct sightings stay within: chi-square, 2 degrees of freedom."""
 
 GROWTH, ROUNDS, SLIGHTEST = 1.4, 100, 1e-6
-"""What mu, the loss's distance from convexity, grows by in a round; how many rounds at most; mu at the least."""
+"""Growth per round of mu, the loss's distance from convexity; most rounds; least mu."""
 
 SETTLED, FALL = 1e-4, 1e-5
-"""How near 0 or 1 all weights are at the end; or the share that the weighted cost changes by in the last round."""
+"""Convergence: distance of all weights from 0 or 1, or relative change of the weighted cost in the last round."""
 
 COARSE = 1e-8
-"""The share of J by which a fit between two rounds of weights has to go on falling."""
+"""Relative decrease of J below which a fit between two rounds of weights stops."""
 
 NEXT_TO_NOTHING = 1e-9
-"""The weight of a sighting that is left out: what is seen by such ones alone still has a place."""
+"""Weight of a rejected sighting: landmarks with only such ones keep a position."""
 
 
 def leave_out(batch: Batch, iterations: int) -> None:
-    """Fit, and take the sightings out that do not fit; a landmark keeps its best one. All is ordered anew.
+    """Fits, and removes the sightings that do not fit; a landmark keeps its best one. Everything is reordered.
 
     The batch has been started, and has no loss.
     """
@@ -66,7 +66,7 @@ def _distances(batch: Batch, information: Array) -> Array:
 
 
 def _weights(distance: Array, mu: float) -> Array:
-    """The weights of truncated least squares, eq. (14): 1 for what fits, 0 for what does not, and between these."""
+    """The weights of truncated least squares, eq. (14): 1 for inliers, 0 for outliers, and in between."""
     with np.errstate(divide="ignore"):
         between = np.sqrt(INLIER * mu * (mu + 1) / distance) - mu
     between[distance <= mu / (mu + 1) * INLIER] = 1.0
@@ -75,7 +75,7 @@ def _weights(distance: Array, mu: float) -> Array:
 
 
 def _left_out(weights: Array, landmarks: Ints) -> NDArray[np.bool]:
-    """(s,) the sightings with no more than half of their weight, but for the best of each landmark."""
+    """(s,) the sightings with at most half of their weight, except the best of each landmark."""
     out = weights <= 0.5
     order = np.lexsort((np.arange(len(weights)), -weights, landmarks))
     _, first = np.unique(landmarks[order], return_index=True)

@@ -1,14 +1,14 @@
-"""GraphSLAM as a batch: the minimum of the survey's J_GraphSLAM over the whole path and map.
+"""Batch GraphSLAM: the minimum of the survey's J_GraphSLAM over the whole path and map.
 
 J is the sum of the prior's, every odometry factor's and every sighting's squared Mahalanobis distance
-(`bench/measure/misfit.py`). The optimum is the reference where a log's truth is not known. Two solvers find it: our own
+(`bench/measure/misfit.py`). The optimum is the reference for logs without ground truth. There are two solvers: our own
 and, as an independent check, GTSAM's. GTSAM's residual of a motion is the full logarithm of SE(2), ours the plain
 difference of poses: another J, where motions fit badly. At their minima the two differ by a share of 1e-7 on Victoria
 Park, 7e-6 on Huang's circle and 7e-4 on MRCLAM 6, robot 1; the paths by up to 0.3, 2.9 and 1.5 mm.
 
-Where sightings may be wrong there are two ways to keep them from ruling the optimum. A robust loss makes J grow slower
-with distance. Graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for
-robust spatial perception", IEEE RA-L 5(2), 2020) decides which sightings to leave out, starting from a convex J.
+Two options limit the effect of outliers among the sightings. A robust loss makes J grow slower with distance. Graduated
+non-convexity (H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for robust spatial
+perception", IEEE RA-L 5(2), 2020) rejects sightings, starting from a convex J.
 """
 
 from dataclasses import dataclass
@@ -22,26 +22,24 @@ from ..api import COMPILED_HERE, GTSAM_WHEEL, Builder, Solution
 
 @dataclass(frozen=True)
 class Options:
-    """Who solves it, from where and how far; and what is left out."""
+    """Solver, initial values, termination, and outlier rejection."""
 
-    solver: str = option("own", "own, or as a check GTSAM's Levenberg-Marquardt", choices=("own", "gtsam"))
+    solver: str = option("own", "own, or GTSAM's Levenberg-Marquardt as a check", choices=("own", "gtsam"))
     start: str = option(
         "incremental",
-        "smoothed chunk by chunk, or dead reckoning, which is far from the optimum where odometry is poor",
+        "initial values: smoothed chunk by chunk, or dead reckoning, which is far off where odometry is poor",
         choices=("incremental", "odometry"),
     )
     relative_tolerance: float = option(1e-13, "stop where J falls by a smaller share in one iteration", minimum=0)
     iterations: int = option(1000, "most iterations", minimum=1)
     loss: str = option("none", "robust loss of the sightings", choices=("none", "huber", "cauchy", "geman-mcclure"))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
-    joint_up_to: int = option(
-        5000, "landmarks up to which a map comes with its joint covariance, which takes long to work out", minimum=0
-    )
-    gnc: bool = option(False, "leave out sightings by graduated non-convexity; loss is then that of the start")
+    joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
+    gnc: bool = option(False, "reject sightings by graduated non-convexity; loss then applies to the start only")
 
 
 class Graph:
-    """Batch GraphSLAM: the optimum over the whole log, by a solver of our own or by GTSAM."""
+    """Batch GraphSLAM: the optimum over the whole log, by our own solver or by GTSAM."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
@@ -49,14 +47,14 @@ class Graph:
         self._steps: list[Step] = []
 
     def step(self, step: Step) -> None:
-        """Keep the step; None: a batch has no online estimate."""
+        """Stores the step; None: a batch has no online estimate."""
         self._steps.append(step)
 
     def belief(self) -> None:
-        """None: nothing is believed before the log is over."""
+        """None: a batch has no online belief."""
 
     def map(self) -> Map:
-        """The map that was given; an empty one where none was: the batch's own comes from `finish`."""
+        """The given map, or an empty one; the batch's own is in `finish`."""
         return self._prior.map or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
 
     def finish(self) -> Solution:
@@ -71,7 +69,7 @@ class Graph:
 
 
 def implementation(options: Options) -> str:
-    """Whose program the solver is."""
+    """The solver's implementation."""
     return COMPILED_HERE if options.solver == "own" else GTSAM_WHEEL
 
 

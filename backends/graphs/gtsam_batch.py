@@ -1,6 +1,6 @@
-"""The optimum of J by GTSAM's Levenberg-Marquardt, started from iSAM2's path: a check that shares nothing with ours.
+"""Minimises J by GTSAM's Levenberg-Marquardt, started from iSAM2's path: a check independent of our solver.
 
-GTSAM's error is half of J. It also has graduated non-convexity.
+GTSAM's error is half of J. Graduated non-convexity is GTSAM's, too.
 """
 
 import contextlib
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from .graph import Options
 
 CHUNK = 100
-"""Most steps handed to iSAM2 at once while it makes the starting point: as good a start as one by one, much cheaper."""
+"""Most steps per iSAM2 update for the initial values: as good as one by one, and much cheaper."""
 
 TURNED = 0.1
-"""rad; no more are handed over at once than by odometry alone leave the heading known to this (1 sd).
+"""rad; fewer steps are given at once where odometry alone leaves the heading less certain than this (1 sd).
 
-Further off, a start is no start: on Huang's circle, where the wheels lose 2 degrees a second, chunks of 100 steps leave
-Levenberg-Marquardt where J is two thousand times its least.
+Worse initial values are useless: on Huang's circle, where odometry loses 2 degrees a second, chunks of 100 steps leave
+Levenberg-Marquardt at a J two thousand times its minimum.
 """
 
 INLIERS = 0.999
-"""Share of right sightings that graduated non-convexity is to keep, by the chi-square of 2 degrees of freedom."""
+"""Share of correct sightings that graduated non-convexity is to keep, by the chi-square of 2 degrees of freedom."""
 
 
 class GtsamBatch:
@@ -58,7 +58,7 @@ class GtsamBatch:
             raise Diverged("the optimum is not finite")
         if len(landmarks.ids) > options.joint_up_to:
             return Solution(path, landmarks)
-        with contextlib.suppress(*FAILURES):  # J may be flat somewhere, as where a landmark is at the robot itself
+        with contextlib.suppress(*FAILURES):  # J may be flat in some direction, as for a landmark at the robot itself
             cov = joint_covariance(factors.keys, gtsam.Marginals(graph, optimum))
             return Solution(path, landmarks._replace(cov=cov))
         return Solution(path, landmarks)
@@ -71,7 +71,7 @@ class GtsamBatch:
         isam = gtsam.ISAM2(params)
         pose = pose2(self._prior.pose)
         graph, values = factors.prior()
-        held, turned = 0, 0.0  # steps since iSAM2 was last handed some, and the variance of the turns in them
+        held, turned = 0, 0.0  # steps since the last iSAM2 update, and the variance of their turns
         for k, step in enumerate(self._steps):
             if step.odometry is not None:
                 pose = pose.compose(pose2(step.odometry.delta))
@@ -88,7 +88,7 @@ class GtsamBatch:
         return isam.getFactorsUnsafe(), isam.calculateBestEstimate()
 
     def _reckoned_start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """The whole graph, and dead reckoning."""
+        """The whole graph, and dead reckoning as initial values."""
         pose = pose2(self._prior.pose)
         graph, values = factors.prior()
         for k, step in enumerate(self._steps):
@@ -100,9 +100,9 @@ class GtsamBatch:
         return graph, values
 
     def _robust_start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """The whole graph, and the estimate of an iSAM2 that takes the steps one by one with a robust loss.
+        """The whole graph, and the estimate of an iSAM2 with a robust loss that processes the steps one by one.
 
-        A landmark of which no two sightings agreed starts where its first one has it.
+        A landmark without two agreeing sightings starts at its first one.
         """
         loss = self._options.loss
         start = isam2.Options(loss="cauchy" if loss == "none" else loss, loss_scale=self._options.loss_scale)
@@ -121,7 +121,7 @@ class GtsamBatch:
         return graph, values
 
     def _inliers(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
-        """The graph without the sightings that graduated non-convexity leaves out; a landmark keeps its best one."""
+        """The graph without the sightings that graduated non-convexity rejects; a landmark keeps its best one."""
         sightings = [i for i in range(graph.size()) if isinstance(graph.at(i), gtsam.BearingRangeFactor2D)]
         params = gtsam.GncLMParams(self._levenberg_marquardt())
         params.setLossType(gtsam.GncLossType.TLS)
@@ -143,7 +143,7 @@ class GtsamBatch:
         return kept
 
     def _levenberg_marquardt(self) -> gtsam.LevenbergMarquardtParams:
-        """Tolerances as the options have them."""
+        """Tolerances from the options."""
         params = gtsam.LevenbergMarquardtParams()
         params.setRelativeErrorTol(self._options.relative_tolerance)
         params.setAbsoluteErrorTol(0.0)

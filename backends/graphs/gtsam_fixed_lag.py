@@ -1,6 +1,6 @@
-"""Fixed-lag smoothing by GTSAM: iSAM2 over the last seconds alone, with what is older marginalised.
+"""Fixed-lag smoothing by GTSAM: iSAM2 over the last seconds, older variables marginalised.
 
-Poses and landmarks come and go as in `window/fixed_lag.py`.
+Poses and landmarks enter and leave as in `window/fixed_lag.py`.
 """
 
 from collections import deque
@@ -16,7 +16,7 @@ from ._gtsam import FAILURES, Factors, array, failure, pose2, to_world
 
 
 class GtsamFixedLag:
-    """The incremental fixed-lag smoother (GTSAM): iSAM2 over the last seconds, landmarks coming and going."""
+    """The incremental fixed-lag smoother (GTSAM): iSAM2 over poses and landmarks of the last seconds."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
@@ -33,11 +33,11 @@ class GtsamFixedLag:
         self._window: deque[float] = deque()  # the times of those in it
         self._seen: dict[int, float] = {}  # landmark -> time of its last sighting, in this order
         self._given = () if prior.map is None else tuple(prior.map.ids.tolist())
-        self._kept = -np.inf  # when the given landmarks were last kept from leaving
-        self._gone: dict[int, Array] = {}  # landmark -> (2,) where it was when it last left
+        self._kept = -np.inf  # time of the given landmarks' last refresh
+        self._gone: dict[int, Array] = {}  # landmark -> (2,) position when it last left
 
     def step(self, step: Step) -> Pose:
-        """Add the step's factors, let go of what is older than the lag and ask for the latest pose."""
+        """Adds the step's factors, drops variables older than the lag and returns the latest pose."""
         k = len(self._path) + len(self._window)
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
         graph, values = self._factors.prior() if k == 0 else (gtsam.NonlinearFactorGraph(), gtsam.Values())
@@ -60,7 +60,7 @@ class GtsamFixedLag:
         return Belief(pose, to_world(pose, self._smoother.marginalCovariance(key)))
 
     def map(self) -> Map:
-        """The landmarks in the window at the current estimate, and the others where they were when they last left."""
+        """Landmarks in the window at the current estimate, the others at their position when they last left."""
         if not self._window:
             return self._prior.map or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
         inside = {i: self._smoother.calculateEstimatePoint2(key) for i, key in self._factors.keys.landmarks.items()}
@@ -68,7 +68,7 @@ class GtsamFixedLag:
         return Map(np.fromiter(places, np.int64, len(places)), np.array([*places.values()]).reshape(-1, 2), None)
 
     def finish(self) -> Solution:
-        """Each pose as it left the window, the last ones as they are at the end, relinearized once more."""
+        """Each pose as it left the window, the last ones at the final estimate, relinearized once more."""
         for _ in range(self._options.final_checks * self._options.relinearize_skip):
             self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
         first = len(self._path)
@@ -78,7 +78,7 @@ class GtsamFixedLag:
         return Solution(path, self._factors.with_newcomers(path, self.map()))
 
     def _refreshed(self, k: int, step: Step) -> dict[int, float]:
-        """The times that this step gives to variables: its own pose, what it sighted, and a given map in good time."""
+        """Times assigned to variables by this step: its pose, its landmarks, and a given map's when due."""
         keys = self._factors.keys
         self._window.append(step.t)
         sighted = [landmark for landmark in step.sightings.ids.tolist() if landmark in keys.landmarks]
@@ -90,9 +90,9 @@ class GtsamFixedLag:
         return {keys.pose(k): step.t} | {keys.landmark(landmark): step.t for landmark in sighted}
 
     def _let_go(self, before: float) -> list[int]:
-        """Remember every variable whose time is before `before`, which the next update lets go; the landmarks of them.
+        """Stores every variable older than `before`, which the next update drops; returns the landmarks among them.
 
-        The estimate is that of the last step: the update that takes the next one in lets them go in one go with it.
+        Estimates are those of the last step: the update that adds the next one marginalises these together with it.
         """
         while self._window[0] < before:
             key = self._factors.keys.pose(len(self._path))
@@ -110,7 +110,7 @@ class GtsamFixedLag:
         return leaving
 
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, times: dict[int, float]) -> None:
-        """Fold factors in."""
+        """Adds factors."""
         try:
             self._smoother.update(graph, values, times)  # pyright: ignore[reportArgumentType] - Mapping is invariant
         except FAILURES as error:

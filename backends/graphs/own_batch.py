@@ -1,4 +1,4 @@
-"""The optimum of J on the tree of the incremental smoother, which is ordered once: see `batch`."""
+"""Minimises J on the incremental smoother's tree, ordered once: see `batch`."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def optimum(prior: Prior, options: "Options", steps: Sequence[Step]) -> Solution:
-    """Path, map and, where J is curved in every direction, the covariances of both; Diverged where there is none."""
+    """Path, map and, where J is curved in every direction, the covariances of both; Diverged without an optimum."""
     log = Log.from_steps("batch", prior, steps)
     loss = "none" if options.gnc else options.loss
     batch = Batch(log, list(LOSSES).index(loss), options.loss_scale or LOSSES[loss])
@@ -34,9 +34,9 @@ def optimum(prior: Prior, options: "Options", steps: Sequence[Step]) -> Solution
 
 
 def _start_robustly(batch: Batch, prior: Prior, options: "Options", steps: Sequence[Step]) -> None:
-    """Begin where a smoother with a robust loss ends that takes the steps one by one.
+    """Starts from the final estimate of an incremental smoother with a robust loss.
 
-    A landmark of which no two sightings agreed starts where its last one has it.
+    A landmark without two agreeing sightings starts at its last one.
     """
     loss = "cauchy" if options.loss == "none" else options.loss
     wanted = SmootherOptions(loss=loss, loss_scale=options.loss_scale, joint_up_to=0)

@@ -1,1 +1,1 @@
-"""Estimators whose belief is a set of particles: FastSLAM and its kernels."""
+"""Estimators with a particle belief: FastSLAM and its kernels."""

@@ -1,8 +1,8 @@
-"""Who descends from whom: the maps from particles to their ancestors, kept over many resamplings.
+"""Ancestry: maps from particles to their ancestors, stored over many resamplings.
 
-Each resampling begins an epoch. The map of epoch e says which particle of epoch e - 1 each of its M particles was
-copied from. Maps are kept over 2^k epochs as well, one for every epoch that 2^k divides, so that the way back over n
-epochs is at most 2 log2 n steps. `hops` (2 W, M) is a ring: it holds those maps for the last W epochs, W a power of
+Each resampling begins an epoch. The map of epoch e gives the particle of epoch e - 1 that each of its M particles was
+copied from. Maps are also stored over 2^k epochs, one for every epoch that 2^k divides, so that a trace back over n
+epochs takes at most 2 log2 n steps. `hops` (2 W, M) is a ring: it holds those maps for the last W epochs, W a power of
 two, the W of single epochs first, then the W / 2 over two of them, and so on.
 """
 
@@ -17,14 +17,14 @@ Hops = NDArray[np.int32]
 
 @compiled
 def hop(ring: int, level: int, epoch: int) -> int:
-    """The row in which a ring of `ring` epochs keeps the map from `epoch` to 2^`level` epochs before."""
+    """The row in which a ring of `ring` epochs stores the map from `epoch` to 2^`level` epochs before."""
     many = ring >> level
     return 2 * ring - 2 * many + ((epoch >> level) & (many - 1))
 
 
 @compiled
 def remember(hops: Hops, epoch: int, ancestors: Ints) -> None:
-    """Keep `ancestors` (M,), the map of `epoch`, and the maps over 2, 4, 8 ... epochs that end with it."""
+    """Stores `ancestors` (M,), the map of `epoch`, and the maps over 2, 4, 8 ... epochs that end with it."""
     ring = len(hops) // 2
     hops[hop(ring, 0, epoch)] = ancestors
     level, span = 1, 2
@@ -39,7 +39,7 @@ def remember(hops: Hops, epoch: int, ancestors: Ints) -> None:
 
 @compiled
 def trace(hops: Hops, epoch: int, since: int, ancestor: Hops) -> None:
-    """Write to `ancestor` (M,) which particle of epoch `since` each particle of `epoch` descends from."""
+    """Writes to `ancestor` (M,) the particle of epoch `since` that each particle of `epoch` descends from."""
     ring = len(hops) // 2
     for m in range(len(ancestor)):
         ancestor[m] = m
@@ -55,10 +55,10 @@ def trace(hops: Hops, epoch: int, since: int, ancestor: Hops) -> None:
 
 @compiled
 def catch_up(filters: Array, slots: Ints, written: Ints, spare: int, rows: Ints, hops: Hops, epoch: int) -> int:
-    """Hand the landmarks in `rows` down to the particles of `epoch`; the slot that is spare afterwards.
+    """Updates the landmarks in `rows` to the particles of `epoch`; returns the slot that is spare afterwards.
 
-    A landmark's `filters` stand in slot `slots[row]` as the particles of epoch `written[row]` had them. They are copied
-    to the spare slot, each particle's from its ancestor's, and the slot they leave becomes the spare one.
+    A landmark's `filters` in slot `slots[row]` belong to the particles of epoch `written[row]`. They are copied to the
+    spare slot, each particle's from its ancestor's, and the slot they leave becomes the spare one.
     """
     ancestor = np.empty(hops.shape[1], np.int32)
     traced = epoch
@@ -79,9 +79,9 @@ def catch_up(filters: Array, slots: Ints, written: Ints, spare: int, rows: Ints,
 
 @compiled
 def chosen(weights: Array, points: Array) -> Ints:
-    """The particle (n,) in whose share of the line from 0 to 1 each of the sorted `points` (n,) falls.
+    """The particle (n,) in whose share of the unit interval each of the sorted `points` (n,) falls.
 
-    The shares are those of `weights` (M,), which need not sum to 1; one of zero has none.
+    The shares are those of `weights` (M,), which need not sum to 1; a particle of zero weight has none.
     """
     last = len(weights) - 1
     total = weights.sum()
@@ -99,10 +99,10 @@ def chosen(weights: Array, points: Array) -> Ints:
 
 @compiled
 def widen(hops: Hops, wider: Hops, epoch: int) -> None:
-    """Copy the maps that end with `epoch` or before to a ring of twice as many epochs.
+    """Copies the maps that end with `epoch` or before to a ring of twice as many epochs.
 
-    The maps over more epochs than the narrow ring had are missing there. Nobody asks for them: no landmark was further
-    behind than that.
+    Maps over more epochs than the narrow ring had are missing there. They are not needed: no landmark was further
+    behind.
     """
     ring = len(hops) // 2
     level = 0
@@ -119,10 +119,10 @@ def widen(hops: Hops, wider: Hops, epoch: int) -> None:
 def grow(
     nodes: Array, parents: Hops, children: Hops, unused: Hops, left: int, leaves: Hops, ancestors: Ints, poses: Array
 ) -> int:
-    """Hang a pose of every particle, column m of `poses` (3 or more, M), on the leaf of its ancestor ancestors[m].
+    """Appends a pose of every particle, column m of `poses` (3 or more, M), to the leaf of its ancestor ancestors[m].
 
-    Branches that end without a particle are cut off. `unused` is the stack of nodes that are free, its height `left`,
-    at least M; the return value is its height afterwards.
+    Branches that end without a particle are removed. `unused` is the stack of free nodes, its height `left`, at least
+    M; returns its height afterwards.
     """
     before = leaves.copy()
     if before[0] >= 0:

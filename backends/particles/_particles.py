@@ -1,20 +1,20 @@
-"""FastSLAM's loops over particles, written so that the compiler makes SIMD code of them.
+"""FastSLAM's loops over particles, written for SIMD code.
 
 Particles are columns: `poses` (5, M) holds x, y, heading and the heading's cosine and sine, and `filters` (slots, 5, M)
-every particle's mean x, y and covariance xx, xy, yy of the landmark that a slot belongs to. A loop runs over a BLOCK
-of particles at a time, which keeps their poses in the first-level cache while one sighting after another is folded in;
-inside it there are no branches and no calls, only selections, or it would not become SIMD code.
+every particle's mean x, y and covariance xx, xy, yy of the landmark that a slot belongs to. A loop runs over a BLOCK of
+particles at a time, which keeps their poses in the first-level cache while sightings are processed one by one; inside
+it there are no branches and no calls, only selections, or it would not become SIMD code.
 
-A sighting z of covariance R is taken to the world: seen from a pose (x, y, heading), a landmark at the offset d = (dx,
-dy), r m away, has the Jacobian H of ArUco EKF SLAM, eq. (16), which can be inverted, so the innovation is n = H^-1 (z -
-h), in metres, of covariance W = H^-1 R H^-T. With U = P + W the EKF of a landmark reads
+A sighting z of covariance R is transformed to the world: seen from a pose (x, y, heading), a landmark at the offset d =
+(dx, dy), r m away, has the Jacobian H of ArUco EKF SLAM, eq. (16), which is invertible, so the innovation is n = H^-1
+(z - h), in metres, of covariance W = H^-1 R H^-T. With U = P + W the EKF of a landmark is
 
     m + P U^-1 n,    (|W| P + |P| W) / |U|,    -2 log-likelihood + constant = n' U^-1 n + log |U| / |W|
 
-where the covariance is (P^-1 + W^-1)^-1 written for 2x2 matrices: a sum of positive definite ones, which no rounding
-makes anything else, and which leaves a landmark of zero covariance as it is.
+where the covariance is (P^-1 + W^-1)^-1 written for 2x2 matrices: a sum of positive definite ones, which stays so under
+rounding, and which leaves a landmark of zero covariance unchanged.
 
-A landmark at a particle's very place has no bearing: that particle's likelihood is zero, its map stays as it is.
+A landmark at a particle's very position has no bearing: that particle's likelihood is zero, its map unchanged.
 """
 
 from math import inf, pi, sqrt
@@ -25,9 +25,9 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 
 BLOCK = 256
-"""Particles at a time: what a sighting touches of them fits into 32 kB."""
+"""Particles at a time: the data of a sighting fits into 32 kB."""
 LOGGED = 8
-"""Likelihoods are multiplied by so many before a logarithm is taken, and stay within a double's range."""
+"""Likelihoods multiplied before a logarithm is taken, within a double's range."""
 
 
 @compiled
@@ -68,14 +68,14 @@ def cosine_sine(angle: float) -> tuple[float, float]:
 
 @compiled
 def wrap(angle: float) -> float:
-    """An angle (rad) in (-pi, pi]; `_models.wrap` without its branch."""
+    """Wraps an angle (rad) to (-pi, pi]; `_models.wrap` without its branch."""
     turned = angle - 2 * pi * np.ceil((angle - pi) / (2 * pi))
     return pi if turned <= -pi else min(turned, pi)
 
 
 @compiled
 def root(cov: Array) -> tuple[float, float, float, float, float, float]:
-    """The Cholesky factor of a (3, 3) covariance, row by row; NaN where it has none."""
+    """The Cholesky factor of a (3, 3) covariance, row by row; NaN where it is indefinite."""
     a = sqrt(cov[0, 0])
     b, d = cov[1, 0] / a, cov[2, 0] / a
     c = sqrt(cov[1, 1] - b * b)
@@ -85,7 +85,7 @@ def root(cov: Array) -> tuple[float, float, float, float, float, float]:
 
 @compiled
 def move(poses: Array, delta: Array, cov: Array, noise: Array) -> None:
-    """Sample every particle's motion: `delta` (3,) in its body frame, plus the root of `cov` times `noise` (3, M)."""
+    """Samples every particle's motion: `delta` (3,) in its body frame, plus the root of `cov` times `noise` (3, M)."""
     ra, rb, rc, rd, re, rf = root(cov)
     for start in range(0, poses.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
@@ -103,10 +103,10 @@ def move(poses: Array, delta: Array, cov: Array, noise: Array) -> None:
 
 @compiled
 def correct(poses: Array, filters: Array, slots: Ints, z: Array, cov: Array, distance: Array, volume: Array) -> None:
-    """Correct the landmarks in `slots` (k,), which are up to date, by the sightings z (k, 2) of covariance (k, 2, 2).
+    """Corrects the landmarks in `slots` (k,), which are up to date, by the sightings z (k, 2) of covariance (k, 2, 2).
 
-    To `distance` (M,) is added n' U^-1 n of each, and `volume` (ceil(k / LOGGED), M), row i // LOGGED, is multiplied by
-    |U| / |W| of the i-th.
+    Adds n' U^-1 n of each to `distance` (M,), and multiplies `volume` (ceil(k / LOGGED), M), row i // LOGGED, by |U| /
+    |W| of the i-th.
     """
     for start in range(0, poses.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
@@ -151,7 +151,7 @@ def correct(poses: Array, filters: Array, slots: Ints, z: Array, cov: Array, dis
 
 @compiled
 def place(poses: Array, filters: Array, slot: int, z: Array, cov: Array) -> None:
-    """Put a landmark where each particle sees it, z (2,) of covariance (2, 2): ArUco EKF SLAM, eqs (17) and (20)."""
+    """Initialises a landmark in each particle from z (2,), covariance (2, 2): ArUco EKF SLAM, eqs (17) and (20)."""
     x, y, cos, sin = poses[0], poses[1], poses[3], poses[4]
     mx, my, pxx, pxy, pyy = filters[slot, 0], filters[slot, 1], filters[slot, 2], filters[slot, 3], filters[slot, 4]
     cz, sz = cosine_sine(z[1])

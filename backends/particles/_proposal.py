@@ -1,10 +1,10 @@
-"""FastSLAM 2.0's proposal: where each particle goes, given its odometry and what it then sees of its own map.
+"""FastSLAM 2.0's proposal: each particle's pose given its odometry and its sightings of its own map.
 
 Montemerlo, Thrun, Koller, Wegbreit (IJCAI 2003), eqs (6) to (15), one sighting after another as in Montemerlo's thesis
 (2003), section 4.3: the pose after the motion is a Gaussian of mean (x, y, heading) and covariance A A', which every
 sighting of a known landmark corrects like an EKF, the landmark's own uncertainty counted as noise. The product of the
-sightings' marginal likelihoods is the particle's importance factor. A, not A A', is what is carried along (Andrews
-1968): however sharp the sightings against the odometry, no covariance can lose its sign.
+sightings' marginal likelihoods is the particle's importance factor. A, not A A', is propagated (Andrews 1968): however
+sharp the sightings against the odometry, no covariance can become indefinite.
 
 Layout, blocks and the notation n, W, U are those of `_particles.py`. In the world the Jacobian by the pose is G = [-1 0
 dy; 0 -1 -dx], so with F = A' G' and V = P + W the innovation's covariance is U = F' F + V.
@@ -24,9 +24,9 @@ ROWS = 19
 
 @compiled
 def fold(work: Array, count: int, z: Array, cov: Array) -> None:
-    """Correct `count` proposals by one sighting z (2,) of covariance (2, 2): mean and A, rows of `work` as below.
+    """Corrects `count` proposals by one sighting z (2,) of covariance (2, 2): mean and A, rows of `work` as below.
 
-    Rows 0 to 2 hold the mean, 3 to 11 A, 12 to 16 the landmark, and into 17 and 18 go n' U^-1 n and |U| / |W|. It is
+    Rows 0 to 2 hold the mean, 3 to 11 A, 12 to 16 the landmark; rows 17 and 18 receive n' U^-1 n and |U| / |W|. It is
     one flat array because the compiler must know that its rows do not overlap.
     """
     range_, bearing = z[0], z[1]
@@ -106,7 +106,7 @@ def propose(
     distance: Array,
     volume: Array,
 ) -> None:
-    """Sample every particle's pose after the motion `delta` (3,), of covariance `motion` (3, 3), from its proposal.
+    """Samples every particle's pose after the motion `delta` (3,), of covariance `motion` (3, 3), from its proposal.
 
     The pose is the proposal's mean plus the Cholesky factor of its covariance, in the world frame, times `noise` (3,
     M). `filters`, `slots`, `z`, `cov`, `distance` and `volume` are those of `correct`; the filters are only read.
@@ -134,7 +134,7 @@ def propose(
                 off[m] += work[17 * BLOCK + m]
                 spread[m] *= work[18 * BLOCK + m]
         for m in range(len(x)):
-            # the rows of A made orthogonal one after another: its Cholesky factor, without a difference of squares
+            # orthogonalise the rows of A one after another: its Cholesky factor, without a difference of squares
             a, b, e = work[3 * BLOCK + m], work[4 * BLOCK + m], work[5 * BLOCK + m]
             l11 = sqrt(a * a + b * b + e * e)
             a, b, e = a / l11, b / l11, e / l11

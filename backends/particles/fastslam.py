@@ -1,9 +1,9 @@
 """FastSLAM 1.0 and 2.0 (Montemerlo, Thrun, Koller, Wegbreit, AAAI 2002 and IJCAI 2003): Rao-Blackwellized particles.
 
-Each particle is one guess of the path and keeps a small EKF for every landmark: given the path the landmarks are
-independent, so M particles and N landmarks are M N filters of size two. Version 1.0 draws a particle's next pose from
-its odometry alone and leaves it to the weights to see how that fits the sightings; version 2.0 draws it from odometry
-and sightings together, so that fewer particles are wasted where sightings are sharper than odometry.
+Each particle is a sample of the path with a small EKF for every landmark: given the path the landmarks are independent,
+so M particles and N landmarks are M N filters of size two. Version 1.0 draws a particle's next pose from its odometry
+alone and weights it by the sightings; version 2.0 draws it from odometry and sightings together, so that fewer
+particles are wasted where sightings are sharper than odometry.
 """
 
 from dataclasses import dataclass
@@ -22,31 +22,31 @@ from .particle_paths import ParticlePaths
 from .resampling import SCHEMES
 
 RANK = 4
-"""Particles that a covariance of three coordinates takes."""
+"""Particles needed for a covariance of three coordinates."""
 EVEN = 1 - 1e-9
-"""Weights that are equal but for rounding are not resampled."""
+"""Weights that are equal up to rounding are not resampled."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How many particles, where they are drawn, and when and how they are resampled.
+    """Number of particles, proposal, and resampling.
 
     The defaults are chosen by the study `fastslam-defaults`: the smallest error at a cost of a step below iSAM2's.
     """
 
     particles: int = option(
         500,
-        "number of particles; 500 is the most whose step costs less than isam2's on every log that comes along",
+        "number of particles; 500 is the most whose step costs less than isam2's on all bundled logs",
         minimum=1,
         maximum=10_000_000,
     )
     version: int = option(
         2,
-        "1: FastSLAM 1.0, poses drawn from odometry; 2: 2.0, from sightings too, which needs fewer particles",
+        "1: FastSLAM 1.0, poses drawn from odometry; 2: from sightings too, which needs fewer particles",
         minimum=1,
         maximum=2,
     )
-    resampling: str = option("systematic", "how ancestors are drawn", choices=tuple(SCHEMES))
+    resampling: str = option("systematic", "resampling scheme", choices=tuple(SCHEMES))
     resample_below: float = option(
         0.5, "resample when the effective sample size is below this share of the particles", minimum=0, maximum=1
     )
@@ -56,13 +56,13 @@ class FastSlam:
     """FastSLAM 2.0, or 1.0 with version=1: particles over the path, a 2x2 EKF for every landmark in each.
 
     The online pose is the particles' weighted mean; the solution is the path of the heaviest particle and its
-    ancestors, with the map that this particle has. On a given map a particle cannot hold what landmarks' errors have in
-    common: of the map's covariance the 2x2 blocks on the diagonal are used, and a map without one is held fixed.
+    ancestors, with that particle's map. On a given map a particle cannot represent correlated landmark errors: only the
+    2x2 blocks on the diagonal of the map's covariance are used, and a map without one is held fixed.
 
-    Random numbers, in this order: at every step, the resampling's own where there is one; then, where the pose has
-    something to be drawn from, `standard_normal((3, M))`, rows that multiply the columns of a Cholesky factor: at the
-    first step that of the prior's covariance, later, in version 1.0, of the odometry's covariance in the body frame, in
-    2.0 of the proposal's in the world frame.
+    Random numbers, in this order: at every step, the resampling's own, if any; then, where the pose is sampled,
+    `standard_normal((3, M))`, rows that multiply the columns of a Cholesky factor: at the first step that of the
+    prior's covariance, later, in version 1.0, of the odometry's covariance in the body frame, in 2.0 of the proposal's
+    in the world frame.
     """
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
@@ -70,22 +70,22 @@ class FastSlam:
         self._prior, self._options, self._rng = prior, options, rng
         self._poses = np.empty(
             (5, M)
-        )  # x, y, heading, and the cosine and sine that turn a motion into the world's axes
-        self._poses.T[:] = (*prior.pose, 1.0, 0.0)  # the prior's covariance, the first motion's, is the world's already
+        )  # x, y, heading, and the cosine and sine that rotate a motion into the world's axes
+        self._poses.T[:] = (*prior.pose, 1.0, 0.0)  # turned by 0: the prior's covariance is in the world frame already
         self._started = False
         self._log_weights = np.zeros(M)  # the largest is zero
         self._weights = np.full(M, 1 / M)
-        self._origins = np.arange(M)  # which particle of the start each descends from
+        self._origins = np.arange(M)  # initial particle that each descends from
         self._maps = ParticleMaps(M)
         self._paths = ParticlePaths(M)
         if prior.map is not None:
             self._adopt(prior.map)
 
     def step(self, step: Step) -> Pose:
-        """Resample if the weights have become too uneven, sample the motion, weight and correct by the sightings.
+        """Resamples if the weights are too uneven, samples the motion, weights and corrects by the sightings.
 
-        Resampling at the start of a step, not at the end of the last, leaves the estimate to the weighted particles,
-        which say more than their resampled copies.
+        Resampling at the start of a step, not at the end of the last, keeps the estimate that of the weighted
+        particles, which are more informative than their resampled copies.
         """
         if self._n_eff() < self._options.resample_below * len(self._weights) * EVEN:
             self._resample()
@@ -106,9 +106,9 @@ class FastSlam:
         return pose
 
     def belief(self) -> Belief:
-        """The particles' weighted mean and covariance, how many of them still count, and from how many they descend.
+        """Weighted mean and covariance, effective number of particles, and number of initial ancestors.
 
-        The covariance is None where fewer than RANK particles carry weight: there are none of full rank then.
+        The covariance is None where fewer than RANK particles carry weight: it would be singular.
         """
         pose = self._mean_pose()
         error = self._poses[:3] - pose[:, None]
@@ -119,7 +119,7 @@ class FastSlam:
         return Belief(pose, (cov + cov.T) / 2 if n_eff >= RANK else None, n_eff=n_eff, ancestors=ancestors)
 
     def map(self) -> Map:
-        """The weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""
+        """Weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""
         filters = self._maps.all()
         n, w = len(filters), self._weights
         xy = filters[:, :2] @ w
@@ -128,16 +128,16 @@ class FastSlam:
         return Map(self._ids(), xy, _with_blocks((cov + cov.T) / 2, filters[:, 2:] @ w))
 
     def finish(self) -> Solution:
-        """The path of the heaviest particle and its ancestors, and its map, uncertain as it is given that path."""
+        """The path of the heaviest particle and its ancestors, and its map, with covariance given that path."""
         best = int(np.argmax(self._weights))
         filters = self._maps.all()[..., best]
         within = _with_blocks(np.zeros((2 * len(filters), 2 * len(filters))), filters[:, 2:])
         return Solution(self._paths.path(best), Map(self._ids(), filters[:, :2].copy(), within))
 
     def _motion(self, step: Step) -> Odometry | None:
-        """What the step's poses are drawn from: at the first, the prior's covariance about its pose.
+        """The distribution of the step's poses: at the first, the prior's covariance about its pose.
 
-        They are copies: a log's arrays are read-only, and kernels would be compiled once for each kind.
+        Copies: a log's arrays are read-only, and kernels would be compiled once for each kind.
         """
         motion = None if step.odometry is None else Odometry(*(part.copy("C") for part in step.odometry))
         if self._started:
@@ -150,13 +150,13 @@ class FastSlam:
         return motion
 
     def _fold(self, motion: Odometry | None, slots: Ints, z: Array, cov: Array) -> None:
-        """Draw the poses, weight them by the sightings (k,) of known landmarks, and correct these."""
+        """Samples the poses, weights them by the sightings (k,) of known landmarks, and corrects these."""
         M, k = len(self._weights), len(slots)
         distance, volume = np.zeros(M), np.ones((-(-k // LOGGED), M))
         seen = (self._maps.filters, slots, z, cov)
         if motion is not None and self._options.version == 2:
             propose(self._poses, *motion, self._normals(), *seen, distance, volume)
-            correct(self._poses, *seen, np.empty(M), np.empty_like(volume))  # weighted already, by the marginals
+            correct(self._poses, *seen, np.empty(M), np.empty_like(volume))  # already weighted by the marginals
         else:
             if motion is not None:
                 move(self._poses, *motion, self._normals())
@@ -165,7 +165,7 @@ class FastSlam:
             self._weigh(distance + (np.log(volume).sum(axis=0) if k > LOGGED else np.log(volume[0])))
 
     def _weigh(self, surprise: Array) -> None:
-        """Multiply the weights by exp(-surprise / 2), (M,); what is common to all of them does not matter."""
+        """Multiplies the weights by exp(-surprise / 2), (M,), up to a common factor."""
         self._log_weights -= 0.5 * surprise
         most = self._log_weights.max()
         if not isfinite(most):
@@ -175,7 +175,7 @@ class FastSlam:
         self._weights /= self._weights.sum()
 
     def _resample(self) -> None:
-        """Draw as many equal particles from the weighted ones; their maps and paths follow when they are asked for."""
+        """Draws as many equal particles from the weighted ones; maps and paths are updated on demand."""
         ancestors = SCHEMES[self._options.resampling](self._weights, self._rng)
         self._poses = np.take(self._poses, ancestors, axis=1)  # plain indexing would leave its columns contiguous
         self._origins = self._origins[ancestors]
@@ -185,7 +185,7 @@ class FastSlam:
         self._weights = np.full(len(ancestors), 1 / len(ancestors))
 
     def _adopt(self, known: Map) -> None:
-        """Give every particle the same map: of its covariance the diagonal blocks; held fixed where it has none."""
+        """Gives every particle the same map: its covariance's diagonal blocks; held fixed without one."""
         for k, (landmark, xy) in enumerate(zip(known.ids.tolist(), known.xy, strict=True)):
             slot = self._maps.add(landmark)
             filters = self._maps.filters[slot]

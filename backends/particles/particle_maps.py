@@ -1,11 +1,11 @@
-"""The maps of all particles: a small EKF a landmark and particle, handed down from ancestors only when looked at.
+"""The maps of all particles: small EKFs per landmark and particle, copied from ancestors only when needed.
 
-Resampling makes a particle a copy of another, map and all. Copying M maps of N landmarks costs M N, whatever the robot
-sees; here a resampling only begins a new epoch, and every landmark remembers the epoch in which it was last written. It
-is copied, each particle's filter from that of its ancestor back then, when it is next in view: a step's cost does not
-depend on the landmarks that are not. (Montemerlo's trees of landmarks, log N a particle and landmark, serve the same
-end.) One more landmark, the next in turn, is brought up to date at every resampling. So none is ever more epochs behind
-than there are landmarks, no more maps of ancestors than that are kept, and they take a fifth of the filters' memory.
+Resampling copies particles, maps included. Copying M maps of N landmarks costs M N, whatever the robot sees; here a
+resampling only begins a new epoch, and every landmark stores the epoch of its last update. It is copied, each
+particle's filter from that of its ancestor back then, when it is next in view: a step's cost does not depend on
+landmarks out of view. (Montemerlo's trees of landmarks, log N per particle and landmark, serve the same end.) One more
+landmark, in rotation, is updated at every resampling. So none is ever more epochs behind than there are landmarks, no
+more ancestor maps than that are stored, and they take a fifth of the filters' memory.
 """
 
 import numpy as np
@@ -14,18 +14,18 @@ from ...frontend.se2 import Array, Ints
 from ._ancestry import catch_up, remember, widen
 
 RESERVED = 8
-"""Landmarks that there is room for at first, a power of two; doubled when it runs out."""
+"""Landmarks that space is reserved for at first, a power of two; doubled when exhausted."""
 
 
 class ParticleMaps:
-    """N landmarks as each of M particles knows them; 40 bytes a particle and landmark, and 8 for their ancestors."""
+    """N landmarks in each of M particles; 40 bytes per particle and landmark, and 8 for their ancestors."""
 
     def __init__(self, particles: int) -> None:
         self.row: dict[int, int] = {}  # landmark id -> its row
-        self._filters = np.zeros((RESERVED + 1, 5, particles))  # a slot: mean x, y, covariance xx, xy, yy
-        self._slots = np.arange(RESERVED)  # (reserved,) the slot of each row; the one left over is spare
+        self._filters = np.zeros((RESERVED + 1, 5, particles))  # per slot: mean x, y, covariance xx, xy, yy
+        self._slots = np.arange(RESERVED)  # (reserved,) the slot of each row; one slot is spare
         self._spare = RESERVED
-        self._written = np.zeros(RESERVED, np.int64)  # (reserved,) the epoch whose particles a row belongs to
+        self._written = np.zeros(RESERVED, np.int64)  # (reserved,) the epoch of each row's last update
         self._hops = np.zeros((2 * RESERVED, particles), np.int32)
         self._epoch = 0
         self._turn = 0
@@ -39,7 +39,7 @@ class ParticleMaps:
         return self._filters
 
     def add(self, landmark: int) -> int:
-        """A slot for a new landmark, which is the caller's to fill."""
+        """Returns a slot for a new landmark, to be filled by the caller."""
         row = len(self.row)
         if row == len(self._slots):
             self._grow()
@@ -48,7 +48,7 @@ class ParticleMaps:
         return int(self._slots[row])
 
     def resampled(self, ancestors: Ints) -> None:
-        """Each particle m is from now on a copy of what particle ancestors[m] was."""
+        """Replaces each particle m by a copy of particle ancestors[m]."""
         self._epoch += 1
         remember(self._hops, self._epoch, ancestors)
         if self.row:
@@ -56,7 +56,7 @@ class ParticleMaps:
             self.slots(np.array([self._turn]))
 
     def slots(self, rows: Ints) -> Ints:
-        """The slots (k,) of the landmarks in `rows` (k,), brought up to date."""
+        """The slots (k,) of the landmarks in `rows` (k,), updated to the present particles."""
         self._spare = catch_up(self._filters, self._slots, self._written, self._spare, rows, self._hops, self._epoch)
         return self._slots[rows]
 
@@ -65,7 +65,7 @@ class ParticleMaps:
         return self._filters[self.slots(np.arange(len(self.row)))]
 
     def _grow(self) -> None:
-        """Room for twice as many landmarks, and the maps of twice as many epochs."""
+        """Doubles the space for landmarks, and for ancestor maps."""
         before = len(self._slots)
         particles = self._filters.shape[-1]
         filters = np.zeros((2 * before + 1, 5, particles))

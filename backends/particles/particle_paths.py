@@ -1,7 +1,7 @@
-"""The paths of all particles: a tree, since particles that descend from one share its past.
+"""The paths of all particles as a tree, as descendants of one particle share its past.
 
 Jacob, Murray and Rubenthaler, "Path storage in the particle filter" (Statistics and Computing, 2015): branches that die
-out are cut off at once, and what is left of n steps of M particles is about n + c M log M poses, against n M.
+out are removed at once, which leaves about n + c M log M poses of n steps of M particles, instead of n M.
 """
 
 import numpy as np
@@ -11,26 +11,26 @@ from ._ancestry import grow
 
 
 class ParticlePaths:
-    """Every particle's poses back to the start; 36 bytes a pose of a living branch, and room for twice as many.
+    """Every particle's poses back to the start; 36 bytes per pose of a living branch, with space for twice as many.
 
-    No branch dies while particles are not resampled: then M poses are kept of every step.
+    No branch dies while particles are not resampled: then M poses are stored per step.
     """
 
     def __init__(self, particles: int) -> None:
-        self._poses = np.zeros((0, 3))  # a node: a pose
+        self._poses = np.zeros((0, 3))  # one pose per node
         self._parents = np.zeros(0, np.int32)  # the node of the step before, -1 at the start
-        self._children = np.zeros(0, np.int32)  # how many nodes have this one as their parent
+        self._children = np.zeros(0, np.int32)  # number of children of a node
         self._unused = np.zeros(0, np.int32)  # a stack of nodes
         self._left = 0  # its height
         self._leaves = np.full(particles, -1, np.int32)  # the node of each particle's last pose
         self._ancestors: Ints | None = None
 
     def resampled(self, ancestors: Ints) -> None:
-        """Each particle m is from now on a copy of what particle ancestors[m] was."""
+        """Replaces each particle m by a copy of particle ancestors[m]."""
         self._ancestors = ancestors
 
     def add(self, poses: Array) -> None:
-        """The particles' poses (3 or more, M) at the next step: x, y, heading and what the caller has below them."""
+        """Appends the particles' poses (3 or more, M): x, y, heading; further rows are ignored."""
         if self._left < len(self._leaves):
             self._reserve()
         ancestors = np.arange(len(self._leaves)) if self._ancestors is None else self._ancestors
@@ -49,7 +49,7 @@ class ParticlePaths:
         return self._poses[nodes[::-1]]
 
     def _reserve(self) -> None:
-        """Room for twice as many nodes."""
+        """Doubles the space for nodes."""
         before = len(self._poses)
         more = max(before, 2 * len(self._leaves))
         self._poses = np.concatenate((self._poses, np.zeros((more, 3))))

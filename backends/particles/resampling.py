@@ -1,10 +1,10 @@
-"""Resampling: from weighted particles to as many equal ones, by four schemes.
+"""Resampling of weighted particles to equally weighted ones, by four schemes.
 
 Each takes the weights (M,), which need not sum to 1, and returns the ancestors (M,), sorted: particle m is to become a
 copy of particle ancestors[m]. In all of them the expected number of copies of a particle is M times its share of the
-weight; they differ in how far the number strays from that. Douc, Cappé and Moulines, "Comparison of resampling schemes
-for particle filtering" (2005): residual and stratified resampling never vary more than multinomial; of the systematic
-scheme that cannot be proved, but it rarely does, and costs one random number.
+weight; they differ in its variance. Douc, Cappé and Moulines, "Comparison of resampling schemes for particle filtering"
+(2005): the variance of residual and stratified resampling never exceeds multinomial's; for the systematic scheme that
+cannot be proved, but it rarely does, and costs one random number.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +18,7 @@ Scheme = Callable[[Array, np.random.Generator], Ints]
 
 
 def systematic(weights: Array, rng: np.random.Generator) -> Ints:
-    """M points at equal distances, shifted together by one random number: Probabilistic Robotics, table 4.4.
+    """M equidistant points, shifted together by one random number: Probabilistic Robotics, table 4.4.
 
     A particle gets its expected number of copies, rounded down or up.
     """
@@ -27,15 +27,15 @@ def systematic(weights: Array, rng: np.random.Generator) -> Ints:
 
 
 def stratified(weights: Array, rng: np.random.Generator) -> Ints:
-    """One random point in each M-th of the line: M random numbers."""
+    """One random point in each M-th of the unit interval: M random numbers."""
     M = len(weights)
     return chosen(weights, (rng.random(M) + np.arange(M)) / M)
 
 
 def residual(weights: Array, rng: np.random.Generator) -> Ints:
-    """The expected number of copies rounded down for certain, the rest drawn by what the rounding took off.
+    """Copies by the expected number, rounded down, and draws the rest from the remainders.
 
-    As many random numbers as there are copies left to be drawn.
+    One random number per copy that is drawn.
     """
     M = len(weights)
     expected = weights * (M / weights.sum())
@@ -47,7 +47,7 @@ def residual(weights: Array, rng: np.random.Generator) -> Ints:
 
 
 def multinomial(weights: Array, rng: np.random.Generator, draws: int | None = None) -> Ints:
-    """Every ancestor drawn independently of the others: `draws` random numbers, M where not given."""
+    """Draws every ancestor independently: `draws` random numbers, by default M."""
     return chosen(weights, np.sort(rng.random(len(weights) if draws is None else draws)))
 
 

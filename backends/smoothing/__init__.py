@@ -1,1 +1,1 @@
-"""Incremental smoothing in compiled code of its own: factors, elimination, relinearising, covariances."""
+"""Incremental smoothing in compiled code: factors, elimination, relinearisation, covariances."""

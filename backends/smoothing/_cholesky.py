@@ -1,7 +1,7 @@
-"""Partial Cholesky factorisation of a front: its first rows become [R d], the rest what is left over for the others.
+"""Partial Cholesky factorisation of a front: its first rows become [R d], the others the Schur complement.
 
 A front is as in `_factors`: m rows of w = m + 1 numbers, the upper triangle and the right-hand side. Rows are
-eliminated four at a time, so that the rest is read and written once for four; wide fronts leave the rest to BLAS.
+eliminated four at a time, so that the rest is read and written once for four; wide fronts use BLAS for the rest.
 """
 
 from math import sqrt
@@ -13,10 +13,10 @@ from ...frontend.se2 import Array
 from .._blas import add_upper_square
 
 WIDE, PANEL = 96, 48
-"""Scalars from which on a front is left to BLAS, and rows that are eliminated before each call."""
+"""Scalars from which a front uses BLAS, and rows eliminated before each call."""
 
 unsigned = np.uint64
-"""An index that is counted from the beginning alone: loops over such ones become SIMD code."""
+"""Type of non-negative indices: loops over such ones become SIMD code."""
 
 REAL = 8
 """Bytes of a number."""
@@ -24,7 +24,7 @@ REAL = 8
 
 @compiled
 def pivot(F: Array, w: int, first: int, q: int) -> bool:
-    """Row `q`, less what rows from `first` on take from it, becomes R's; False where its pivot is not positive."""
+    """Turns row `q`, less its products with rows from `first` on, into R's; False where its pivot is not positive."""
     b = unsigned(q * w)
     for r in range(first, q):
         a, o = F[r * w + q], unsigned(r * w)
@@ -41,7 +41,7 @@ def pivot(F: Array, w: int, first: int, q: int) -> bool:
 
 @compiled
 def rows(F: Array, m: int, first: int, last: int, end: int) -> bool:
-    """Eliminate rows `first` to `last` from those up to `end`."""
+    """Eliminates rows `first` to `last` from those up to `end`."""
     w = m + 1
     p = first
     while p < last:
@@ -71,7 +71,7 @@ def rows(F: Array, m: int, first: int, last: int, end: int) -> bool:
 
 @compiled
 def factor(F: Array, m: int, front: int, dsyrk: int) -> bool:
-    """Eliminate the first `front` rows of F (m, m + 1); False where it is not positive definite there."""
+    """Eliminates the first `front` rows of F (m, m + 1); False where it is not positive definite there."""
     if m < WIDE or front < PANEL // 2:
         return rows(F, m, 0, front, m)
     w = m + 1

@@ -36,7 +36,7 @@ from ._links import inverse, motion_offset
 
 @compiled
 def square_of(W: Array, k: int, e0: float, e1: float, e2: float) -> float:
-    """e' W e, W having six numbers from `k` on."""
+    """e' W e, where W is six numbers from `k` on."""
     return (
         W[k] * e0 * e0 + W[k + 3] * e1 * e1 + W[k + 5] * e2 * e2
         + 2 * (W[k + 1] * e0 * e1 + W[k + 2] * e0 * e2 + W[k + 4] * e1 * e2)
@@ -84,7 +84,7 @@ def cost(g: Graph, path: Array, values: Array) -> float:
 
 @compiled
 def given_cost(g: Graph, c: int, values: Array) -> float:
-    """What a part of a given map adds to J."""
+    """Contribution of a part of a given map to J."""
     start, m, at, f = g.cliques[c, LISTED], 2 * g.cliques[c, MEMBERS], g.cliques[c, UPDATE], g.cliques[c, FACTOR]
     total = 0.0
     for i in range(m):

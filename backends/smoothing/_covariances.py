@@ -1,8 +1,8 @@
 """Covariances of all poses from the factor alone: Takahashi's selected inverse, front by front from the root down.
 
-A clique's part of the inverse is made from [R S] of its frontals and the covariance of its separators, which is a part
+A clique's part of the inverse follows from [R S] of its frontals and the covariance of its separators, which is a part
 of its parent's: with T = R^-1 S, the frontals' is R^-1 R^-T + T C T', and their covariance with the separators -T C. It
-is handed down to the children in the place of their update matrices, so that these are lost.
+is stored for the children in place of their update matrices, which are lost.
 """
 
 import numpy as np
@@ -61,7 +61,7 @@ def invert(R: Array, o: int, w: int, n: int, C: Array) -> None:
 
 @compiled
 def hand_down(g: Graph, head: int, C: Array) -> None:
-    """The covariances of their separators, out of C, to the children from `head` on."""
+    """Copies the separators' covariances from C to the children from `head` on."""
     c = head
     while c > 0:
         n = places(g, c)
@@ -143,7 +143,7 @@ def of_inner(g: Graph, k: int, C: Array, ia: int, ib: int, rows: Array, out: Arr
 
 @compiled
 def take_out(C: Array, place: int, out: Array) -> None:
-    """The 3 rows and columns of C from `place` on, into `out`."""
+    """Copies the 3 rows and columns of C from `place` on to `out`."""
     for i in range(3):
         for j in range(3):
             out[i, j] = C[place + i, place + j]
@@ -151,7 +151,7 @@ def take_out(C: Array, place: int, out: Array) -> None:
 
 @compiled
 def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
-    """Covariances of all steps' poses into `out` (T, 3, 3); the root is factored. Update matrices are lost in it."""
+    """Covariances of all steps' poses into `out` (T, 3, 3); the root must be factored. Update matrices are lost."""
     m = 2 * g.state[ROOT] + 3
     C, T = np.empty((max(m, widest), max(m, widest))), np.empty((widest, widest))
     rows = np.empty((g.state[STEPS], 27))
@@ -182,7 +182,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
                 of_inner(g, k, C, g.variables[a, PLACE], g.variables[b, PLACE], rows, out)
         hand_down(g, g.cliques[c, CHILD], C)
     S = np.empty(6)
-    for k in range(last + 1, g.state[STEPS]):  # after the last variable: by the motions
+    for k in range(last + 1, g.state[STEPS]):  # after the last variable: propagated by the motions
         p, q = g.steps[k - 1], g.steps[k]
         six(out[k - 1], 0, S, 0)
         moved_on(S, p[10] - q[10], q[9] - p[9])

@@ -1,9 +1,9 @@
-"""Sightings, the prior and links, linearised and summed into a front: J' W J and -J' W e, written out.
+"""Linearises sightings, the prior and links and sums them into a front: J' W J and -J' W e, written out.
 
 The residual of a motion is the plain difference of poses, between(a, b) - delta with its heading wrapped, in the frame
 before the motion, and that of the prior pose - prior in the world: so the product has J (`bench/measure/misfit.py`).
-GTSAM takes the logarithm of SE(2) instead: `graphs/graph.py` has what that comes to. Offsets are of plain x, y and
-heading, so covariances are the world's.
+GTSAM takes the logarithm of SE(2) instead: `graphs/graph.py` quantifies the difference. Offsets are of plain x, y and
+heading, so covariances are in the world frame.
 
 A front is a matrix (m, m + 1) in one row of numbers, `w` = m + 1 of them to a row: its upper triangle, and the
 right-hand side in its last column.
@@ -33,7 +33,7 @@ def weight(kind: float, scale: float, q: float) -> float:
 
 @compiled
 def loss(kind: float, scale: float, q: float) -> float:
-    """Twice the loss of a sighting whose squared Mahalanobis distance is `q`: q itself where there is no loss."""
+    """Twice the loss of a sighting whose squared Mahalanobis distance is `q`: q itself without a loss."""
     square = scale * scale
     if kind == NONE or (kind == HUBER and q <= square):
         return q
@@ -48,7 +48,7 @@ def loss(kind: float, scale: float, q: float) -> float:
 def distance(
     x: float, y: float, heading: float, mx: float, my: float, seen: Array, s: int
 ) -> tuple[float, float, float, float, float]:
-    """Of sighting `s`, from a pose to a landmark at (mx, my): dx, dy, residuals, squared Mahalanobis distance."""
+    """dx, dy, residuals and squared Mahalanobis distance of sighting `s` from a pose to a landmark at (mx, my)."""
     dx, dy = mx - x, my - y
     e0 = sqrt(dx * dx + dy * dy) - seen[s, 0]
     e1 = wrap(atan2(dy, dx) - heading - seen[s, 1])
@@ -57,7 +57,7 @@ def distance(
 
 @compiled
 def add_sighting(g: Graph, s: int, F: Array, w: int, ip: int, il: int) -> None:
-    """Sighting `s` into front F: pose at row `ip`, landmark at row `il`, or at -1 where it is held fixed."""
+    """Adds sighting `s` to front F: pose at row `ip`, landmark at row `il`, or at -1 where it is held fixed."""
     x, m = g.values[g.sightings[s, POSE]], g.values[g.sightings[s, LANDMARK]]
     add_seen(x[0], x[1], x[2], m[0], m[1], g.seen, s, g.settings, F, w, ip, il)
 
@@ -67,13 +67,13 @@ def add_seen(
     x: float, y: float, heading: float, mx: float, my: float,
     seen: Array, s: int, settings: Array, F: Array, w: int, ip: int, il: int,
 ) -> None:  # fmt: skip
-    """The same of row `s` of `seen` (n, 5), sighted from a pose, and of a landmark at (mx, my)."""
+    """Likewise for row `s` of `seen` (n, 5), sighted from a pose, and a landmark at (mx, my)."""
     dx, dy, e0, e1, q = distance(x, y, heading, mx, my, seen, s)
     scale = weight(settings[LOSS], settings[SCALE], q)
     z0, z1, z2 = scale * seen[s, 2], scale * seen[s, 3], scale * seen[s, 4]
     r2 = dx * dx + dy * dy
     r = sqrt(r2)
-    a, b, c, d = dx / r, dy / r, -dy / r2, dx / r2  # by the landmark; by the pose's place minus that, by its heading -1
+    a, b, c, d = dx / r, dy / r, -dy / r2, dx / r2  # by the landmark; by the position minus that, by the heading -1
     u0, u1 = z0 * e0 + z1 * e1, z1 * e0 + z2 * e1
     h0, h1 = a * u0 + c * u1, b * u0 + d * u1
     t0, t1 = a * z1 + c * z2, b * z1 + d * z2
@@ -119,7 +119,7 @@ def add_seen(
 
 @compiled
 def add_pose(W: Array, k: int, e0: float, e1: float, e2: float, F: Array, w: int, ip: int) -> None:
-    """Information W[k : k + 6] (xx, xy, xt, yy, yt, tt) about a pose whose offset is told to be (e0, e1, e2)."""
+    """Adds information W[k : k + 6] (xx, xy, xt, yy, yt, tt) about a pose of measured offset (e0, e1, e2)."""
     xx, xy, xt, yy, yt, tt = W[k], W[k + 1], W[k + 2], W[k + 3], W[k + 4], W[k + 5]
     o = ip * w + ip
     F[o] += xx
@@ -136,9 +136,9 @@ def add_pose(W: Array, k: int, e0: float, e1: float, e2: float, F: Array, w: int
 
 @compiled
 def add_link(g: Graph, k: int, F: Array, w: int, ia: int, ib: int) -> None:
-    """Link `k` into front F, its poses' scalars from rows `ia` and `ib` on.
+    """Adds link `k` to front F, its poses' scalars from rows `ia` and `ib` on.
 
-    It says that b = G a + offset, G = [1, 0, gx; 0, 1, gy; 0, 0, 1], with its information W: see `_links`.
+    The link is b = G a + offset, G = [1, 0, gx; 0, 1, gy; 0, 0, 1], with its information W: see `_links`.
     """
     W = g.linked[k]
     before, after = g.links[k, A], g.links[k, B]

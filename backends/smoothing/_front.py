@@ -1,7 +1,7 @@
-"""Eliminating cliques: a front is summed from factors and children, eliminated, and kept as [R d] and an update matrix.
+"""Elimination of cliques: a front is summed from factors and children, eliminated, and stored as [R d] and an update.
 
-So is the root, anew at every step, with the last pose last: its offset and its covariance follow from the last rows.
-That part of the root which comes from cliques that do not know the pose is kept summed (`rest`).
+The root likewise, again at every step, with the last pose last: its offset and its covariance follow from the last
+rows. The part of the root from cliques that do not contain the pose is stored summed (`rest`).
 """
 
 import numpy as np
@@ -47,9 +47,9 @@ from ._links import inverse, motion_offset
 
 @compiled
 def places(g: Graph, c: int) -> int:
-    """Where the scalars of clique `c`'s separators stand, by their variables' PLACE, into `spots`; how many.
+    """Writes the rows of clique `c`'s separators in its parent, by their variables' PLACE, to `spots`; their number.
 
-    The second half of `spots` has for each scalar the end of the run of those that stand next to one another.
+    The second half of `spots` has for each scalar the end of the run of adjacent ones.
     """
     n = 0
     start, half = g.cliques[c, LISTED], len(g.spots) // 2
@@ -69,7 +69,7 @@ def places(g: Graph, c: int) -> int:
 
 @compiled
 def add_child(g: Graph, c: int, F: Array, w: int) -> None:
-    """Clique `c`'s update matrix into front F, whose rows have `w` numbers."""
+    """Adds clique `c`'s update matrix to front F, whose rows have `w` numbers."""
     n, half = places(g, c), len(g.spots) // 2
     o = g.cliques[c, UPDATE]
     spots, numbers = g.spots, g.reals
@@ -93,7 +93,7 @@ def add_child(g: Graph, c: int, F: Array, w: int) -> None:
 
 @compiled
 def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
-    """What was sighted from a pose into front F."""
+    """Adds the sightings from a pose to front F."""
     ip = g.variables[pose, PLACE]
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
         landmark = g.sightings[s, LANDMARK]
@@ -103,7 +103,7 @@ def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
 
 @compiled
 def add_prior(g: Graph, F: Array, w: int) -> None:
-    """The belief at step 0, a motion and its covariance from nowhere, into front F."""
+    """Adds the prior at step 0, stored as a motion and its covariance, to front F."""
     p = g.steps[0]
     e = motion_offset(0.0, 0.0, 0.0, p[9], p[10], p[11], p[0], p[1], p[2])
     W = np.empty(6)
@@ -115,11 +115,11 @@ def add_prior(g: Graph, F: Array, w: int) -> None:
 
 @compiled
 def refresh_given(g: Graph, c: int) -> None:
-    """The right-hand side of a given map's information: what it says of offsets from where its landmarks are now."""
+    """Updates the right-hand side of a given map's information to its landmarks' present positions."""
     start, n = g.cliques[c, LISTED], g.cliques[c, MEMBERS]
     o, f = g.cliques[c, UPDATE], g.cliques[c, FACTOR]
     m = 2 * n
-    off = g.work  # the root's front is made anew after this
+    off = g.work  # the root's front is rebuilt after this
     for i in range(m):
         off[i] = g.reals[f + i] - g.values[g.ints[start + i // 2], i % 2]
         off[m + i] = 0.0
@@ -141,14 +141,14 @@ def refresh_given(g: Graph, c: int) -> None:
 
 @compiled
 def damp(g: Graph, F: Array, w: int, n: int) -> None:
-    """Levenberg's damping on the diagonal of front F's first `n` rows, which are eliminated."""
+    """Adds Levenberg's damping to the diagonal of front F's first `n` rows, which are eliminated."""
     for i in range(n):
         F[i * w + i] += g.settings[DAMPING]
 
 
 @compiled
 def eliminate(g: Graph, c: int) -> None:
-    """Sum clique `c`'s front and eliminate it."""
+    """Sums clique `c`'s front and eliminates it."""
     q = g.cliques[c]
     if q[FRONTALS] == 0:
         refresh_given(g, c)
@@ -192,7 +192,7 @@ def eliminate(g: Graph, c: int) -> None:
 
 @compiled
 def sum_rest(g: Graph, w: int) -> None:
-    """Sum what the root has from cliques that do not know its pose; `w` numbers to a row."""
+    """Sums the root's part from cliques that do not contain its pose; `w` numbers per row."""
     n = 2 * g.state[ROOT]
     for i in range(n):
         g.rest[i * w + i : i * w + n] = 0.0
@@ -207,7 +207,7 @@ def sum_rest(g: Graph, w: int) -> None:
 
 @compiled
 def factor_root(g: Graph) -> int:
-    """The root's [R d] in `work`, the pose last; its scalars."""
+    """Computes the root's [R d] in `work`, the pose last; returns its number of scalars."""
     n = 2 * g.state[ROOT]
     pose = g.state[LAST]
     m = n + 3
@@ -238,10 +238,10 @@ def factor_root(g: Graph) -> int:
 
 @compiled
 def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
-    """y[:rows] of R y = d, the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
+    """Solves R y = d for y[:rows], the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
     for i in range(rows - 1, -1, -1):
         b = o + i * (m + 1)
-        s0 = s1 = s2 = s3 = 0.0  # four sums at a time: one alone waits for each addition
+        s0 = s1 = s2 = s3 = 0.0  # four sums at a time: a single one waits for each addition
         j = i + 1
         while j + 3 < m:
             s0 += R[b + j] * y[j]
@@ -290,7 +290,7 @@ def last_three(F: Array, m: int, off: Array, cov: Array) -> None:
 
 @compiled
 def solve(g: Graph, pose: Array, cov: Array) -> bool:
-    """Eliminate what is to do, and the root; the last pose and its covariance. False where J is flat somewhere."""
+    """Eliminates pending cliques and the root; writes the last pose and its covariance. False where J is flat."""
     for t in range(g.state[TODO]):
         eliminate(g, g.todo[t])
         if g.state[FAILED]:

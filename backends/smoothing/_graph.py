@@ -1,10 +1,10 @@
-"""The arrays of a smoother: tables that grow, two arenas for what cliques keep, and the names of all columns.
+"""The arrays of a smoother: tables that grow, two arenas for the cliques' data, and the names of all columns.
 
-A variable is a landmark, of two scalars, or the pose of a step at which something was sighted, of three. Steps without
-sightings are no variables: the motions between two poses are one factor, a link (see `_links`). A clique is a set of
-variables that were eliminated together; it keeps [R d] of these, its frontals, and its update matrix, which is what is
-left over for its separators and is summed into its parent. Whatever is not eliminated is the root: the last pose and
-the landmarks about it.
+A variable is a landmark, of two scalars, or the pose of a step with sightings, of three. Steps without sightings are
+not variables: the motions between two poses are one factor, a link (see `_links`). A clique is a set of variables that
+were eliminated together; it stores [R d] of these, its frontals, and its update matrix, the Schur complement on its
+separators, which is summed into its parent. The variables that are not eliminated form the root: the last pose and the
+landmarks around it.
 """
 
 from ...frontend.compiled import compiled
@@ -12,26 +12,26 @@ from .._arrays import Arrays, Integers, IntegerTable, Numbers, Table, at
 
 
 class Graph(Arrays):
-    """All arrays of a smoother; in each, more rows than are in use."""
+    """All arrays of a smoother; each has spare rows."""
 
     state: Integers  # (STATE,) counts and heads of lists
     variables: IntegerTable  # (V, 9)
     values: Table  # (V, 3) linearisation points: x, y (m), heading (rad)
     sightings: IntegerTable  # (S, 2)
-    seen: Table  # (S, 5) range, bearing, and the information of both: rr, rb, bb
+    seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     links: IntegerTable  # (K, 5)
     linked: Table  # (K, 18)
     steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
-    at: Integers  # (T,) the variable of a step's pose, or NO_VARIABLE less the link that it is in
+    at: Integers  # (T,) the variable of a step's pose, or NO_VARIABLE minus the link containing it
     cliques: IntegerTable  # (C, 12)
     ints: Integers  # arena: variables and links of cliques
     reals: Numbers  # arena: [R d] and update matrices
     free: IntegerTable  # (2, CLASSES) heads of lists of free blocks, by size
     root: Integers  # landmarks in the root
     todo: Integers  # (C,) cliques to eliminate, children before parents
-    rest: Numbers  # what the root has from cliques that do not know its pose
+    rest: Numbers  # the root's part from cliques that do not contain its pose
     work: Numbers  # one front; between calls, the root's [R d]
-    spots: Integers  # where a clique's separators stand in its parent's front: see `_front.places`
+    spots: Integers  # rows of a clique's separators in its parent's front: see `_front.places`
     settings: Numbers  # (8,) robust loss and its scale; range of the furthest sighting; see below for the rest
 
 
@@ -43,30 +43,30 @@ VARIABLES, SIGHTINGS, LINKS, STEPS, CLIQUES, SPARE, INTS, REALS, STAMP, ROOT, NE
 TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, DSYRK, STATE = range(13, 24)
 # variables; CLIQUE is 0 in the root, SLOT -1 outside it
 WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP = range(9)
-# sightings; no landmark: it is held back
+# sightings; without landmark: held back
 LANDMARK, POSE = range(2)
 # links: from A to B; of a loop closure LOOP is 1
 A, B, NEXT_A, NEXT_B, LOOP = range(5)
-# linked: what the link says of B's offset, its information, and a loop closure's motion and covariance
+# linked: the measured offset of B, its information, and a loop closure's motion and covariance
 OFFSET, INFORMATION, MOTION, COVARIANCE = 0, 3, 9, 12
-# settings; LATEST is the estimate of the last pose, and it is linearised there if it is off by more than ENOUGH
+# settings; LATEST is the estimate of the last pose, the new linearisation point if it is off by more than ENOUGH
 LOSS, SCALE, FURTHEST, DAMPING, LATEST, ENOUGH = 0, 1, 2, 3, 4, 7
 # steps
 DELTA, NOISE, POINT = 0, 3, 9
-# cliques: of variables MEMBERS, the first of them FRONTALS; of scalars SIZE, the first of them FRONT
+# cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal
 PARENT, FRONTALS, MEMBERS, FRONT, SIZE, BOUND, LISTED, FACTOR, UPDATE, CHILD, NEXT, FLAG = range(12)
 
 NO_VARIABLE = -1
 PENDING = -(2**62)
-"""In `at`: the step's link is not made yet."""
+"""In `at`: the step's link does not exist yet."""
 
 CLASSES = 250
-"""Sizes of blocks in an arena, four from each power of two to the next."""
+"""Number of block sizes in an arena, four per power of two."""
 
 
 @compiled
 def rounded(n: int) -> tuple[int, int]:
-    """The class of a block of `n` entries, and its size."""
+    """The size class of a block of `n` entries, and its size."""
     n = max(n, 8)
     k = 3
     while (1 << (k + 1)) <= n:
@@ -78,7 +78,7 @@ def rounded(n: int) -> tuple[int, int]:
 
 @compiled
 def reserve_ints(g: Graph, n: int) -> int:
-    """Where a block of `n` integers begins; there has to be room."""
+    """Allocates a block of `n` integers; there must be room. Returns its start."""
     kind, size = rounded(n)
     at = g.free[0, kind]
     if at >= 0:
@@ -91,7 +91,7 @@ def reserve_ints(g: Graph, n: int) -> int:
 
 @compiled
 def reserve_reals(g: Graph, n: int) -> int:
-    """Where a block of `n` numbers begins; there has to be room."""
+    """Allocates a block of `n` numbers; there must be room. Returns its start."""
     kind, size = rounded(n)
     at = g.free[1, kind]
     if at >= 0:
@@ -104,7 +104,7 @@ def reserve_reals(g: Graph, n: int) -> int:
 
 @compiled
 def release_ints(g: Graph, at: int, n: int) -> None:
-    """The block of `n` integers at `at` is free."""
+    """Frees the block of `n` integers at `at`."""
     kind, _ = rounded(n)
     g.ints[at] = g.free[0, kind]
     g.free[0, kind] = at
@@ -112,7 +112,7 @@ def release_ints(g: Graph, at: int, n: int) -> None:
 
 @compiled
 def release_reals(g: Graph, at: int, n: int) -> None:
-    """The block of `n` numbers at `at` is free."""
+    """Frees the block of `n` numbers at `at`."""
     kind, _ = rounded(n)
     g.reals[at] = g.free[1, kind]
     g.free[1, kind] = at
@@ -120,5 +120,5 @@ def release_reals(g: Graph, at: int, n: int) -> None:
 
 @compiled
 def triangle(n: int) -> int:
-    """Numbers of an update matrix over `n` scalars, its right-hand side included."""
+    """Numbers in an update matrix over `n` scalars, its right-hand side included."""
     return n * (n + 3) // 2

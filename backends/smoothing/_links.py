@@ -1,12 +1,12 @@
-"""Motions one after another as one factor between two poses, in covariance form; and the poses in between.
+"""Consecutive motions as one factor between two poses, in covariance form; and the poses in between.
 
-Linearised about poses a and b, a motion says that b's offset is G times a's plus an offset plus noise, where
+Linearised about poses a and b, a motion states that b's offset is G times a's plus an offset plus noise, where
 
     G = [1, 0, -(yb - ya); 0, 1, xb - xa; 0, 0, 1]
 
-depends on the two places alone (Smith, Self and Cheeseman's compounding), so that these multiply to the same form. The
-noise's covariance is summed up forwards, as dead reckoning's is, which loses no digits however long the way: summed up
-in information form, the difference of two nearly equal matrices at every step would be all that is left.
+depends on the two positions alone (Smith, Self and Cheeseman's compounding), so that products have the same form. The
+noise's covariance is propagated forwards, as in dead reckoning, which loses no precision on long ways: in information
+form every step would leave the difference of two nearly equal matrices.
 """
 
 from math import cos, sin, sqrt
@@ -32,7 +32,7 @@ def moved_on(S: Array, gx: float, gy: float) -> None:
 
 @compiled
 def add_turned(S: Array, c: float, s: float, Q: Array, k: int) -> None:
-    """S += R Q R' for Q[k : k + 6], R turning by the angle of cosine `c` and sine `s`."""
+    """S += R Q R' for Q[k : k + 6], R the rotation of cosine `c` and sine `s`."""
     xx, xy, xt, yy, yt, tt = Q[k], Q[k + 1], Q[k + 2], Q[k + 3], Q[k + 4], Q[k + 5]
     S[0] += c * c * xx - 2 * c * s * xy + s * s * yy
     S[1] += c * s * (xx - yy) + (c * c - s * s) * xy
@@ -44,7 +44,7 @@ def add_turned(S: Array, c: float, s: float, Q: Array, k: int) -> None:
 
 @compiled
 def inverse(S: Array, i: int, W: Array, k: int) -> bool:
-    """W[k : k + 6] = S^-1 for a covariance S[i : i + 6], by its Cholesky factor; False where that is not one."""
+    """W[k : k + 6] = S^-1 for a covariance S[i : i + 6], by its Cholesky factor; False where it is indefinite."""
     if not S[i] > 0.0:
         return False
     a = 1.0 / sqrt(S[i])
@@ -74,14 +74,14 @@ def inverse(S: Array, i: int, W: Array, k: int) -> bool:
 def motion_offset(
     x: float, y: float, heading: float, x2: float, y2: float, heading2: float, dx: float, dy: float, turn: float
 ) -> tuple[float, float, float, float, float]:
-    """How far the motion from one pose ends from the other, in the world; cosine and sine of the first heading."""
+    """Offset in the world of the motion's end, from one pose, to the other; cosine and sine of the first heading."""
     c, s = cos(heading), sin(heading)
     return x + c * dx - s * dy - x2, y + s * dx + c * dy - y2, wrap(heading + turn - heading2), c, s
 
 
 @compiled
 def carry(g: Graph, k: int, off: Array, S: Array) -> None:
-    """Take offset `off` (3,) and covariance S (6,) of step k - 1 to step k."""
+    """Propagates offset `off` (3,) and covariance S (6,) of step k - 1 to step k."""
     p, q = g.steps[k - 1], g.steps[k]
     x, y, heading, x2, y2 = p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1]
     e0, e1, e2, c, s = motion_offset(x, y, heading, x2, y2, q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2])
@@ -95,7 +95,7 @@ def carry(g: Graph, k: int, off: Array, S: Array) -> None:
 
 @compiled
 def relink(g: Graph, k: int) -> bool:
-    """Linearise link `k` where its poses are; False where its covariance is not positive definite."""
+    """Linearises link `k` at its poses; False where its covariance is not positive definite."""
     first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
     L = g.linked[k]
     S = np.zeros(6)
@@ -133,11 +133,11 @@ def gain(S: Array, N: Array, K: Array) -> bool:
 
 @compiled
 def inner(g: Graph, first: int, last: int, out: Array) -> None:
-    """How the poses between steps `first` and `last` follow from those two: rows of `out` (last - first - 1, 27).
+    """Interpolation of the poses between steps `first` and `last`: rows of `out` (last - first - 1, 27).
 
-    The offset of the pose in row i is Ga a + Gb b + h, a and b being those of the two, with a covariance C left: in a
-    row there are Ga (9), Gb (9), h (3) and C (6). What the way to the pose and the way from it say of it is weighed by
-    their covariances S and N: the gain is K = S (S + N)^-1, and C = K N.
+    The offset of the pose in row i is Ga a + Gb b + h, a and b being those of the two, with a covariance C left: a row
+    has Ga (9), Gb (9), h (3) and C (6). The way to the pose and the way from it are weighted by their covariances S and
+    N: the gain is K = S (S + N)^-1, and C = K N.
     """
     n = last - first - 1
     S, off, K = np.zeros(6), np.zeros(3), np.empty((3, 3))
@@ -147,7 +147,7 @@ def inner(g: Graph, first: int, last: int, out: Array) -> None:
             out[i, j] = S[j]
         for j in range(3):
             out[i, 18 + j] = off[j]
-    N, back = np.zeros(6), np.zeros(3)  # of the pose as seen from `last`
+    N, back = np.zeros(6), np.zeros(3)  # of the pose relative to `last`
     ax, ay = g.steps[first, POINT], g.steps[first, POINT + 1]
     bx, by = g.steps[last, POINT], g.steps[last, POINT + 1]
     for i in range(n - 1, -1, -1):

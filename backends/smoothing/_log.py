@@ -1,4 +1,4 @@
-"""Writing down what a step brings: its motion, pose, sightings and links."""
+"""Adds a step's data: its motion, pose, sightings and links."""
 
 from math import cos, sin
 
@@ -40,7 +40,7 @@ from ._links import add_turned, moved_on, relink
 
 @compiled
 def covariance_of(S: Array, k: int, C: Array) -> None:
-    """C (3, 3) from its six numbers S[k : k + 6]."""
+    """Expands six numbers S[k : k + 6] to C (3, 3)."""
     C[0, 0], C[0, 1], C[0, 2] = S[k], S[k + 1], S[k + 2]
     C[1, 0], C[1, 1], C[1, 2] = S[k + 1], S[k + 3], S[k + 4]
     C[2, 0], C[2, 1], C[2, 2] = S[k + 2], S[k + 4], S[k + 5]
@@ -48,7 +48,7 @@ def covariance_of(S: Array, k: int, C: Array) -> None:
 
 @compiled
 def six(C: Array, row: int, S: Array, k: int) -> None:
-    """S[k : k + 6], the six numbers of C[row : row + 3] (3, 3)."""
+    """Stores C[row : row + 3] (3, 3) as six numbers S[k : k + 6]."""
     a, b, c = C[row], C[row + 1], C[row + 2]
     S[k], S[k + 1], S[k + 2] = a[0], (a[1] + b[0]) / 2, (a[2] + c[0]) / 2
     S[k + 3], S[k + 4], S[k + 5] = b[1], (b[2] + c[1]) / 2, c[2]
@@ -56,10 +56,9 @@ def six(C: Array, row: int, S: Array, k: int) -> None:
 
 @compiled
 def move(g: Graph, motion: Array, pose: Array, cov: Array) -> None:
-    """Write the next step down, and take the last pose (3,) and its covariance (3, 3) to it by its motion.
+    """Stores the next step, and propagates the last pose (3,) and its covariance (3, 3) by its motion.
 
-    `motion` (4, 3) is the motion and its covariance. At step 0 the belief there stands in its place, and `pose` and
-    `cov` are the same.
+    `motion` (4, 3) is the motion and its covariance. At step 0 it is the prior, and `pose` and `cov` are the same.
     """
     k = g.state[STEPS]
     g.state[STEPS] = k + 1
@@ -82,7 +81,7 @@ def move(g: Graph, motion: Array, pose: Array, cov: Array) -> None:
 
 @compiled
 def add_variable(g: Graph, width: int, x: float, y: float, heading: float) -> int:
-    """A variable of `width` scalars, 0 where it is held fixed."""
+    """Adds a variable of `width` scalars, 0 if it is held fixed."""
     v = g.state[VARIABLES]
     g.state[VARIABLES] = v + 1
     row = g.variables[v]
@@ -94,7 +93,7 @@ def add_variable(g: Graph, width: int, x: float, y: float, heading: float) -> in
 
 @compiled
 def add_pose_at(g: Graph, k: int) -> int:
-    """The pose of step `k` becomes a variable."""
+    """Makes the pose of step `k` a variable."""
     q = g.steps[k]
     v = add_variable(g, 3, q[POINT], q[POINT + 1], q[POINT + 2])
     g.variables[v, STEP] = k
@@ -105,7 +104,7 @@ def add_pose_at(g: Graph, k: int) -> int:
 
 @compiled
 def hang(g: Graph, k: int) -> None:
-    """Put link `k` into the lists of its poses."""
+    """Adds link `k` to the lists of its poses."""
     a, b = g.links[k, A], g.links[k, B]
     g.links[k, NEXT_A], g.variables[a, LINK] = g.variables[a, LINK], k
     g.links[k, NEXT_B], g.variables[b, LINK] = g.variables[b, LINK], k
@@ -113,7 +112,7 @@ def hang(g: Graph, k: int) -> None:
 
 @compiled
 def unhang(g: Graph, k: int, v: int) -> None:
-    """Take link `k` out of variable `v`'s list."""
+    """Removes link `k` from variable `v`'s list."""
     last, one = -1, g.variables[v, LINK]
     while one >= 0:
         after = g.links[one, NEXT_A if g.links[one, A] == v else NEXT_B]
@@ -128,7 +127,7 @@ def unhang(g: Graph, k: int, v: int) -> None:
 
 @compiled
 def add_link_between(g: Graph, a: int, b: int) -> bool:
-    """The motions from pose `a` to pose `b`, a later one, as a link; False where they are no covariance."""
+    """Adds the motions from pose `a` to a later pose `b` as a link; False where their covariance is indefinite."""
     k = g.state[LINKS]
     g.state[LINKS] = k + 1
     g.links[k, A], g.links[k, B], g.links[k, LOOP] = a, b, 0
@@ -140,7 +139,7 @@ def add_link_between(g: Graph, a: int, b: int) -> bool:
 
 @compiled
 def add_pose_after(g: Graph, before: int, k: int) -> int:
-    """The pose of step `k` as a variable, linked to the one before it unless that is NO_VARIABLE.
+    """Adds the pose of step `k` as a variable, linked to the one before it unless that is NO_VARIABLE.
 
     Returns NO_VARIABLE where the motions between the two have no covariance.
     """
@@ -152,10 +151,10 @@ def add_pose_after(g: Graph, before: int, k: int) -> int:
 
 @compiled
 def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple[int, int]:
-    """Write down sightings from the newest pose; how many are of landmarks that are eliminated, and of new ones.
+    """Adds sightings from the newest pose; returns how many are of eliminated landmarks, and of new ones.
 
-    `landmarks` (k,) are variables, or NO_VARIABLE for what is held back; `seen` has range, bearing and the covariance
-    of both in its first k rows.
+    `landmarks` (k,) are variables, or NO_VARIABLE if held back; `seen` has range, bearing and their covariance in its
+    first k rows.
     """
     s = g.state[SIGHTINGS]
     outside = fresh = 0
@@ -180,7 +179,7 @@ def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple
 
 @compiled
 def split(g: Graph, step: int) -> int:
-    """The pose of a step in the middle of a link becomes a variable, and the link two."""
+    """Makes the pose of a step inside a link a variable, and splits the link."""
     k = NO_VARIABLE - 1 - g.at[step]
     b = g.links[k, B]
     v = add_pose_at(g, step)
@@ -194,7 +193,7 @@ def split(g: Graph, step: int) -> int:
 
 @compiled
 def add_loop(g: Graph, a: int, b: int, delta: Array, cov: Array) -> bool:
-    """A loop closure, where pose `b` stands seen from pose `a`; False where its covariance is none."""
+    """Adds a loop closure, pose `b` relative to pose `a`; False where its covariance is indefinite."""
     k = g.state[LINKS]
     g.state[LINKS] = k + 1
     g.links[k, A], g.links[k, B], g.links[k, LOOP] = a, b, 1

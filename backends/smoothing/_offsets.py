@@ -1,4 +1,4 @@
-"""Solving for all offsets, and where they take path and variables."""
+"""Solves for all offsets, and applies them to path and variables."""
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def top_down(g: Graph) -> Ints:
 
 @compiled
 def offsets(g: Graph, order: Ints, out: Array) -> None:
-    """What all variables are off from where they are linearised, (V, 3); `order` has parents before their children."""
+    """Offsets of all variables from their linearisation points, (V, 3); `order` has parents before their children."""
     m = 2 * g.state[ROOT] + 3
     y = np.empty(len(g.spots) + 3)
     solve_rows(g.work, 0, m, m, y)
@@ -86,7 +86,7 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
 
 @compiled
 def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
-    """The same of the steps, (T, 3), zeros so far: of variables, and between two of which one is off by a threshold."""
+    """Likewise of the steps, (T, 3), initially zero: of variables, and between two if one is off by a threshold."""
     rows = np.empty((64, 27))
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] == 3:
@@ -119,9 +119,9 @@ def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
 def candidate(
     g: Graph, off: Array, steps_off: Array, share: float, threshold: float, path: Array, values: Array
 ) -> tuple[float, float]:
-    """Path (T, 3) and values (V, 3) a `share` of the way to where they should be; how far the furthest has to go.
+    """Path (T, 3) and values (V, 3) moved by a `share` of their offsets; returns the largest offsets.
 
-    That is the largest offset (m, rad) and the largest of a heading.
+    These are the largest of all (m, rad) and the largest of a heading.
     """
     most = turn = 0.0
     n = g.variables[g.state[LAST], STEP] + 1
@@ -133,7 +133,7 @@ def candidate(
         for i in range(3):
             path[k, i] = g.steps[k, POINT + i] + go * o[i]
         path[k, 2] = wrap(path[k, 2])
-    for k in range(n, g.state[STEPS]):  # after the last variable: as the motions have it
+    for k in range(n, g.state[STEPS]):  # after the last variable: propagated by the motions
         p, q, d = path[k - 1], path[k], g.steps[k]
         e = motion_offset(p[0], p[1], p[2], 0.0, 0.0, 0.0, d[0], d[1], d[2])
         q[0], q[1], q[2] = e[0], e[1], e[2]

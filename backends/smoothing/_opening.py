@@ -1,4 +1,4 @@
-"""What has to be ordered anew for another root: which landmarks it gets, what is opened for them, and what stays."""
+"""Selects what to reorder for a new root: its landmarks, the cliques to open, and those that stay."""
 
 import numpy as np
 
@@ -32,11 +32,11 @@ from ._quotient import longer
 
 @compiled
 def about(g: Graph, x: int, radius: float, most: int, some: Ints) -> Ints:
-    """Landmarks `some`, then those within `radius` (m) of pose `x`, the nearest first, up to `most` in all."""
+    """Landmarks `some`, then those within `radius` (m) of pose `x`, nearest first, up to `most` in all."""
     stamp = g.state[STAMP] + 1
     g.state[STAMP] = stamp
     n, room = len(some), max(most, len(some))
-    out, far = np.empty(room, np.int64), np.empty(room)  # sorted by insertion: they are few
+    out, far = np.empty(room, np.int64), np.empty(room)  # insertion sort: they are few
     for i in range(n):
         out[i] = some[i]
         g.variables[some[i], MARK] = stamp
@@ -57,7 +57,7 @@ def about(g: Graph, x: int, radius: float, most: int, some: Ints) -> Ints:
 
 @compiled
 def sighted(g: Graph, pose: int) -> Ints:
-    """The landmarks sighted from a pose that are variables."""
+    """The variables among the landmarks sighted from a pose."""
     out = np.empty(g.variables[pose, END] - g.variables[pose, FIRST], np.int64)
     n = 0
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
@@ -87,7 +87,7 @@ def opened(g: Graph, wanted: Ints, touched: Ints) -> Ints:
 
 @compiled
 def take(g: Graph, v: int, out: Ints, n: int) -> int:
-    """Variable `v` is concerned, if it was not yet; how many are."""
+    """Appends variable `v` if it is not listed yet; returns the new count."""
     if g.variables[v, MARK] == g.state[STAMP]:
         return n
     g.variables[v, MARK], g.variables[v, PLACE] = g.state[STAMP], n
@@ -97,7 +97,7 @@ def take(g: Graph, v: int, out: Ints, n: int) -> int:
 
 @compiled
 def concerned(g: Graph, x: int, wanted: Ints, touched: Ints, open_: Ints, everything: bool) -> tuple[Ints, int]:
-    """The variables to order: `wanted` and `x`, which are kept, first; how many these are."""
+    """The variables to order, kept ones first, `wanted` and `x`; and the number of these."""
     most = len(wanted) + len(touched) + 2 + g.state[ROOT]
     for t in range(len(open_)):
         most += g.cliques[open_[t], FRONTALS]

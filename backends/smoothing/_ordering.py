@@ -1,4 +1,4 @@
-"""In which order to eliminate: approximate minimum degree on the quotient graph (see `_quotient`)."""
+"""Elimination ordering: approximate minimum degree on the quotient graph (see `_quotient`)."""
 
 import numpy as np
 
@@ -37,9 +37,9 @@ HEAD = 6
 
 @compiled
 def write(Q: Quotient, p: int, front: Ints, gone: Ints, lost: int, out: Ints, at: int) -> tuple[int, int, int]:
-    """Write the new clique, which absorbs gone[:lost], to out[at:]: its counts, variables, links and children.
+    """Writes the new clique, which absorbs gone[:lost], to out[at:]: its counts, variables, links and children.
 
-    Returns where that ends, and its frontal and all its scalars.
+    Returns the end of that, and its frontal and all its scalars.
     """
     V, E = Q.variables, Q.elements
     frontals, bound, size, eliminated = 1, 0, V[p, WIDTH], V[p, WIDTH]
@@ -79,12 +79,12 @@ def write(Q: Quotient, p: int, front: Ints, gone: Ints, lost: int, out: Ints, at
 
 @compiled
 def plan(g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool) -> tuple[Ints, Ints, int, Ints, Ints]:
-    """Order what has to be opened for the root to become pose `x` and the landmarks `wanted`.
+    """Orders everything that must be opened for the root to become pose `x` and the landmarks `wanted`.
 
     Besides the wanted ones, the variables `touched` have new factors, or are new and are to be eliminated. Returns the
-    cliques to open; the new ones, one after another: counts of frontals, variables, links and children, frontal
-    scalars and all, then variables, links and children, of which -1 - i is the i-th new clique; how many they are; the
-    root's children; and what room they need: integers, numbers, scalars of the widest, work.
+    cliques to open; the new ones, one after another: counts of frontals, variables, links and children, frontal scalars
+    and all, then variables, links and children, of which -1 - i is the i-th new clique; their number; the root's
+    children; and the room needed: integers, numbers, scalars of the widest, work.
     """
     open_ = opened(g, wanted, touched)
     if everything:

@@ -1,13 +1,13 @@
 """The quotient graph of an elimination: variables, and elements, which are sets of them (Amestoy, Davis, Duff 1996).
 
-An element is a set of variables that will be in one front: a link, or what a clique that stays, or one that is new, has
-left over. A variable that is eliminated absorbs the elements it is in, and they are what its clique is summed from; so
-the order, and which clique is whose child, come out of one pass. Sightings are no elements: they are known to their
-pose alone, and a landmark waits until its poses are gone. A factor must be absorbed by a clique that eliminates one of
-its variables, or it would be counted again when that clique is opened.
+An element is a set of variables that will be in one front: a link, or the separators of a clique, old or new. An
+eliminated variable absorbs its elements, and its clique is summed from them; so the order and the tree of cliques
+result from one pass. Sightings are not elements: they are known to their pose alone, and a landmark waits until its
+poses are eliminated. A factor must be absorbed by a clique that eliminates one of its variables, or it would be counted
+again when that clique is opened.
 
-The degree of a variable is bounded from above by the sum over its elements of what they have beside the front that was
-just eliminated. A variable with none beside it goes with that front.
+The degree of a variable is bounded from above by the sum over its elements of their variables outside the front just
+eliminated. A variable with none outside is eliminated with that front.
 """
 
 from typing import NamedTuple
@@ -20,22 +20,21 @@ from . import _graph
 from ._graph import Graph
 
 MOST = 2000
-"""Scalars from which on degrees are not told apart, in an elimination of few variables; in others it is their number.
-"""
+"""Scalars from which degrees are not distinguished, or three times the number of variables if that is more."""
 
-# variables: NAME in the graph; MANY elements from FIRST on; landmarks from SEES up to the next one's; how many poses it
-# waits for; its degree, and how it stands in the list of those of its degree
+# variables: NAME in the graph; MANY elements from FIRST on; landmarks from SEES up to the next one's; number of poses
+# it waits for; its degree, and its links in the list of that degree
 NAME, WIDTH, FIRST, MANY, SEES, WAITS, DEGREE, LISTED, BEFORE, AFTER, COLUMNS = range(11)
-# LISTED: in a list, or goes with another
+# LISTED: in a list, or merged with another
 LISTED_NOW, MERGED = 1, 2
-# elements: a clique that stays, a link or a new clique, NAMED so; in `pool`, COUNT variables from START on; how many
-# scalars these are, and how many of them are BESIDE the front of variable FOR
+# elements: KIND, an old clique, a link or a new clique NAMED; in `pool`, COUNT variables from START on; their scalars,
+# and how many of these are outside (BESIDE) the front of variable FOR
 KIND, NAMED, START, COUNT, SIZE, ALIVE, BESIDE, FOR, FIELDS = range(9)
 OLD, BINDING, NEW = range(3)
 
 
 class Quotient(NamedTuple):
-    """The graph; of its variables, those that are kept come first."""
+    """The graph; kept variables come first."""
 
     variables: Ints  # (n + 1, COLUMNS)
     elements: Ints  # (e, FIELDS)
@@ -63,7 +62,7 @@ def next_link(g: Graph, k: int, v: int) -> int:
 
 @compiled
 def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, Ints, int, int]:
-    """The graph to begin with; the variables of its elements, how many numbers that is, and how many elements."""
+    """The initial graph; the variables of its elements, the size of these, and the number of elements."""
     n, stamp = len(names), g.state[_graph.STAMP]
     V = np.zeros((n + 1, COLUMNS), np.int64)
     numbers = bound = looks = 0
@@ -135,14 +134,14 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, In
 
 @compiled
 def begin(E: Ints, e: int, kind: int, named: int, start: int, count: int, size: int) -> None:
-    """Element `e` is there."""
+    """Initialises element `e`."""
     E[e, KIND], E[e, NAMED], E[e, START], E[e, COUNT], E[e, SIZE], E[e, ALIVE] = kind, named, start, count, size, 1
     E[e, FOR] = -1
 
 
 @compiled
 def enlist(Q: Quotient, i: int, degree: int) -> None:
-    """Variable `i` is first in the list of its degree."""
+    """Puts variable `i` first in the list of its degree."""
     V, d = Q.variables, min(degree, len(Q.heads) - 1)
     V[i, DEGREE], V[i, LISTED], V[i, BEFORE], V[i, AFTER] = d, LISTED_NOW, -1, Q.heads[d]
     if Q.heads[d] >= 0:
@@ -152,7 +151,7 @@ def enlist(Q: Quotient, i: int, degree: int) -> None:
 
 @compiled
 def delist(Q: Quotient, i: int) -> None:
-    """Variable `i` is in no list."""
+    """Removes variable `i` from its list."""
     V = Q.variables
     before, after = V[i, BEFORE], V[i, AFTER]
     if before >= 0:
@@ -166,9 +165,9 @@ def delist(Q: Quotient, i: int) -> None:
 
 @compiled
 def absorb(Q: Quotient, p: int, pool: Ints, top: int, near: Ints, gone: Ints) -> tuple[int, int]:
-    """Variable `p`'s elements are no more: their other variables, into pool[top:], have `near` = p.
+    """Absorbs variable `p`'s elements: their other variables, into pool[top:], have `near` = p.
 
-    Returns how many those are, and how many elements `gone` has.
+    Returns their number, and the number of elements in `gone`.
     """
     V, E = Q.variables, Q.elements
     k = n = 0
@@ -198,7 +197,7 @@ def absorb(Q: Quotient, p: int, pool: Ints, top: int, near: Ints, gone: Ints) ->
 
 @compiled
 def measure(Q: Quotient, p: int, front: Ints) -> None:
-    """How many scalars each element of the front's variables has beside it."""
+    """Counts the scalars of each element of the front's variables outside the front."""
     V, E = Q.variables, Q.elements
     for u in range(len(front)):
         i = front[u]
@@ -212,7 +211,7 @@ def measure(Q: Quotient, p: int, front: Ints) -> None:
 
 @compiled
 def review(Q: Quotient, p: int, front: Ints, near: Ints, kept: int, gone: Ints, n: int) -> int:
-    """The degrees of the front's variables beside it; a clique that has nothing beside it is absorbed, too."""
+    """Updates the degrees of the front's variables; a clique with nothing outside the front is absorbed, too."""
     V, E = Q.variables, Q.elements
     for u in range(len(front)):
         i = front[u]

@@ -1,9 +1,9 @@
-"""Moving linearisation points: of all that is off by too much, and of the last pose just before it is eliminated.
+"""Moves linearisation points: of all variables that are off by too much, and of the last pose before its elimination.
 
-That pose was put where the motion before it led from the estimate of that time, and what was sighted from it has moved
-it since. All factors of a variable have to be linearised at one place: with two, information appears along directions
-that nothing observes, as in an EKF (Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010). So the clique of the pose
-before, which has the motion between the two, is eliminated once more.
+That pose was initialised by the motion from the estimate of that time, and moved since by its sightings. All factors of
+a variable have to be linearised at one point: with two, information appears along unobservable directions, as in an EKF
+(Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010). So the clique of the pose before, which has the motion between the
+two, is eliminated once more.
 """
 
 import numpy as np
@@ -53,9 +53,9 @@ from ._links import relink
 
 @compiled
 def settle(g: Graph, order: Ints, path: Array, values: Array) -> tuple[int, int]:
-    """Linearise at `path` and `values`; list what is to be eliminated anew. The work of that, and of all there is.
+    """Linearises at `path` and `values`; lists what to eliminate again. Returns the work of that, and of everything.
 
-    Raises nothing: a link that is no more positive definite shows in the factorisation.
+    A link that is no longer positive definite is detected in the factorisation.
     """
     stamp = g.state[STAMP] + 1
     g.state[STAMP] = stamp
@@ -103,7 +103,7 @@ def settle(g: Graph, order: Ints, path: Array, values: Array) -> tuple[int, int]
 
 @compiled
 def flag(g: Graph, order: Ints, stamp: int, shifted: NDArray[np.bool]) -> None:
-    """Flag the cliques whose own factors have changed: those of variables marked `stamp`, and `shifted` links."""
+    """Flags the cliques whose own factors have changed: those of variables marked `stamp`, and `shifted` links."""
     for c in order:
         start, frontals, members = g.cliques[c, LISTED], g.cliques[c, FRONTALS], g.cliques[c, MEMBERS]
         changed = False
@@ -127,7 +127,7 @@ def flag(g: Graph, order: Ints, stamp: int, shifted: NDArray[np.bool]) -> None:
 
 @compiled
 def knows(g: Graph, c: int, v: int) -> bool:
-    """Whether variable `v` is a separator of clique `c`."""
+    """Tells if variable `v` is a separator of clique `c`."""
     q = g.cliques[c]
     found = False
     for t in range(q[LISTED] + q[FRONTALS], q[LISTED] + q[MEMBERS]):
@@ -137,7 +137,7 @@ def knows(g: Graph, c: int, v: int) -> bool:
 
 @compiled
 def recentre(g: Graph) -> bool:
-    """Linearise the last pose at its estimate, where it is off by enough and one small clique knows it.
+    """Linearises the last pose at its estimate, if it is off by enough and in the separator of one small clique only.
 
     False where a link's covariance is not positive definite.
     """

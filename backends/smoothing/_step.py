@@ -23,15 +23,15 @@ from ._relinearise import recentre
 from ._tree import advance
 
 DONE, FULL_ARRAYS, OUTSIDE, INDEFINITE = range(4)
-"""How a step ended: done; not begun, for want of room; written down, but a landmark is out of the root; not solved."""
+"""Outcome of a step: done; not begun, for lack of room; stored, but a landmark is outside the root; not solved."""
 
 SPARE_INTS, SPARE_REALS = 64, 4096
-"""Room in the arenas beside what a clique needs: blocks are rounded up."""
+"""Room in the arenas beyond a clique's needs: blocks are rounded up."""
 
 
 @compiled
 def has_room(g: Graph, sightings: int) -> bool:
-    """Whether a plain step of so many sightings fits into all arrays."""
+    """Tells if a plain step of that many sightings fits into all arrays."""
     state = g.state
     size = 2 * (state[ROOT] + sightings) + 6
     return (
@@ -51,11 +51,11 @@ def has_room(g: Graph, sightings: int) -> bool:
 def plain_step(
     address: int, newest: int, cap: int, motion: Array, landmarks: Ints, seen: Array, pose: Array, cov: Array
 ) -> tuple[int, int]:
-    """Go on by `motion` (4, 3), itself and its covariance, and fold in what is seen of `landmarks` (k,), variables.
+    """Applies `motion` (4, 3), itself and its covariance, and sightings of `landmarks` (k,), variables.
 
-    `address` is that of the graph. New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range,
-    bearing and their covariance; `pose` (3,) and `cov` (3, 3) become the latest. Returns how it ended, and the variable
-    of the newest pose that is one.
+    `address` is that of the graph. New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range, bearing
+    and their covariance; `pose` (3,) and `cov` (3, 3) become the latest. Returns the outcome, and the variable of the
+    newest pose that is one.
     """
     g = graph(address)
     if not has_room(g, len(landmarks)):
@@ -77,7 +77,7 @@ def plain_step(
 
 @compiled
 def root_offset(address: int) -> float:
-    """How far the root's variables are off from where they are linearised, the largest (m, rad)."""
+    """The largest offset (m, rad) of the root's variables from their linearisation points."""
     g = graph(address)
     m = 2 * g.state[ROOT] + 3
     y, most = np.empty(m), 0.0

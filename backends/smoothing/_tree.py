@@ -1,4 +1,4 @@
-"""The forest of cliques: what a plain step adds to it, and what a new ordering puts in the place of a part of it."""
+"""The forest of cliques: additions by a plain step, and replacement of a part by a new ordering."""
 
 import numpy as np
 
@@ -51,7 +51,7 @@ from ._graph import (
 
 @compiled
 def new_clique(g: Graph, frontals: int, members: int, bound: int, front: int, size: int) -> int:
-    """A clique of so many variables, links and scalars, its lists still empty."""
+    """Creates a clique of that many variables, links and scalars, with empty lists."""
     c = g.state[SPARE]
     if c > 0:
         g.state[SPARE] = g.cliques[c, NEXT]
@@ -69,7 +69,7 @@ def new_clique(g: Graph, frontals: int, members: int, bound: int, front: int, si
 
 @compiled
 def drop_clique(g: Graph, c: int) -> None:
-    """Clique `c` is no more."""
+    """Removes clique `c`."""
     q = g.cliques[c]
     release_ints(g, q[LISTED], q[MEMBERS] + q[BOUND])
     release_reals(g, q[FACTOR], q[FRONT] * (q[SIZE] + 1))
@@ -81,7 +81,7 @@ def drop_clique(g: Graph, c: int) -> None:
 
 @compiled
 def into_root(g: Graph, v: int) -> None:
-    """Landmark `v` is one of the root's."""
+    """Adds landmark `v` to the root."""
     t = g.state[ROOT]
     g.state[ROOT] = t + 1
     g.root[t] = v
@@ -95,7 +95,7 @@ def into_root(g: Graph, v: int) -> None:
 
 @compiled
 def advance(g: Graph, x: int) -> None:
-    """The last pose is eliminated in favour of `x`, which sees landmarks of the root and new ones alone."""
+    """Eliminates the last pose in favour of `x`, which sees landmarks of the root and new ones alone."""
     enter(g, x)
     a, stamp = g.state[LAST], g.state[STAMP] + 1
     g.state[STAMP] = stamp
@@ -137,7 +137,7 @@ def advance(g: Graph, x: int) -> None:
 
 @compiled
 def enter(g: Graph, x: int) -> None:
-    """What is sighted from pose `x` is in the root, if it was not."""
+    """Adds the landmarks sighted from pose `x` to the root."""
     for s in range(g.variables[x, FIRST], g.variables[x, END]):
         v = g.sightings[s, LANDMARK]
         if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
@@ -146,7 +146,7 @@ def enter(g: Graph, x: int) -> None:
 
 @compiled
 def clear(g: Graph) -> None:
-    """No cliques but those of a given map."""
+    """Removes all cliques except a given map's."""
     g.state[CLIQUES], g.state[SPARE] = 1 + g.state[GIVEN], 0
     g.state[INTS], g.state[REALS] = g.state[GIVEN_INTS], g.state[GIVEN_REALS]
     g.free[:] = -1
@@ -158,7 +158,7 @@ def clear(g: Graph) -> None:
 
 @compiled
 def forget_dropped(g: Graph) -> None:
-    """Take the cliques that are no more out of those that are to be eliminated."""
+    """Removes deleted cliques from those to be eliminated."""
     n = 0
     for t in range(g.state[TODO]):
         if g.cliques[g.todo[t], SIZE] > 0:
@@ -169,7 +169,7 @@ def forget_dropped(g: Graph) -> None:
 
 @compiled
 def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int, left: Ints, everything: bool) -> None:
-    """Put the `count` cliques of `plan` in the place of those `opened`: see `_ordering.plan` for how it is written.
+    """Replaces the cliques `opened` by the `count` cliques of `plan`: see `_ordering.plan` for its format.
 
     The root becomes pose `x` and the landmarks `wanted`, with the cliques `left` as its children.
     """

@@ -1,4 +1,4 @@
-"""Making the arrays of a smoother, and more of them when they are full: each at least doubles."""
+"""Creates and enlarges the arrays of a smoother: each at least doubles."""
 
 from typing import Any
 
@@ -16,11 +16,11 @@ TOGETHER = {
     "ints": ("ints",),
     "reals": ("reals",),
 }
-"""Arrays of as many rows as one another, by the name of the first."""
+"""Arrays with equal numbers of rows, by the name of the first."""
 
 
 def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
-    """The arrays of a smoother that has nothing yet, with a robust loss; `enough` is of `_relinearise`."""
+    """The arrays of an empty smoother, with a robust loss; `enough` is of `_relinearise`."""
     g = Graph(
         state=np.zeros(STATE, np.int64),
         variables=np.zeros((64, 9), np.int64),
@@ -47,7 +47,7 @@ def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
 
 
 def with_rows(g: Graph, table: str, rows: int) -> Graph:
-    """`g` with at least so many rows in a table of `TOGETHER`."""
+    """`g` with at least that many rows in a table of `TOGETHER`."""
     have = len(getattr(g, table))
     if rows <= have:
         return g
@@ -56,7 +56,7 @@ def with_rows(g: Graph, table: str, rows: int) -> Graph:
 
 
 def with_root(g: Graph, landmarks: int) -> Graph:
-    """`g` with room for so many landmarks in the root."""
+    """`g` with room for that many landmarks in the root."""
     if landmarks <= len(g.root):
         return g
     room = max(2 * len(g.root), landmarks)
@@ -66,13 +66,13 @@ def with_root(g: Graph, landmarks: int) -> Graph:
 
 
 def with_front(g: Graph, size: int) -> Graph:
-    """`g` with room for a front of so many scalars."""
+    """`g` with room for a front of that many scalars."""
     if 2 * size <= len(g.spots):
         return g
     return g.replaced(work=np.zeros(size * (size + 1) + 4 * size), spots=np.zeros(2 * size, np.int64))
 
 
 def _longer(array: Any, more: int) -> Any:
-    out = np.zeros((len(array) + more, *array.shape[1:]), array.dtype)  # pages that are not touched yet cost nothing
+    out = np.zeros((len(array) + more, *array.shape[1:]), array.dtype)  # untouched pages cost nothing
     out[: len(array)] = array
     return out

@@ -1,4 +1,4 @@
-"""The cliques and their root: what a step does to them, and what they say."""
+"""The forest of cliques and its root: updates by a step, and queries."""
 
 from typing import NamedTuple
 
@@ -30,39 +30,39 @@ from .arrays import made, with_front, with_root, with_rows
 
 NOBODY = np.zeros(0, np.int64)
 
-INDEFINITE_J = "the information matrix is not positive definite: J is flat, or has no digits left"
+INDEFINITE_J = "the information matrix is not positive definite: J is flat, or numerical precision is exhausted"
 
 AS_MUCH = 2.0
-"""How much more work a variable may be than after the last whole ordering, before relinearising makes another."""
+"""Growth of work per variable since the last full ordering at which relinearising makes another."""
 
 SURE, SURE_TURN = 100.0, 0.1
-"""Offsets up to so many thresholds, of headings up to so many rad, are taken without a look at J where no loss is."""
+"""Offsets below that many thresholds, and headings below that many rad, need no check of J without a loss."""
 
 HALVINGS = 8
-"""How often a move that raises J is halved before it is given up."""
+"""Number of halvings of a move that raises J before it is rejected."""
 
 
 class Estimate(NamedTuple):
-    """Where everything is by the last solution, each variable moved all the way."""
+    """All estimates by the last solution, each variable moved all the way."""
 
     path: Array  # (n, 3)
     values: Array  # (v, 3) of variables
-    furthest: float  # m, rad; of a variable from where it is linearised
+    furthest: float  # m, rad; of a variable from its linearisation point
     turn: float  # rad; the same of a heading
 
 
 class Forest:
-    """A factor graph, its forest of cliques and their root, from which the last pose and its covariance are known."""
+    """A factor graph, its forest of cliques and their root, which determines the last pose and its covariance."""
 
     def __init__(self, loss: int, scale: float, enough: float = 0.0) -> None:
         compile_ahead(f"{__package__}.kernels")
         self.g = made(loss, scale, enough)
         self.pose, self.cov = np.zeros(3), np.zeros((3, 3))
-        self.cost = np.inf  # J where it was linearised last
-        self._whole_variables = 0  # when all was ordered last
+        self.cost = np.inf  # J at the last linearisation
+        self._whole_variables = 0  # at the last full ordering
 
     def room(self, steps: int, variables: int, sightings: int, links: int, fresh: int) -> None:
-        """Have room for so many more of each, `fresh` landmarks more in the root, and a clique about it."""
+        """Reserves room for that many more of each, `fresh` landmarks more in the root, and a clique of it."""
         g, state = self.g, self.g.state
         landmarks = int(state[ROOT]) + fresh
         size = 2 * landmarks + 6
@@ -75,17 +75,17 @@ class Forest:
         self.g = _with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS)
 
     def advance(self, x: int) -> None:
-        """A plain step: the root goes on to pose `x`, which sees its landmarks and new ones; there is room for them."""
+        """A plain step: the root becomes pose `x`, which sees its landmarks and new ones; there must be room."""
         _tree.advance(self.g, x)
         self.solve()
 
     def start(self) -> None:
-        """The first step: the root is pose 0 and what it sees."""
+        """The first step: the root is pose 0 and the landmarks it sees."""
         _tree.enter(self.g, 0)
         self.solve()
 
     def reorganise(self, x: int, wanted: Ints, touched: Ints = NOBODY, *, everything: bool = False) -> None:
-        """The root becomes pose `x` and the landmarks `wanted`; `touched` variables are new or have new factors."""
+        """Makes pose `x` and the landmarks `wanted` the root; `touched` variables are new or have new factors."""
         state = self.g.state
         if x != state[LAST] and not everything and not _relinearise.recentre(self.g):
             raise Diverged(INDEFINITE_J)
@@ -93,7 +93,7 @@ class Forest:
         ints, reals, widest, work = room.tolist()
         g = with_root(self.g, len(wanted))
         g = with_front(g, max(widest, 2 * len(wanted) + 3))
-        if everything:  # what is there now makes room
+        if everything:  # the present cliques make room
             state[INTS], state[REALS], state[CLIQUES] = state[_graph.GIVEN_INTS], state[_graph.GIVEN_REALS], 1
             state[CLIQUES] += state[_graph.GIVEN]
         g = with_rows(g, "cliques", int(state[CLIQUES]) + count)
@@ -106,19 +106,19 @@ class Forest:
         self.solve()
 
     def solve(self) -> None:
-        """Eliminate what there is to eliminate, and the root."""
+        """Eliminates pending cliques, and the root."""
         if not _front.solve(self.g, self.pose, self.cov):
             raise Diverged(INDEFINITE_J)
 
     def estimate(self) -> Estimate:
-        """Where everything is, by substitution through all cliques; nothing is changed."""
+        """Estimates everything, by substitution through all cliques, without side effects."""
         return self._solution(-1.0)[1]
 
     def relinearise(self, threshold: float) -> float:
-        """Move linearisation points that are off by more than `threshold` (m, rad); the largest offset there was.
+        """Moves linearisation points that are off by more than `threshold` (m, rad); returns the largest offset before.
 
-        Where moving everything all the way would raise J they go half of the way, or half of that, and so on, and at
-        last not at all. J is only looked at where something is off by much.
+        If moving everything all the way raises J, half of the way is tried, then half of that, and so on, and finally
+        none. J is only evaluated for large offsets.
         """
         g, state = self.g, self.g.state
         order, estimate, off, steps_off = self._solution(threshold)
@@ -152,14 +152,14 @@ class Forest:
         return inverse[rows] @ inverse[rows].T
 
     def pose_covariances(self) -> Array:
-        """(n, 3, 3) of all steps' poses."""
+        """(n, 3, 3) covariances of all steps' poses."""
         g = self.g.copied()
         out = np.zeros((g.state[STEPS], 3, 3))
         _covariances.pose_covariances(g, _offsets.top_down(g), int(g.state[WIDEST]), out)
         return out
 
     def _share_that_falls(self, off: Array, steps_off: Array) -> float:
-        """The share of all offsets by which J falls; 0 where it does not by a small one."""
+        """The share of all offsets that lowers J; 0 if not even a small one does."""
         g = self.g
         path, values = np.empty_like(steps_off), np.zeros_like(off)
         here = np.ascontiguousarray(g.steps[: len(path), _graph.POINT :])
@@ -174,7 +174,7 @@ class Forest:
         return 0.0
 
     def _solution(self, threshold: float) -> tuple[Ints, Estimate, Array, Array]:
-        """The cliques top down, the estimate of what is off by more than `threshold`, and all offsets."""
+        """The cliques top down, the estimate moving what is off by more than `threshold`, and all offsets."""
         g, state = self.g, self.g.state
         order = _offsets.top_down(g)
         off, steps_off = np.zeros((state[VARIABLES], 3)), np.zeros((state[STEPS], 3))
@@ -186,6 +186,6 @@ class Forest:
 
 
 def _with_arenas(g: Graph, ints: int, reals: int) -> Graph:
-    """`g` with room for so many more entries in its arenas."""
+    """`g` with room for that many more entries in its arenas."""
     g = with_rows(g, "ints", int(g.state[INTS]) + ints)
     return with_rows(g, "reals", int(g.state[REALS]) + reals)

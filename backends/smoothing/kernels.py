@@ -1,4 +1,4 @@
-"""The inner loops of a smoother, each with arguments of its types, to be compiled at once."""
+"""The inner loops of a smoother, each with arguments of its types, for parallel compilation."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .arrays import made
 
 
 def kernels() -> Kernels:
-    """What steps call first, what the end of a log calls last; those that share most beside one another."""
+    """Kernels in order of first use; those that share most are adjacent."""
     g = made(0, 0.0)
     ints, numbers, table, tables = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     return [

@@ -1,4 +1,4 @@
-"""Maps: one that is given, as variables with a joint prior or held fixed, and that of a forest."""
+"""Maps: a given one, as variables with a joint prior or held fixed, and a forest's own."""
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -12,10 +12,10 @@ from .forest import Forest
 
 
 def add_map(forest: Forest, known: Map) -> dict[int, int]:
-    """Put a given map into a graph that has its first pose alone; the variables of its landmarks, by id.
+    """Adds a given map to a graph of its first pose alone; returns the variables of its landmarks, by id.
 
-    What is correlated is one clique that eliminates nothing: its update matrix is the information that is given. It is
-    made once and never opened, and stays at the front of the arenas.
+    Correlated landmarks are one clique that eliminates nothing: its update matrix is the given information. It is
+    created once and never opened, and stays at the front of the arenas.
     """
     forest.room(0, len(known.ids), 0, 0, 0)
     width = 0 if known.cov is None else 2
@@ -33,7 +33,7 @@ def add_map(forest: Forest, known: Map) -> dict[int, int]:
 
 
 def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array) -> Map:
-    """Landmarks with these ids and variables (n,), where `values` (v, 3) has them; zero for what is held fixed."""
+    """Landmarks with these ids and variables (n,), at `values` (v, 3); zero covariance for those held fixed."""
     n = len(ids)
     cov = np.zeros((2 * n, 2 * n))
     moving = np.flatnonzero(forest.g.variables[variables, WIDTH])
@@ -44,7 +44,7 @@ def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array) -> Map:
 
 
 def _add(forest: Forest, variables: Ints, mean: Array, cov: Array) -> None:
-    """A clique of landmarks (n,) with the mean (2n,) and the covariance (2n, 2n) that are given."""
+    """Adds a clique of landmarks (n,) with the given mean (2n,) and covariance (2n, 2n)."""
     n = 2 * len(variables)
     g, state = forest.g, forest.g.state
     g = with_rows(with_front(g, n), "cliques", int(state[_graph.CLIQUES]) + 1)

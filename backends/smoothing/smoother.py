@@ -1,10 +1,10 @@
-"""Incremental smoothing in the plane: Gauss-Newton on J by a multifrontal factor that is kept from step to step.
+"""Incremental smoothing in the plane: Gauss-Newton on J by a multifrontal factor, updated at every step.
 
-As iSAM2 (Kaess et al., IJRR 31(2), 2012) it keeps the square root of the whole problem, and changes at a step what the
-step has changed. The last pose and the landmarks about it are the root, which is dense and factored anew at every step;
-a step that sees these alone eliminates the pose before and opens nothing else (see `_tree`). Another landmark opens the
-cliques from it up to the root, which are ordered anew (`_ordering`). Steps without sightings are no variables: their
-motions are put together (`_links`). Every so many steps what is off by more than a threshold is linearised anew.
+As iSAM2 (Kaess et al., IJRR 31(2), 2012) it stores the square root of the whole problem, and updates only what a step
+changes. The last pose and the landmarks around it are the root, which is dense and factored again at every step; a step
+that sees these alone eliminates the pose before and opens nothing else (see `_tree`). Another landmark opens the
+cliques from it up to the root, which are reordered (`_ordering`). Steps without sightings are not variables: their
+motions are composed (`_links`). Periodically, variables that are off by more than a threshold are relinearised.
 """
 
 import math
@@ -29,46 +29,47 @@ LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874
 """Robust losses, in the order of their numbers in `_factors`, and the scales at which they are 95 % efficient."""
 
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
-"""Landmarks that a root has at most, were it not for one step's own; how far round the pose they are taken from, in
-ranges of the furthest sighting; and after how many times the work of a whole elimination there is another."""
+"""Limits of the root.
+
+Most landmarks of a root, unless one step needs more; the radius around the pose they are taken from, in ranges of the
+furthest sighting; and the multiple of a full elimination's work after which everything is reordered.
+"""
 
 EARLY = 7.0
-"""Thresholds by which a variable of the root has to be off for a check before it is due."""
+"""Offset of a root variable, in thresholds, that triggers a check early."""
 
 ENOUGH = 0.3
-"""The share of the relinearize threshold by which the last pose may be off when it is eliminated."""
+"""Share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
 TOLERANCE = 1e-8
-"""m, rad; what a variable still moves by when the log's end is solved."""
+"""m, rad; largest remaining offset of a variable at the end of the log."""
 
 FALL = 1e-13
-"""The share of itself by which J has to fall at the end for another iteration."""
+"""Relative decrease of J at the end of the log for another iteration."""
 
 LEAST = 1e6
-"""Work (multiplications) that is done at least before all is ordered anew."""
+"""Least work (multiplications) between full orderings."""
 
-NO_COVARIANCE = "the covariance of a motion has no digits left: it is not positive definite"
+NO_COVARIANCE = "the covariance of a motion is not positive definite: numerical precision is exhausted"
 
 NEAREST = 1e-3
-"""m; a landmark is not started closer to the robot than this: at no distance at all its bearing has no derivative."""
+"""m; least initial distance of a landmark from the robot: at zero distance its bearing has no derivative."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """When variables are linearised anew, and which sightings are believed."""
+    """Relinearisation, and robust loss of the sightings."""
 
     relinearize_threshold: float = option(
         0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
     )
     relinearize_skip: int = option(
         100,
-        "steps between checks for variables to relinearize, a tenth where those near the robot are far off",
+        "steps between checks for variables to relinearize; a tenth if those near the robot are far off",
         minimum=1,
     )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
-    joint_up_to: int = option(
-        5000, "landmarks up to which a map comes with its joint covariance, which takes long to work out", minimum=0
-    )
+    joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
     loss: str = option("none", "robust loss of the sightings", choices=tuple(LOSSES))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
 
@@ -84,7 +85,7 @@ class Smoother:
         self._forest = Forest(names.index(options.loss), options.loss_scale or LOSSES[options.loss], enough)
         self._newcomers = Newcomers(two=options.loss != "none")
         self._robust = options.loss != "none"
-        self._held: defaultdict[int, list[int]] = defaultdict(list)  # rows of sightings that are held back
+        self._held: defaultdict[int, list[int]] = defaultdict(list)  # rows of held-back sightings
         self._variable: dict[int, int] = {}  # landmark id -> its variable
         self._steps = self._since = 0
         self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
@@ -98,7 +99,7 @@ class Smoother:
             self._variable = add_map(forest, prior.map)
 
     def step(self, step: Step) -> Pose:
-        """Go on by the motion; where something is sighted, or a loop closed, the pose is a variable of the graph."""
+        """Propagates by the motion; where anything is sighted, or a loop closed, the pose becomes a variable."""
         forest, k, sightings = self._forest, self._steps, step.sightings
         looks = len(sightings.ids) > 0
         if self._robust:
@@ -124,11 +125,11 @@ class Smoother:
         return pose
 
     def belief(self) -> Belief:
-        """The latest pose and its marginal covariance, which the root's last rows are."""
+        """The latest pose and its marginal covariance, from the root's last rows."""
         return Belief(self._forest.pose.copy(), self._forest.cov.copy())
 
     def map(self) -> Map:
-        """The landmarks at the current estimate with, up to `joint_up_to` of them, their joint covariance."""
+        """Landmarks at the current estimate with, up to `joint_up_to` of them, their joint covariance."""
         ids, variables = self._landmarks()
         forest = self._forest
         if self._steps == 0 or len(ids) == 0:
@@ -136,7 +137,7 @@ class Smoother:
         return self._map(forest.estimate().values)
 
     def finish(self) -> Solution:
-        """Relinearise until nothing moves; the path with the covariances of its poses, and the map."""
+        """Relinearises until nothing moves; returns the path with the covariances of its poses, and the map."""
         forest, last = self._forest, np.inf
         for _ in range(self._options.final_iterations):
             furthest = forest.relinearise(0.0)
@@ -150,11 +151,11 @@ class Smoother:
         return Solution(estimate.path, self._with_newcomers(estimate.path, landmarks), forest.pose_covariances())
 
     def joint(self, landmarks: list[int]) -> Array:
-        """The joint covariance of landmarks with these ids and the last pose at which something was sighted."""
+        """The joint covariance of landmarks with these ids and the last pose that is a variable."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
 
     def _due(self) -> bool:
-        """Whether variables are to be checked for how far they are off, by the steps since and by those in the root."""
+        """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""
         skip, tenth = self._options.relinearize_skip, max(1, self._options.relinearize_skip // 10)
         if self._since >= skip:
             return True
@@ -162,7 +163,7 @@ class Smoother:
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
 
     def _write(self, sightings: RangeBearing) -> None:
-        """Copy sightings to where the compiled code reads them."""
+        """Copies sightings to the compiled code's input."""
         n = len(sightings.ids)
         if n > len(self._seen):
             self._seen = np.zeros((2 * n, 6))
@@ -170,7 +171,7 @@ class Smoother:
         self._seen[:n, 2:] = sightings.cov.reshape(n, 4)
 
     def _plain_step(self, landmarks: Ints) -> None:
-        """A step that sees landmarks on the map and new ones."""
+        """A step that sees landmarks on the map and new ones only."""
         forest = self._forest
         ended, newest = FULL_ARRAYS, self._newest
         while ended == FULL_ARRAYS:
@@ -186,7 +187,7 @@ class Smoother:
             raise Diverged(INDEFINITE_J)
 
     def _any_step(self, step: Step, landmarks: Ints, touched: list[int]) -> None:
-        """The first step, or one that has factors of earlier poses: loops, or sightings that were held back."""
+        """The first step, or one with factors of earlier poses: loops, or sightings that were held back."""
         forest, k, loops = self._forest, self._steps, len(step.loops.to)
         forest.room(1, 1 + loops, len(landmarks), 2 + 3 * loops, len(landmarks))
         g = forest.g
@@ -205,7 +206,7 @@ class Smoother:
             self._reorganise(landmarks, np.array(touched, np.int64), everything=k == 0)
 
     def _reorganise(self, landmarks: Ints, touched: Ints, *, everything: bool = False) -> None:
-        """The root becomes the newest pose, the `landmarks` it sees and others about them."""
+        """Makes the newest pose, the `landmarks` it sees and others around them the root."""
         forest, g = self._forest, self._forest.g
         seen = landmarks[landmarks >= 0]
         seen = seen[g.variables[seen, WIDTH] == 2]
@@ -214,7 +215,7 @@ class Smoother:
         forest.reorganise(self._newest, wanted, touched, everything=everything)
 
     def _pose_at(self, step: int, touched: list[int]) -> int:
-        """The variable of an earlier step's pose; where it is made now, `touched` gets what has to be opened for it."""
+        """The variable of an earlier step's pose; if created, cliques to open are added to `touched`."""
         g = self._forest.g
         at = int(g.at[step])
         if at >= 0:
@@ -230,9 +231,9 @@ class Smoother:
         return at
 
     def _name(self, k: int, sightings: RangeBearing, found: list[int]) -> list[int]:
-        """Write the variables of new landmarks into `found`; NO_VARIABLE stays where one is held back.
+        """Writes the variables of new landmarks to `found`; NO_VARIABLE stays for one that is held back.
 
-        Returns the poses but for the root's, from which such a new one was sighted before.
+        Returns the poses other than the root's from which these were sighted before.
         """
         self._forest.room(0, len(found), 0, 0, 0)
         g, touched = self._forest.g, list[int]()
@@ -262,14 +263,14 @@ class Smoother:
         return np.fromiter(self._variable, np.int64, n), np.fromiter(self._variable.values(), np.int64, n)
 
     def _map(self, values: Array) -> Map:
-        """All landmarks, where `values` (v, 3) has the variables."""
+        """All landmarks, at the variables' `values` (v, 3)."""
         ids, variables = self._landmarks()
         if len(ids) > self._options.joint_up_to:
             return Map(ids, values[variables, :2], None)
         return joint_map(self._forest, ids, variables, values)
 
     def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
-        """The map, and on it, without covariance, what is still held back: where its last sighting has it."""
+        """The map, with landmarks still held back added without covariance, at their last sighting."""
         alone = self._newcomers.alone()
         if not alone:
             return landmarks
@@ -278,7 +279,7 @@ class Smoother:
 
 
 def _checked(variable: int) -> int:
-    """`variable`; Diverged where there is none."""
+    """Returns `variable`; Diverged for NO_VARIABLE."""
     if variable < 0:
         raise Diverged(NO_COVARIANCE)
     return variable

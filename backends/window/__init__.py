@@ -1,1 +1,1 @@
-"""Fixed-lag smoothing: a window of the last seconds, and a prior of what is older."""
+"""Fixed-lag smoothing: a window of the last seconds, with a prior for older data."""

@@ -1,8 +1,8 @@
-"""Eliminating the variables of a window one after another.
+"""Eliminates the variables of a window one after another.
 
 A pose is eliminated together with the motion that leaves it. Linearised, the next pose's offset is x' = u + noise with
-u = G x + e (see `_links`), so the information about x is first turned into that about u, where x' adds the motion's
-own W. With S = H + W, H being the information about u and B that between u and the landmarks, what is left is
+u = G x + e (see `_links`), so the information about x is first transformed to that about u, where x' adds the motion's
+own W. With S = H + W, H being the information about u and B that between u and the landmarks, what remains is
 
     x': W S^-1 H    x' and landmarks: W S^-1 B    landmarks: L - B' S^-1 B
 
@@ -50,12 +50,12 @@ from ._window import (
 )  # fmt: skip
 
 DONE, RETURNS, INDEFINITE = range(3)
-"""How it ended: done; a landmark that was eliminated is sighted; not positive definite."""
+"""Outcomes: done; an eliminated landmark is sighted; not positive definite."""
 
 
 @compiled
 def enter(w: Window, v: int) -> None:
-    """Landmark `v` takes the next slot of the front; there is one."""
+    """Puts landmark `v` into the next slot of the front, which must be free."""
     n, r, F = w.state[SLOTS], row(w), w.front
     w.state[SLOTS] = n + 1
     w.slots[n, NOW], w.marks[v, SLOT] = v, n
@@ -67,7 +67,7 @@ def enter(w: Window, v: int) -> None:
 
 @compiled
 def sight(w: Window, i: int) -> int:
-    """Sum what was sighted from pose `i`, whose rows are the front's first, into the front."""
+    """Adds the sightings from pose `i`, whose rows are the front's first, to the front."""
     x = w.poses[i]
     for s in range(w.rows[i, FIRST], w.rows[i + 1, FIRST]):
         v = w.sightings[s]
@@ -84,7 +84,7 @@ def sight(w: Window, i: int) -> int:
 
 @compiled
 def stage(w: Window, own: int, name: int) -> int:
-    """Where the numbers of a new stage begin."""
+    """Appends a stage; returns where its numbers begin."""
     t, o, n = w.state[STAGES], w.state[REALS], w.state[SLOTS]
     width = 3 if own == POSE else 2
     w.state[STAGES], w.state[REALS] = t + 1, o + width * (width + 2 * n + 4)
@@ -94,7 +94,7 @@ def stage(w: Window, own: int, name: int) -> int:
 
 @compiled
 def subtract(w: Window) -> None:
-    """Subtract A' A from the front, A being the last stage's rows: from its landmarks' part alone after a pose."""
+    """Subtracts A' A from the front, A being the last stage's rows: after a pose, from its landmarks' part alone."""
     t = w.state[STAGES] - 1
     m, o = 2 * w.stages[t, MANY] + 3, w.stages[t, BEGIN]
     F, R, r, pose = w.front, w.reals, row(w), w.stages[t, OWN] == POSE
@@ -117,10 +117,10 @@ def subtract(w: Window) -> None:
 
 @compiled
 def turned(w: Window, i: int, o: int, c: int) -> tuple[bool, float, float, float, float, float]:
-    """Write the information about u, W beside it, as the three rows of a stage at `o`, of `c` numbers each.
+    """Writes the information about u, W beside it, as the three rows of a stage at `o`, of `c` numbers each.
 
-    The landmarks' right-hand side in the front becomes that beside u. Returns whether the motion has a covariance, the
-    offset e, and the two entries of G that are not those of the identity.
+    The landmarks' right-hand side in the front becomes that beside u. Returns False if the motion has no covariance,
+    the offset e, and the two entries of G that are not those of the identity.
     """
     n, F, R, r = 2 * w.state[SLOTS], w.front, w.reals, row(w)
     p, q = w.poses[i], w.poses[i + 1]
@@ -152,7 +152,7 @@ def turned(w: Window, i: int, o: int, c: int) -> tuple[bool, float, float, float
 
 @compiled
 def eliminate(w: Window, i: int) -> int:
-    """Pose `i` leaves the front to pose i + 1."""
+    """Eliminates pose `i` from the front in favour of pose i + 1."""
     c = 2 * w.state[SLOTS] + 7
     o = stage(w, POSE, i)
     w.rows[i, AT] = w.state[STAGES] - 1
@@ -197,7 +197,7 @@ def eliminate(w: Window, i: int) -> int:
 
 @compiled
 def retire(w: Window, k: int) -> int:
-    """The landmark of slot `k` leaves the front; that of the last slot takes its place."""
+    """Eliminates the landmark of slot `k` from the front; that of the last slot replaces it."""
     v, n, F, R, r = w.slots[k, NOW], w.state[SLOTS], w.front, w.reals, row(w)
     o = stage(w, k, v)
     m, c, a = 2 * n + 3, 2 * n + 6, 3 + 2 * k
@@ -241,7 +241,7 @@ def retire(w: Window, k: int) -> int:
 
 @compiled
 def begin(w: Window) -> None:
-    """The front is the prior, and nothing is eliminated."""
+    """Sets the front to the prior, with nothing eliminated."""
     n = w.state[KNOWN]
     w.state[STAGES] = w.state[REALS] = 0
     w.state[SLOTS] = n
@@ -256,7 +256,7 @@ def begin(w: Window) -> None:
 
 @compiled
 def copy(of: Array, to: Array, n: int, r: int) -> None:
-    """Copy a front with `n` landmarks and rows of `r` numbers."""
+    """Copies a front with `n` landmarks and rows of `r` numbers."""
     m = 3 + 2 * n
     for i in range(m):
         for j in range(unsigned(i * r + i), unsigned(i * r + m)):
@@ -266,9 +266,9 @@ def copy(of: Array, to: Array, n: int, r: int) -> None:
 
 @compiled
 def chain(w: Window, end: int, before: int) -> int:
-    """Eliminate, from the prior on, the poses before `end`, which is the front's then, its sightings not summed yet.
+    """Eliminates, from the prior on, the poses before `end`, which is then the front's, its sightings not summed yet.
 
-    A landmark goes with the last pose that sighted it, if it has left or that pose is one before `before`.
+    A landmark is eliminated with the last pose that sighted it, if it has left or that pose is one before `before`.
     """
     begin(w)
     for i in range(w.state[BOTTOM], end):

@@ -1,7 +1,7 @@
-"""What a chain of stages says: the root in triangular form, one variable with its covariance, and all of them.
+"""Estimates from a chain of stages: the root in triangular form, one variable with its covariance, and all of them.
 
-J is |R x - d|^2. If E are the columns of the identity that pick a variable, R' Y = E is solved by going along the chain
-from that variable's stage on. The variable is then Y' d, and its covariance Y' Y.
+J is |R x - d|^2. If E are the columns of the identity that select a variable, R' Y = E is solved along the chain from
+that variable's stage on. The variable is then Y' d, and its covariance Y' Y.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from ._window import AT, BEGIN, DSYRK, MANY, NAME, NOW, OWN, POSE, POSES, SLOTS,
 
 @compiled
 def factor_front(w: Window) -> int:
-    """The front, its pose last, as [R d] in `work`."""
+    """Factors the front, its pose last, into [R d] in `work`."""
     n, r, F, T = 2 * w.state[SLOTS], row(w), w.front, w.work
     m = n + 3
     c = m + 1
@@ -37,7 +37,7 @@ def factor_front(w: Window) -> int:
 
 @compiled
 def collect(y0: float, y1: float, y2: float, d: float, mean: Array, cov: Array) -> None:
-    """Add a row of Y, and its part of d."""
+    """Accumulates a row of Y and its part of d."""
     mean[0] += y0 * d
     mean[1] += y1 * d
     mean[2] += y2 * d
@@ -51,7 +51,7 @@ def collect(y0: float, y1: float, y2: float, d: float, mean: Array, cov: Array) 
 
 @compiled
 def through(w: Window, t: int, E: Array, mean: Array, cov: Array, y: Array) -> None:
-    """Take E (3, m), in the front's order, through stage `t`; y (3, 3) is scratch."""
+    """Propagates E (3, m), in the front's order, through stage `t`; y (3, 3) is scratch."""
     k, n, o = int(w.stages[t, OWN]), int(w.stages[t, MANY]), int(w.stages[t, BEGIN])
     R, width = w.reals, 3 if k == POSE else 2
     c, own = width + 2 * n + 4, 0 if k == POSE else 3 + 2 * k
@@ -82,7 +82,7 @@ def through(w: Window, t: int, E: Array, mean: Array, cov: Array, y: Array) -> N
 
 @compiled
 def through_root(w: Window, i: int, m: int, E: Array, mean: Array, cov: Array) -> None:
-    """The same of row `i` of the root, E being in its order."""
+    """Likewise through row `i` of the root, E being in its order."""
     o = unsigned(i * (m + 1))
     d = w.work[o + unsigned(i)]
     y0, y1, y2 = E[0, i] / d, E[1, i] / d, E[2, i] / d
@@ -96,9 +96,9 @@ def through_root(w: Window, i: int, m: int, E: Array, mean: Array, cov: Array) -
 
 @compiled
 def look(w: Window, t: int, at: int, mean: Array, cov: Array) -> None:
-    """What the variable at row `at` of the front is off, mean (3,), and its covariance (3, 3), as stage `t` has it.
+    """Offset of the variable at row `at` of the front, mean (3,), and its covariance (3, 3), at stage `t`.
 
-    A landmark's are in the first two.
+    Of a landmark, only the first two entries are used.
     """
     n, y = w.state[SLOTS], np.empty((3, 3))
     E = np.zeros((3, 2 * len(w.slots) + 3))
@@ -123,7 +123,7 @@ def look(w: Window, t: int, at: int, mean: Array, cov: Array) -> None:
 def look_at_pose(w: Window, i: int, pose: Array, cov: Array) -> None:
     """Pose `i`'s estimate (3,) and its covariance (3, 3)."""
     if i < w.state[POSES] - 1:
-        first_row = 0 * i  # a literal 0 would be a type of its own, and `look` be compiled once more
+        first_row = 0 * i  # a literal 0 has a type of its own: `look` would be compiled twice
         look(w, w.rows[i, AT], first_row, pose, cov)
         for a in range(3):
             pose[a] += w.poses[i, a]
@@ -142,7 +142,7 @@ def last_pose(w: Window, pose: Array, cov: Array) -> None:
 
 @compiled
 def offsets(w: Window, poses: Array, places: Array) -> None:
-    """What all poses (P, 3) and landmarks (V, 2) that are in the chain are off from where they are linearised."""
+    """Offsets of all poses (P, 3) and landmarks (V, 2) in the chain from their linearisation points."""
     n = w.state[SLOTS]
     m = 2 * n + 3
     y, z = np.empty(m), np.empty(2 * len(w.slots) + 6)
@@ -159,7 +159,7 @@ def offsets(w: Window, poses: Array, places: Array) -> None:
         width, size = 3 if k == POSE else 2, 3 + 2 * n
         if k != POSE:
             now[size - 2], now[size - 1] = now[3 + 2 * k], now[4 + 2 * k]
-            now[3 + 2 * k] = now[4 + 2 * k] = 0.0  # its own, which the row does not know: not a number, maybe
+            now[3 + 2 * k] = now[4 + 2 * k] = 0.0  # unused by the row, but possibly NaN
         for j in range(size):
             z[width + j] = now[j]
         solve_rows(w.reals, w.stages[t, BEGIN], width, width + size, z)

@@ -1,9 +1,8 @@
-"""Moving the prior and the points of linearisation on, and eliminating everything anew.
+"""Moves the prior and the linearisation points, and eliminates everything again.
 
-Variables that share a factor with a marginalised one stay linearised where they are, since that factor cannot be
-linearised anew: two linearisations of one variable bring in information that no sighting gave (Dong-Si and Mourikis,
-ICRA 2011). Moved nevertheless, paths on Huang's circle are 8 % further off. What is given at step 0 is linear and may
-move.
+Variables that share a factor with a marginalised one keep their linearisation points, since that factor cannot be
+relinearised: two linearisations of one variable add information that no sighting gave (Dong-Si and Mourikis, ICRA
+2011). If moved nevertheless, paths on Huang's circle are 8 % worse. The prior at step 0 is linear and may move.
 """
 
 import numpy as np
@@ -35,7 +34,7 @@ from ._window import (
 
 @compiled
 def settle(w: Window, start: int) -> None:
-    """The front, which is about pose `start`, becomes the prior."""
+    """Makes the front, which is about pose `start`, the prior."""
     n = w.state[SLOTS]
     for s in range(w.rows[w.state[BOTTOM], FIRST], w.rows[start, FIRST]):
         if w.sightings[s] != HELD:
@@ -51,9 +50,9 @@ def settle(w: Window, start: int) -> None:
 
 @compiled
 def free(w: Window, start: int, poses: Array, places: Array, threshold: float) -> float:
-    """Leave of these offsets those of variables that may move and are off by more than `threshold` (m, rad).
+    """Keeps only the offsets of variables that may move and are off by more than `threshold` (m, rad).
 
-    Poses that may are those from `start` on, but not one that the prior is about. Returns the largest offset.
+    Those poses are the ones from `start` on, except one with a prior. Returns the largest offset.
     """
     most = 0.0
     for i in range(len(poses)):
@@ -75,7 +74,7 @@ def free(w: Window, start: int, poses: Array, places: Array, threshold: float) -
 
 @compiled
 def move(w: Window, poses: Array, places: Array) -> None:
-    """Linearise so far from where it was what may move, and shift the prior's right-hand side to there."""
+    """Moves the linearisation points by the given offsets, and shifts the prior's right-hand side accordingly."""
     for i in range(len(poses)):
         for a in range(3):
             w.poses[i, a] += poses[i, a]
@@ -96,11 +95,11 @@ def move(w: Window, poses: Array, places: Array) -> None:
 
 @compiled
 def renew(w: Window, start: int, kept: int, threshold: float, anyway: bool) -> tuple[int, float]:
-    """Relinearise and eliminate all poses but the last; or just eliminate them, with `start` -1.
+    """Relinearises and eliminates all poses but the last; or just eliminates them, with `start` -1.
 
-    What has left, the poses before `start` among it, first becomes a part of the prior. Nothing is done where nothing
-    is off by more than `threshold` (m, rad), unless `anyway`. Landmarks not sighted from the last `kept` poses do not
-    stay in the front. Returns how it ended, and how much the furthest variable that may move was off.
+    Variables that have left, and the poses before `start`, are first absorbed by the prior. Nothing is done if nothing
+    is off by more than `threshold` (m, rad), unless `anyway`. Landmarks not sighted from the last `kept` poses leave
+    the front. Returns the outcome, and the largest offset of a variable that may move.
     """
     last, most, settling = w.state[POSES] - 1, 0.0, start >= 0
     poses, places = np.zeros((last + 1, 3)), np.zeros(w.places.shape)

@@ -11,7 +11,7 @@ from ._window import FIRST, HELD, LAST, MOTION, NOISE, POSES, SIGHTINGS, Window
 
 @compiled
 def add_pose(w: Window, motion: Array, pose: Array) -> None:
-    """Another pose, `motion` (4, 3) from where the last one is estimated to be: itself and its covariance."""
+    """Adds a pose, `motion` (4, 3) from the last one's estimate: itself and its covariance."""
     i = w.state[POSES]
     w.state[POSES] = i + 1
     p = w.poses[i]
@@ -24,7 +24,7 @@ def add_pose(w: Window, motion: Array, pose: Array) -> None:
 
 @compiled
 def add_sightings(w: Window, landmarks: Ints, seen: Array) -> None:
-    """Sightings (k, 6) from the last pose: range, bearing and their covariance. HELD ones await their landmark."""
+    """Adds sightings (k, 6) from the last pose: range, bearing and their covariance. HELD ones await their landmark."""
     i, s = w.state[POSES] - 1, w.state[SIGHTINGS]
     for k in range(len(landmarks)):
         rr, rb, bb = seen[k, 2], (seen[k, 3] + seen[k, 4]) / 2, seen[k, 5]
@@ -43,10 +43,10 @@ def step(
     w: Window, first: int, path: Array, covs: Array, motion: Array, landmarks: Ints, seen: Array,
     pose: Array, cov: Array,
 ) -> int:  # fmt: skip
-    """Go on by `motion` and fold in what is sighted; `pose` (3,) and `cov` (3, 3) become the latest.
+    """Applies `motion` and the sightings; `pose` (3,) and `cov` (3, 3) become the latest.
 
-    The poses from `first` on leave, their estimates into path (n, 3) and covs (n, 3, 3). Where a landmark that was
-    eliminated is sighted, all is to be eliminated anew. With an empty `motion` the last pose's sightings are folded in.
+    The poses from `first` on leave, their estimates into path (n, 3) and covs (n, 3, 3). If an eliminated landmark is
+    sighted, everything must be eliminated again. With an empty `motion` the last pose's sightings are added.
     """
     for k in range(len(path)):
         look_at_pose(w, first + k, path[k], covs[k])

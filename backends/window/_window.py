@@ -1,8 +1,8 @@
-"""The arrays of a fixed-lag smoother: the poses of its window, what they sighted, and a chain of eliminated variables.
+"""The arrays of a fixed-lag smoother: its poses, their sightings, and a chain of eliminated variables.
 
-Poses are eliminated oldest first. What is left after each is information about the next pose and the landmarks, the
-front; the rows of R and d that each variable leaves behind are a stage of the chain (see `_chain`). Where the window
-begins, all that is known from before is such a front, too: the prior.
+Poses are eliminated oldest first. What remains after each is information about the next pose and the landmarks, the
+front; the rows of R and d of each eliminated variable are a stage of the chain (see `_chain`). At the window's start
+all older information is such a front, too: the prior.
 
 A front is a matrix as in `_factors`: the pose in rows 0 to 2, the landmark of slot k in rows 3 + 2k and 4 + 2k.
 """
@@ -12,13 +12,13 @@ from .._arrays import Arrays, Integers, IntegerTable, Numbers, Table
 
 
 class Window(Arrays):
-    """All arrays of a window; in each, more rows than are in use."""
+    """All arrays of a window; each has spare rows."""
 
     state: Integers  # (STATE,) counts
     poses: Table  # (P, 12) linearisation point (3), the motion into the pose (3) and its covariance (6)
     rows: IntegerTable  # (P + 1, 2)
     sightings: Integers  # (S,) landmarks, or HELD
-    seen: Table  # (S, 5) range, bearing, and the information of both: rr, rb, bb
+    seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     places: Table  # (V, 2) linearisation points of the landmarks: x, y (m)
     marks: IntegerTable  # (V, 4)
     slots: IntegerTable  # (N, 2) the landmarks of the front, and those of the prior
@@ -30,29 +30,29 @@ class Window(Arrays):
     settings: Numbers  # (2,) robust loss and its scale
 
 
-# state; BOTTOM is the pose that the prior is about; OLD_POSES and OLD_SIGHTINGS are out of the tables
+# state; BOTTOM is the pose of the prior; OLD_POSES and OLD_SIGHTINGS have been removed from the tables
 POSES, BOTTOM, SIGHTINGS, SLOTS, KNOWN, STAGES, REALS, DSYRK, OLD_POSES, OLD_SIGHTINGS, STATE = range(11)
 # poses
 POINT, MOTION, NOISE = 0, 3, 6
-# rows: where a pose's sightings begin; the stage in which it is eliminated
+# rows: start of a pose's sightings; the stage in which it is eliminated
 FIRST, AT = range(2)
-# marks: a landmark's slot in the front, or one of the kinds below; the last pose that sighted it, or -1; whether it is
-# in the window; whether it stays linearised where it is
+# marks: a landmark's slot in the front, or one of the kinds below; the last pose that sighted it, or -1; one of the
+# presences below; 1 if its linearisation point is fixed
 SLOT, LAST, PRESENCE, STAYS = range(4)
 # slot: not in the front yet, eliminated, held fixed
 FRESH, RETIRED, FIXED = -1, -2, -3
-# presence: what is FREE is no landmark
+# presence: in the window, left, or an unused row
 IN, LEFT, FREE = range(3)
 # slots
 NOW, BEFORE = range(2)
-# stages: the slot that was eliminated, or POSE; the front's landmarks then; where its numbers begin; whose it is
+# stages: the eliminated slot, or POSE; the front's landmarks then; start of its numbers; its pose or landmark
 OWN, MANY, BEGIN, NAME = range(4)
 POSE = -1
 HELD = -1
-"""A sighting of a landmark that is not believed in yet."""
+"""A sighting of a landmark that is not initialised yet."""
 
 
 @compiled
 def row(w: Window) -> int:
-    """Numbers of a front's row."""
+    """Numbers in a row of the front."""
     return 2 * len(w.slots) + 4

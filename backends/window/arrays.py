@@ -1,4 +1,4 @@
-"""A window's arrays: making them, room in them, and what they say of poses and landmarks."""
+"""Creates and enlarges a window's arrays, and queries poses and landmarks."""
 
 from math import isqrt
 from typing import Any
@@ -40,11 +40,11 @@ NO_POSES, NO_COVS = np.zeros((0, 3)), np.zeros((0, 3, 3))
 NO_LANDMARKS, NO_SIGHTINGS = np.zeros(0, np.int64), np.zeros((0, 6))
 
 SPARE = 16
-"""Rows for landmarks at first."""
+"""Initial rows for landmarks."""
 
 
 def made(prior: Prior, loss: int, scale: float) -> Window:
-    """A window that knows the belief at step 0 and nothing else; a given map's landmarks are the first."""
+    """A window with nothing but the prior at step 0; a given map's landmarks come first."""
     known = prior.map
     n = 0 if known is None else len(known.ids)
     w = Window(
@@ -79,7 +79,7 @@ def made(prior: Prior, loss: int, scale: float) -> Window:
 
 
 def with_steps(w: Window, sightings: int) -> Window:
-    """`w` with room for another pose and so many sightings of it; itself where it has that."""
+    """`w` with room for another pose and that many sightings of it; itself if there is."""
     state = w.state
     numbers = int(state[REALS]) + 3 * (2 * len(w.slots) + 7)
     if state[POSES] < len(w.poses) and state[SIGHTINGS] + sightings <= len(w.sightings) and numbers <= len(w.reals):
@@ -95,7 +95,7 @@ def with_steps(w: Window, sightings: int) -> Window:
 
 
 def with_all(w: Window) -> Window:
-    """`w` with room for eliminating everything in it anew."""
+    """`w` with room for eliminating everything in it again."""
     poses = int(w.state[POSES] - w.state[BOTTOM])
     landmarks = int(((w.marks[:, PRESENCE] != FREE) & (w.marks[:, SLOT] != FIXED)).sum())
     return _with_numbers(w, (3 * poses + 2 * landmarks) * (2 * landmarks + 7))
@@ -112,14 +112,14 @@ def row_of_new(w: Window, x: float, y: float) -> tuple[Window, int]:
 
 
 def offsets(w: Window) -> tuple[Array, Array]:
-    """What all poses (n, 3) and landmarks (v, 2) are off from where they are linearised."""
+    """Offsets of all poses (n, 3) and landmarks (v, 2) from their linearisation points."""
     poses, places = np.zeros((int(w.state[POSES]), 3)), np.zeros_like(w.places)
     _estimates.offsets(w, poses, places)
     return poses, places
 
 
 def look_at_landmark(w: Window, v: int) -> Array:
-    """(2,) m; where landmark `v` is estimated to be."""
+    """(2,) m; the estimated position of landmark `v`."""
     t, slot = int(w.state[STAGES]), int(w.marks[v, SLOT])
     if slot == RETIRED:
         stages = w.stages[:t]
@@ -131,12 +131,12 @@ def look_at_landmark(w: Window, v: int) -> Array:
 
 
 def solve(w: Window, pose: Array, cov: Array) -> int:
-    """Fold in what the last pose sighted; `pose` (3,) and `cov` (3, 3) become the latest. Returns how it ended."""
+    """Adds the last pose's sightings; `pose` (3,) and `cov` (3, 3) become the latest. Returns the outcome."""
     return _step.step(w, 0, NO_POSES, NO_COVS, NO_POSES, NO_LANDMARKS, NO_SIGHTINGS, pose, cov)
 
 
 def _drop(w: Window) -> None:
-    """Take the poses before the prior's, and what they sighted, out of the tables."""
+    """Removes the poses before the prior's, and their sightings, from the tables."""
     bottom, poses, sightings = (int(w.state[k]) for k in (BOTTOM, POSES, SIGHTINGS))
     if bottom == 0:
         return
@@ -155,7 +155,7 @@ def _drop(w: Window) -> None:
 
 
 def _with_rows(w: Window, rows: int, slots: int) -> Window:
-    """`w` with so many rows for landmarks, and a front that has room for so many of them."""
+    """`w` with that many rows for landmarks, and a front with room for that many of them."""
     more, m = rows - len(w.places), 2 * slots + 3
     w = w.replaced(
         places=_longer(w.places, more),
@@ -175,7 +175,7 @@ def _with_stages(w: Window) -> Window:
 
 
 def _with_numbers(w: Window, numbers: int) -> Window:
-    """`w` with room for so many numbers of the stages."""
+    """`w` with room for that many numbers of the stages."""
     if numbers <= len(w.reals):
         return w
     reals, used = np.empty(max(numbers, 2 * len(w.reals))), int(w.state[REALS])
@@ -184,7 +184,7 @@ def _with_numbers(w: Window, numbers: int) -> Window:
 
 
 def _square(front: Array) -> Array:
-    """A front's numbers as (m, m + 1)."""
+    """Reshapes a front's numbers to (m, m + 1)."""
     n = isqrt(len(front))
     return front.reshape(n, n + 1)
 

@@ -1,12 +1,12 @@
-"""Fixed-lag smoothing in the plane: Gauss-Newton on J over the last seconds, what is older being a Gaussian prior.
+"""Fixed-lag smoothing in the plane: Gauss-Newton on J over the last seconds, with a Gaussian prior for the rest.
 
 A pose leaves the window `lag` seconds after its step. A landmark leaves `lag` seconds after its last sighting, with all
-that was known of it: sighted again it is a new one, so a step's cost is bounded and a loop is never closed. What has
-left is remembered as it was then. A landmark of a given map never leaves.
+information on it: sighted again it is a new one, so a step's cost is bounded and loops are not closed. The last
+estimates of variables that have left are kept. A landmark of a given map never leaves.
 
-The poses are eliminated oldest first (see `_chain`), so a step eliminates one, and what the prior would be once the
-oldest ones have left is there already: it is only worked out when points of linearisation are moved, and then without
-what has left, which stays linearised where it stood.
+The poses are eliminated oldest first (see `_chain`), so a step eliminates one, and the prior after the oldest ones have
+left exists already: it is only computed when linearisation points are moved, and then without variables that have left,
+whose linearisation points stay.
 """
 
 import math
@@ -30,15 +30,15 @@ from ._window import BOTTOM, HELD, LEFT, OLD_POSES, OLD_SIGHTINGS, PRESENCE, SIG
 from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
 
 OVER = 32
-"""The prior moves on when more poses have left than these, and than there are in the window."""
+"""The prior advances when more poses have left than this, and than there are in the window."""
 
 KEEP = 8
-"""How many poses a landmark stays in the front after its last sighting."""
+"""Number of poses that a landmark stays in the front after its last sighting."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """How long the window is, when its variables are linearised anew, and which sightings are believed."""
+    """Length of the window, relinearisation, and robust loss of the sightings."""
 
     lag: float = option(20.0, "length of the window, s; a loop that takes longer is not closed", minimum=1e-3)
     relinearize_threshold: float = option(
@@ -51,7 +51,7 @@ class Options:
 
 
 class FixedLag:
-    """Fixed-lag smoothing of its own: poses and landmarks of the last seconds, the rest a Gaussian prior."""
+    """Fixed-lag smoothing, by this package: poses and landmarks of the last seconds, with a Gaussian prior."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
@@ -62,18 +62,18 @@ class FixedLag:
         self._newcomers = Newcomers(two=self._robust)
         self._times = deque[float]()  # of the poses in the window
         self._left = self._since = 0  # poses that have left; steps since the last check
-        self._path, self._covs = np.zeros((64, 3)), np.zeros((64, 3, 3))  # of those that have left
+        self._path, self._covs = np.zeros((64, 3)), np.zeros((64, 3, 3))  # of poses that have left
         self._row: dict[int, int] = {} if prior.map is None else {i: k for k, i in enumerate(prior.map.ids.tolist())}
         self._given = frozenset(self._row)
         self._sighted: dict[int, float] = {}  # landmark -> time of its last sighting, in this order
-        self._gone: dict[int, Array] = {}  # landmark -> (2,) where it was when it last left
-        self._held: defaultdict[int, list[int]] = defaultdict(list)  # sightings that are held back
+        self._gone: dict[int, Array] = {}  # landmark -> (2,) position when it last left
+        self._held: defaultdict[int, list[int]] = defaultdict(list)  # held-back sightings
         self._motion = np.zeros((4, 3))
         self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
 
     def step(self, step: Step) -> Pose:
-        """Let go of what is older than the lag, go on by the motion and fold in what is sighted."""
+        """Drops variables older than the lag, propagates by the motion and adds the sightings."""
         k, ids = self._left + len(self._times), step.sightings.ids.tolist()
         if self._robust:
             self._newcomers.move(step.odometry)
@@ -111,14 +111,14 @@ class FixedLag:
         return Belief(self._pose.copy(), self._cov.copy())
 
     def map(self) -> Map:
-        """The landmarks in the window at the current estimate, and the others where they were when they last left."""
+        """Landmarks in the window at the current estimate, the others at their position when they last left."""
         w = self._window
         off = offsets(w)[1] if self._times else np.zeros_like(w.places)
         places = self._gone | {i: w.places[row] + off[row] for i, row in self._row.items()}
         return Map(np.fromiter(places, np.int64, len(places)), np.array([*places.values()]).reshape(-1, 2), None)
 
     def finish(self) -> Solution:
-        """Each pose as it left the window, the last ones as they are at the end, relinearized until nothing moves."""
+        """Each pose as it left the window, the last ones at the final estimate, relinearized until nothing moves."""
         for _ in range(self._options.final_checks):
             if self._relinearise(0.0, anyway=False) <= TOLERANCE:
                 break
@@ -133,7 +133,7 @@ class FixedLag:
         return Solution(path, self._with_newcomers(path, landmarks), covs)
 
     def _write(self, sightings: RangeBearing) -> None:
-        """Copy sightings to where the compiled code reads them."""
+        """Copies sightings to the compiled code's input."""
         n = len(sightings.ids)
         if n > len(self._seen):
             self._seen = np.zeros((2 * n, 6))
@@ -141,9 +141,9 @@ class FixedLag:
         self._seen[:n, 2:] = sightings.cov.reshape(n, 4)
 
     def _name(self, k: int, sightings: RangeBearing, rows: list[int]) -> bool:
-        """Write the rows of new landmarks into `rows`; HELD stays where one is held back.
+        """Writes the rows of new landmarks to `rows`; HELD stays for one that is held back.
 
-        Returns whether such a new one was sighted before, from a pose of the window.
+        Returns True if such a new one was sighted before, from a pose of the window.
         """
         x, y, heading = self._pose.tolist()
         (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
@@ -170,14 +170,14 @@ class FixedLag:
         return before
 
     def _refresh(self, t: float, ids: list[int]) -> None:
-        """These landmarks are sighted now."""
+        """Records a sighting of these landmarks."""
         for landmark in ids:
             if landmark in self._row and landmark not in self._given:
                 self._sighted.pop(landmark, None)
                 self._sighted[landmark] = t
 
     def _let_go(self, before: float) -> int:
-        """Remember every landmark that was not sighted since `before`; how many poses are older than that."""
+        """Drops every landmark not sighted since `before`; returns the number of poses older than that."""
         leaving = 0
         while leaving < len(self._times) and self._times[0] < before:
             self._times.popleft()
@@ -190,7 +190,7 @@ class FixedLag:
         return leaving
 
     def _old(self, before: float) -> list[int]:
-        """The landmarks that were not sighted since `before`."""
+        """The landmarks not sighted since `before`."""
         old = list[int]()
         for landmark, t in self._sighted.items():
             if t >= before:
@@ -199,7 +199,7 @@ class FixedLag:
         return old
 
     def _forget(self, landmark: int) -> None:
-        """Remember where a landmark is; sighted again it is a new one."""
+        """Stores a landmark's position and drops it; sighted again it is a new one."""
         w, row = self._window, self._row.pop(landmark)
         del self._sighted[landmark]
         self._gone.pop(landmark, None)
@@ -207,7 +207,7 @@ class FixedLag:
         w.marks[row, PRESENCE] = LEFT
 
     def _check(self) -> None:
-        """Relinearise where it is time for that, or where much has left."""
+        """Relinearises when due, or when much has left."""
         self._since += 1
         inside, start = len(self._times), self._left - int(self._window.state[OLD_POSES])
         much = start - int(self._window.state[BOTTOM]) > max(OVER, inside)
@@ -218,9 +218,10 @@ class FixedLag:
             self._relinearise(np.inf, anyway=True)
 
     def _relinearise(self, threshold: float, *, anyway: bool) -> float:
-        """Move what is off by more than `threshold` (m, rad); how far the furthest was off.
+        """Moves what is off by more than `threshold` (m, rad); returns the largest offset.
 
-        What has left first becomes a part of the prior. Nothing is done where nothing is off so far, unless `anyway`.
+        Variables that have left are first absorbed by the prior. Nothing is done if nothing is off so far, unless
+        `anyway`.
         """
         self._window = w = with_all(self._window)
         ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
@@ -231,7 +232,7 @@ class FixedLag:
         return furthest
 
     def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
-        """The map, and on it, without covariance, what is still held back: where its last sighting has it."""
+        """The map, with landmarks still held back added without covariance, at their last sighting."""
         alone = {i: held for i, held in self._newcomers.alone().items() if i not in landmarks.ids}
         if not alone:
             return landmarks

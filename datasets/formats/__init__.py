@@ -1,1 +1,1 @@
-"""A log as text files, ours and others'."""
+"""Logs as text files, in our formats and others'."""

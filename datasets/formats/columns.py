@@ -1,4 +1,4 @@
-"""CSV files of other people's programs: columns are found by their names, in any order, others are ignored."""
+"""Reads CSV files of other programs: columns by name, in any order, others ignored."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,9 +12,9 @@ from ...frontend.table import Table, text
 
 
 def read_columns(path: Path, *choices: Sequence[str]) -> Table:
-    """The table in `path`, of the first of `choices` whose columns the header has; all numbers are finite.
+    """Reads the table in `path`, of the first of `choices` whose columns the header has; all numbers are finite.
 
-    InputError names the file, the line and the column of what cannot be read, and says what columns would do.
+    InputError names the file, the line and the column of what cannot be read, and lists the choices.
     """
     lines: list[str] = text(path).split("\n")
     header = [name.strip('"') for name in header_names(lines[0])]
@@ -27,11 +27,11 @@ def read_columns(path: Path, *choices: Sequence[str]) -> Table:
         )
     for name in chosen:
         if header.count(name) > 1:
-            raise InputError(f"{path}, line 1: column {name!r} is there {header.count(name)} times, expected once.")
+            raise InputError(f"{path}, line 1: column {name!r} occurs {header.count(name)} times, expected once.")
     places = [header.index(name) for name in chosen]
     numbers = np.array([number for number, line in enumerate(lines[1:], start=2) if line.strip()], np.int64)
     if not len(numbers):
-        raise InputError(f"{path}: there is no row, expected at least one below the header.")
+        raise InputError(f"{path}: found no rows, expected at least one below the header.")
     rows = _rows(path, lines, numbers, header, places)
     return Table(path, tuple(chosen), rows, numbers).finite()
 

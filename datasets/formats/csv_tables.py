@@ -1,12 +1,12 @@
-"""Anybody's log, as two tables: how the robot moved, and what it saw when.
+"""A log from two CSV tables: odometry and detections.
 
-    odometry     t,x,y,heading      where the robot's own odometry has it, in a frame of its own; or
+    odometry     t,x,y,heading      poses of the robot's own odometry, in its own frame; or
                  t,dx,dy,dtheta     the motion since the row before, in the body frame before it; or
                  t,v,omega          m/s and rad/s, held until the next row
     detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left
 
-Keyframes are the times of detections, and every so often between them; the motion up to each is one factor. Where a
-time falls between two rows of odometry, the robot is taken to have moved evenly. The noise is what the options state.
+Keyframes are the times of detections, with regular ones between; the motion up to each is one factor. Between two rows
+of odometry, motion is interpolated evenly. The noise is set by the options.
 """
 
 import itertools
@@ -38,21 +38,21 @@ POINTS = ("t", "id", "x", "y")
 PLACES = ("id", "x", "y")
 
 MOST_KEYFRAMES = 500_000
-"""More are a mistake: times in nanoseconds, or a detection from another year."""
+"""More indicate an error: times in nanoseconds, or a detection from another year."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """The files, and how far they are trusted."""
+    """The files and their noise."""
 
     odometry: str | None = option(None, "CSV file with t,x,y,heading or t,dx,dy,dtheta or t,v,omega")
     detections: str | None = option(None, "CSV file with t,id,range,bearing or t,id,x,y; id -1 is unknown")
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
-    landmarks: str | None = option(None, "CSV file with the landmarks' true places: id,x,y")
-    ignore: str = option("", "ids that are left out, such as those of things that move: 5;14;23")
-    angles: str = option("radians", "what angles in the CSV files are in", choices=("radians", "degrees"))
+    landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
+    ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")
+    angles: str = option("radians", "unit of angles in the CSV files", choices=("radians", "degrees"))
     range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
-    range_share: float = option(0.0, "what it grows by with the range, of it", minimum=0.0, maximum=1.0)
+    range_share: float = option(0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0)
     bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
     forward: float = option(0.05, "motion noise, m per root metre driven", minimum=0.0, maximum=10.0)
     turning: float = option(0.03, "motion noise, rad per root metre driven", minimum=0.0, maximum=10.0)
@@ -60,15 +60,15 @@ class Options:
     floor_position: float = option(1e-3, "motion noise of every factor, m", minimum=1e-6, maximum=10.0)
     floor_heading: float = option(1e-3, "motion noise of every factor, rad", minimum=1e-6, maximum=3.0)
     every: float = option(1.0, "longest time between keyframes, s", minimum=1e-3, maximum=1e6)
-    max_speed: float = option(50.0, "a robot that is faster is a wrong reading, m/s", minimum=1e-3, maximum=1e6)
-    start_x: float | None = option(None, "where the robot starts, m; none: where the truth has it, else 0")
-    start_y: float | None = option(None, "the same of y, m")
-    start_heading: float | None = option(None, "the same of the heading, rad", minimum=-np.pi, maximum=np.pi)
-    start_sd: float = option(1e-3, "how far that is trusted, m and rad", minimum=1e-9, maximum=1e3)
+    max_speed: float = option(50.0, "faster motion counts as a misreading, m/s", minimum=1e-3, maximum=1e6)
+    start_x: float | None = option(None, "initial x, m; not given: from the ground truth, else 0")
+    start_y: float | None = option(None, "initial y, m")
+    start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
+    start_sd: float = option(1e-3, "standard deviation of the initial pose, m and rad", minimum=1e-9, maximum=1e3)
 
 
 class Detections(NamedTuple):
-    """Sightings in the order of time, and how many were left out: without odometry at their time, and as asked for."""
+    """Sightings in order of time, and the numbers left out: outside the odometry's time, and ignored."""
 
     t: Array  # (s,)
     ids: Ints  # (s,)
@@ -77,7 +77,7 @@ class Detections(NamedTuple):
     ignored: int
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """Your own log from a CSV of odometry and a CSV of detections: csv[odometry=FILE,detections=FILE]."""
     if options.odometry is None or options.detections is None:
         missing = "odometry" if options.odometry is None else "detections"
@@ -107,23 +107,23 @@ source = Source(make, Options)
 
 
 def _track(path: Path, options: Options) -> Track:
-    """The odometry as poses in a frame of its own, whatever form it came in."""
+    """Converts the odometry, in any of its forms, to poses in a frame of its own."""
     table = _in_order(read_columns(path, POSES, MOTIONS, SPEEDS), strictly=False)
     t, turn = table.column("t"), _radians(options)
-    last = np.append(np.diff(t) > 0, True)  # of rows at one time, as a coarse clock stamps them, the last one counts
+    last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     if table.columns == POSES:
         poses = table.rows[:, 1:] * np.array([1.0, 1.0, turn])
         for row in np.flatnonzero(~last[:-1] & (np.diff(poses, axis=0) != 0).any(1)) + 1:
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, expected a later one")
     elif table.columns == MOTIONS:
-        motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # what came before the first row is unknown
+        motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
     else:
         dt = np.diff(t)[:, None]
         rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * dt
         poses = summed(np.zeros(3), roll(rolling, "arc")[0])
     if not np.isfinite(poses).all():
-        raise InputError(f"{path}: the motions add up to no finite place, expected metres and {options.angles}.")
+        raise InputError(f"{path}: the motions add up to an infinite position, expected metres and {options.angles}.")
     poses[:, 2] = wrap(poses[:, 2])
     floors = Floors(options.floor_position, options.floor_heading)
     noise = TrackNoise(options.forward, options.turning, options.turning_by_turn, floors)
@@ -133,7 +133,7 @@ def _track(path: Path, options: Options) -> Track:
 
 
 def _detections(path: Path, options: Options, start: float, end: float) -> Detections:
-    """What was seen from `start` to `end`, s."""
+    """The detections from `start` to `end`, s."""
     table = _in_order(read_columns(path, SIGHTINGS, POINTS), strictly=False)
     ids, t = table.whole("id"), table.column("t")
     for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
@@ -141,7 +141,7 @@ def _detections(path: Path, options: Options, start: float, end: float) -> Detec
     order = np.lexsort((ids, t))
     twin = (np.diff(t[order]) == 0) & (np.diff(ids[order]) == 0) & (ids[order[1:]] != UNKNOWN)
     for row in np.sort(order[1:][twin]):
-        raise table.fault(row, f"id {ids[row]} is there twice at t {t[row]!s}, expected once")
+        raise table.fault(row, f"id {ids[row]} occurs twice at t {t[row]!s}, expected once")
     z = table.rows[:, 2:]
     if table.columns == POINTS:
         z = np.stack((hypot(*z.T), arctan2(z[:, 1], z[:, 0])), axis=-1)
@@ -149,14 +149,14 @@ def _detections(path: Path, options: Options, start: float, end: float) -> Detec
         z = z * np.array([1.0, _radians(options)])
         for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):
             found = f"bearing is {table.column('bearing')[row]!s} {options.angles}"
-            raise table.fault(row, f"{found}, expected half a turn at most; option angles says what unit it is")
+            raise table.fault(row, f"{found}, expected at most half a turn; option angles sets the unit")
     for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
         raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
     inside = (start <= t) & (t <= end)
     left_out = np.isin(ids, _ignored(options))
     if not inside.any():
         raise InputError(
-            f"{path}: its times, {t[0]!s} to {t[-1]!s} s, have none in common with the odometry's, {start!s} to "
+            f"{path}: its times, {t[0]!s} to {t[-1]!s} s, are outside the odometry's, {start!s} to "
             f"{end!s} s; expected the same clock."
         )
     kept = inside & ~left_out
@@ -164,7 +164,7 @@ def _detections(path: Path, options: Options, start: float, end: float) -> Detec
 
 
 def _ignored(options: Options) -> list[int]:
-    """The ids that are to be left out."""
+    """Parses the ids to leave out."""
     names = [name.strip() for name in options.ignore.split(";") if name.strip()]
     for name in names:
         if not (name.isascii() and name.removeprefix("-").isdigit()):
@@ -175,12 +175,12 @@ def _ignored(options: Options) -> list[int]:
 
 
 def _keyframes(start: float, end: float, seen: Array, every: float) -> Array:
-    """(n,) s: `start`, `end`, the times `seen`, and between those farther apart than `every` evenly spread others."""
+    """(n,) s: `start`, `end`, the times `seen`, and evenly spaced ones wherever gaps exceed `every`."""
     at = np.unique(np.concatenate(([start, end], seen)))
     pieces = np.maximum(np.ceil(np.diff(at) / every * (1 - 1e-9)), 1)
     if pieces.sum() > MOST_KEYFRAMES:
         raise InputError(
-            f"option every={every:g} of dataset csv: makes {pieces.sum():.0f} keyframes of {end - start:g} s, "
+            f"option every={every:g} of dataset csv: splits {end - start:g} s into {pieces.sum():.0f} keyframes, "
             f"expected at most {MOST_KEYFRAMES}; are the times in seconds?"
         )
     between = zip(at[:-1], at[1:], pieces.astype(int).tolist(), strict=True)
@@ -189,7 +189,7 @@ def _keyframes(start: float, end: float, seen: Array, every: float) -> Array:
 
 
 def _noise(z: Array, options: Options) -> Array:
-    """(s, 2, 2) the stated covariances."""
+    """(s, 2, 2) the covariances set by the options."""
     cov = np.zeros((len(z), 2, 2))
     cov[:, 0, 0] = (options.range_sd + options.range_share * z[:, 0]) ** 2
     cov[:, 1, 1] = options.bearing_sd**2
@@ -219,12 +219,12 @@ def _places(path: Path) -> Map:
     ids = table.whole("id")
     _, first = np.unique(ids, return_index=True)
     for row in np.setdiff1d(np.arange(len(ids)), first):
-        raise table.fault(row, f"id {ids[row]} is there twice, expected once")
+        raise table.fault(row, f"id {ids[row]} occurs twice, expected once")
     return Map(ids, table.rows[:, 1:], None)
 
 
 def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
-    """Where the options say that the robot starts; what they leave out is the truth's at that moment, or 0."""
+    """The prior from the options, filled up from the ground truth at that time, or 0."""
     pose = np.zeros(3)
     if truth is not None and len(truth.t) and truth.t[0] == start:
         pose = truth.poses[0].copy()
@@ -250,7 +250,7 @@ def _notes(options: Options, seen: Detections) -> dict[str, Any]:
 
 
 def _in_order(table: Table, *, strictly: bool) -> Table:
-    """Itself; InputError for a time that is earlier than the one before, or, strictly, the same."""
+    """Returns itself; InputError for a time that is earlier than the one before or, with `strictly`, equal."""
     t = table.column("t")
     late = np.diff(t) <= 0 if strictly else np.diff(t) < 0
     for row in np.flatnonzero(late) + 1:

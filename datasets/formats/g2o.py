@@ -1,19 +1,20 @@
-"""Graphs in the text format of g2o, the planar part of it.
+"""Reads planar graphs in g2o's text format.
 
-    VERTEX_SE2 id x y theta                                          where an optimiser would start: not used
-    VERTEX_XY id x y                                                 the same, of a point
+    VERTEX_SE2 id x y theta                                          an optimiser's initial value: not used
+    VERTEX_XY id x y                                                 likewise of a point
     EDGE_SE2 i j dx dy dtheta I11 I12 I13 I22 I23 I33                pose j in the body frame of pose i
     EDGE_SE2_XY i l x y I11 I12 I22                                  point l in the body frame of pose i
-    EDGE_PRIOR_SE2 i x y theta I11 I12 I13 I22 I23 I33               the belief about pose i
-    FIX id ...                                                       vertices held where they are put
+    EDGE_PRIOR_SE2 i x y theta I11 I12 I13 I22 I23 I33               the prior of pose i
+    FIX id ...                                                       vertices held at their initial values
 
 R. Kuemmerle, G. Grisetti, H. Strasdat, K. Konolige and W. Burgard, "g2o: a general framework for graph optimization",
 ICRA 2011. The error of an EDGE_SE2 is the vector of Z^-1 (Xi^-1 Xj), Z being the measurement, so that its information
-is in the body frame after the motion, and that of an EDGE_PRIOR_SE2, of Z^-1 Xi, in the body frame of Z. Both are taken
-to ours: before the motion, and the world's. That of an EDGE_SE2_XY, Xi^-1 l - z, is in the body frame of pose i.
+is in the body frame after the motion, and that of an EDGE_PRIOR_SE2, of Z^-1 Xi, in the body frame of Z. Both are
+converted to ours: before the motion, and the world's. That of an EDGE_SE2_XY, Xi^-1 l - z, is in the body frame of pose
+i.
 
-A log has its prior at the first pose: an EDGE_PRIOR_SE2 of it, or where it is fixed, or by default where it is put.
-Points that are fixed are a map that is given.
+A log has its prior at the first pose: from its EDGE_PRIOR_SE2, or its initial value, whether fixed or by default. Fixed
+points become a given map.
 """
 
 from dataclasses import dataclass
@@ -39,7 +40,7 @@ KINDS = {
     "EDGE_PRIOR_SE2": "priors",
     "FIX": "fixed",
 }
-"""The rows that a log has a place for."""
+"""The rows that can be represented in a log."""
 
 REFUSED = (
     "PARAMS_SE2OFFSET", "CACHE_SE2_OFFSET", "EDGE_PRIOR_SE2_XY", "EDGE_PRIOR_XY", "EDGE_BEARING_SE2_XY",
@@ -66,7 +67,7 @@ class Options:
     path: str | None = option(None, "the file of the graph")
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """A graph in g2o's format, poses and points in the plane: g2o[path=FILE]."""
     if options.path is None:
         raise InputError("option path of dataset g2o is not given, expected the file of a graph: g2o[path=FILE].")
@@ -77,7 +78,7 @@ source = Source(make, Options)
 
 
 def read(path: Path) -> Dataset:
-    """The log in the g2o file `path`; InputError names the file and line of whatever cannot be used."""
+    """Reads the log in the g2o file `path`; InputError names the file and line of what is invalid."""
     tables = read_tagged(path, KINDS, _COLUMNS, REFUSED)
     edges, sightings = tables["edges"], tables["sightings"]
     cov = inverted(edges, symmetric(edges.rows[:, 5:]))
@@ -93,13 +94,13 @@ def read(path: Path) -> Dataset:
     notes = {
         "source": f"the g2o file {path.name}",
         "licence": "not stated in the file",
-        "covariances": "g2o's are in the body frame after a motion, and have been taken to the one before it",
+        "covariances": "g2o's are in the body frame after a motion, converted to the one before it",
     }
     return Dataset(log_of(graph, path.stem, _prior(graph, tables["priors"], tables["fixed"]), notes), None)
 
 
 def _prior(graph: PoseGraph, priors: Table, fixed: Table) -> Prior | None:
-    """The belief about the first pose, and the points that are held fixed as the map that is given."""
+    """The prior of the first pose, and the fixed points as a given map."""
     first = int(graph.ids()[0])
     points = graph.points.whole("id")
     poses_fixed = ~np.isin(fixed.whole("id"), points)
@@ -107,15 +108,15 @@ def _prior(graph: PoseGraph, priors: Table, fixed: Table) -> Prior | None:
         expected = f"expected only that of the first pose, {first}, and of points"
         raise fixed.fault(row, f"vertex {fixed.whole('id')[row]} is fixed, {expected}")
     for row in np.flatnonzero(priors.whole("id") != first):
-        expected = f"expected only one about the first pose, {first}"
-        raise priors.fault(row, f"a belief about vertex {priors.whole('id')[row]}, {expected}")
+        expected = f"expected only a prior of the first pose, {first}"
+        raise priors.fault(row, f"a prior of vertex {priors.whole('id')[row]}, {expected}")
     if len(priors.rows) + poses_fixed.any() > 1:
         table, row = (fixed, np.flatnonzero(poses_fixed)[0]) if poses_fixed.any() else (priors, 1)
-        raise table.fault(row, "the first pose is known in two ways, expected one EDGE_PRIOR_SE2 or FIX")
+        raise table.fault(row, "the first pose has two priors, expected one EDGE_PRIOR_SE2 or FIX")
     place = graph.place(first)
     if poses_fixed.any() and place is None:
         row = np.flatnonzero(poses_fixed)[0]
-        raise fixed.fault(row, f"vertex {first} is fixed, expected a VERTEX_SE2 that says where")
+        raise fixed.fault(row, f"vertex {first} is fixed, expected a VERTEX_SE2 with its position")
     held = np.isin(points, fixed.whole("id"))
     known = map_of(Table(graph.path, graph.points.columns, graph.points.rows[held], graph.points.lines[held]))
     if len(priors.rows):

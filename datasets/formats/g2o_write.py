@@ -1,8 +1,8 @@
-"""A log as a graph in g2o's format; what is written reads back, but for what the format has no place for.
+"""Writes a log as a graph in g2o's format; it reads back, except for what the format cannot represent.
 
-That is the times, the name and the notes, and sightings whose landmark is unknown. Numbers are written so that they
-read back bit for bit; a covariance is written as information, and comes back to rounding times its condition. There is
-no comment in the file: gtsam.readG2o finds no factor at all in one that begins with a comment.
+That is the times, the name and the notes, and sightings whose landmark is unknown. Numbers are restored bit for bit; a
+covariance is written as information, and restored up to rounding times its condition. The file has no comments:
+gtsam.readG2o finds no factor at all in one that begins with a comment.
 """
 
 import os
@@ -25,19 +25,19 @@ MOST_ID = 2**31 - 1
 
 
 def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
-    """Write `log` to the file `path`, complete or not at all; how many sightings of unknown landmarks were left out.
+    """Writes `log` to `path` atomically; returns the number of sightings of unknown landmarks left out.
 
-    An optimiser is to start from the dead-reckoned poses, and from where a landmark's first sighting has it from there.
-    Landmarks keep their ids, and poses are numbered from 0, or from above the landmarks where that would clash.
-    InputError for ids that g2o cannot read, and for a given map that is not held fixed.
+    Initial values are the dead-reckoned poses, and the landmarks' first sightings from there. Landmarks keep their ids,
+    and poses are numbered from 0, or from above the landmarks where that would clash. InputError for ids that g2o
+    cannot read, and for a given map that is not held fixed.
 
-    gtsam.readG2o passes over EDGE_SE2_XY, EDGE_PRIOR_SE2 and FIX in silence. A file `for_gtsam` has sightings as BR
-    rows, which it reads, and no prior; InputError for a log that has a map given, or range and bearing correlated.
+    gtsam.readG2o ignores EDGE_SE2_XY, EDGE_PRIOR_SE2 and FIX silently. A file `for_gtsam` has sightings as BR rows,
+    which it reads, and no prior; InputError for a log with a given map, or with range and bearing correlated.
     """
     check(log, where=f"log {log.name}")
     known = log.prior.map
     if known is not None and known.cov is not None:
-        raise InputError(f"{path}: log {log.name} has a map with covariance, which a g2o file has no row for.")
+        raise InputError(f"{path}: log {log.name} has a map with covariance, which a g2o file cannot represent.")
     if for_gtsam:
         _check_for_gtsam(path, log)
     poses = dead_reckoned(log)
@@ -78,7 +78,7 @@ def _prior(log: Log, first: int) -> Iterator[str]:
 
 
 def _motions(log: Log, first: int) -> Iterator[str]:
-    """Odometry, and then the loop closures."""
+    """Odometry, then the loop closures."""
     delta, cov = log.delta[1:], log.delta_cov[1:]
     steps = first + np.arange(len(log))
     yield from _rows("EDGE_SE2", steps[:-1], steps[1:], *delta.T, *_information(after_motion(delta, cov)))
@@ -99,15 +99,15 @@ def _bearing_ranges(log: Log, first: int) -> Iterator[str]:
 
 def _check_for_gtsam(path: Path, log: Log) -> None:
     if log.prior.map is not None:
-        raise InputError(f"{path}: log {log.name} has a map that is given, which gtsam.readG2o has no row for.")
+        raise InputError(f"{path}: log {log.name} has a given map, which gtsam.readG2o cannot read.")
     correlated = np.abs(log.z_cov[:, 0, 1]) > 1e-9 * np.sqrt(log.z_cov[:, 0, 0] * log.z_cov[:, 1, 1])
     for row in np.flatnonzero(correlated & (log.ids != UNKNOWN)):
         found = f"range and bearing of sighting {row} are correlated"
-        raise InputError(f"{path}: log {log.name}: {found}, which a BR row has no place for; use g2o.")
+        raise InputError(f"{path}: log {log.name}: {found}, which a BR row cannot represent; use g2o.")
 
 
 def _information(cov: Array) -> Iterable[Array]:
-    """The columns of the upper triangles of the inverses."""
+    """Upper triangles of the inverses, by columns."""
     return upper(inverses(cov)[0])
 
 
@@ -116,7 +116,7 @@ def _rows(tag: str, *columns: Array | Ints) -> Iterator[str]:
 
 
 def _places(log: Log, poses: Array) -> tuple[Ints, Array]:
-    """The landmarks (l,), those that are given first, and their places (l, 2): as given, or as first seen."""
+    """The landmarks (l,), given ones first, and their positions (l, 2): as given, or from the first sighting."""
     ids, seen = np.unique(log.ids, return_index=True)
     xy = act(poses[log.sighting_step[seen]], as_points(log.z[seen], log.z_cov[seen])[0])
     known = log.prior.map

@@ -1,4 +1,4 @@
-"""Which program's text graph a file is, where a user has named it by its path alone."""
+"""Detects the format of a text graph given by its path alone."""
 
 from pathlib import Path
 
@@ -6,14 +6,14 @@ from . import toro
 from .tagged import tags
 
 SUFFIXES = (".g2o", ".toro", ".graph")
-"""How the names of such files end."""
+"""Endings of such files."""
 
 
 def format_of(path: Path) -> str:
-    """The dataset that reads the graph in `path`, by its rows: g2o, toro or gtsam; InputError where it is no text.
+    """The dataset that reads the graph in `path`, by its rows: g2o, toro or gtsam; InputError if it is not text.
 
-    Rows that only GTSAM has are GTSAM's. EDGE2 rows are TORO's, with its order of the information, but for a file named
-    .g2o: GTSAM comes with one, whose order is the other one. For all others g2o's reader is the one to judge.
+    Rows that only GTSAM has decide for gtsam. EDGE2 rows are TORO's, with its order of the information, except in a
+    file named .g2o: GTSAM ships one with the other order. Any other file is left to g2o's reader.
     """
     found = tags(path)
     if not found.isdisjoint(_GTSAM_ALONE):

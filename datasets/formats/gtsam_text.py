@@ -1,22 +1,22 @@
-"""The planar text graphs that GTSAM reads, and comes with: their rows have been gathered from several programs.
+"""Reads the planar text graphs that GTSAM reads and ships: their rows originate from several programs.
 
-    VERTEX2 id x y theta (or VERTEX_SE2, VERTEX)                     where an optimiser would start: not used
-    VERTEX_XY id x y                                                 the same, of a point
+    VERTEX2 id x y theta (or VERTEX_SE2, VERTEX)                     an optimiser's initial value: not used
+    VERTEX_XY id x y                                                 likewise of a point
     EDGE2 i j dx dy dtheta + 6 numbers (or EDGE_SE2, EDGE, ODOMETRY) pose j in the body frame of pose i
     BR i l bearing range sd_bearing sd_range                         point l from pose i
     LANDMARK i l x y cxx cxy cyy                                     the same, in the body frame of pose i
     LANDMARK2 i l x y rxx rxy ryy                                    the same, with a root of the information
     EQUIV i j                                                        from TORO; only counted here
 
-What the 6 numbers are is nowhere in the file. GTSAM's load2D is told, or guesses from where the first row has zeros;
-the names below are its own. `root`, an upper triangular R with information R'R, is iSAM's (M. Kaess et al., 2008),
+The file does not say what the 6 numbers are. GTSAM's load2D takes an argument, or guesses from the zeros of the first
+row; the names below are its own. `root`, an upper triangular R with information R'R, is iSAM's (M. Kaess et al., 2008),
 which no option of load2D stands for: victoriaPark_reduced_1k.g2o has 100 and 500 where victoria_park.txt has 1e-4 and
 4e-6, and 1.581139 in its LANDMARK2 where that has 0.4. The 3.16228 and 5 of w20000.txt look like roots too, but are
 guessed to be covariances, as GTSAM does: give noise=root. An EDGE_SE2 is guessed to have g2o's information.
 
 A BetweenFactor's error is the logarithm of Z^-1 (Xi^-1 Xj): its covariance is in the body frame after the motion, and
-is taken to the one before it. Poses and points have numbers of their own. Of a LANDMARK's covariance load2D makes a
-range and a bearing deviation, as if from 10 m; here it is taken as it is written, by first order.
+is converted to the one before it. Poses and points are numbered separately. load2D converts a LANDMARK's covariance to
+deviations of range and bearing, as if from 10 m; here it is propagated to first order.
 """
 
 from collections.abc import Mapping
@@ -48,10 +48,10 @@ KINDS = {
     "LANDMARK2": "roots",
     "EQUIV": "equivalences",
 }
-"""The rows of a planar file."""
+"""Rows of a planar file."""
 
 NOISES = ("auto", "g2o", "toro", "graph", "cov", "root")
-"""The numbers of an edge: a guess; information by rows or in TORO's order; covariance in TORO's or by rows; a root."""
+"""An edge's numbers: guessed; information by rows or in TORO's order; covariance in TORO's or by rows; a root."""
 
 _SIX = ("n1", "n2", "n3", "n4", "n5", "n6")
 _EDGE = ("from", "to", "dx", "dy", "dtheta", *_SIX)
@@ -69,14 +69,14 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class Options:
-    """Which graph, and what its numbers are."""
+    """The graph and the meaning of its numbers."""
 
-    path: str | None = option(None, "the file of the graph, or the name of one that GTSAM comes with")
-    noise: str = option("auto", "what follows an edge's motion, in load2D's names; root: iSAM's", choices=NOISES)
+    path: str | None = option(None, "the file of the graph, or the name of one that ships with GTSAM")
+    noise: str = option("auto", "an edge's numbers after its motion, in load2D's names; root: iSAM's", choices=NOISES)
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
-    """A planar text graph as GTSAM's load2D reads them, such as gtsam[path=example.graph], which comes with it."""
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """A planar text graph as GTSAM's load2D reads them, such as gtsam[path=example.graph], which ships with it."""
     if options.path is None:
         raise InputError("option path of dataset gtsam is not given, expected the file of a graph: gtsam[path=FILE].")
     path = Path(options.path)
@@ -89,7 +89,7 @@ source = Source(make, Options)
 
 
 def shipped(name: str) -> Path:
-    """The file of that name among GTSAM's examples; `name` itself where there is none."""
+    """The file of that name among GTSAM's examples; `name` itself if there is none."""
     import gtsam
 
     try:
@@ -101,9 +101,9 @@ def shipped(name: str) -> Path:
 def read(
     path: Path, noise: str = "auto", name: str | None = None, notes: Mapping[str, object] | None = None
 ) -> Dataset:
-    """The log in the file `path`; InputError names the file and line of whatever cannot be used.
+    """Reads the log in the file `path`; InputError names the file and line of what is invalid.
 
-    The log's `name` and what `notes` says of its source are the file's where they are not given.
+    The log's `name` and the `notes` on its source default to the file's.
     """
     tables = read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"))
     edges, edge_cov, found = _edges(tables, noise)
@@ -113,7 +113,7 @@ def read(
     )
     said = {"source": f"the text graph {path.name}, as GTSAM reads it", "licence": "not stated in the file"}
     counted = {
-        "covariances": "GTSAM's are in the body frame after a motion, and have been taken to the one before it",
+        "covariances": "GTSAM's are in the body frame after a motion, converted to the one before it",
         "edge_noise": ", ".join(found) or "no edges",
         "equivalences_not_used": len(tables["equivalences"].rows),
     }
@@ -121,7 +121,7 @@ def read(
 
 
 def _edges(tables: Mapping[str, Table], noise: str) -> tuple[Table, Array, list[str]]:
-    """The edges, their covariances before the motion, and what their numbers were taken for."""
+    """The edges, their covariances before the motion, and the meaning of their numbers."""
     rows = [tables["edges"], tables["g2o_edges"]]
     kinds = [noise] * 2
     if noise == "auto":
@@ -134,14 +134,14 @@ def _edges(tables: Mapping[str, Table], noise: str) -> tuple[Table, Array, list[
 
 
 def _guess(table: Table) -> str:
-    """What the numbers of the edges are, from where the first row has zeros, as load2D has it."""
+    """Guesses the meaning of the edges' numbers from the zeros of the first row, as load2D does."""
     if not len(table.rows):
         return "cov"
     zeros = (table.rows[0, 5:] == 0).nonzero()[0].tolist()
     found = [kind for kind, where in _ZEROS.items() if where == zeros]
     if not found:
         wanted = "expected option noise to say what they are: gtsam[path=...,noise=...]"
-        raise table.fault(0, f"the six numbers of an edge have no zeros to tell their order by, {wanted}")
+        raise table.fault(0, f"the six numbers of an edge have no zeros from which to guess their order, {wanted}")
     return found[0]
 
 
@@ -163,7 +163,7 @@ def _covariance(table: Table, numbers: Array, kind: str) -> Array:
 def _sightings(tables: Mapping[str, Table]) -> tuple[Table, Array, Array]:
     """The sightings in the order of the file, range and bearing (s, 2), and (s, 2, 2)."""
     direct, landmarks, roots = (tables[kind] for kind in ("bearing_ranges", "landmarks", "roots"))
-    with np.errstate(all="ignore"):  # what overflows is named, with its line, when the log is looked at
+    with np.errstate(all="ignore"):  # overflow is reported, with its line, when the log is checked
         sd = direct.rows[:, [5, 4]]
         parts = [
             (wrapped(direct, "bearing")[:, [3, 2]], sd[:, :, None] ** 2 * np.eye(2)),

@@ -1,15 +1,15 @@
-"""A log as a folder that a person can read and a spreadsheet can open; what is written reads back bit for bit.
+"""Reads and writes a log as a folder of text files, restored bit for bit.
 
     log.toml         name, prior, truth kind, notes: sensor settings, source and licence
-    odometry.csv     t,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt          a row a step; of step 0 only t is filled in
-    sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     a row a sighting, sorted by step
-    loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt    a row a loop closure, sorted by step; optional
+    odometry.csv     t,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt          one row per step; step 0 has only t
+    sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     one row per sighting, sorted by step
+    loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt    one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
-    landmarks.csv    id,x,y                                          the landmarks' true places; optional
+    landmarks.csv    id,x,y                                          the landmarks' true positions; optional
 
-Of a covariance the upper triangle is stored. Notes that are None, and the covariance of a true map, are left out. Under
-[contents] log.toml also has the rows of each file and the digests of what reads back, both optional: files that are no
-longer what was written are not read.
+Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
+table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
+are refused.
 """
 
 import os
@@ -38,9 +38,9 @@ WORDS = "log.toml"
 TRUE_ID = ("true_id",)
 
 _NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents())
-"""In place of a log.toml that cannot be read, so that the other files can be looked at."""
+"""Replaces an unreadable log.toml, so that the other files can be checked."""
 
-_ACCEPT = "restore what it was, or delete [contents] from log.toml to accept the change"
+_ACCEPT = "restore it, or delete [contents] from log.toml to accept the change"
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Options:
     path: str | None = option(None, "the folder of the log")
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
-    """A log of your own, from a folder of CSV files that a person can read: log[path=FOLDER]."""
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """Your own log, from a folder of readable CSV files: log[path=FOLDER]."""
     if options.path is None:
         raise InputError("option path of dataset log is not given, expected the folder of a log: log[path=FOLDER].")
     return read(Path(options.path))
@@ -61,9 +61,9 @@ source = Source(make, Options)
 
 
 def write(folder: Path, log: Log, truth: Truth | None) -> None:
-    """Write `log` and, where there is one, its `truth` to `folder`, which must not exist or be empty.
+    """Writes `log` and, if given, its `truth` to `folder`, which must not exist or be empty.
 
-    The folder appears complete or not at all. InputError where it cannot be written, or the log not be used.
+    The folder appears complete or not at all. InputError if it cannot be written, or the log is unusable.
     """
     check_writable(log, truth)
     part = beside(folder)
@@ -80,7 +80,7 @@ def write(folder: Path, log: Log, truth: Truth | None) -> None:
 
 
 def check_writable(log: Log, truth: Truth | None) -> None:
-    """InputError where `log` and `truth` cannot be used, or their words not be kept in a file."""
+    """Raises InputError if `log` and `truth` are unusable, or their name or notes cannot be stored."""
     check_words(log)
     where = f"log {log.name}"
     check(log, where)
@@ -89,14 +89,14 @@ def check_writable(log: Log, truth: Truth | None) -> None:
 
 
 def read(folder: Path) -> Dataset:
-    """The log and truth in `folder`; InputError names the file, line and column of whatever cannot be used."""
+    """Reads the log and ground truth in `folder`; InputError names the file, line and column of what is invalid."""
     dataset = strict(scan(folder))
-    assert dataset is not None  # it is None after a fault alone
+    assert dataset is not None  # None only after a fault
     return dataset
 
 
 def scan(folder: Path) -> Scan[Dataset | None]:
-    """What `read` reads; every fault of every file. Of no use after one: what is no good is left out or made up."""
+    """Scans as `read` reads, yielding every fault of every file. After one the result is unusable."""
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder, expected that of a log.")
     (dataset, words), faults = yield from counted(_scan_files(folder))
@@ -106,7 +106,7 @@ def scan(folder: Path) -> Scan[Dataset | None]:
 
 
 def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
-    """The log and the truth, and what log.toml says."""
+    """The log and the ground truth, and the content of log.toml."""
     words = (yield from attempted(scan_words(folder / WORDS))) or _NOBODY
     odometry = yield from attempted(scan_csv(folder / "odometry.csv", ODOMETRY, blank_after=1))
     sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
@@ -114,7 +114,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     if loops.path.exists():
         loops = yield from attempted(scan_csv(loops.path, LOOPS))
     if odometry is not None and not len(odometry.rows):
-        yield InputError(f"{odometry.path}: there is no step, expected at least one row.")
+        yield InputError(f"{odometry.path}: found no steps, expected at least one row.")
     for table in (odometry, sightings, loops):
         if table is not None:
             yield from _scan_rows(words, {table.path.name: len(table.rows)})
@@ -164,10 +164,10 @@ def _empty(path: Path, columns: tuple[str, ...]) -> Table:
 
 
 def _scan_steps(table: Table, steps: int, *whole: str) -> Scan[Table]:
-    """The rows of `table` that are sound, sorted by the column `step`, each of a step that there is."""
+    """The valid rows of `table`, sorted by the column `step`, each of an existing step."""
     table = yield from table.scan_whole("step", *whole)
     step = table.column("step")
-    expected = f"expected 0 to {steps - 1}, the steps that odometry.csv has"
+    expected = f"expected 0 to {steps - 1}, the steps in odometry.csv"
     outside = (step < 0) | (step >= steps)
     table = (yield from table.refuse(outside, lambda row: f"step is {step[row]:.0f}, {expected}")).sound()
     step = table.whole("step")
@@ -178,7 +178,7 @@ def _scan_steps(table: Table, steps: int, *whole: str) -> Scan[Table]:
 
 
 def _scan_changes(words: Words, found: Contents) -> Scan[None]:
-    """Where the files are no longer what log.toml says that they were."""
+    """Yields a fault for each file that no longer matches log.toml's digests."""
     yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
     parts = {
         "factors": "prior, odometry.csv, sightings.csv or loops.csv",
@@ -199,7 +199,7 @@ def _scan_rows(words: Words, found: Mapping[str, int]) -> Scan[None]:
 
 
 def _contents(log: Log, truth: Truth | None) -> Contents:
-    """What the files contain of which these were read."""
+    """The digests and row counts of the files of this log."""
     rows = {"odometry.csv": len(log), "sightings.csv": len(log.ids), "loops.csv": len(log.loop_to)}
     if truth is None:
         return Contents(rows, log.digest)
@@ -208,7 +208,7 @@ def _contents(log: Log, truth: Truth | None) -> Contents:
 
 
 def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
-    """Every file of the log, into an empty folder."""
+    """Writes every file of the log into an empty folder."""
     motions, sighted, looped = upper(log.delta_cov), upper(log.z_cov), upper(log.loop_cov)
     head = ",".join(ODOMETRY) + f"\n{log.t[0]!s}" + "," * (len(ODOMETRY) - 1)
     _write_rows(folder / "odometry.csv", head, [column[1:] for column in (log.t, *log.delta.T, *motions)])
@@ -219,7 +219,7 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
     if len(log.loop_to):
         columns = [log.loop_step, log.loop_to, *log.loop_delta.T, *looped]
         _write_rows(folder / "loops.csv", ",".join(LOOPS), columns)
-    # As it will be read: even covariances, and of step 0 nothing but t.
+    # As it will be read: symmetric covariances, and of step 0 nothing but t.
     log = replace(log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T))
     log = log.head(len(log))
     if truth is not None:

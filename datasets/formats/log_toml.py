@@ -1,7 +1,7 @@
-"""log.toml, the part of a log's folder that is words: its name, its prior, the kind of its truth and its notes.
+"""Reads and writes log.toml, the metadata of a log's folder: name, prior, kind of ground truth, notes.
 
-And, where slamduel wrote it, what the other files contained: how many rows each, and the digests of the factors and of
-the truth. It is how a file that has lost its end or had a bit turned is told from the one that was written.
+When written by slamduel, it also has the row counts of the other files and the digests of factors and ground truth, to
+detect truncated or damaged files.
 """
 
 import sys
@@ -23,21 +23,21 @@ P = ParamSpec("P")
 FILES = ("odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv")
 
 NOWHERE = Prior(np.zeros(3), np.eye(3))
-"""In place of a prior that cannot be read."""
+"""Replaces an unreadable prior."""
 
 LARGEST_FLOAT = sys.float_info.max
 
 
 class Contents(NamedTuple):
-    """What the files beside a log.toml contained when it was written; nothing of it need be known."""
+    """Contents of the files beside a log.toml at the time of writing; each may be unknown."""
 
     rows: Mapping[str, int] = {}  # of FILES
     factors: str | None = None  # Log.digest
-    truth: str | None = None  # the digest of the truth
+    truth: str | None = None  # the digest of the ground truth
 
 
 class Words(NamedTuple):
-    """What a log.toml says."""
+    """The content of a log.toml."""
 
     file: TomlTable
     name: str
@@ -48,10 +48,10 @@ class Words(NamedTuple):
 
 
 def check_words(log: Log) -> None:
-    """InputError where the name or the notes of `log` are no words that a log.toml can hold."""
+    """Raises InputError if the name or the notes of `log` cannot be stored in a log.toml."""
     name: Any = log.name
     if not isinstance(name, str) or not _encodable(name):
-        raise InputError(f"log {name!r:.100}: found this name, expected a text that UTF-8 can hold.")
+        raise InputError(f"log {name!r:.100}: found this name, expected a string that UTF-8 can encode.")
     try:
         held = _encodable(tomli_w.dumps(_notes(log)))
     except (TypeError, ValueError, AttributeError, RecursionError):
@@ -73,21 +73,21 @@ def _notes(log: Log) -> dict[str, Any]:
 
 
 def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents) -> None:
-    """Write the words of `log`; notes that are None are left out."""
+    """Writes the metadata of `log`; notes that are None are left out."""
     prior: dict[str, Any] = {"pose": log.prior.pose.tolist(), "cov": log.prior.cov.tolist()}
     if log.prior.map is not None:
         ids, xy, cov = log.prior.map
         prior["map"] = {"ids": ids.tolist(), "xy": xy.tolist()} | ({} if cov is None else {"cov": cov.tolist()})
     truth = {} if truth_kind is None else {"truth": {"kind": truth_kind}}
     digests = {key: digest for key in ("factors", "truth") if (digest := getattr(contents, key)) is not None}
-    # What the files contained comes first: when the end of this one is lost, that is told from a shorter log.
+    # First the files' contents: if the end of this file is lost, that can be told from a shorter log.
     contained = {"contents": {**digests, "rows": dict(contents.rows)}}
     words = {"name": log.name, **contained, "prior": prior, **truth, "notes": _notes(log)}
     path.write_text(tomli_w.dumps(words), encoding="utf-8", newline="\n")
 
 
 def scan_words(path: Path) -> Scan[Words]:
-    """The words in `path`; a fault names the line and the key, what was found and what was expected."""
+    """Scans the metadata in `path`; a fault names the line and the key, what was found and what was expected."""
     file = TomlTable.read(path)
     yield from file.unknown(("name", "prior", "truth", "contents", "notes"))
     name = yield from _tried(_name, file)
@@ -110,7 +110,7 @@ def _truth_kind(file: TomlTable) -> Literal["truth", "reference"] | None:
 
 
 def _scan_prior(file: TomlTable) -> Scan[Prior]:
-    """The prior; `NOWHERE` in place of one that is no good."""
+    """The prior; `NOWHERE` in place of an invalid one."""
     given = file.table("prior")
     yield from given.unknown(("pose", "cov", "map"))
     pose = yield from _tried(given.numbers, "pose", 3, most=LARGEST_FLOAT)
@@ -120,7 +120,7 @@ def _scan_prior(file: TomlTable) -> Scan[Prior]:
 
 
 def _scan_map(known: TomlTable) -> Scan[Map | None]:
-    """The map of the prior; None if it is no good."""
+    """The map of the prior; None if it is invalid."""
     yield from known.unknown(("ids", "xy", "cov"))
     ids = known.given("ids", "a list of whole numbers")
     if not isinstance(ids, list) or not all(type(one) is int and abs(one) <= LARGEST for one in ids):
@@ -132,7 +132,7 @@ def _scan_map(known: TomlTable) -> Scan[Map | None]:
 
 
 def _scan_contents(file: TomlTable) -> Scan[Contents]:
-    """What the other files contained, as far as it is told."""
+    """The contents of the other files, as far as they are given."""
     given = file.table("contents")
     yield from given.unknown(("factors", "truth", "rows"))
     rows, counts = given.table("rows"), dict[str, int]()
@@ -145,7 +145,7 @@ def _scan_contents(file: TomlTable) -> Scan[Contents]:
 
 
 def _tried(read: Callable[P, T], *args: P.args, **options: P.kwargs) -> Scan[T | None]:
-    """What `read` returns of these; None where it raises an error, which is a fault."""
+    """Returns the result of `read`; None where it raises an error, which is a fault."""
     try:
         return read(*args, **options)
     except InputError as error:

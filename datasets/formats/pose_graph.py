@@ -1,12 +1,12 @@
-"""A graph of poses and points as a log: what the formats that write one down have in common.
+"""Converts a graph of poses and points to a log: the common part of the graph formats.
 
-Poses are steps in the order of their ids. Between two neighbours the first edge of the file is the odometry; every
-other edge is a loop closure, the earlier of its poses being the one that it is seen from. An edge written the other way
-round is inverted, its covariance to first order. The file has no times: t is the number of the step.
+Poses are steps in the order of their ids. Between two consecutive poses the first edge of the file is the odometry; all
+other edges are loop closures, measured from the earlier pose. An edge in the other direction is inverted, its
+covariance to first order. The file has no times: t is the number of the step.
 
-The places that such a file gives for its poses and points are where an optimiser starts: they are no measurements, and
-nothing of them is used but the first pose's, which says where the map is. A log can hold neither two poses that no
-edge joins to their neighbours nor a belief about a pose other than the first.
+Positions of poses and points in such a file are initial values of an optimiser, not measurements; only the first pose's
+is used, to place the map. A log can represent neither consecutive poses without an edge nor a prior of a pose other
+than the first.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,18 +27,18 @@ from ...frontend.small_matrices import propagated
 from ...frontend.table import Table
 
 START = 1e-9
-"""m^2 and rad^2: variance of the first pose where the file does not say how well it is known."""
+"""m^2 and rad^2: variance of the first pose if the file has none."""
 
 _LEAST = 1e-15
-"""Smallest eigenvalue, with a diagonal of ones, that is not rounding alone."""
+"""Smallest eigenvalue, with a unit diagonal, that is not mere rounding."""
 
 
 class PoseGraph(NamedTuple):
-    """What a file says. Rows of the arrays are those of the table before them."""
+    """The content of a file. Rows of the arrays are those of the table before them."""
 
     path: Path
-    vertices: Table  # id x y theta: first guesses
-    points: Table  # id x y: first guesses
+    vertices: Table  # id x y theta: initial values
+    points: Table  # id x y: initial values
     edges: Table  # from to dx dy dtheta and more: pose `to` in the body frame of pose `from`
     edge_cov: Array  # (m, 3, 3) in the body frame of pose `from`
     sightings: Table  # pose id and more
@@ -47,25 +47,25 @@ class PoseGraph(NamedTuple):
     shared_ids: bool = True  # a pose and a point cannot have the same id
 
     def ids(self) -> Ints:
-        """(n,) the poses, in the order of the steps; InputError where there is none, or an id is no such thing."""
+        """(n,) the poses, in the order of the steps; InputError if there are none, or for invalid ids."""
         given = [_numbers(self.vertices, "id"), _numbers(self.edges, "from"), _numbers(self.edges, "to")]
         for table in (self.vertices, self.points):
             _once(table)
         found = np.unique(np.concatenate(given))
         if not len(found):
-            raise InputError(f"{self.path}: there is no pose, expected at least one.")
+            raise InputError(f"{self.path}: found no poses, expected at least one.")
         return found
 
     def place(self, pose: int) -> Array | None:
-        """(3,) where the file puts `pose`, None where it does not."""
+        """(3,) the file's initial value of `pose`, None if it has none."""
         rows = np.flatnonzero(self.vertices.column("id") == pose)
         return None if not len(rows) else wrapped(self.vertices, "theta")[rows[0], 1:4]
 
 
 def log_of(graph: PoseGraph, name: str, prior: Prior | None = None, notes: Mapping[str, object] | None = None) -> Log:
-    """The log of `graph`; without `prior`, the first pose is held where the file puts it, or at the origin.
+    """The log of `graph`; without `prior`, the first pose is fixed at its initial value, or at the origin.
 
-    InputError, with the file and the line, for what a log cannot hold.
+    InputError, with the file and the line, for what a log cannot represent.
     """
     ids = graph.ids()
     edges = _Edges(graph, ids)
@@ -109,7 +109,7 @@ def log_of(graph: PoseGraph, name: str, prior: Prior | None = None, notes: Mappi
 
 
 def wrapped(table: Table, column: str) -> Array:
-    """The rows of `table`, that column (rad) in (-pi, pi]; InputError beyond a full turn: degrees, most likely."""
+    """The rows of `table`, that column (rad) wrapped to (-pi, pi]; InputError beyond a full turn."""
     k, rows = table.columns.index(column), table.rows.copy()
     for row in np.flatnonzero(np.abs(rows[:, k]) > 2 * np.pi + 1e-5):
         raise table.fault(row, f"{column} is {rows[row, k]!s}, expected radians from -2 pi to 2 pi")
@@ -118,7 +118,7 @@ def wrapped(table: Table, column: str) -> Array:
 
 
 def joined(tables: Sequence[Table], columns: int) -> tuple[Table, Ints]:
-    """The first `columns` of all `tables` in the order of the file, and (r,) which of all their rows each was."""
+    """The first `columns` of all `tables` in the order of the file, and (r,) the original index of each row."""
     lines = np.concatenate([table.lines for table in tables])
     order = np.argsort(lines, kind="stable")
     rows = np.concatenate([table.rows[:, :columns] for table in tables])[order]
@@ -126,17 +126,17 @@ def joined(tables: Sequence[Table], columns: int) -> tuple[Table, Ints]:
 
 
 def inverted(table: Table, matrices: Array) -> Array:
-    """The inverses of the information `matrices` (r, k, k), one a row of `table`; InputError where one has none."""
+    """Inverts the information `matrices` (r, k, k), one per row of `table`; InputError for a singular one."""
     found, definite = inverses(matrices)
     for row in np.flatnonzero(~definite):
-        raise table.fault(row, "the information is not positive definite, expected it so")
+        raise table.fault(row, "the information is not positive definite, expected it to be")
     return found
 
 
 def inverses(matrices: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """The inverses of symmetric `matrices` (r, k, k), and (r,) which are positive definite: the others have none.
+    """The inverses of symmetric `matrices` (r, k, k), and (r,) a mask of positive definite ones: only these have one.
 
-    Each is inverted with ones on its diagonal, so that units do not cost digits.
+    Each is scaled to a unit diagonal first, so that units do not cost precision.
     """
     if not len(matrices):
         return matrices, np.zeros(0, bool)
@@ -153,21 +153,21 @@ def inverses(matrices: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def points_seen(table: Table, cov: Array) -> tuple[Array, Array]:
-    """Range and bearing (s, 2), and (s, 2, 2), of the points x, y of `table`, with `cov` (s, 2, 2), by first order."""
+    """Range and bearing (s, 2), and (s, 2, 2), of the points x, y of `table`, with `cov` (s, 2, 2), to first order."""
     xy = np.stack((table.column("x"), table.column("y")), axis=-1)
-    with np.errstate(all="ignore"):  # what overflows is named, with its line, when the log is looked at
+    with np.errstate(all="ignore"):  # overflow is reported, with its line, when the log is checked
         for row in np.flatnonzero(hypot(*xy.T) == 0):
             raise table.fault(row, "x and y are both 0, expected a point away from the robot")
         return as_range_bearing(xy, cov)
 
 
 def map_of(table: Table) -> Map | None:
-    """The points in `table` as a given map that is held fixed; None where there is none."""
+    """The points in `table` as a given map that is held fixed; None if there are none."""
     return Map(table.whole("id"), table.rows[:, 1:3], None) if len(table.rows) else None
 
 
 class _Edges:
-    """Every edge from the earlier to the later pose, and which of them are odometry."""
+    """All edges from the earlier to the later pose, with those that are odometry marked."""
 
     def __init__(self, graph: PoseGraph, ids: Ints) -> None:
         table = graph.edges
@@ -185,9 +185,9 @@ class _Edges:
         neighbours = np.flatnonzero(self.later - self.earlier == 1)
         joined, first = np.unique(self.later[neighbours], return_index=True)
         for step in np.setdiff1d(np.arange(1, len(ids)), joined):
-            pair = f"pose {ids[step - 1]} and pose {ids[step]}"
+            pair = f"pose {ids[step - 1]} to pose {ids[step]}"
             raise InputError(
-                f"{graph.path}: no edge joins {pair}, the next by id; expected one between any two neighbours."
+                f"{graph.path}: no edge connects {pair}, the next by id; expected one between all consecutive poses."
             )
         self.odometry = neighbours[first]
         self.repeated = np.zeros(len(start), bool)
@@ -203,11 +203,11 @@ def _seen_from(graph: PoseGraph, ids: Ints) -> Ints:
     pose, points = _numbers(table, "pose"), _numbers(table, "id")
     step = np.minimum(np.searchsorted(ids, pose), len(ids) - 1)
     for row in np.flatnonzero(ids[step] != pose):
-        raise table.fault(row, f"a sighting from pose {pose[row]}, expected one that an edge or a vertex names")
+        raise table.fault(row, f"a sighting from pose {pose[row]}, expected a pose of an edge or a vertex")
     if graph.shared_ids:
         for named, numbers in ((table, points), (graph.points, graph.points.whole("id"))):
             for row in np.flatnonzero(np.isin(numbers, ids)):
-                raise named.fault(row, f"id {numbers[row]} is a point's and a pose's, expected ids of their own")
+                raise named.fault(row, f"id {numbers[row]} is used for a point and a pose, expected distinct ids")
     return step
 
 
@@ -223,11 +223,11 @@ def _once(table: Table) -> None:
     ids = _numbers(table, "id")
     _, first = np.unique(ids, return_index=True)
     for row in np.setdiff1d(np.arange(len(ids)), first):
-        raise table.fault(row, f"vertex {ids[row]} is there twice, expected once")
+        raise table.fault(row, f"vertex {ids[row]} occurs twice, expected once")
 
 
 def _inverse_covariance(delta: Array, cov: Array) -> Array:
-    """(m, 3, 3) of inverse(delta), in its coordinates, of `cov` in those of `delta` (m, 3): J C J'.
+    """(m, 3, 3) covariance of inverse(delta), in its coordinates, from `cov` in those of `delta` (m, 3): J C J'.
 
     With delta' = inverse(delta), J = d delta' / d delta = [[-c, -s, y'], [s, -c, -x'], [0, 0, -1]].
     """

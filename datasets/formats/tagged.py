@@ -1,7 +1,7 @@
-"""Text files of tagged rows, `EDGE_SE2 0 1 0.9 ...`: a table for each kind of row, read by columns.
+"""Reads text files of tagged rows, `EDGE_SE2 0 1 0.9 ...`: one table per kind of row.
 
-Blank lines and lines that begin with # are passed over. A row with a tag that is not known is an error, not a comment:
-it may be a constraint, and a graph without it is another graph.
+Blank lines and lines that begin with # are skipped. A row with an unknown tag is an error, not a comment: it may be a
+constraint that changes the graph.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,19 +15,19 @@ from ...frontend.se2 import Array
 from ...frontend.table import LARGEST, Table, text
 
 LIST = ("id",)
-"""The columns of a kind of row that has as many ids as it likes: each becomes a row of its own."""
+"""The columns of rows with a variable number of ids: each becomes a row of its own."""
 
 LENGTHS = ("x", "y", "dx", "dy", "range")
-"""The columns that are in m, and may not be beyond LARGEST."""
+"""Columns in m, limited to LARGEST."""
 
 
 def read_tagged(
     path: Path, kinds: Mapping[str, str], columns: Mapping[str, Sequence[str]], refused: Sequence[str] = ()
 ) -> dict[str, Table]:
-    """The rows of `path`, a table a kind, in the order of the file; a kind of which there is no row has an empty one.
+    """Reads the rows of `path`, one table per kind, in the order of the file; tables may be empty.
 
-    `kinds` says which kind of row each tag begins, `columns` what numbers follow it. Tags in `refused` are known, and
-    said to be unsupported. InputError names the file, the line and the column of what cannot be used.
+    `kinds` maps tags to kinds of row, `columns` names the numbers that follow. Tags in `refused` are known but reported
+    as unsupported. InputError names the file, the line and the column of what is invalid.
     """
     rest: dict[str, list[str]] = {kind: [] for kind in columns}
     lines: dict[str, list[int]] = {kind: [] for kind in columns}
@@ -60,7 +60,7 @@ def tags(path: Path) -> set[str]:
 
 
 def _numbers(path: Path, lines: Sequence[int], rows: Sequence[str], columns: Sequence[str]) -> Array:
-    """(r, columns); read in one go while all is good, and line by line to name what is not."""
+    """(r, columns); parsed at once if all are valid, otherwise line by line to name the fault."""
     if not rows:
         return np.zeros((0, len(columns)))
     if all(rows):
@@ -90,5 +90,5 @@ def _row(path: Path, line: int, row: str, columns: Sequence[str]) -> list[float]
 def _unknown(path: Path, line: int, tag: str, kinds: Mapping[str, str], refused: Sequence[str]) -> InputError:
     known = ", ".join(kinds)
     if tag in refused:
-        return InputError(f"{path}, line {line}: a row {tag} has no place in a log, expected only {known}.")
-    return InputError(f"{path}, line {line}: found a row {shortened(tag)}, expected one of {known}.")
+        return InputError(f"{path}, line {line}: rows {tag} are not supported, expected only {known}.")
+    return InputError(f"{path}, line {line}: found the tag {shortened(tag)}, expected one of {known}.")

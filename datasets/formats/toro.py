@@ -1,12 +1,12 @@
-"""Graphs in the text format of TORO, the planar part of it.
+"""Reads planar graphs in TORO's text format.
 
-    VERTEX2 id x y theta                                             where an optimiser would start: not used
+    VERTEX2 id x y theta                                             an optimiser's initial value: not used
     EDGE2 i j dx dy dtheta Iff Ifs Iss Irr Ifr Isr                   pose j in the body frame of pose i
     EQUIV i j                                                        poses that TORO merges first; only counted here
 
 G. Grisetti, C. Stachniss and W. Burgard, "Nonlinear constraint network optimization for efficient map learning", IEEE
-Trans. Intelligent Transportation Systems 10(3), 2009. f is forward, s sideways, r the rotation: mind the order. TORO's
-error is the difference of Xi Z and Xj, in the world, weighed by R(theta_i) I R(theta_i)': its information is in the
+Trans. Intelligent Transportation Systems 10(3), 2009. f is forward, s sideways, r the rotation: note the order. TORO's
+error is the difference of Xi Z and Xj, in the world, weighted by R(theta_i) I R(theta_i)': its information is in the
 body frame before the motion, as ours is. That of GTSAM, which reads such files too, is in the one after it; for the
 usual numbers, the same forward as sideways and neither correlated with the rotation, both are the same.
 """
@@ -25,10 +25,10 @@ from .pose_graph import PoseGraph, inverted, log_of
 from .tagged import read_tagged
 
 KINDS = {"VERTEX2": "vertices", "VERTEX": "vertices", "EDGE2": "edges", "EDGE": "edges", "EQUIV": "equivalences"}
-"""The rows of a planar file."""
+"""Rows of a planar file."""
 
 ORDER = [0, 1, 4, 2, 5, 3]
-"""Where, among TORO's six numbers, those of a triangle row by row are: ff fs fr, ss sr, rr."""
+"""Positions among TORO's six numbers of a triangle row by row: ff fs fr, ss sr, rr."""
 
 _COLUMNS = {
     "vertices": ("id", "x", "y", "theta"),
@@ -46,7 +46,7 @@ class Options:
     path: str | None = option(None, "the file of the graph")
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """A graph in TORO's format, poses in the plane: toro[path=FILE]."""
     if options.path is None:
         raise InputError("option path of dataset toro is not given, expected the file of a graph: toro[path=FILE].")
@@ -57,7 +57,7 @@ source = Source(make, Options)
 
 
 def read(path: Path) -> Dataset:
-    """The log in the TORO file `path`; InputError names the file and line of whatever cannot be used."""
+    """Reads the log in the TORO file `path`; InputError names the file and line of what is invalid."""
     tables = read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3"))
     edges = tables["edges"]
     cov = inverted(edges, symmetric(edges.rows[:, 5:][:, ORDER]))

@@ -1,1 +1,1 @@
-"""Logs that others have published: where from, checked, unpacked, read."""
+"""Published logs: downloaded, verified, unpacked and read."""

@@ -1,9 +1,9 @@
-"""Logs that others have published: where each is had from, and where it stands on this machine once it has been.
+"""Catalogue of published logs: their sources, and their place on this machine once fetched.
 
-None of them is part of this package. The addresses are the publishers' own, and what is known of them stands beside
-them. A file whose sha256 is given is taken only if it is that file to the last byte, wherever it came from; the digests
-are those of copies that the readers of this package are tested with. Of the other files the names are known, so that
-they can be missed, and their digests are recorded when they first arrive.
+None of them is part of this package. The addresses are the publishers' own, with notes on their status. A file of known
+sha256 is accepted only if it matches, from any source; the digests are of copies that this package's readers are tested
+with. Of the other files the names are known, so that missing ones are detected, and their digests are recorded on first
+arrival.
 """
 
 import re
@@ -19,11 +19,11 @@ from ..cache import folder
 class Published:
     """A published log.
 
-    `urls` are tried in order; with a `link`, they are pages, and what is tried are the links on them that match this
-    regular expression. `files` are the names that must come out, each with its sha256, or None where nobody here knows
-    it. `archive` is the sha256 of what is downloaded as others report it, which is told and not insisted on.
-    `by_hand` ends the sentence "open `page` and ...". `goes_by` is a regular expression of the names of its archive and
-    of the folder in it, for logs whose files have the names of another's.
+    `urls` are tried in order; with a `link`, they are pages, and the links on them that match this regular expression
+    are tried. `files` are the names that must be found, each with its sha256, or None if unknown. `archive` is the
+    sha256 of the download as reported by others, which is shown but not enforced. `by_hand` ends the sentence "open
+    `page` and ...". `goes_by` is a regular expression for names of its archive and of the folder in it, for logs whose
+    files have the same names as another's.
     """
 
     title: str
@@ -94,7 +94,7 @@ PUBLISHED: dict[str, Published] = {
             "?action=AttachFile&do=get&target=DLR-Spatial_Cognition_noimages.tar.gz"
             for group in ("agebv", "agmsis")
         ),
-        addresses="it is known that the wiki carries this archive, not that its map.circles is the one expected here",
+        addresses="the wiki is known to have this archive, but not if its map.circles is the one expected here",
         by_hand="download the data set without images, or the file map.circles itself",
         files={"map.circles": "a6a849755dc13768bb31233964ccbd0b8cfd48f5ffc42c6cf73f7ab2a9851563"},
     ),
@@ -107,7 +107,7 @@ PUBLISHED: dict[str, Published] = {
             "http://ais.informatik.uni-freiburg.de/teaching/ws13/mapping/index_en.php",
             "https://web.archive.org/web/20191216041354/http://ais.informatik.uni-freiburg.de/teaching/ws13/mapping/index_en.php",
         ),
-        addresses="the page and its archived copy are known, not the archive itself: links that look like it are tried",
+        addresses="the page and its archived copy are known, the archive itself is not: likely links are tried",
         by_hand="download the framework of the EKF SLAM sheet (data/sensor_data.dat and data/world.dat in it)",
         files={
             "sensor_data.dat": "b585f3ab19c7e16b571b614762ac6d4c1b0db7ca2ec2f60b7dc2b3284e20d49a",
@@ -117,11 +117,11 @@ PUBLISHED: dict[str, Published] = {
     ),
     **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},
 }
-"""Name -> what is known of it."""
+"""Name -> catalogue entry."""
 
 
 def named_in(path: str) -> str | None:
-    """The published log that `path` goes by the name of, the innermost where it names several; None: it names none."""
+    """The published log named by `path`, the innermost if several; None if there is none."""
     found = [
         (match.start(), name)
         for name, log in PUBLISHED.items()
@@ -132,14 +132,14 @@ def named_in(path: str) -> str | None:
 
 
 def place(name: str) -> Path:
-    """The folder in which the published log `name` stands once it has been fetched; it may not exist yet."""
+    """The folder of the published log `name` once fetched; it may not exist yet."""
     return folder() / "published" / name
 
 
 def fetched(name: str, given: str) -> Path:
-    """The folder of the published log `name`; InputError, which tells how to get it, where it is not on this machine.
+    """The folder of the published log `name`; InputError, with instructions, if it is not on this machine.
 
-    `given` is what names a copy elsewhere: `dlr[path=FOLDER]`.
+    `given` is the alternative that names a copy elsewhere: `dlr[path=FOLDER]`.
     """
     found = place(name)
     if not found.is_dir():

@@ -1,7 +1,7 @@
 """The DLR spatial cognition log: a wheeled robot with a camera among paper circles on the floor of an office building.
 
 J. Kurlbaum and U. Frese, "A benchmark data set for data association", report 017-02/2009 of SFB/TR 8, University of
-Bremen and DLR. The file map.circles says of itself which rows it has:
+Bremen and DLR. The file map.circles documents its own rows:
 
     STEP image dX dY dPhi cXX cXY cYY cXPhi cYPhi cPhiPhi      a motion, and the image taken after it
     LANDMARK_C pX pY quality cXX cXY cYY ID ...                a circle in that image, in the robot's coordinates
@@ -11,13 +11,12 @@ from X to Y, grows clockwise; so in ours, x forward and y left,
 
     x = -Y,   y = -X,   theta = -Phi,
 
-which exchanges the X and Y entries of a covariance and leaves every sign of it as it was. A motion is "the location of
-the robot after movement in the coordinate system of the robot before moving", and its covariance is that of these
-numbers: in the frame before the motion, which is ours. (The numbers agree: of a motion (dX, dY) an error of the heading
-on the way moves the end across it, along (-dY, dX), and that is where (cXPhi, cYPhi) points, to 0.01 rad in the median.
-After the motion it would be off by dPhi.)
+which exchanges the X and Y entries of a covariance and keeps all its signs. A motion is "the location of the robot
+after movement in the coordinate system of the robot before moving", and its covariance is that of these numbers: in the
+frame before the motion, as ours. (The data confirm it: an error of the heading along a motion (dX, dY) moves its end
+along (-dY, dX), and (cXPhi, cYPhi) points there, to 0.01 rad in the median. After the motion it would be off by dPhi.)
 
-An id of -1 is a circle that nobody could name. One that "has multiple IDs" may be any of them: it is UNKNOWN too.
+An id of -1 is an unidentified circle. One that "has multiple IDs" may be any of them: it is UNKNOWN too.
 """
 
 import re
@@ -46,18 +45,18 @@ _CIRCLE = ("pX", "pY", "quality", "cXX", "cXY", "cYY")
 _FRAME = re.compile(r"([0-9]{1,15})(\.[A-Za-z]+)?$")
 
 _NEAREST = 1e-3
-"""m. A circle nearer to the robot's centre than this has no bearing to speak of."""
+"""m. The bearing of a circle nearer to the robot's centre is undefined."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Where the log is."""
+    """The location of the log."""
 
-    path: str | None = option(None, f"the file {FILE} or its folder; not given: the copy that bench fetch dlr gets")
+    path: str | None = option(None, f"the file {FILE} or its folder; not given: the copy from bench fetch dlr")
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
-    """DLR: a real robot among circles on the floor, 3,297 steps, 14,745 sightings of 576 circles, no truth."""
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """DLR: a real robot among circles on the floor, 3,297 steps, 14,745 sightings of 576 circles, no ground truth."""
     return read(Path(options.path) if options.path else fetched("dlr", f"dlr[path={FILE}]"))
 
 
@@ -65,10 +64,10 @@ source = Source(make, Options)
 
 
 def read(path: Path) -> Dataset:
-    """The log in the file `path`, or in that folder's map.circles; InputError names the line of what cannot be used.
+    """Reads the log in the file `path`, or in that folder's map.circles; InputError names the line of a fault.
 
-    There is no truth. The world is the robot's frame at the first image, the prior's 1e-9 I ties the map to it, and the
-    motion that led there is left out: nothing was seen before it.
+    There is no ground truth. The world is the robot's frame at the first image, fixed by the prior's 1e-9 I, and the
+    motion before it is left out: nothing was seen earlier.
     """
     path = path / FILE if path.is_dir() else path
     steps, circles, step = _rows(path)
@@ -111,22 +110,22 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
             wanted = f"STEP, an image and {len(_MOTION)} numbers, or LANDMARK_C, {len(_CIRCLE)} numbers and an id"
             raise row.fault(f"found {shortened(row.word)} and {len(row.cells)} fields, expected {wanted}")
     if not steps:
-        raise InputError(f"{path}: there is no STEP row, expected at least one.")
+        raise InputError(f"{path}: found no STEP rows, expected at least one.")
     return steps, circles, np.array(step, np.int64)
 
 
 def _check_image(row: Row, before: list[Row]) -> None:
-    """InputError unless the number that the image's name ends with follows that of the last one: no motion is lost."""
+    """Raises InputError unless the image's number follows the last one's: no motion is missing."""
     found = _FRAME.search(row.cells[0])
     if found is None:
         raise row.fault(f"the image is {shortened(row.cells[0])}, expected a name that ends with its number")
     last = _FRAME.search(before[-1].cells[0]) if before else None
     if last and int(found[1]) != int(last[1]) + 1:
-        raise row.fault(f"the image has number {int(found[1])}, expected {int(last[1]) + 1}, the next after the last")
+        raise row.fault(f"the image has number {int(found[1])}, expected {int(last[1]) + 1}, the next")
 
 
 def _motions(steps: list[Row]) -> tuple[Array, Array, int]:
-    """(n, 3) and (n, 3, 3) in our frame, before the motion, and how many covariances were given a floor."""
+    """(n, 3) and (n, 3, 3) in our frame, before the motion, and the number of covariances with a floor."""
     table = np.array([row.numbers(_MOTION, row.cells[1:]) for row in steps])
     for k in np.flatnonzero(np.abs(table[:, 2]) > np.pi):
         raise steps[k].fault(f"dPhi is {table[k, 2]!s}, expected radians from -pi to pi")
@@ -136,26 +135,26 @@ def _motions(steps: list[Row]) -> tuple[Array, Array, int]:
 
 
 def _sightings(circles: list[Row]) -> tuple[Array, Array, Array, int]:
-    """Ranges and bearings (s, 2), covariances (s, 2, 2), qualities (s,), and how many were given a floor."""
+    """Ranges and bearings (s, 2), covariances (s, 2, 2), qualities (s,), and the number of covariances with a floor."""
     table = np.array([row.numbers(_CIRCLE, row.cells[: len(_CIRCLE)]) for row in circles]).reshape(-1, len(_CIRCLE))
     px, py, quality, xx, xy, yy = table.T
     for k in np.flatnonzero((quality < 0) | (quality > 1)):
         raise circles[k].fault(f"quality is {quality[k]!s}, expected 0 to 1")
     for k in np.flatnonzero(hypot(px, py) < _NEAREST):
-        raise circles[k].fault(f"the circle is at {px[k]!s}, {py[k]!s}, expected it {_NEAREST} m away or more")
+        raise circles[k].fault(f"the circle is at {px[k]!s}, {py[k]!s}, expected at least {_NEAREST} m away")
     cov, singular = definite(symmetric(np.stack((yy, xy, xx), axis=-1)), circles)
     return *as_range_bearing(np.stack((-py, -px), axis=-1), cov), quality, singular
 
 
 def _identities(circles: list[Row]) -> tuple[Ints, int]:
-    """(s,) the id of each circle, and how many had several, and so are UNKNOWN."""
+    """(s,) the id of each circle, and the number of those that are UNKNOWN for having several."""
     named = [[row.identity(cell, UNKNOWN) for cell in row.cells[len(_CIRCLE) :]] for row in circles]
     ids = [names[0] if len(names) == 1 else UNKNOWN for names in named]
     return np.array(ids, np.int64), sum(len(names) > 1 for names in named)
 
 
 def _once(step: Ints, ids: Ints, quality: Array) -> Ints:
-    """The rows to keep, in order: of a circle that is named more than once in a step, the one of the best quality."""
+    """The rows to keep, in order: of a circle named repeatedly in a step, the one of the best quality."""
     rank = np.lexsort((-quality, ids, step))  # stable: of equals, the first row
     again = (np.diff(step[rank]) == 0) & (np.diff(ids[rank]) == 0) & (ids[rank[1:]] != UNKNOWN)
     return np.setdiff1d(np.arange(len(ids)), rank[1:][again])
@@ -166,7 +165,7 @@ def _notes(**counts: dict[str, int]) -> dict[str, Any]:
         "source": "DLR spatial cognition, map.circles; Kurlbaum and Frese, SFB/TR 8 report 017-02/2009, Bremen and DLR",
         "licence": "none stated with the file",
         "time": "the file has none: t is the number of the step",
-        "frame": "the file's, -Y forward and X right, turned into x forward and y left",
+        "frame": "the file's, -Y forward and X right, converted to x forward and y left",
         "covariances": f"the file's, of motions in the frame before the motion; {FLOORED}",
         "sightings": "x, y with their covariance in the file; range and bearing by first-order propagation",
         "start": "the world is the robot's frame at the first image; the motion before it is left out",

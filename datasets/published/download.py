@@ -1,6 +1,6 @@
-"""Downloads a file with pooch, or says why it could not be downloaded.
+"""Downloads a file with pooch; failures become one sentence.
 
-A server that is busy or breaks off is asked again for the whole file; one that does not have it is not asked again.
+A busy server or a broken connection is retried, for the whole file; a missing file is not.
 """
 
 import ftplib
@@ -17,37 +17,37 @@ from ...frontend.errors import InputError, SlamduelError
 from .unpack import NotFound
 
 RETRIES = 4
-"""How often a server is asked again; pooch waits 1 s, 2 s, 3 s and so on."""
+"""Most tries; pooch waits 1 s, 2 s, 3 s and so on."""
 
 TIMEOUT = 30.0
-"""Seconds to wait for a connection, or for the next bytes."""
+"""Timeout, in seconds, of a connection and of each read."""
 
 LARGEST = 2**30
-"""Bytes: more than any of the published logs."""
+"""Bytes: larger than all of the published logs."""
 
 BLOCK = 2**13
 
 HEADERS = {"User-Agent": "slamduel", "Accept-Encoding": "identity"}
 
 TRANSIENT = (408, 425, 429, 500, 502, 503, 504)
-"""HTTP statuses after which trying again makes sense (RFC 9110, RFC 6585)."""
+"""HTTP statuses that are worth a retry (RFC 9110, RFC 6585)."""
 
 LASTING = (socket.gaierror, ssl.SSLCertVerificationError, ftplib.error_perm)
-"""An unknown host, a wrong certificate, a missing file: errors that trying again does not change."""
+"""An unknown host, an invalid certificate, a missing file: errors not worth a retry."""
 
 
 Watch = Callable[[str, int, int | None], object]
-"""Called with an address, the number of bytes that have arrived from it, and the total (None: not known)."""
+"""Called with an address, the number of bytes received, and the total (None: unknown)."""
 
 
 def downloaded(url: str, folder: Path, watch: Watch) -> Path:
-    """Downloads the file at `url` into the folder, in place of the one downloaded before.
+    """Downloads the file at `url` into the folder, replacing the previous download.
 
-    Raises NotFound where it cannot be had from there, and InputError where it cannot be written.
+    Raises NotFound if it is not available there, and InputError if it cannot be written.
     """
     import pooch
 
-    (folder / "download").unlink(missing_ok=True)  # or pooch would return it
+    (folder / "download").unlink(missing_ok=True)  # otherwise pooch would return it
     pooch.get_logger().setLevel("ERROR")
     registry, urls = {"download": None}, {"download": url}
     files: Any = pooch.create(folder, "", registry=registry, urls=urls, retry_if_failed=RETRIES)
@@ -55,7 +55,7 @@ def downloaded(url: str, folder: Path, watch: Watch) -> Path:
 
 
 class _Failed(NotFound, ValueError):
-    """A failure after which pooch tries again, as it does after a ValueError."""
+    """A failure to be retried: pooch does so after a ValueError."""
 
 
 def _transfer(url: str, target: str, _: object, *, watch: Watch) -> None:
@@ -79,7 +79,7 @@ def _transfer(url: str, target: str, _: object, *, watch: Watch) -> None:
 
 
 def _refusal(error: Exception, url: str, at: int) -> SlamduelError:
-    """Makes a sentence of the first error, after `at` bytes: libraries wrap it, and FTP's QUIT may fail as well."""
+    """Words the first error, after `at` bytes: libraries wrap it, and FTP's QUIT may fail as well."""
     first: BaseException = error
     while first.__context__ is not None and not isinstance(first, SlamduelError):
         first = first.__context__
@@ -95,25 +95,25 @@ def _refusal(error: Exception, url: str, at: int) -> SlamduelError:
 
 
 class _Sink:
-    """A file that reports what is written to it, and the progress bar that pooch tells the total."""
+    """A file that reports the bytes written, and the progress bar that pooch reports the total to."""
 
     def __init__(self, file: FileIO, url: str, watch: Watch) -> None:
         self._file, self._url, self._watch = file, url, watch
         self.at, self.total = 0, 0
 
     def write(self, block: bytes) -> None:
-        """Writes some more bytes; InputError where the disk is full."""
+        """Writes some bytes; InputError if the disk is full."""
         self.at += len(block)
         if self.at > LARGEST:
-            raise NotFound(f"{self._url}: more than {LARGEST:,} bytes arrive: not what was published.")
+            raise NotFound(f"{self._url}: more than {LARGEST:,} bytes received: not the published file.")
         try:
-            while block:  # a disk that is nearly full takes a part
+            while block:  # a nearly full disk may accept a part
                 block = block[self._file.write(block) :]
         except OSError as error:
-            raise InputError(f"{self._file.name}: what arrives cannot be written ({error.strerror}).") from None
+            raise InputError(f"{self._file.name}: the download cannot be written ({error.strerror}).") from None
         self._watch(self._url, self.at, self.total or None)
 
     def flush(self, *_: Any) -> None:
-        """Does nothing: `write` holds nothing back, and reports progress itself."""
+        """Does nothing: `write` does not buffer, and reports progress itself."""
 
     update = reset = close = flush

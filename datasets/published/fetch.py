@@ -1,7 +1,7 @@
-"""A published log brought onto this machine: from its publisher, from an address the user gives, or from a file.
+"""Fetches a published log: from its publisher, from an address the user gives, or from a file.
 
-Every address is tried in order. What arrives is checked before anything is put in place, and what was there stays until
-then. Where nothing helps, the sentence says what was found where, and how to do it by hand.
+Addresses are tried in order. Downloads are verified before an earlier copy is replaced. If all fail, the error lists
+the results, and how to do it by hand.
 """
 
 import html
@@ -22,9 +22,9 @@ HREF = re.compile(r"""href\s*=\s*["']?([^"'\s>]+)""", re.IGNORECASE)
 
 
 def fetch(name: str, watch: Watch, *, url: str | None = None, again: bool = False) -> installed.Arrival | None:
-    """Bring the published log `name` from its publisher, or from `url`; None where it is here already.
+    """Fetches the published log `name` from its publisher, or from `url`; None if it is here already.
 
-    `again`: even then. Raises InputError with what every address answered, and with the way by hand.
+    `again`: even then. Raises InputError with the result of every address, and the manual way.
     """
     if installed.here(name) and not again:
         return None
@@ -42,18 +42,18 @@ def fetch(name: str, watch: Watch, *, url: str | None = None, again: bool = Fals
 
 
 def take(name: str, source: Path) -> installed.Arrival:
-    """Put the published log `name` in its place out of the file or folder `source`. Raises InputError and OSError."""
-    source = Path(os.path.abspath(source))  # what `.` is called may tell what it holds
+    """Installs the published log `name` from the file or folder `source`. Raises InputError and OSError."""
+    source = Path(os.path.abspath(source))  # the name behind `.` may identify the log
     expected = f"expected a file or folder with {PUBLISHED[name].title}"
     if not source.exists():
         raise InputError(f"{source}: there is no such file or folder; {expected}.")
-    if not (source.is_file() or source.is_dir()):  # a pipe may never end, nor even begin
+    if not (source.is_file() or source.is_dir()):  # reading a pipe may block
         raise InputError(f"{source}: a pipe, a socket or a device; {expected}.")
     return installed.install(name, source, str(source))
 
 
 def _addresses(name: str, folder: Path, watch: Watch, answers: list[str]) -> Iterator[str]:
-    """The addresses to be tried; where pages are known, those that they link to. Joins to `answers` what pages say."""
+    """Yields the addresses to try; from pages, their links. Appends errors of pages to `answers`."""
     log = PUBLISHED[name]
     if not log.link:
         yield from log.urls
@@ -67,5 +67,5 @@ def _addresses(name: str, folder: Path, watch: Watch, answers: list[str]) -> Ite
         links = dict.fromkeys(urljoin(page, html.unescape(link)) for link in HREF.findall(text))
         matching = [link for link in links if re.search(log.link, link, re.IGNORECASE)]
         if not matching:
-            answers.append(f"{page}: no link to the archive was recognised on it.")
+            answers.append(f"{page}: found no link to the archive.")
         yield from matching

@@ -1,22 +1,23 @@
-"""The Robot Mapping course's simulated log: nine landmarks whose places are known, seen along a path that is not.
+"""The Robot Mapping course's simulated log: nine landmarks of known position, sighted along an unknown path.
 
 C. Stachniss, "Robot Mapping", University of Freiburg, WS 2013/14, the exercise on EKF SLAM. A folder holds
 
     sensor_data.dat     ODOMETRY rot1 trans rot2       turn, go straight, turn
-                        SENSOR id range bearing        what is seen where that motion ended
-    world.dat           id x y                         where the landmarks are
+                        SENSOR id range bearing        a sighting at the end of that motion
+    world.dat           id x y                         the landmarks' positions
 
 The robot starts at the world's origin. The first row is a motion, so the first sightings are from the pose after it:
 that pose is step 0, its motion and its covariance are the prior.
 
-The noise is in none of the files. The course's filters add diag(0.1, 0.1, 0.01) m^2 and rad^2 to the covariance of the
-pose in the world, after every motion of 0.1 m, and take 0.01 m^2 and rad^2 for sightings; `motion=course` and
+The files do not state the noise. The course's filters add diag(0.1, 0.1, 0.01) m^2 and rad^2 to the covariance of the
+pose in the world, after every motion of 0.1 m, and assume 0.01 m^2 and rad^2 for sightings; `motion=course` and
 `bearing_sd=0.1` are that (the same in every direction of the plane, so the same in the world and in the body). Those
-settings are the exercise's and not the simulation's: at the batch optimum with the landmarks where they are, ranges
-scatter by 0.1 m, but bearings by 0.05 rad, and the motions by a hundredth or less of what is allowed them. The default
-is therefore a variance of the turns and of the way, its coefficients rounded from the greatest likelihood of all
-sightings given the true landmarks, the path integrated out. With it chi2 at the batch optimum is 0.95 of its 2,406
-degrees of freedom, and the map 0.055 m off, NEES 0.93 of one; with the course's settings 0.37, 0.30 m and 1.01.
+settings are the exercise's and not the simulation's: at the batch optimum with the landmarks fixed at their true
+positions, ranges scatter by 0.1 m, but bearings by 0.05 rad, and the motions by a hundredth or less of the stated
+noise. The default is therefore a variance of the turns and of the distance, with rounded maximum-likelihood
+coefficients from all sightings given the true landmarks, the path integrated out. With it chi2 at the batch optimum is
+0.95 of its 2,406 degrees of freedom, and the map 0.055 m off, NEES 0.93 of one; with the course's settings 0.37, 0.30 m
+and 1.01.
 """
 
 from dataclasses import asdict, dataclass
@@ -41,36 +42,34 @@ _MOTION = ("rot1", "trans", "rot2")
 _SENSOR = ("id", "range", "bearing")
 
 START = 1e-9
-"""The variance of the origin, m^2 and rad^2: the course starts with none at all."""
+"""The variance of the origin, m^2 and rad^2: the course starts with zero."""
 
 COURSE = (0.1, 0.1, 0.01)
-"""The course's variances of (x, y, heading) a motion, m^2 and rad^2."""
+"""The course's variances of (x, y, heading) per motion, m^2 and rad^2."""
 
 NEAREST = 1e-3
-"""m. What a range that noise has taken to zero or below is set to: a range has to be more than 0."""
+"""m. Replaces a range that noise has made zero or negative: a range has to be more than 0."""
 
 _UNLIKELY = 5.0
-"""Standard deviations below zero at which a range is a mistake and no longer noise."""
+"""Standard deviations below zero at which a range is an error rather than noise."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Where the log is, and its noise."""
+    """Location of the log, and its noise."""
 
-    path: str | None = option(None, "the folder with sensor_data.dat and world.dat; not given: what bench fetch gets")
-    motion: str = option(
-        "turns", "the motion's noise: in its turns, or as the course has it", choices=("turns", "course")
-    )
+    path: str | None = option(None, "folder with sensor_data.dat and world.dat; not given: the copy from bench fetch")
+    motion: str = option("turns", "the motion's noise: of its turns, or as in the course", choices=("turns", "course"))
     alpha1: float = option(1e-5, "variance of a turn, per its square (motion=turns)", minimum=0.0)
-    alpha2: float = option(3e-5, "variance of a turn, rad^2 per squared metre gone", minimum=0.0)
-    alpha3: float = option(1e-5, "variance of the way, per its square", minimum=0.0)
-    alpha4: float = option(1e-5, "variance of the way, m^2 per squared radian turned", minimum=0.0)
+    alpha2: float = option(3e-5, "variance of a turn, rad^2 per squared metre driven", minimum=0.0)
+    alpha3: float = option(1e-5, "variance of the distance, per its square", minimum=0.0)
+    alpha4: float = option(1e-5, "variance of the distance, m^2 per squared radian turned", minimum=0.0)
     range_sd: float = option(0.1, "standard deviation of ranges, m", minimum=1e-6)
     bearing_sd: float = option(0.05, "standard deviation of bearings, rad", minimum=1e-6)
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
-    """Freiburg: the Robot Mapping course's simulation, 331 steps, 1,212 sightings of 9 landmarks with known places."""
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """Freiburg: the Robot Mapping course's simulation, 331 steps, 1,212 sightings of 9 landmarks of known position."""
     return read(Path(options.path) if options.path else fetched("freiburg", "freiburg[path=FOLDER]"), options)
 
 
@@ -78,7 +77,7 @@ source = Source(make, Options)
 
 
 def read(folder: Path, options: Options) -> Dataset:
-    """The log in `folder`, and its landmarks as truth; InputError names the file and line of what cannot be used."""
+    """Reads the log in `folder`, and its landmarks as ground truth; InputError names the file and line of a fault."""
     path = folder / "sensor_data.dat"
     motions, sightings, step = _rows(path)
     turns = np.array([row.numbers(_MOTION, row.cells) for row in motions])
@@ -94,7 +93,7 @@ def read(folder: Path, options: Options) -> Dataset:
     ids, z, lifted = _sightings(sightings, step, options)
     landmarks = _world(folder / "world.dat")
     for k in np.flatnonzero(~np.isin(ids, landmarks.ids)):
-        raise sightings[k].fault(f"landmark {ids[k]} is not in world.dat, expected one that is")
+        raise sightings[k].fault(f"landmark {ids[k]} is not in world.dat")
     log = Log.from_arrays(
         "freiburg",
         Prior(delta[0], delta_cov[0] + START * np.eye(3)),
@@ -111,7 +110,7 @@ def read(folder: Path, options: Options) -> Dataset:
 
 
 def relative(turns: Array) -> tuple[Array, Array]:
-    """`turns` (m, 3), each (rot1, trans, rot2), as motions (dx, dy, dtheta), (m, 3), and the Jacobians, (m, 3, 3).
+    """Converts `turns` (m, 3), each (rot1, trans, rot2), to motions (dx, dy, dtheta), (m, 3), and Jacobians (m, 3, 3).
 
     dx = trans cos rot1, dy = trans sin rot1, dtheta = rot1 + rot2: in the body frame before the motion.
     """
@@ -152,12 +151,12 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
             sightings.append(row)
             step.append(len(motions) - 1)
     if not motions:
-        raise InputError(f"{path}: there is no ODOMETRY row, expected at least one.")
+        raise InputError(f"{path}: found no ODOMETRY rows, expected at least one.")
     return motions, sightings, np.array(step, np.int64)
 
 
 def _sightings(rows: list[Row], step: Ints, options: Options) -> tuple[Ints, Array, int]:
-    """Ids (s,), ranges and bearings (s, 2), and how many ranges were set to NEAREST."""
+    """Ids (s,), ranges and bearings (s, 2), and the number of ranges set to NEAREST."""
     for row in rows:
         row.check_count(_SENSOR, row.cells)
     z = np.array([row.numbers(_SENSOR[1:], row.cells[1:]) for row in rows]).reshape(-1, 2)
@@ -165,11 +164,11 @@ def _sightings(rows: list[Row], step: Ints, options: Options) -> tuple[Ints, Arr
     seen = set[tuple[int, int]]()
     for row, key in zip(rows, zip(step.tolist(), ids.tolist(), strict=True), strict=True):
         if key in seen:
-            raise row.fault(f"landmark {key[1]} is there twice after one motion, expected once")
+            raise row.fault(f"landmark {key[1]} occurs twice after one motion, expected once")
         seen.add(key)
     least = -_UNLIKELY * options.range_sd
     for k in np.flatnonzero(z[:, 0] < least):
-        raise rows[k].fault(f"range is {z[k, 0]!s}, expected more than 0, or {least:g} and more where that is noise")
+        raise rows[k].fault(f"range is {z[k, 0]!s}, expected more than 0, or at least {least:g} if that is noise")
     for k in np.flatnonzero(np.abs(z[:, 1]) > 2 * np.pi):
         raise rows[k].fault(f"bearing is {z[k, 1]!s}, expected radians of at most a full turn")
     lifted = z[:, 0] < NEAREST
@@ -182,7 +181,7 @@ def _world(path: Path) -> Map:
     ids = table.whole("id")
     _, first = np.unique(ids, return_index=True)
     for row in np.setdiff1d(np.arange(len(ids)), first):
-        raise table.fault(row, f"landmark {ids[row]} is there twice, expected once")
+        raise table.fault(row, f"landmark {ids[row]} occurs twice, expected once")
     for row in np.flatnonzero(ids < 0):
         raise table.fault(row, f"id is {ids[row]}, expected 0 or more")
     return Map(ids, table.bounded(-LARGEST, LARGEST, "x", "y").rows[:, 1:], None)
@@ -197,7 +196,7 @@ def _notes(options: Options, lifted: int, floored: int) -> dict[str, Any]:
         "time": "the file has none: t is the number of the motion",
         "covariances": f"none in the file: settings, of motions in the frame before the motion; {FLOORED}",
         "start": "the world's origin; the motion to step 0 is the prior",
-        "truth": "the landmarks' places; the path is not known",
+        "truth": "the landmarks' positions; the path is unknown",
         "settings": settings,
         "lifted": {f"ranges that noise took below {NEAREST:g} m, set to it": lifted},
         "floored": {"motions": floored},

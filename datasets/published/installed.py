@@ -1,6 +1,6 @@
-"""The published logs that are on this machine: put there whole or not at all, each with the sha256 of its files.
+"""Published logs on this machine: installed atomically, with the sha256 of their files.
 
-A log is a folder with its files and with `SHA256SUMS`, in the form that `sha256sum --check` reads.
+A log is a folder with its files and with `SHA256SUMS`, in the format that `sha256sum --check` reads.
 """
 
 import contextlib
@@ -18,27 +18,27 @@ SUMS = "SHA256SUMS"
 
 
 def here(name: str) -> bool:
-    """Is the published log `name` on this machine, with all of its files?"""
+    """Tells if the published log `name` is on this machine, with all of its files."""
     return all((place(name) / file).is_file() for file in PUBLISHED[name].files)
 
 
 def size(name: str) -> int:
-    """Bytes of the files of a log that is here."""
+    """Total size, in bytes, of an installed log's files."""
     return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files)
 
 
 class Arrival(NamedTuple):
-    """What came: the sha256 of the archive (None: it was a folder) and that of each file."""
+    """The sha256 of an installed archive (None: it was a folder) and of each file."""
 
     archive: str | None
     files: dict[str, str]
 
 
 def install(name: str, source: Path, called: str) -> Arrival:
-    """Put the published log `name`, out of the archive, folder or file `source`, in its place.
+    """Installs the published log `name` from the archive, folder or file `source`.
 
-    What was there before is replaced, and stays if anything is wrong with the new one. Raises InputError, in which
-    `source` is `called` so, and OSError where it cannot be read.
+    An earlier copy is replaced, but kept if the new one is invalid. Raises InputError, in which `source` is named
+    `called`, and OSError if it cannot be read.
     """
     import pooch
 
@@ -68,9 +68,7 @@ def install(name: str, source: Path, called: str) -> Arrival:
 
 
 def faults(name: str) -> list[str]:
-    """A sentence for each file of the log `name` that is not there, or not as published or as it first arrived; and
-    one where most of them are another log's.
-    """
+    """One sentence per file of the log `name` that is missing or changed; one more if most are another log's."""
     recorded = _recorded(name)
     digests: dict[str, str] = {}
     found: list[str] = []
@@ -93,9 +91,9 @@ def faults(name: str) -> list[str]:
 
 
 def _twin(name: str, digests: Mapping[str, str]) -> str:
-    """That most of these files are those of a log other than `name`; nothing where they are not.
+    """Reports that most of these files are those of a log other than `name`; "" otherwise.
 
-    Most: logs of one room may share what is known of the room. A log whose every sha256 is known needs no such doubt.
+    Most: logs of one room may share files on the room. A log whose sha256 are all known needs no such check.
     """
     if all(PUBLISHED[name].files.values()):
         return ""
@@ -104,7 +102,7 @@ def _twin(name: str, digests: Mapping[str, str]) -> str:
         same = sum(known.get(file) == digest for file, digest in digests.items())
         if 2 * same > len(digests):
             published = all(PUBLISHED[other].files.values())
-            source = "" if published else f" (as {place(other)} holds it; remove that if it is the wrong one)"
+            source = "" if published else f" (compared with {place(other)}; remove that if it is the wrong one)"
             return f"{same} of its {len(digests)} files are those of {other}{source}"
     return ""
 

@@ -1,12 +1,12 @@
 """The UTIAS Multi-Robot Cooperative Localization and Mapping logs, one robot of them at a time.
 
 K. Y. K. Leung, Y. Halpern, T. D. Barfoot and H. H. T. Liu, "The UTIAS multi-robot cooperative localization and mapping
-dataset", International Journal of Robotics Research 30(8):969-974, 2011. Nine datasets of five robots that drive about
-among fifteen barcodes, and see one another too.
+dataset", International Journal of Robotics Research 30(8):969-974, 2011. Nine datasets of five robots that drive among
+fifteen barcodes, and see each other too.
 
-The log spans the time for which odometry and truth both exist, and starts at the true pose. Keyframes are the times of
-the sightings that are kept and every full second between; the motion up to each is one factor. The files have no
-covariances: those of the factors are made here, the motion's along the body before it.
+The log spans the time for which odometry and ground truth both exist, and starts at the true pose. Keyframes are the
+times of the sightings that are kept and every full second between; the motion up to each is one factor. The files have
+no covariances: those of the factors follow from the options, the motion's in the body frame before it.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -30,34 +30,34 @@ from .mrclam_noise import noise
 Flags = NDArray[np.bool_]
 
 SETS = 9
-"""How many datasets there are."""
+"""Number of datasets."""
 
 GAP = 0.15
-"""s. Between truth samples further apart than this, steps have no truth; they usually are 0.01 to 0.03 s apart."""
+"""s. Steps in longer gaps between truth samples have no ground truth; usually samples are 0.01 to 0.03 s apart."""
 
 LONGEST = 1e5
 """s; dataset 6 lasts a quarter of an hour, and every second is a step."""
 
 START_SD = 1e-3
-"""The prior's standard deviation in x and y (m) and heading (rad): about what the Vicon system resolves."""
+"""The prior's standard deviation in x and y (m) and heading (rad): about the Vicon system's resolution."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Which log, and one set of noise settings for all robots, so that no robot is tuned to its own truth.
+    """The log, and one set of noise settings for all robots, so that no robot is tuned to its own ground truth.
 
-    The defaults are from the errors of dataset 6, its five robots together, rounded, and not from what any backend made
-    of them: 0.18 m and 0.0125 rad RMS without 9 gross sightings in 15,349; over 1 to 30 s of driving 0.01 to 0.03 m
-    forward and 0.03 to 0.05 rad of turn per root second. Across the body 0.003 m over a second; what comes later is the
-    turn's. The errors are not white, as a backend will take them to be: two ranges of one landmark within a second are
-    0.93 to 0.97 correlated. Beliefs on these logs are therefore too sure. Ranges grow less sure with distance (0.07 m
-    at 1 to 2 m, 0.3 m at 6 to 9 m), but a noise that grows so ends no more accurately.
+    The defaults are rounded from the errors of dataset 6, its five robots together, and do not depend on any backend's
+    results: 0.18 m and 0.0125 rad RMS without 9 gross sightings in 15,349; over 1 to 30 s of driving 0.01 to 0.03 m
+    forward and 0.03 to 0.05 rad of turn per root second. Across the body 0.003 m over a second; later the turn's error
+    dominates. The errors are not white, as backends assume: two ranges of one landmark within a second have a
+    correlation of 0.93 to 0.97. Backends are therefore overconfident on these logs. Ranges are less accurate with
+    distance (0.07 m at 1 to 2 m, 0.3 m at 6 to 9 m), but a noise that grows likewise does not improve the results.
     """
 
-    dataset: int = option(6, "which of the nine datasets", minimum=1, maximum=SETS)
+    dataset: int = option(6, "number of the dataset", minimum=1, maximum=SETS)
     robot: int = option(1, "whose log", minimum=1, maximum=LAST_ROBOT)
     path: str | None = option(
-        None, "the dataset's folder or the one that holds it; not given: the copy that bench fetch gets"
+        None, "the dataset's folder or the one that holds it; not given: the copy from bench fetch"
     )
     robots: str = option("drop", "other robots' sightings: left out, or kept as unknown", choices=("drop", "unknown"))
     range_sd: float = option(0.2, "standard deviation of ranges, m", minimum=1e-6)
@@ -65,11 +65,11 @@ class Options:
     forward: float = option(0.03, "motion noise along the body, m per root second", minimum=1e-6)
     lateral: float = option(0.01, "motion noise across the body, m per root second", minimum=1e-6)
     turn: float = option(0.05, "noise of the turn, rad per root second", minimum=1e-6)
-    rest: float = option(0.05, "share of the motion noise that is left where the command is to stand", minimum=1e-6)
+    rest: float = option(0.05, "share of the motion noise while commanded to stand", minimum=1e-6)
 
 
 class Sightings(NamedTuple):
-    """What a robot sighted, sorted by time, and how many sightings were left out or kept unnamed, by reason."""
+    """A robot's sightings, sorted by time, and the numbers left out or kept without id, by reason."""
 
     t: Array  # (s,)
     ids: Ints  # (s,)
@@ -78,8 +78,8 @@ class Sightings(NamedTuple):
     unnamed: dict[str, int]
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
-    """UTIAS MRCLAM: a small robot among barcodes, commanded speeds, Vicon truth: mrclam[dataset=6,robot=1]."""
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """UTIAS MRCLAM: a small robot among barcodes, commanded speeds, Vicon ground truth: mrclam[dataset=6,robot=1]."""
     number = options.dataset
     given = f"mrclam[dataset={number},path=FOLDER]"
     path = Path(options.path) if options.path else fetched(f"mrclam-{number}", given)
@@ -90,7 +90,7 @@ source = Source(make, Options)
 
 
 def read(folder: Path, options: Options) -> Dataset:
-    """The log and truth of one robot; InputError names the file and line of what cannot be used."""
+    """Reads the log and ground truth of one robot; InputError names the file and line of a fault."""
     recorded = read_files(folder, options.robot)
     start, end = _span(recorded.odometry, recorded.truth)
     seen = _sightings(recorded, start, end, options.robots == "unknown")
@@ -115,27 +115,27 @@ def read(folder: Path, options: Options) -> Dataset:
 
 
 def _span(odometry: Table, truth: Table) -> tuple[float, float]:
-    """When the log starts, at a command for which there is a truth, and when either of the two ends."""
+    """Start of the log, at a command with ground truth, and end, of the shorter of both."""
     t = odometry.column("t")
     tracked = np.flatnonzero(_tracked(truth.column("t"), t))
     if not len(tracked):
-        raise InputError(f"{odometry.path}: no command falls into the time of {truth.path.name}.")
+        raise InputError(f"{odometry.path}: no command lies within the time of {truth.path.name}.")
     start, end = float(t[tracked[0]]), float(min(t[-1], truth.rows[-1, 0]))
     if end - start > LONGEST:
         expected = f"expected no more than {LONGEST:g}"
-        raise InputError(f"{odometry.path}: it spans {end - start:g} s of the time of {truth.path.name}, {expected}.")
+        raise InputError(f"{odometry.path}: overlaps {truth.path.name} for {end - start:g} s, {expected}.")
     return start, end
 
 
 def _tracked(samples: Array, t: Array) -> Flags:
-    """(n,) whether there is truth at `t`, given the times of its samples."""
+    """(n,) mask of times `t` with ground truth, given the times of its samples."""
     after = np.clip(np.searchsorted(samples, t), 1, max(len(samples) - 1, 1))
     near = np.diff(samples, append=np.inf)[after - 1] <= GAP
     return (samples[0] <= t) & (t <= samples[-1]) & (near | np.isin(t, samples))
 
 
 def _interpolated(truth: Table, start: float, t: Array) -> tuple[Array, Flags]:
-    """Poses (n, 3) at `t` (n,), headings interpolated on the circle, and whether they are known, (n,)."""
+    """Poses (n, 3) at `t` (n,), headings interpolated on the circle, and a mask of known ones, (n,)."""
     samples, (x, y, heading) = since(truth, start), truth.rows[:, 1:].T
     places = [np.interp(t, samples, column) for column in (x, y, np.unwrap(heading))]
     places[2] = wrap(places[2])
@@ -161,10 +161,10 @@ def _motions(t: Array, commanded: Array, velocities: Array, options: Options) ->
 
 
 def _sightings(recorded: Recorded, start: float, end: float, keep_robots: bool) -> Sightings:
-    """What was sighted from `start` to `end`, each subject once at a time: landmarks, and robots if they are kept.
+    """Sightings from `start` to `end`, each subject once at a time: landmarks, and robots if they are kept.
 
-    Another robot moves, and in the log of one robot nothing says how: as a landmark it would be wrong, so its sightings
-    are UNKNOWN. A backend that finds landmarks for such sightings by itself has to turn them down.
+    Another robot moves, and the log of one robot does not say how: as a landmark it would be wrong, so its sightings
+    are UNKNOWN. A backend with data association of its own has to reject them.
     """
     table, subjects = recorded.sightings, recorded.subjects
     t = since(table, start)

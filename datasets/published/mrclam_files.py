@@ -1,4 +1,4 @@
-"""The files of one robot in a folder of the MRCLAM logs, read and checked.
+"""Reads and checks the files of one robot in a folder of the MRCLAM logs.
 
     Robot<n>_Odometry.dat       t v omega             commanded, each held until the next
     Robot<n>_Measurement.dat    t barcode range bearing
@@ -7,7 +7,7 @@
     Landmark_Groundtruth.dat    subject x y sd sd
 
 Times are in seconds since 1970, to the millisecond; lines that begin with # are comments. InputError names the file and
-the line of what cannot be used.
+the line of a fault.
 """
 
 from pathlib import Path
@@ -24,33 +24,33 @@ LAST_ROBOT = 5
 """Subjects up to this one are robots."""
 
 NOBODY = 0
-"""Stands for the subject of a barcode that is not in Barcodes.dat."""
+"""The subject of a barcode that is not in Barcodes.dat."""
 
 MARK = "Barcodes.dat"
-"""The file by which a dataset's folder is known."""
+"""The file that identifies a dataset's folder."""
 
 _LATEST = 1e10
-"""s; times beyond, the year 2286, are damage, and would leave microseconds unresolved."""
+"""s; later times, beyond the year 2286, are invalid, and would leave microseconds unresolved."""
 
 _LARGEST = 1e4
-"""m, rad, m/s, rad/s; a number beyond is damage: the room is 15 m long, and the robots do 0.3 m/s."""
+"""m, rad, m/s, rad/s; larger numbers are invalid: the room is 15 m long, and the robots drive at 0.3 m/s."""
 
 
 class Recorded(NamedTuple):
-    """What the files hold of one robot; tables are sorted by time, in which equal times occur."""
+    """One robot's data; tables are sorted by time, with possible ties."""
 
     odometry: Table  # t v omega
     truth: Table  # t x y theta
     sightings: Table  # t barcode range bearing
-    subjects: Ints  # (s,) what each sighting was of: a robot, a landmark or NOBODY
+    subjects: Ints  # (s,) subject of each sighting: a robot, a landmark or NOBODY
     landmarks: Map
 
 
 def folder_of(path: Path, number: int) -> Path:
-    """The folder of dataset `number`: `path` itself, or one in it; a folder without either is itself."""
+    """The folder of dataset `number`: `path` itself, or one in it; `path` if there is neither."""
     if (path / MARK).exists():
         return path
-    named = (path / f"{family}_Dataset{number}" for family in ("MRCLAM", "MRSLAM"))  # set 4 is published as the latter
+    named = (path / f"{family}_Dataset{number}" for family in ("MRCLAM", "MRSLAM"))  # set 4 has the latter
     return next((folder for folder in named if folder.is_dir()), path)
 
 
@@ -71,12 +71,12 @@ def read_files(folder: Path, robot: int) -> Recorded:
 
 
 def _timed(path: Path, columns: tuple[str, ...], *, empty: bool = False) -> Table:
-    """The rows of `path`, of which there are some unless it may be `empty`, sorted by time."""
+    """The rows of `path`, sorted by time; at least one unless it may be `empty`."""
     table = read_spaced(path, columns).finite()
     if not len(table.rows):
         if empty:
             return table._replace(rows=np.zeros((0, len(columns))), lines=np.zeros(0, np.int64))
-        raise InputError(f"{path}: there is no row, expected the columns {' '.join(columns)}.")
+        raise InputError(f"{path}: found no rows, expected the columns {' '.join(columns)}.")
     t = table.column("t")
     table.bounded(0.0, _LATEST, "t").bounded(-_LARGEST, _LARGEST, *(name for name in columns[1:] if name != "barcode"))
     for row in np.flatnonzero(np.diff(t) < 0) + 1:
@@ -94,7 +94,7 @@ def _subjects(folder: Path) -> dict[int, int]:
 
 
 def _landmarks(folder: Path) -> Map:
-    """Where the landmarks are; a barcode may stand for one that is not among them."""
+    """The landmarks' positions; not every barcode is among them."""
     table = read_spaced(folder / "Landmark_Groundtruth.dat", ("subject", "x", "y", "x_sd", "y_sd")).finite()
     subjects = _distinct(table, "subject")
     for row in np.flatnonzero(subjects <= LAST_ROBOT):
@@ -106,10 +106,10 @@ def _distinct(table: Table, name: str) -> Ints:
     column = table.whole(name)
     _, first = np.unique(column, return_index=True)
     for row in np.setdiff1d(np.arange(len(column)), first):
-        raise table.fault(row, f"{name} {column[row]} is there twice, expected once")
+        raise table.fault(row, f"{name} {column[row]} occurs twice, expected once")
     return column
 
 
 def since(table: Table, start: float) -> Array:
-    """(r,) seconds since `start`, to the microsecond: what doubles that count from 1970 can tell apart."""
+    """(r,) seconds since `start`, rounded to the microsecond, the resolution of doubles that count from 1970."""
     return np.round(table.column("t") - start, 6)

@@ -1,8 +1,8 @@
-"""What the noise of a log was, by its truth: figures to choose noise settings from, and to know what these leave out.
+"""Measures a log's noise against ground truth: figures for choosing noise settings and judging their limits.
 
-Errors are sighted minus true, and commanded minus true. Their middle is the median; their spread is given twice, by the
-median absolute deviation (MAD), which a few gross errors leave alone, and as the root mean square (RMS) of those that
-are not gross. To choose settings robot by robot from these would be to let the truth in: no backend is told them.
+Errors are sighted minus true, and commanded minus true. Their centre is the median; their spread is given twice, by the
+median absolute deviation (MAD), which is robust to gross errors, and as the root mean square (RMS) without gross
+errors. Choosing settings per robot from these would leak ground truth: no backend is given them.
 """
 
 from itertools import pairwise
@@ -16,16 +16,16 @@ from ...frontend.se2 import Array, Ints, between
 from ...frontend.truth_errors import difference, sighting_errors
 
 GROSS = (1.0, 0.15)
-"""m, rad. A sighting further off than either is counted as gross, and takes no part in the figures."""
+"""m, rad. Sightings with larger errors count as gross, and are excluded from the figures."""
 
 EDGES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0)
-"""m; the bins of distance."""
+"""m; bins of distance."""
 
 FEWEST = 20
-"""Errors, from which a figure is given."""
+"""Fewest errors for a figure."""
 
 HORIZON = 10.0
-"""s over which the motion's error is taken: over one second it is mostly the lag of the wheels."""
+"""s over which the motion's error is evaluated: over one second it is dominated by the wheels' lag."""
 
 _TO_SD = 1.4826
 """The standard deviation of a Gaussian per median absolute deviation."""
@@ -34,7 +34,7 @@ _TO_SD = 1.4826
 def noise(log: Log, truth: Truth) -> dict[str, Any]:
     """The figures of `log` as notes: of sightings in m and rad, of motions in m and rad per root second.
 
-    What there are fewer than `FEWEST` of is not in it.
+    Figures of fewer than `FEWEST` errors are left out.
     """
     row, errors = sighting_errors(log, truth)
     distance = log.z[row, 0] - errors[:, 0]
@@ -53,9 +53,9 @@ def noise(log: Log, truth: Truth) -> dict[str, Any]:
 
 
 def motion_errors(log: Log, truth: Truth, horizon: float = HORIZON) -> Array:
-    """(m, 3) errors of the odometry over `horizon` s, in the body frame before it, each over the root of the time.
+    """(m, 3) errors of the odometry over `horizon` s, in the body frame before it, divided by the root of the time.
 
-    Independent errors in every second would make that the standard deviation of one second's, whatever the horizon.
+    For errors independent from second to second that is the standard deviation over one second, for any horizon.
     """
     poses, driven = _poses(log, truth), dead_reckoned(log)
     first = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1] - horizon, horizon))
@@ -67,7 +67,7 @@ def motion_errors(log: Log, truth: Truth, horizon: float = HORIZON) -> Array:
 
 
 def _poses(log: Log, truth: Truth) -> Array:
-    """(n, 3) the true pose of every step, NaN where it is not known."""
+    """(n, 3) the true pose of every step, NaN where unknown."""
     poses = np.full((len(log), 3), np.nan)
     poses[np.searchsorted(log.t, truth.t)] = truth.poses
     return poses
@@ -86,7 +86,7 @@ def _figures(errors: Array) -> dict[str, float]:
 
 
 def _correlation(log: Log, row: Ints, errors: Array) -> float | None:
-    """How alike the errors (m,) of the sightings `row` (m,) are of two of one landmark that follow within a second.
+    """Correlation of errors (m,) between successive sightings, `row` (m,), of a landmark within a second.
 
     None with too few.
     """

@@ -1,4 +1,4 @@
-"""Text logs whose rows begin with a word: a motion opens a step, and the sightings below it belong to that step."""
+"""Text logs whose rows begin with a keyword: a motion opens a step, and the sightings below it belong to that step."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,15 +15,15 @@ from ...frontend.table import LARGEST, MOST, text
 Flags = NDArray[np.bool_]
 
 _SHARE = 1e-9
-"""Of a covariance's largest eigenvalue: the smallest may not be less, or it counts as singular."""
+"""Share of a covariance's largest eigenvalue below which the smallest counts as singular."""
 
 FLOOR = 1e-8
-"""The variance that a singular covariance is given on top: 0.1 mm or 0.1 mrad."""
+"""The variance added to a singular covariance: 0.1 mm or 0.1 mrad."""
 
 FLOORED = (
     f"a singular one is given {FLOOR:g} m^2 and rad^2 on its diagonal, or {2 * _SHARE:g} of its largest eigenvalue"
 )
-"""What `definite` does, for the notes of a log."""
+"""Describes `definite` in the notes of a log."""
 
 
 class Row(NamedTuple):
@@ -35,22 +35,22 @@ class Row(NamedTuple):
     cells: list[str]
 
     def fault(self, message: str) -> InputError:
-        """The error that says `message` of this row."""
+        """The error `message` about this row."""
         return InputError(f"{self.path}, line {self.line}: {message}.")
 
     def numbers(self, columns: Sequence[str], cells: Sequence[str]) -> list[float]:
-        """`cells`, of which there are as many as `columns`, as finite numbers."""
+        """`cells`, as many as `columns`, as finite numbers."""
         self.check_count(columns, cells)
         return [self._number(*pair) for pair in zip(columns, cells, strict=True)]
 
     def check_count(self, columns: Sequence[str], cells: Sequence[str]) -> None:
-        """InputError unless there are as many `cells` as `columns`."""
+        """Raises InputError unless there are as many `cells` as `columns`."""
         if len(cells) != len(columns):
             wanted = f"{len(columns)} ({' '.join(columns)})"
             raise self.fault(f"found {len(cells)} numbers after {self.word}, expected {wanted}")
 
     def identity(self, cell: str, least: int) -> int:
-        """`cell` as the id of a landmark, from `least` on."""
+        """Parses `cell` as the id of a landmark, from `least` on."""
         digits = cell.removeprefix("-")
         found = int(cell) if digits.isascii() and digits.isdigit() and len(digits) <= len(str(MOST)) else least - 1
         if not least <= found <= MOST:
@@ -67,7 +67,7 @@ class Row(NamedTuple):
 
 
 def read_rows(path: Path) -> Iterator[Row]:
-    """The rows of `path` in order; InputError where it is not there, empty or no text."""
+    """Yields the rows of `path` in order; InputError if it is missing, empty or not text."""
     for line, content in enumerate(text(path).split("\n"), start=1):
         word, *cells = content.split() or [""]
         if word and not word.startswith("#"):
@@ -75,10 +75,10 @@ def read_rows(path: Path) -> Iterator[Row]:
 
 
 def definite(cov: Array, rows: Sequence[Row]) -> tuple[Array, int]:
-    """`cov` (m, k, k), of so many rows, with FLOOR on the diagonal of the singular ones, and how many those are.
+    """`cov` (m, k, k), one per row, with FLOOR added to the diagonal of singular ones, and the number of these.
 
-    The floor is no less than a billionth of the covariance's largest eigenvalue, so that there are digits to spare.
-    InputError for one that is no covariance: its smallest eigenvalue is less than zero by more than rounding.
+    The floor is at least a billionth of the covariance's largest eigenvalue, to leave significant digits. InputError
+    for a matrix whose smallest eigenvalue is negative by more than rounding.
     """
     if not len(cov):
         return cov, 0

@@ -1,6 +1,6 @@
-"""Takes the files of a published log out of what was downloaded: a zip, a tar, a folder, or one of the files itself.
+"""Extracts the files of a published log from a download: a zip, a tar, a folder, or one of the files itself.
 
-Only files that were asked for are read, and their paths decide nothing but which log they are of.
+Only requested files are read, and their paths are used only to identify the log.
 """
 
 import hashlib
@@ -13,19 +13,19 @@ from ...frontend.errors import InputError, SlamduelError
 from .catalogue import PUBLISHED, named_in
 
 LARGEST = 2**28
-"""Bytes: more than any file of the published logs."""
+"""Bytes: larger than any file of the published logs."""
 
 
 class NotFound(InputError):
-    """The published log could not be had from one address or path; the text names it and the reason."""
+    """The published log is not available at an address or path; the message names it and the reason."""
 
 
 def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
     """Reads the files of the published `log` in `source`, name -> content; messages call the source `called`.
 
-    Of several files of one name the one with the right sha256 is taken; where none is known, one that stands under the
-    name of another log is not. Raises NotFound where a file is missing or is not what it should be, or where `source`
-    is damaged or something else; and OSError.
+    Of several files of one name the one with the right sha256 is taken; if none is known, files under the name of
+    another log are excluded. Raises NotFound if a file is missing or is not the right one, or if `source` is damaged or
+    something else; and OSError.
     """
     wanted = PUBLISHED[log].files
     copies: dict[str, dict[str, bytes]] = {}  # name -> sha256 -> content
@@ -35,12 +35,12 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
             name = PurePosixPath(path).name
             other = named_in(f"{PurePosixPath(called).name}/{path}")
             if wanted[name] is None and other not in (None, log):
-                passed_over = passed_over or f"{path} in it is of {other}, as its path says, not of {log}"
+                passed_over = passed_over or f"{path} in it is of {other} by its path, not of {log}"
             else:
                 copies.setdefault(name, {})[sha256(content)] = content
     except SlamduelError:
         raise
-    except Exception as error:  # a damaged archive raises nearly anything, from struct.error to NotImplementedError
+    except Exception as error:  # a damaged archive raises almost any exception
         if isinstance(error, OSError) and error.errno is not None:  # not the archive: the disk
             raise
         raise NotFound(f"{called}: it cannot be unpacked ({error or type(error).__name__}).") from None
@@ -49,12 +49,12 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
         if digest is not None and found and digest not in found:
             raise NotFound(f"{called}: its {name} is not the published one: sha256 {min(found)}, expected {digest}.")
         if digest is None and len(found) > 1:
-            raise NotFound(f"{called}: it holds two different files {name}, and which is meant is not known.")
+            raise NotFound(f"{called}: it contains two different files {name}, and the right one is unknown.")
     if passed_over and not copies:
         raise NotFound(f"{called}: {passed_over}.")
     if missing := [name for name in wanted if name not in copies]:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
-        raise NotFound(f"{called}: it lacks {', '.join(missing[:3])}{more}.")
+        raise NotFound(f"{called}: missing {', '.join(missing[:3])}{more}.")
     return {name: copies[name][digest or min(copies[name])] for name, digest in wanted.items()}
 
 
@@ -64,11 +64,11 @@ def sha256(content: bytes) -> str:
 
 
 def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tuple[str, bytes]]:
-    """Path and content of each file in `source` with a name that is wanted."""
+    """Yields path and content of each requested file in `source`."""
     if source.is_dir():
         for file in sorted(file for name in wanted for file in source.rglob(name) if not file.is_dir()):
-            if not file.is_file():  # to open a pipe would be to wait for who writes into it
-                raise NotFound(f"{file}: expected a regular file; found a pipe, a device or a link to nothing.")
+            if not file.is_file():  # opening a pipe would block
+                raise NotFound(f"{file}: expected a regular file; found a pipe, a device or a dangling link.")
             yield file.relative_to(source).as_posix(), file.read_bytes()
     elif zipfile.is_zipfile(source):
         with zipfile.ZipFile(source) as archive:
@@ -84,20 +84,20 @@ def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tu
     else:
         with source.open("rb") as file:
             start = file.read(40)
-        if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):  # a lost file is often answered with one
+        if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):  # many servers' answer for a missing file
             raise NotFound(f"{called}: a web page, not the published file.")
         if start.startswith(b"PK"):
-            raise NotFound(f"{called}: a zip archive that is cut off or damaged.")
+            raise NotFound(f"{called}: a truncated or damaged zip archive.")
         if source.name not in wanted and len(wanted) > 1:
             raise NotFound(f"{called}: expected a zip or tar archive, or a folder; found something else.")
         yield source.name if source.name in wanted else next(iter(wanted)), source.read_bytes()
 
 
 def _wanted(path: str, size: int, wanted: Collection[str], called: str) -> bool:
-    """True for a file of an archive that is to be read; NotFound where it is too large or its path leads out."""
+    """Tells if a file of an archive is to be read; NotFound if it is too large or its path leads outside."""
     plain = PurePosixPath(path.replace("\\", "/"))
     if plain.is_absolute() or ".." in plain.parts or (plain.parts and plain.parts[0].endswith(":")):
-        raise NotFound(f"{called}: it holds the path {path!r}, which leads out of it: not what was published.")
+        raise NotFound(f"{called}: it contains the path {path!r}, which leads outside of it: not the published file.")
     if plain.name in wanted and size > LARGEST:
-        raise NotFound(f"{called}: {path} is larger than {LARGEST:,} bytes: not what was published.")
+        raise NotFound(f"{called}: {path} is larger than {LARGEST:,} bytes: not the published file.")
     return plain.name in wanted

@@ -19,8 +19,8 @@ _NOTES = {
 }
 
 
-def make(options: NoOptions, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - the same log for everybody
-    """Victoria Park: a real car among trees, 6,969 steps, 3,640 sightings of 151 known trees, no truth."""
+def make(options: NoOptions, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a recorded log is not random
+    """Victoria Park: a real car among trees, 6,969 steps, 3,640 sightings of 151 known trees, no ground truth."""
     return gtsam_text.read(gtsam_text.shipped("victoria_park.txt"), "cov", "victoria-park", _NOTES)
 
 

@@ -1,1 +1,1 @@
-"""Frames and wheel counts as files or bags, read and written."""
+"""Recordings: frames and wheel counts as files or bags, read and written."""

@@ -1,7 +1,7 @@
-"""The messages in a ROS bag: a ROS 1 .bag, a ROS 2 folder (sqlite3 or mcap), a lone .mcap or .db3.
+"""Reads the messages of a ROS bag: a ROS 1 .bag, a ROS 2 folder (sqlite3 or mcap), a single .mcap or .db3.
 
-The messages' layout is the one that ROS itself has for them, so definitions in the bag of types that nobody has here,
-and that they are missing, as in most ROS 2 bags, do not matter.
+Messages are parsed with ROS's own definitions, so it does not matter if the bag's definitions are unknown, or missing
+as in most ROS 2 bags.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 from ...frontend.errors import InputError
 
 REPAIRS = {
-    ".bag": "`rosbag reindex` may repair one whose recording was cut short.",
-    ".mcap": "`mcap recover` may repair one whose recording was cut short.",
-    ".db3": "`sqlite3 FILE .recover` may rescue the messages of one whose recording was cut short.",
+    ".bag": "`rosbag reindex` may repair an interrupted recording.",
+    ".mcap": "`mcap recover` may repair an interrupted recording.",
+    ".db3": "`sqlite3 FILE .recover` may recover the messages of an interrupted recording.",
     "": (
-        "Where recording it was cut short, `mcap recover` or `sqlite3 FILE .recover` may rescue its messages, and "
+        "If its recording was interrupted, `mcap recover` or `sqlite3 FILE .recover` may recover its messages, and "
         "`ros2 bag reindex` writes its metadata.yaml."
     ),
 }
-"""What may help, by the ending of the bag's file; "" for a folder."""
+"""Possible remedies, by the ending of the bag's file; "" for a folder."""
 
 
 class Topic(NamedTuple):
@@ -35,13 +35,13 @@ class Topic(NamedTuple):
 class Message(NamedTuple):
     """A message and its time."""
 
-    nanoseconds: int  # of its header, or when the bag got it, where that is 0
-    content: Any  # None: it could not be read, and its time is by the delay of the one before
+    nanoseconds: int  # of its header, or of reception if that is 0
+    content: Any  # None: unreadable; its time then assumes the delay of the message before
 
 
 @dataclass(frozen=True)
 class Bag:
-    """The messages of a bag, read anew each time they are asked for."""
+    """The messages of a bag, read again on each access."""
 
     path: Path
 
@@ -51,14 +51,14 @@ class Bag:
             return [Topic(name, topic.msgtype or "", topic.msgcount) for name, topic in sorted(reader.topics.items())]
 
     def messages(self, topic: str) -> Iterator[Message]:
-        """The messages of `topic` as the bag got them."""
+        """The messages of `topic` in order of reception."""
         delay = 0
         with self._open() as (reader, decode):
             for connection, received, content in reader.messages(reader.topics[topic].connections):
                 try:
                     message = decode(content, connection.msgtype)
                     stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-                except Exception:  # a damaged message surfaces as whatever the parser stumbles on
+                except Exception:  # a damaged message may raise anything
                     yield Message(received - delay, None)
                 else:
                     delay = received - stamp if stamp else 0
@@ -83,7 +83,7 @@ class Bag:
             raise
         except PermissionError as error:
             raise InputError(f"{self.path}: cannot be read ({error.strerror}).") from error
-        except Exception as error:  # a damaged file surfaces as whatever the parser stumbles on
+        except Exception as error:  # a damaged file may raise anything
             repair = REPAIRS.get("" if self.path.is_dir() else self.path.suffix, "")
             said = str(error).strip().rstrip(".") or type(error).__name__
-            raise InputError(f"{self.path}: is damaged or no ROS bag ({said}). {repair}".rstrip()) from error
+            raise InputError(f"{self.path}: is damaged or not a ROS bag ({said}). {repair}".rstrip()) from error

@@ -1,13 +1,13 @@
-"""A folder of pictures, a file a frame.
+"""A folder of pictures, one file per frame.
 
-They are read as grey, which is all that markers have, and as they lie in the file: a camera's note on which way it was
-held does not turn them, for its calibration is of the sensor. frames.csv (`frame,t`: file name, seconds) says which
-there are and when they were taken. Without it they are all pictures in the folder, and the time is the file's name,
+They are read as grey, as used by the marker detector, and unrotated: a picture's orientation tag is ignored, since the
+calibration is of the sensor. frames.csv (`frame,t`: file name, seconds) lists the frames and their times. Without it
+all pictures in the folder are used, and the time is the file's name,
 
     1403636579.763556.png              seconds, with a point
     1403636579763555527.png            nanoseconds, microseconds or milliseconds since 1970: 19, 16 or 13 digits
 
-or they were taken at an even rate, in the order of the numbers in their names.
+or follows from a fixed frame rate, in the order of the numbers in their names.
 """
 
 import itertools
@@ -30,11 +30,11 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".
 FRAMES = "frames.csv"
 
 _UNITS = {19: 1e-9, 16: 1e-6, 13: 1e-3}
-"""Digits of a whole number of units since 1970 -> s."""
+"""Digits of an integer time since 1970 -> its unit, s."""
 
 
 class Shot(NamedTuple):
-    """A file, and when its picture was taken."""
+    """A picture's file and time."""
 
     path: Path
     t: float  # s
@@ -42,7 +42,7 @@ class Shot(NamedTuple):
 
 @dataclass(frozen=True)
 class FramesFolder:
-    """Frames that are read as they are asked for, however often."""
+    """Frames that are read on demand, any number of times."""
 
     shots: Sequence[Shot]
 
@@ -54,16 +54,16 @@ class FramesFolder:
 
 
 def pictures(folder: Path) -> list[Path]:
-    """The files in `folder` that are named as pictures are, in the order of the numbers in their names."""
+    """The files in `folder` with names of pictures, in the order of the numbers in their names."""
     found = (path for path in folder.iterdir() if path.suffix.lower() in PICTURES and not path.name.startswith("."))
     return sorted(found, key=lambda path: [(part.isdigit(), int(part) if part.isdigit() else 0, part)
                                            for part in re.split(r"(\d+)", path.name)])  # fmt: skip
 
 
 def read(folder: Path, home: Path, fps: float | None, start: float) -> FramesFolder:
-    """The pictures in `folder`, at the times that `home`/frames.csv, their names, or `fps` and `start` tell.
+    """Reads the pictures in `folder`, at times from `home`/frames.csv, their names, or `fps` and `start`.
 
-    InputError where there are none, or their times are not known or not in order.
+    InputError if there are none, or their times are unknown or not in order.
     """
     listed = home / FRAMES
     if listed.exists():
@@ -78,18 +78,18 @@ def read(folder: Path, home: Path, fps: float | None, start: float) -> FramesFol
     if len(shots) < len(found):
         unnamed = found[times.index(None)]
         raise InputError(
-            f"{folder}: nothing tells when {unnamed.name} was taken; expected {listed}, or file names that are times, "
+            f"{folder}: the time of {unnamed.name} is unknown; expected {listed}, or file names that are times, "
             "such as 12.25.png in seconds, or [frames] fps in robot.toml."
         )
     shots.sort(key=lambda shot: shot.t)
     for before, shot in itertools.pairwise(shots):
         if not shot.t > before.t:
-            raise InputError(f"{shot.path}: is of the same time as {before.path.name}, expected a later one.")
+            raise InputError(f"{shot.path}: has the same time as {before.path.name}, expected a later one.")
     return FramesFolder(shots)
 
 
 def load(path: Path) -> Image | None:
-    """The picture in `path` as (height, width) grey, None where it cannot be read or is not whole."""
+    """The picture in `path` as (height, width) grey, None if it is unreadable or truncated."""
     try:
         content = np.frombuffer(path.read_bytes(), np.uint8)
         with silenced():
@@ -100,7 +100,7 @@ def load(path: Path) -> Image | None:
 
 
 def _listed(path: Path, folder: Path) -> list[Shot]:
-    """The frames that a frames.csv names."""
+    """The frames listed in a frames.csv."""
     lines = text(path).split("\n")
     if [cell.strip() for cell in lines[0].split(",")] != ["frame", "t"]:
         raise InputError(f"{path}, line 1: found {lines[0]!r}, expected the columns frame,t.")
@@ -119,12 +119,12 @@ def _listed(path: Path, folder: Path) -> list[Shot]:
             raise InputError(f"{path}, line {number}: t is {t!s}, expected later than {shots[-1].t!s}.")
         shots.append(shot)
     if not shots:
-        raise InputError(f"{path}: names no frame, expected at least one row.")
+        raise InputError(f"{path}: found no rows, expected at least one.")
     return shots
 
 
 def _time(stem: str) -> float | None:
-    """s, where a file's name is a time."""
+    """s, for a file name that is a time."""
     if stem.isascii() and stem.isdigit():
         return int(stem) * _UNITS[len(stem)] if len(stem) in _UNITS else None
     return _seconds(stem) if re.fullmatch(r"-?\d+\.\d+", stem) else None

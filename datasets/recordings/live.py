@@ -1,7 +1,7 @@
-"""A camera of this machine, frame after frame as they come.
+"""Reads a live camera of this machine.
 
-What drives the robot is not read along: without readings of the wheels the front end needs [drift] in robot.toml. A
-drive with wheel counters is recorded first, as frames or a video with ticks.csv.
+Wheels are not read along: without their readings the front end needs [drift] in robot.toml. A drive with wheel counters
+is recorded first, as frames or a video with ticks.csv.
 """
 
 import signal
@@ -24,9 +24,9 @@ PREFIX = "camera:"
 
 @dataclass(frozen=True)
 class Live:
-    """The frames of an open camera, until `seconds` are over, or Ctrl-C is pressed; the camera is then let go."""
+    """The frames of an open camera, until `seconds` have passed, or Ctrl-C; the camera is then released."""
 
-    capture: Any  # cv2.VideoCapture, or what has its read and release
+    capture: Any  # cv2.VideoCapture, or anything with its read and release
     name: str
     seconds: float | None  # None: until Ctrl-C
 
@@ -44,7 +44,7 @@ class Live:
                 missed = 0 if there else missed + 1
                 yield Frame(t, np.asarray(image, np.uint8) if there else None)
             if missed == _PATIENCE:
-                raise InputError(f"{self.name}: gave no picture {_PATIENCE} times in a row, expected a working camera.")
+                raise InputError(f"{self.name}: gave no frame {_PATIENCE} times in a row, expected a working camera.")
         finally:
             if previous is not None:
                 signal.signal(signal.SIGINT, previous)
@@ -52,24 +52,24 @@ class Live:
 
 
 _PATIENCE = 30
-"""Frames in a row that a camera may fail to give."""
+"""Most consecutive frames that a camera may fail to deliver."""
 
 
 def read(name: str, seconds: float | None) -> Live:
-    """The camera `name`, such as camera:0. InputError where there is none."""
+    """Opens the camera `name`, such as camera:0. InputError if there is none."""
     number = name.removeprefix(PREFIX)
     if not (number.isascii() and number.isdigit()):
-        raise InputError(f"{name}: found {number!r} for a camera's number, expected camera:0, camera:1 and so on.")
+        raise InputError(f"{name}: found the camera number {number!r}, expected camera:0, camera:1 and so on.")
     with silenced():
         capture = cv2.VideoCapture(int(number))
     if not capture.isOpened():
-        raise InputError(f"{name}: there is no such camera, or another program has it; expected one that can be read.")
+        raise InputError(f"{name}: there is no such camera, or another program uses it.")
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the latest frame, not the oldest
     return Live(capture, name, seconds)
 
 
 def _on_interrupt(stopped: threading.Event) -> Any:
-    """Let Ctrl-C set `stopped` from now on; what it did before, None where it is not ours to change."""
+    """Makes Ctrl-C set `stopped`; returns the previous handler, None if it cannot be changed from here."""
     if threading.current_thread() is not threading.main_thread():
         return None
 

@@ -1,4 +1,4 @@
-"""Which kind of recording a path is, and the streams of it and of the files beside it."""
+"""Detects a recording's kind, and opens its streams and those of the files beside it."""
 
 from pathlib import Path
 
@@ -17,9 +17,9 @@ _KINDS = "a folder of frames, a video, or a ROS bag (.bag, .mcap, or a folder wi
 
 
 def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
-    """What the recording at `path` and the files beside it hold; a live camera, which has no end, for `seconds`.
+    """The streams of the recording at `path` and the files beside it; of a live camera, for `seconds`.
 
-    InputError where there is no recording, or more than one, and for files that cannot be used.
+    InputError if there is no recording, or more than one, and for unusable files.
     """
     if is_live(path):
         return Streams(live.read(str(path), seconds), None, None, None, None)
@@ -42,12 +42,12 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
 
 
 def is_live(path: Path) -> bool:
-    """Whether `path` is no path but a camera of this machine."""
+    """Tells if `path` is a camera of this machine."""
     return str(path).startswith(live.PREFIX)
 
 
 def _frames_of(path: Path, robot: Robot) -> Path:
-    """The bag, video or folder of pictures that `path` is or holds; of many the one that robot.toml names."""
+    """The bag, video or folder of pictures that `path` is or contains; of several the one named by robot.toml."""
     if not path.is_dir() or _is_bag(path):
         return path
     named = None if robot.frames.source is None else path / robot.frames.source
@@ -65,7 +65,7 @@ def _frames_of(path: Path, robot: Robot) -> Path:
     if len(found) != 1:
         names = ", ".join(one.name for one in found) or "none"
         raise InputError(
-            f"{path}: found {names}, expected one recording: {_KINDS}. Of many, [frames] source in {ROBOT} names one."
+            f"{path}: found {names}, expected one recording: {_KINDS}. [frames] source in {ROBOT} selects one."
         )
     return found[0]
 
@@ -75,5 +75,5 @@ def _is_bag(path: Path) -> bool:
 
 
 def _has_words(folder: Path) -> bool:
-    """Whether what belongs to the frames in `folder` is in there with them."""
+    """Tells if the files that belong to the frames in `folder` are in there with them."""
     return any((folder / name).exists() for name in (ROBOT, FRAMES, TICKS, ODOMETRY, POSES, PLACES))

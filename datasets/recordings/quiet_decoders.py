@@ -1,4 +1,4 @@
-"""Keeps the terminal clear of what image and video decoders say of a damaged file: our own sentence says it."""
+"""Silences the messages of image and video decoders about a damaged file, which we report ourselves."""
 
 import contextlib
 import os
@@ -7,7 +7,7 @@ from collections.abc import Generator
 
 @contextlib.contextmanager
 def silenced() -> Generator[None]:
-    """What libraries write to the process's standard error meanwhile goes nowhere; Python's own goes with it."""
+    """Discards everything written to the process's standard error meanwhile, Python's own included."""
     try:
         kept = os.dup(2)
     except OSError:  # there is no standard error

@@ -1,7 +1,7 @@
-"""What tells how a robot moved, as a file beside its frames.
+"""Motion readings in a file beside the frames.
 
-ticks.csv       t,left,right     the wheels' counters, cumulative
-odometry.csv    t,x,y,heading    poses that the robot summed up by itself
+ticks.csv       t,left,right     the wheels' counters, cumulative odometry.csv    t,x,y,heading    poses integrated by
+the robot
 """
 
 from pathlib import Path
@@ -19,9 +19,9 @@ ODOMETRY = "odometry.csv"
 
 
 def read_readings(folder: Path, counter_bits: int | None) -> Ticks | Poses | None:
-    """The readings in `folder`, None where there is no file of them; InputError names the file and line of a fault.
+    """The readings in `folder`, None without a file of them; InputError names the file and line of a fault.
 
-    Of counters `counter_bits` wide the wraps are undone.
+    Counters `counter_bits` wide are unwrapped.
     """
     ticks, odometry = folder / TICKS, folder / ODOMETRY
     if ticks.exists() and odometry.exists():
@@ -37,10 +37,10 @@ def read_readings(folder: Path, counter_bits: int | None) -> Ticks | Poses | Non
 
 
 def _in_order(table: Table) -> Table:
-    """Itself; InputError where it is empty, not finite, or a time not later than the one before."""
+    """Returns itself; InputError if it is empty, not finite, or has a time not later than the one before."""
     t = table.finite().column("t")
     if not len(t):
-        raise InputError(f"{table.path}: has no reading, expected at least one row.")
+        raise InputError(f"{table.path}: found no rows, expected at least one.")
     for row in np.flatnonzero(~(np.diff(t) > 0)) + 1:
         raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
     return table

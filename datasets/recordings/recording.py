@@ -1,4 +1,4 @@
-"""What a robot recorded, whatever kind of file that is in, opened for the front end.
+"""Opens a robot's recording, of any kind, for the front end.
 
 A recording's folder holds robot.toml and one of
 
@@ -6,8 +6,8 @@ A recording's folder holds robot.toml and one of
     drive.mkv|avi|mp4  and frames.csv, or a frame rate, or the video's own time stamps
     drive.bag, drive.mcap, or a ROS 2 folder with metadata.yaml
 
-With frames and videos go ticks.csv (t,left,right) or odometry.csv (t,x,y,heading), and with any, truth.tum and
-landmarks.csv, where they are known. `camera:0` is the first camera of this machine.
+Frames and videos come with ticks.csv (t,left,right) or odometry.csv (t,x,y,heading), and any kind with truth.tum and
+landmarks.csv, if known. `camera:0` is the first camera of this machine.
 """
 
 from collections.abc import Iterable, Iterator
@@ -36,19 +36,19 @@ class Opened(NamedTuple):
     """A recording, ready for `build`."""
 
     recording: Recording
-    truth: Truth | None  # at whatever times it was measured; `sample` takes it to a log's
-    length: int | None  # number of frames, where it is known beforehand
+    truth: Truth | None  # at the times of its measurement; `sample` interpolates it to a log's
+    length: int | None  # number of frames, if known beforehand
 
 
 @dataclass(frozen=True)
 class Options:
-    """Which recording."""
+    """The recording's path and robot."""
 
     path: str | None = option(None, "the folder of the recording, with its robot.toml; or a bag or video beside one")
-    robot: str | None = option(None, "another robot.toml to read it with")
+    robot: str | None = option(None, "another robot.toml to use")
 
 
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a file is the same for everybody
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """A recording of your own, frames or a video or a ROS bag: recording[path=FOLDER]."""
     if options.path is None:
         raise InputError("option path of dataset recording is not given, expected its folder: recording[path=FOLDER].")
@@ -62,16 +62,16 @@ source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 
 
 def build(opened: Opened) -> Dataset:
-    """The recording's log, and its truth at the log's times; InputError as in `build_log`."""
+    """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
     log = build_log(opened.recording)
     return Dataset(log, None if opened.truth is None else sample(opened.truth, log.t))
 
 
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
-    """The recording at `path`, read with `robot`, or else with the robot.toml in its folder or beside it.
+    """Opens the recording at `path`, with `robot`, or else with the robot.toml in its folder or beside it.
 
-    `seconds` ends a live camera's; without it, Ctrl-C does. InputError says what is missing, ambiguous or does not fit,
-    and of frames it does so while they are gone through.
+    `seconds` limits a live camera's; otherwise Ctrl-C ends it. InputError for anything missing, ambiguous or
+    mismatched; for frames, as they are read.
     """
     if not is_live(path) and not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
@@ -79,7 +79,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         beside = [] if is_live(path) else [folder / ROBOT for folder in (path, path.absolute().parent)]
         found = [file for file in beside if file.is_file()]
         if not found:
-            raise InputError(f"{path}: there is no {ROBOT} with it, expected one, or --robot FILE.")
+            raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE.")
         robot = read_robot(found[0])
     streams = read_streams(path, robot, seconds)
     camera = robot.camera
@@ -87,7 +87,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         camera = replace(streams.camera, mounting=robot.mounting)
     if camera is None:
         raise InputError(
-            f"{path}: nothing tells the camera's calibration, expected {ROBOT} to name its file: "
+            f"{path}: the camera's calibration is unknown, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
     motion = _motion(streams.readings, robot, path)
@@ -109,16 +109,16 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
 
 
 def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:
-    """The readings with what is known of the robot that made them."""
+    """Combines the readings with the robot's parameters."""
     if isinstance(readings, Ticks):
         if robot.encoder is None:
-            raise InputError(f"{path}: has counts of the wheels, expected [encoder] in {ROBOT} to tell what they mean.")
+            raise InputError(f"{path}: has wheel counts, expected [encoder] in {ROBOT} to convert them.")
         return Wheels(readings, robot.encoder, robot.max_speed, f"{path}: encoder")
     if readings is not None:
         return Track(*readings, robot.track_noise, robot.max_speed, f"{path}: odometry")
     if robot.drift is None:
         raise InputError(
-            f"{path}: nothing tells how the robot moved; expected {TICKS} or {ODOMETRY} beside the frames, messages of "
+            f"{path}: the robot's motion is unknown; expected {TICKS} or {ODOMETRY} beside the frames, messages of "
             f"them in a bag, or in {ROBOT} how far it may drift unmeasured: [drift] position = 0.5, turning = 0.5."
         )
     return robot.drift
@@ -126,7 +126,7 @@ def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class _Frames:
-    """The frames by the motion's clock; going through them, InputError where they do not fit the rest."""
+    """The frames on the motion's clock; InputError, while iterating, if they do not fit the rest."""
 
     frames: Iterable[Frame]
     motion: Motion
@@ -147,7 +147,7 @@ class _Frames:
                 self._check_size(number - 1, *frame.image.shape[:2])
             yield Frame(t, frame.image)
         if not number:
-            raise InputError(f"{self.path}: has no frame, expected at least one.")
+            raise InputError(f"{self.path}: found no frames, expected at least one.")
         if not decoded:
             raise InputError(f"{self.path}: none of its {number} frames can be decoded, expected at least one.")
         if not inside:

@@ -1,18 +1,18 @@
-"""robot.toml: what has to be known of a robot to read what it recorded.
+"""Reads and writes robot.toml, a robot's parameters for reading its recordings.
 
     name = "my robot"
     [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure
     [markers]    dictionary, side, sides, max_range
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
-    [drift]      position, turning, floors        how far it may have gone where nothing measured that
+    [drift]      position, turning, floors        drift where no motion was measured
     [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing
                  model = "propagated": scale, floor_range, floor_bearing
     [prior]      pose, sd
     [topics]     image, encoder, odometry, camera_info
     [frames]     source, fps, start
 
-Only [markers] has to be there. Lengths are in m, angles in rad, times in s.
+Only [markers] is required. Lengths are in m, angles in rad, times in s.
 """
 
 import shutil
@@ -41,10 +41,10 @@ from .rosbag import Topics
 
 ROBOT = "robot.toml"
 CALIBRATION = "calibration.yaml"
-"""What the file is called beside a recording."""
+"""Name of the file beside a recording."""
 
 START_SD = 1e-3
-"""m and rad: without [prior] a robot is at the origin because the origin is put where it stands."""
+"""m and rad: without [prior] the robot starts at the origin, which is defined by it."""
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
@@ -54,30 +54,30 @@ _TRACK = ("forward", "turning", "turning_by_turn")
 
 @dataclass(frozen=True)
 class FrameSource:
-    """Where the frames are, and when they were taken, if no frames.csv says so."""
+    """Location and times of the frames, unless frames.csv has them."""
 
     source: str | None = None  # the recording, relative to the folder of robot.toml; None: the only one there
-    fps: float | None = None  # frames a second
-    start: float = 0.0  # s, the time of the first frame where `fps` counts on from it
+    fps: float | None = None  # frames per second
+    start: float = 0.0  # s, the time of the first frame, with `fps`
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot: its camera, how it measures its motion, and the markers around it."""
+    """A robot: its camera, its motion model, and the markers around it."""
 
     name: str
     markers: Markers
-    camera: Camera | None = None  # None: the recording has to say it
-    # (4, 4) T_robot_camera, the camera's own where there is one; straight ahead from the robot's origin
+    camera: Camera | None = None  # None: from the recording
+    # (4, 4) T_robot_camera, the camera's own if there is one; straight ahead from the robot's origin
     mounting: Array = field(default_factory=lambda: mounting(0, 0, 0, 0))
-    time_offset: float = 0.0  # s, added to the frames' stamps to have the motion's clock
-    exposure: float = 0.0  # s; stamps are of its start
+    time_offset: float = 0.0  # s, added to the frames' stamps to get the motion's clock
+    exposure: float = 0.0  # s; frames are stamped at its start
     max_range: float = 3.0  # m
     encoder: Encoder | None = None
     counter_bits: int | None = None  # the width of the wheels' counters; None: they never wrap
-    max_speed: float = MAX_SPEED  # m/s; faster between two readings is a fault of the readings
+    max_speed: float = MAX_SPEED  # m/s; faster readings are invalid
     track_noise: TrackNoise = field(default_factory=TrackNoise)
-    drift: Drift | None = None  # for recordings in which nothing tells how the robot moved
+    drift: Drift | None = None  # for recordings without motion readings
     noise: Noise = field(default_factory=ProportionalNoise)
     prior: Prior = field(default_factory=lambda: Prior(np.zeros(3), START_SD**2 * np.eye(3)))
     topics: Topics = field(default_factory=Topics)
@@ -85,7 +85,7 @@ class Robot:
 
 
 def read_robot(path: Path) -> Robot:
-    """The robot that `path`, a robot.toml, tells of; InputError names the file, line and key of what cannot be used."""
+    """Reads the robot in `path`, a robot.toml; InputError names the file, line and key of a fault."""
     tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
     file = TomlTable.read(path).only(("name", *tables))
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
@@ -120,9 +120,9 @@ def read_robot(path: Path) -> Robot:
 
 
 def write_robot(path: Path, robot: Robot) -> None:
-    """Write `robot` to `path`, and beside it its camera, where it has one, and a marker dictionary that is a file.
+    """Writes `robot` to `path`, with its camera, if any, and a marker dictionary given as a file beside it.
 
-    What is written reads back the same. InputError where it cannot be written.
+    It reads back the same. InputError if it cannot be written.
     """
     sides = {str(name): side for name, side in sorted(robot.markers.sides.items())}
     encoder, odometry = {}, {} if robot.track_noise == TrackNoise() else asdict(robot.track_noise)
@@ -187,7 +187,7 @@ def _markers(markers: TomlTable) -> Markers:
     sides = markers.table("sides")
     for key in sides.entries:
         if not (key.isascii() and key.isdigit()):
-            raise sides.refused(key, "is no marker's id, expected a whole number.")
+            raise sides.refused(key, "is not a marker's id, expected a whole number.")
     known = Markers(
         markers.text("dictionary"),
         markers.number("side", above=0),
@@ -206,7 +206,7 @@ def _encoder(encoder: TomlTable) -> Encoder:
     rolls: dict[str, Any] = {key: encoder.number(key) for key in ("left", "right")}
     for key in ("left", "right"):
         if rolls[key] == 0:
-            raise encoder.fault(key, "metres a count, a number other than 0")
+            raise encoder.fault(key, "metres per count, a number other than 0")
     for key, choices in {"noise": ("proportional", "distance"), "curve": ("midpoint", "arc")}.items():
         if encoder.has(key):
             rolls[key] = encoder.choice(key, None, choices)
@@ -252,7 +252,7 @@ def _floors(table: TomlTable) -> dict[str, Any]:
 
 
 def _given(table: TomlTable, keys: Collection[str], **bounds: float) -> dict[str, Any]:
-    """The numbers among `keys` that are given; the others keep the default of what they are handed to."""
+    """The given numbers among `keys`; the others keep the receiver's defaults."""
     return {key: table.number(key, **bounds) for key in keys if table.has(key)}
 
 
@@ -261,6 +261,6 @@ def _names(cls: Any) -> tuple[str, ...]:
 
 
 def _without_none(words: dict[str, Any]) -> dict[str, Any]:
-    """`words` without what is None and without tables left empty, at every depth."""
+    """`words` without None and without empty tables, recursively."""
     kept = {key: _without_none(value) if isinstance(value, dict) else value for key, value in words.items()}
     return {key: value for key, value in kept.items() if value is not None and value != {}}

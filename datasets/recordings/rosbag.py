@@ -1,9 +1,9 @@
-"""Recordings in ROS bags: a ROS 1 .bag, a ROS 2 folder (sqlite3 or mcap), a lone .mcap or .db3.
+"""Reads recordings in ROS bags: a ROS 1 .bag, a ROS 2 folder (sqlite3 or mcap), a single .mcap or .db3.
 
 Frames are sensor_msgs/Image or CompressedImage. The motion is that of the original ArUco EKF system, a
 geometry_msgs/QuaternionStamped with four cumulative counts (x and y of the wheels on the left, z and w of those on the
-right, averaged a side), or a nav_msgs/Odometry. Messages are taken at the time of their headers, and where these have
-none, when the bag got them.
+right, averaged per side), or a nav_msgs/Odometry. Times are those of the messages' headers, or of reception if these
+are zero.
 """
 
 import heapq
@@ -32,14 +32,14 @@ ENCODER, ODOMETRY, CAMERA_INFO = (
 )
 
 WAITING = 4
-"""images, at most, that are kept back for one that the bag got late."""
+"""Most images held back for one received late."""
 
 LEVEL = np.cos(np.deg2rad(30))
-"""The cosine of the largest angle between the robot's own z axis and the world's: tilted further, it is on no floor."""
+"""Cosine of the largest angle between the robot's z axis and the world's on a level floor."""
 
 
 class Topics(NamedTuple):
-    """Where a bag's streams are; None: the only topic of a fitting type."""
+    """Topics of a bag's streams; None: the only topic of a fitting type."""
 
     image: str | None = None
     encoder: str | None = None
@@ -48,16 +48,16 @@ class Topics(NamedTuple):
 
 
 def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams:
-    """The recording in the bag at `path`; its frames are read as they are asked for.
+    """The recording in the bag at `path`; its frames are read on demand.
 
-    Of counters `counter_bits` wide the wraps are undone before those of one side are averaged. InputError for a bag
-    that is none, empty or damaged, a topic that is missing or not told apart from others, and for messages that cannot
-    be what they are taken for; of images, while they are gone through.
+    Counters `counter_bits` wide are unwrapped before those of one side are averaged. InputError for a bag that is
+    invalid, empty or damaged, a topic that is missing or ambiguous, and for messages with implausible contents; for
+    images, as they are read.
     """
     bag = Bag(path)
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
-        raise InputError(f"{path}: holds no messages, expected a recording.")
+        raise InputError(f"{path}: contains no messages, expected a recording.")
     image = _choose(path, listed, topics.image, "image", (IMAGE, COMPRESSED))
     if image is None:
         raise InputError(f"{path}: has no topic with images ({_plain(IMAGE)} or CompressedImage); {_found(listed)}")
@@ -73,7 +73,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
 
 @dataclass(frozen=True)
 class _Frames:
-    """The images of a topic in the order of their headers' times."""
+    """The images of a topic, sorted by their headers' times."""
 
     bag: Bag
     topic: Topic
@@ -89,7 +89,7 @@ class _Frames:
             count, decoded, example = count + 1, decoded or image is not None, example or message.content
             yield Frame(message.nanoseconds / 10**9, image)
         if count and not decoded:
-            kind = getattr(example, "encoding", getattr(example, "format", "of no known layout"))
+            kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))
             expected = "a format that OpenCV reads" if decode is rosimage.compressed else ", ".join(rosimage.ENCODINGS)
             raise InputError(
                 f"{self.bag.path}: none of the {count} images of topic {self.topic.name} can be decoded; found "
@@ -98,7 +98,7 @@ class _Frames:
 
 
 def _in_order(messages: Iterator[Message]) -> Iterator[Message]:
-    """Messages in the order of their own times, where the bag got none later than after `WAITING` others."""
+    """Sorts messages by their own times, as long as each arrives before `WAITING` later ones."""
     waiting = list[tuple[int, int, Message]]()
     for number, message in enumerate(messages):
         heapq.heappush(waiting, (message.nanoseconds, number, message))
@@ -115,13 +115,13 @@ def _alike(one: Message, other: Message) -> bool:
 
 def _readings(bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: int | None) -> Ticks | Poses | None:
     if topics.encoder is not None and topics.odometry is not None:
-        raise InputError(f"{bag.path}: [topics] names both encoder and odometry, expected the one to be read.")
+        raise InputError(f"{bag.path}: [topics] names both encoder and odometry, expected the one to use.")
     encoder = None if topics.odometry else _choose(bag.path, listed, topics.encoder, "encoder", (ENCODER,))
     odometry = None if topics.encoder else _choose(bag.path, listed, topics.odometry, "odometry", (ODOMETRY,))
     if encoder is not None and odometry is not None:
         raise InputError(
-            f"{bag.path}: both {_shown(encoder)} and {_shown(odometry)} tell how the robot moved, expected [topics] "
-            "encoder or odometry to name the one to be read."
+            f"{bag.path}: found both {_shown(encoder)} and {_shown(odometry)}, expected [topics] "
+            "encoder or odometry to name the one to use."
         )
     if encoder is not None:
         t, turned = _columns(bag, encoder, lambda m: (m.quaternion.x, m.quaternion.y, m.quaternion.z, m.quaternion.w))
@@ -162,7 +162,7 @@ def _poses(bag: Bag, topic: Topic) -> Poses:
 
 
 def _columns(bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]]) -> tuple[Array, Array]:
-    """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of one time the last stays."""
+    """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of equal times the last counts."""
     at = dict[int, tuple[float, ...]]()
     messages = 0
     for message in bag.messages(topic.name):
@@ -171,11 +171,11 @@ def _columns(bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]]) ->
             raise InputError(f"{bag.path}: message {messages} of topic {topic.name} cannot be read.")
         at[message.nanoseconds] = row(message.content)
     if not at:
-        raise InputError(f"{bag.path}: found none of the {topic.messages} messages of topic {topic.name}.")
+        raise InputError(f"{bag.path}: none of the {topic.messages} messages of topic {topic.name} can be read.")
     if len(at) < messages / 2:
         raise InputError(
-            f"{bag.path}: the {messages} messages of topic {topic.name} have only {len(at)} times among them, expected "
-            "headers with the time of each reading, or with none."
+            f"{bag.path}: the {messages} messages of topic {topic.name} have only {len(at)} distinct times, expected "
+            "headers with the time of each reading, or zero times."
         )
     rows = np.array([at[time] for time in sorted(at)], float)
     t = np.array([time / 10**9 for time in sorted(at)])
@@ -185,7 +185,7 @@ def _columns(bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]]) ->
 
 
 def _camera_info(path: Path, listed: Sequence[Topic], named: str | None, image: Topic) -> Topic | None:
-    """The topic that tells of the camera: of several, the one beside the images."""
+    """The topic of the camera's calibration: of several, the one beside the images."""
     if named is None:
         known = {topic.name for topic in listed if topic.type == CAMERA_INFO and topic.messages}
         beside = (f"{folder}/camera_info" for folder in _folders(image.name))
@@ -194,13 +194,13 @@ def _camera_info(path: Path, listed: Sequence[Topic], named: str | None, image: 
 
 
 def _folders(name: str) -> list[str]:
-    """/a/b of /a/b/image, then /a: the images of image_transport are one further down."""
+    """/a/b of /a/b/image, then /a: image_transport puts images one level deeper."""
     parts = name.split("/")[:-1]
     return ["/".join(parts[:length]) for length in range(len(parts), 0, -1)]
 
 
 def _camera(bag: Bag, topic: Topic) -> Camera | None:
-    """The camera, mounted at the robot's origin; None where the messages say that it was never calibrated."""
+    """The camera, mounted at the robot's origin; None if the messages are of an uncalibrated one."""
     from ...frontend.camera.calibration import from_camera_info
 
     message = next(bag.messages(topic.name)).content
@@ -219,7 +219,7 @@ def _camera(bag: Bag, topic: Topic) -> Camera | None:
 def _choose(
     path: Path, listed: Sequence[Topic], named: str | None, setting: str, types: tuple[str, ...]
 ) -> Topic | None:
-    """The topic `named`, or else the only one with messages of `types`; None where there is none."""
+    """The topic `named`, or else the only one with messages of `types`; None if there is none."""
     expected = " or ".join(map(_plain, types))
     if named is not None:
         topic = next((topic for topic in listed if topic.name.strip("/") == named.strip("/")), None)
@@ -231,7 +231,7 @@ def _choose(
     fitting = [topic for topic in listed if topic.type in types and topic.messages]
     if len(fitting) > 1:
         choices = ", ".join(map(_shown, fitting))
-        raise InputError(f"{path}: has {choices}, expected [topics] {setting} to name the one to be read.")
+        raise InputError(f"{path}: has {choices}, expected [topics] {setting} to name the one to use.")
     return fitting[0] if fitting else None
 
 

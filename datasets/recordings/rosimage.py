@@ -1,6 +1,6 @@
-"""Images in ROS messages -> grey or BGR frames.
+"""Converts images in ROS messages to grey or BGR frames.
 
-The encodings are those of sensor_msgs/image_encodings.h. Of 16 bits a value the upper 8 are kept, as cv_bridge does.
+The encodings are those of sensor_msgs/image_encodings.h. Of 16-bit values the upper 8 bits are kept, as by cv_bridge.
 """
 
 from typing import Any, NamedTuple
@@ -13,14 +13,14 @@ from .quiet_decoders import silenced
 
 
 class _Layout(NamedTuple):
-    """How the pixels of an encoding lie in memory, and what makes them grey or BGR."""
+    """Memory layout of an encoding, and its conversion to grey or BGR."""
 
-    depth: int  # bytes a value
-    values: int  # a pixel
-    conversion: int | None = None  # OpenCV's; None: nothing to be done
+    depth: int  # bytes per value
+    values: int  # values per pixel
+    conversion: int | None = None  # OpenCV's; None: not needed
 
 
-# The two letters in OpenCV's older names of Bayer patterns are of the second row: these are its newer, ROS's own.
+# OpenCV's older names of Bayer patterns refer to the second row; these are its newer names, which match ROS's.
 _BAYER = {
     "rggb": cv2.COLOR_BayerRGGB2BGR,
     "bggr": cv2.COLOR_BayerBGGR2BGR,
@@ -50,11 +50,11 @@ _LAYOUTS = {
 }
 
 ENCODINGS = tuple(_LAYOUTS)
-"""Of sensor_msgs/Image, those that can be read."""
+"""Supported encodings of sensor_msgs/Image."""
 
 
 def raw(message: Any) -> Image | None:
-    """The (height, width) grey or (height, width, 3) BGR image of a sensor_msgs/Image; None: it cannot be decoded."""
+    """The (height, width) grey or (height, width, 3) BGR image of a sensor_msgs/Image; None if undecodable."""
     layout = _LAYOUTS.get(message.encoding)
     height, width, content = message.height, message.width, message.data
     if layout is None or height == 0 or width == 0:
@@ -70,10 +70,10 @@ def raw(message: Any) -> Image | None:
 
 
 def compressed(message: Any) -> Image | None:
-    """The image of a sensor_msgs/CompressedImage in any format that OpenCV reads; None: it cannot be decoded.
+    """The image of a sensor_msgs/CompressedImage in any format that OpenCV reads; None if undecodable.
 
-    What stands before the format's semicolon, as in `bayer_rggb8; png compressed`, is how the pixels were meant, where
-    nothing that follows says that they were converted.
+    The part before the format's semicolon, as in `bayer_rggb8; png compressed`, is the encoding of the pixels, unless
+    the rest says that they were converted.
     """
     meant, _, how = message.format.partition(";")
     try:
@@ -90,14 +90,14 @@ def compressed(message: Any) -> Image | None:
 
 
 def _frame(pixels: np.ndarray, conversion: int | None) -> Image | None:
-    """`pixels` (height, width, values) of 8 or 16 bits as a frame."""
+    """Converts `pixels` (height, width, values) of 8 or 16 bits to a frame."""
     if pixels.dtype.itemsize == 2:
         pixels = pixels >> 8
     image = np.ascontiguousarray(pixels, np.uint8)
     if image.shape[2] == 1:
         image = image[:, :, 0]
     try:
-        # A pattern that wants an even number of rows or columns may not get it.
+        # Patterns that need even numbers of rows or columns may fail.
         return image if conversion is None else np.asarray(cv2.cvtColor(image, conversion), np.uint8)
     except cv2.error:
         return None

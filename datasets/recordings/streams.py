@@ -1,4 +1,4 @@
-"""What a recording holds, before anything is known of the robot that made it; every reader of recordings returns it."""
+"""The streams of a recording, independent of the robot; the result of every reader of recordings."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -11,17 +11,17 @@ from ...frontend.wheels.motion import Ticks
 
 
 class Poses(NamedTuple):
-    """Odometry that the robot summed up by itself."""
+    """Odometry integrated by the robot itself."""
 
     t: Array  # (m,) s, strictly increasing
     poses: Array  # (m, 3) in the odometry's own world frame
 
 
 class Streams(NamedTuple):
-    """Frames and motion readings by one clock."""
+    """Frames and motion readings on one clock."""
 
-    frames: Iterable[Frame]  # read as they are asked for, once through, in order; t as recorded
-    length: int | None  # number of frames, where it is known beforehand
-    readings: Ticks | Poses | None  # None: nothing tells how the robot moved
-    camera: Camera | None  # what the recording itself says of the camera, mounted at the robot's origin
+    frames: Iterable[Frame]  # read on demand, once, in order; t as recorded
+    length: int | None  # number of frames, if known beforehand
+    readings: Ticks | Poses | None  # None: unmeasured motion
+    camera: Camera | None  # from the recording itself, mounted at the robot's origin
     truth: Truth | None

@@ -1,8 +1,8 @@
-"""A video file, read by OpenCV's ffmpeg, frame after frame and never turned by what it says of its orientation.
+"""Reads a video file with OpenCV's ffmpeg, frame by frame, ignoring its orientation tag.
 
-When the frames were taken is told by frames.csv (`frame,t`: the frame's number in the video from 0, seconds) if it is
-there, else by a frame rate and a start that the user states, else by the time stamps in the video. Only frames that
-frames.csv has are used. Where the video ends before it should, the frames that are missing are undecodable ones.
+Times come from frames.csv (`frame,t`: the frame's number in the video from 0, seconds) if it exists, else from a frame
+rate and a start given by the user, else from the time stamps in the video. Only frames in frames.csv are used. If the
+video ends early, the missing frames count as undecodable.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,13 +24,13 @@ VIDEOS = (".mkv", ".avi", ".mp4", ".mov", ".m4v", ".webm", ".mpg", ".mpeg")
 
 @dataclass(frozen=True)
 class Video:
-    """Frames that are decoded as they are asked for, however often, from the video's beginning each time."""
+    """Frames that are decoded on demand, any number of times, from the video's beginning each time."""
 
     path: Path
     times: Sequence[tuple[int, float]] | None  # (number of the frame, s); None: all, `fps` or time stamps say when
-    fps: float | None  # frames a second; None: the video's own time stamps
+    fps: float | None  # frames per second; None: the video's own time stamps
     start: float  # s, the time of frame 0 without `times`
-    length: int | None  # number of frames; None: not known
+    length: int | None  # number of frames; None: unknown
 
     def __iter__(self) -> Iterator[Frame]:
         return self._timed() if self.times is None else self._listed(self.times)
@@ -54,16 +54,16 @@ class Video:
                 yield Frame(t, reader.image())
                 number += 1
             rate = self.fps or reader.rate
-        # The number in a container's head may be one off; more than that, and the file is cut.
+        # The number in a container's header may be one off; if more, the file is truncated.
         missing = (self.length or 0) - number
         for late in range(1, missing + 1 if missing > 1 and rate else 1):
             yield Frame(t + late / rate, None)
 
 
 def read(path: Path, home: Path, fps: float | None, start: float) -> Video:
-    """The video at `path`, at the times that `home`/frames.csv, `fps` and `start`, or the video itself tell.
+    """Opens the video at `path`, with times from `home`/frames.csv, `fps` and `start`, or the video itself.
 
-    InputError where it cannot be opened, and for a frames.csv that cannot be used.
+    InputError if it cannot be opened, and for an invalid frames.csv.
     """
     if not path.stat().st_size:
         raise InputError(f"{path}: the file is empty, expected a video.")
@@ -75,7 +75,7 @@ def read(path: Path, home: Path, fps: float | None, start: float) -> Video:
     table = read_csv(listed, ("frame", "t")).finite()
     numbers, t = table.whole("frame"), table.column("t")
     if not len(t):
-        raise InputError(f"{listed}: names no frame, expected at least one row.")
+        raise InputError(f"{listed}: found no rows, expected at least one.")
     for row in np.flatnonzero(np.diff(numbers, prepend=-1) < 1):
         raise table.fault(row, f"frame is {numbers[row]}, expected numbers from 0 that increase")
     for row in np.flatnonzero(~(np.diff(t) > 0)) + 1:
@@ -84,15 +84,15 @@ def read(path: Path, home: Path, fps: float | None, start: float) -> Video:
 
 
 class _Reader:
-    """A video while it is open. InputError where it cannot be."""
+    """An open video. InputError if it cannot be opened."""
 
     def __init__(self, path: Path) -> None:
         with silenced():
-            # One thread: others would go on, and complain, when nobody keeps them quiet.
+            # One thread: others would continue, and print errors, after silencing has ended.
             self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
         if not self._capture.isOpened():
             raise InputError(
-                f"{path}: cannot be opened as a video: it is cut off before its index, damaged, or of an unknown kind."
+                f"{path}: cannot be opened as a video: truncated before its index, damaged, or of an unknown kind."
             )
         self._capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
         self._next = 0  # the number of the frame that comes next
@@ -106,27 +106,27 @@ class _Reader:
 
     @property
     def length(self) -> int | None:
-        """How many frames the video's head says there are."""
+        """Number of frames in the video's header."""
         return max(int(self._capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0) or None
 
     @property
     def rate(self) -> float:
-        """Frames a second that the video's head says there are, 0 where it does not."""
+        """Frames per second in the video's header, 0 if unknown."""
         return float(self._capture.get(cv2.CAP_PROP_FPS))
 
     @property
     def stamp(self) -> float:
-        """s, of the frame that was advanced to."""
+        """s, time stamp of the current frame."""
         return float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1e3
 
     def advance(self) -> bool:
-        """Whether there is a next frame to go on to."""
+        """Advances to the next frame; False at the end."""
         with silenced():
             self._next += 1
             return bool(self._capture.grab())
 
     def image(self) -> Image | None:
-        """The frame that was advanced to, (height, width) grey."""
+        """The current frame, (height, width) grey."""
         with silenced():
             there, image = self._capture.retrieve()
         if not there:
@@ -135,9 +135,9 @@ class _Reader:
         return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
     def frame(self, number: int) -> Image | None:
-        """Frame `number`, not before the one that comes next; None where the video does not have it."""
+        """Frame `number`, which must not be behind the current one; None beyond the end."""
         while self._next <= number:
             if not self.advance():
-                self._next = number  # the end: asked again, it is still the end
+                self._next = number  # the end, also for later calls
                 return None
         return self.image()

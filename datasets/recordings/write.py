@@ -1,7 +1,7 @@
-"""A drive written as the kinds of recording that `recording` reads, each a folder with robot.toml.
+"""Writes a drive as the kinds of recording that `recording` reads, each a folder with robot.toml.
 
-Frames as PNG files, the video with the FFV1 codec and the bags give back every pixel; MP4 does not. What is known of
-the truth goes beside it, in truth.tum and landmarks.csv. Frames without an image are left out.
+PNG files, the video with the FFV1 codec and the bags preserve every pixel; MP4 does not. Known ground truth is written
+beside it, to truth.tum and landmarks.csv. Frames without an image are left out.
 """
 
 import os
@@ -31,10 +31,10 @@ FORMATS = {
     "ros2": "a ROS 2 bag (sqlite3)",
     "mcap": "an MCAP bag (ROS 2)",
 }
-"""What a drive can be written as."""
+"""Formats of a drive."""
 
 _Add = Callable[[float, Image], None]
-"""Writes the next frame, taken at a time (s)."""
+"""Writes the next frame, at its time (s)."""
 
 
 def write(
@@ -42,10 +42,10 @@ def write(
     recording: Recording,
     truth: Truth | None,
 ) -> None:
-    """Write `recording`, whose frames are gone through once, to folders, each in one of `FORMATS`.
+    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`.
 
-    A folder must not exist or be empty, and appears complete or not at all. InputError where one cannot be written, or
-    the recording holds no image.
+    A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
+    recording has no image.
     """
     beside = {folder: folder.absolute().parent / f".{folder.absolute().name}.{os.getpid()}.part" for folder in places}
     place = next(iter(places))
@@ -96,7 +96,7 @@ def _writer(folder: Path, kind: str, recording: Recording) -> AbstractContextMan
 
 @contextmanager
 def _files(folder: Path, recording: Recording) -> Generator[_Add]:
-    """A picture a frame, and the tables that go with it."""
+    """One picture per frame, with its tables."""
     times = list[tuple[str, float]]()
 
     def add(t: float, image: Image) -> None:
@@ -112,14 +112,14 @@ def _files(folder: Path, recording: Recording) -> Generator[_Add]:
 
 @contextmanager
 def _video(folder: Path, recording: Recording, name: str, codec: str) -> Generator[_Add]:
-    """One file for all frames, and the tables that go with it."""
+    """One file for all frames, with its tables."""
     times = list[tuple[int, float]]()
-    first = list[Image]()  # kept back until the second one tells the frame rate
+    first = list[Image]()  # held back until the second one determines the frame rate
     video = cv2.VideoWriter()
 
     def start(rate: float) -> None:
         (height, width), colour = first[0].shape[:2], first[0].ndim == 3
-        if width % 2 or height % 2:  # OpenCV would cut the last column or row off
+        if width % 2 or height % 2:  # OpenCV would drop the last column or row
             raise InputError(f"{name}: found frames of {width}x{height} pixels, expected even numbers for a video.")
         code = cv2.VideoWriter.fourcc(*codec)
         if not video.open(str(folder / name), cv2.CAP_FFMPEG, code, rate, (width, height), colour):
@@ -146,7 +146,7 @@ def _video(folder: Path, recording: Recording, name: str, codec: str) -> Generat
 
 @contextmanager
 def _bag(folder: Path, recording: Recording, kind: Kind) -> Generator[_Add]:
-    """A bag, in which readings and frames take turns as they came."""
+    """A bag, with readings and frames in order of time."""
     motion, camera = recording.motion, recording.detector.camera
     times = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
     written = 0
@@ -181,14 +181,14 @@ def _write_tables(folder: Path, times: Sequence[tuple[object, float]], recording
 
 
 def _write_words(folder: Path, recording: Recording, truth: Truth | None) -> None:
-    """robot.toml, calibration.yaml, and the truth where it is known."""
+    """robot.toml, calibration.yaml, and the ground truth if known."""
     write_robot(folder / "robot.toml", _robot(recording))
     if truth is not None:
         write_truth(folder, truth)
 
 
 def _robot(recording: Recording) -> Robot:
-    """What robot.toml says of the recording: frames are at the middle of their exposure, by the motion's clock."""
+    """robot.toml of the recording: frames are at the middle of their exposure, on the motion's clock."""
     camera, motion = recording.detector.camera, recording.motion
     robot = Robot(
         name=recording.name,

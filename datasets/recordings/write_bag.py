@@ -1,6 +1,6 @@
-"""A drive as a ROS bag: raw images, the camera's calibration with each, and the counters or poses of the robot.
+"""Writes a drive as a ROS bag: raw images, the camera's calibration with each, and the robot's counters or poses.
 
-The topics and types are those that `rosbag` reads; a message's header has the time that the bag has for it.
+The topics and types are those that `rosbag` reads; headers have the same times as the bag.
 """
 
 import shutil
@@ -20,13 +20,13 @@ from .rosbag import CAMERA_INFO, ENCODER, IMAGE, ODOMETRY, Topics
 Kind = Literal["ros1", "ros2", "mcap"]
 
 NAMES: dict[Kind, str] = {"ros1": "drive.bag", "ros2": "drive", "mcap": "drive.mcap"}
-"""The bag's file, or folder, in that of the recording."""
+"""Name of the bag's file or folder."""
 
 TOPICS = Topics(image="/camera/image_raw", encoder="/encoder", odometry="/odom", camera_info="/camera/camera_info")
 
 
 class BagWriter:
-    """Writes one bag; a context manager. Times are s; messages have to be written in their order."""
+    """Writes one bag; a context manager. Times are s; messages must be written in order."""
 
     def __init__(self, folder: Path, kind: Kind) -> None:
         from rosbags.rosbag1 import Writer as Writer1
@@ -82,7 +82,7 @@ class BagWriter:
         )  # fmt: skip
 
     def reading(self, motion: Motion, row: int) -> None:
-        """One reading of wheel counters or summed up poses."""
+        """One reading of wheel counters or integrated poses."""
         if isinstance(motion, Wheels):
             left, right = motion.ticks.counts[row].tolist()
             counts = self._message("geometry_msgs/msg/Quaternion", left, left, right, right)
@@ -105,7 +105,7 @@ class BagWriter:
         return self._types.types[type_name](*values)
 
     def _write(self, t: float, topic: str | None, type_name: str, **content: Any) -> None:
-        """The message of `content` and a header, at `t`."""
+        """Writes a message of `content` and a header, at `t`."""
         assert topic is not None
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(topic, type_name, typestore=self._types)
@@ -121,7 +121,7 @@ class BagWriter:
 
 
 def _distortion(camera: Camera) -> tuple[str, Array]:
-    """ROS's name of the distortion model and the coefficients it wants: as many, those that are 0 as well."""
+    """ROS's name of the distortion model and as many coefficients as it requires, zeros included."""
     if camera.model == "fisheye":
         name, length = "equidistant", 4
     else:

@@ -1,1 +1,1 @@
-"""A room, a lens and light, as frames with true poses."""
+"""Renders a room, seen through a lens under changing light, as frames with true poses."""

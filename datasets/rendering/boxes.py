@@ -1,4 +1,4 @@
-"""Boxes that stand on a floor: their faces, and places for them that are out of the way."""
+"""Boxes on a floor: their faces, and their placement."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ GAP = 0.05
 """m, between the circles around the boxes' footprints, and between such a circle and anything else."""
 
 LENGTHS, HEIGHTS = (0.28, 0.55), (0.28, 0.7)
-"""m, the sides and heights that boxes have: every face has room for a marker's sheet."""
+"""m, range of the boxes' sides and heights: every face has room for a marker's sheet."""
 
 TRIES = 2000
 
@@ -65,26 +65,24 @@ class Box(NamedTuple):
 
 
 def place_boxes(count: int, length: float, width: float, keep_clear: Array, rng: np.random.Generator) -> list[Box]:
-    """`count` boxes of various sizes in a room of `length` by `width` m, its middle at the origin.
+    """Places `count` boxes of various sizes in a room of `length` by `width` m, its middle at the origin.
 
-    `keep_clear` (n, 3) holds circles, x, y and radius in m, that they stay out of, as they do out of each other's. The
-    less room is left, the smaller they get. InputError where not even a small one fits any more.
+    They avoid each other and `keep_clear` (n, 3), circles of x, y and radius in m. They shrink as room runs out.
+    InputError if not even a small one fits any more.
     """
     boxes: list[Box] = []
     taken = keep_clear
     for _ in range(count):
         box = _fitting(length, width, taken, rng)
         if box is None:
-            raise InputError(
-                f"boxes: found room for {len(boxes)} boxes, expected it for {count}; try fewer, or markers"
-            )
+            raise InputError(f"boxes: found room for {len(boxes)} boxes, expected {count}; try fewer, or markers")
         boxes.append(box)
         taken = np.vstack((taken, [*box.place[:2], box.radius]))
     return boxes
 
 
 def _fitting(length: float, width: float, taken: Array, rng: np.random.Generator) -> Box | None:
-    """A box at a random place that is free; its sizes are drawn anew each time, from a range that shrinks."""
+    """A box at a random free place; its sizes are redrawn each time, from a shrinking range."""
     for attempt in range(TRIES):
         size = rng.uniform([LENGTHS[0], LENGTHS[0], HEIGHTS[0]], [LENGTHS[1], LENGTHS[1], HEIGHTS[1]])
         size[:2] -= (size[:2] - LENGTHS[0]) * attempt / TRIES

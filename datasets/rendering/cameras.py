@@ -1,4 +1,4 @@
-"""The cameras that a rendered drive can be taken with: one of each lens model, 640x480, all mounted alike."""
+"""Cameras for a rendered drive: one of each lens model, 640x480, all mounted alike."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -30,7 +30,7 @@ CAMERAS: Mapping[str, Camera] = MappingProxyType(
             distortion=(0.7634, 0.0702, 0.0004, -0.0003, 0.0011, 1.1032, 0.2413, 0.0031),
             mounting=MOUNTING,
         ),
-        # 84 degrees across; fourteen coefficients, with thin prisms and a sensor that is not quite square to its lens.
+        # 84 degrees across; fourteen coefficients, with thin prisms and a sensor slightly tilted to its lens.
         "tilted": Camera(
             width=640,
             height=480,
@@ -43,7 +43,7 @@ CAMERAS: Mapping[str, Camera] = MappingProxyType(
             ),
             mounting=MOUNTING,
         ),
-        # 150 degrees across; the corners of its frames are past the edge of the view and black.
+        # 150 degrees across; the corners of its frames are beyond the field of view and black.
         "fisheye": Camera(
             width=640,
             height=480,

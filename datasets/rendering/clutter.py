@@ -1,4 +1,4 @@
-"""Frames without a marker of the dictionary that is looked for, full of what resembles one."""
+"""Frames without a marker of the dictionary in question, full of similar patterns."""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -13,7 +13,7 @@ from ...frontend.markers.markers import find
 from .lens import Singles
 
 DICTIONARY = "4X4_50"
-"""The one whose markers are looked for."""
+"""The dictionary in question."""
 
 BLUR = 0.6
 """px, standard deviation."""
@@ -22,13 +22,13 @@ GRAIN = 2.0
 """Grey levels, standard deviation."""
 
 STRANGERS = ("6X6_250", "5X5_100", "7X7_100", "APRILTAG_16H5", "APRILTAG_36H11", "ARUCO_ORIGINAL")
-"""Dictionaries whose markers hang about, but for those that the one looked for has as well."""
+"""Dictionaries of the distracting markers, except those shared with DICTIONARY."""
 
 THINGS = (6, 16)
-"""How many there are in a frame, from .. to."""
+"""Range of their number in a frame."""
 
 CELL = 12
-"""px of a texture's cell, before it is seen at an angle."""
+"""px per cell of a texture, before perspective."""
 
 WORDS = ("EXIT", "H8", "Room 4.07", "#####", "OO", "M", "[#]", "%&@", "E3", "NO ENTRY", "0123", "B")
 
@@ -37,9 +37,9 @@ Bits = NDArray[np.bool_]
 
 
 def clutter(camera: Camera, count: int, rng: np.random.Generator) -> Iterator[Image]:
-    """`count` frames of random squares, checkerboards, rectangles, writing, noise and other dictionaries' markers.
+    """Yields `count` frames of squares, checkerboards, rectangles, writing, noise and other dictionaries' markers.
 
-    All are at any size and angle. None is a marker of DICTIONARY: what chance makes one is drawn again.
+    All have random sizes and angles. None is a marker of DICTIONARY: random ones that are get redrawn.
     """
     things = (_cells, _bordered, _bordered, _checkers, _stranger, _stranger, _writing, _rectangles, _speckles)
     for _ in range(count):
@@ -52,7 +52,7 @@ def clutter(camera: Camera, count: int, rng: np.random.Generator) -> Iterator[Im
 
 
 def is_marker(bits: Bits) -> bool:
-    """Whether these cells are a marker of DICTIONARY, its black border included, in any of four orientations."""
+    """Tells if these cells are a marker of DICTIONARY, its black border included, in any of four orientations."""
     if len(bits) != find(DICTIONARY).markerSize + 2 or bits[[0, -1]].any() or bits[:, [0, -1]].any():
         return False
     return any(np.rot90(bits, turns).tobytes() in _known() for turns in range(4))
@@ -70,14 +70,14 @@ def drawn(dictionary: str, name: int) -> Bits:
 
 
 def _cells(rng: np.random.Generator) -> Singles:
-    """Random cells, their outermost ones too."""
+    """Random cells, up to the edge."""
     while is_marker(bits := rng.random((rng.integers(4, 9),) * 2) < rng.uniform(0.2, 0.8)):
         pass
     return _on_paper(bits, rng)
 
 
 def _bordered(rng: np.random.Generator) -> Singles:
-    """Random cells in a black border, most of them as many as the markers have: what chance may take for one."""
+    """Random cells in a black border, most in the markers' size: false positives by chance."""
     inner = find(DICTIONARY).markerSize if rng.random() < 0.7 else int(rng.integers(2, 8))
     while is_marker(bits := np.pad(rng.random((inner, inner)) < rng.uniform(0.2, 0.8), 1)):
         pass
@@ -91,7 +91,7 @@ def _checkers(rng: np.random.Generator) -> Singles:
 
 
 def _stranger(rng: np.random.Generator) -> Singles:
-    """Another dictionary's marker."""
+    """A marker of another dictionary."""
     other = STRANGERS[rng.integers(len(STRANGERS))]
     while is_marker(bits := drawn(other, int(rng.integers(len(find(other).bytesList))))):
         pass
@@ -108,7 +108,7 @@ def _writing(rng: np.random.Generator) -> Singles:
 
 
 def _rectangles(rng: np.random.Generator) -> Singles:
-    """One in the other, as windows and frames are."""
+    """Nested rectangles, as windows and frames are."""
     paper = np.full((96, 96), rng.uniform(150, 230), np.float32)
     edges = np.sort(rng.integers(4, 48, rng.integers(1, 5)))
     for k, edge in enumerate(edges):
@@ -117,7 +117,7 @@ def _rectangles(rng: np.random.Generator) -> Singles:
 
 
 def _speckles(rng: np.random.Generator) -> Singles:
-    """Smoothed noise, cut into black and white."""
+    """Smoothed noise, thresholded to black and white."""
     noise = cv2.GaussianBlur(rng.standard_normal((96, 96), np.float32), (0, 0), rng.uniform(1, 12))
     return np.where(noise > np.median(noise), np.float32(215), np.float32(35))
 
@@ -137,7 +137,7 @@ def _ground(camera: Camera, rng: np.random.Generator) -> Singles:
 
 
 def _stick(image: Singles, texture: Singles, rng: np.random.Generator) -> None:
-    """Lay the texture over `image` somewhere, as a plane at some angle is seen."""
+    """Pastes the texture into `image` at random, as a plane seen at some angle."""
     (rows, columns), (height, width) = texture.shape, image.shape
     size = np.exp(rng.uniform(np.log(0.05), np.log(0.7))) * height
     outline = size / max(rows, columns) * np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], float)
@@ -148,7 +148,7 @@ def _stick(image: Singles, texture: Singles, rng: np.random.Generator) -> None:
     outline = outline @ turn @ squeeze + rng.uniform(0, [width, height]) + rng.uniform(-0.06, 0.06, (4, 2)) * size
     source = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], np.float32) - np.float32(0.5)
     to_image = cv2.getPerspectiveTransform(source, outline.astype(np.float32))
-    # what is shrunk is smoothed first, so that it does not alias
+    # smooth before shrinking, to avoid aliasing
     shrunk = max(rows, columns) / size
     smooth = cv2.GaussianBlur(texture, (0, 0), 0.4 * shrunk) if shrunk > 1 else texture
     seen = cv2.warpPerspective(smooth, to_image, (width, height), flags=cv2.INTER_LINEAR)

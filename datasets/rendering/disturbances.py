@@ -1,4 +1,4 @@
-"""What is unlike from frame to frame: how the robot rocks, blur by its motion, brightness, shadows, covers."""
+"""Disturbances that vary between frames: rocking, motion blur, brightness, shadows, occlusion."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,27 +15,27 @@ GRID = 40
 """px between the pixels whose streaks are measured."""
 
 STILL = 0.02
-"""px; a streak that is shorter is none."""
+"""px; shorter streaks are ignored."""
 
 SPREAD = 3.0
-"""px, standard deviation of the edge of what covers the view: it is far too near to be sharp."""
+"""px, standard deviation of the blur of an occluder's edge: it is too near to be sharp."""
 
 DUSK = 45.0
 """px, over which half of a shadow's edge falls."""
 
 BEATS = np.array([3.1, 5.3, 8.9, 15.7])
-"""s, the periods that the drift of the brightness is a sum of."""
+"""s, periods of the brightness drift's components."""
 
 
 @dataclass(frozen=True)
 class Disturbances:
-    """How frames differ from those of a still camera in an even light."""
+    """Differences between frames and those of a still camera in even light."""
 
     exposure: float = 0.0  # s
     sway: float = 0.0  # rad, standard deviation of the body's pitch and of its roll
     gain_drift: float = 0.0  # standard deviation over time of the logarithm of the brightness
-    shadow: float = 0.0  # of the light, that the darker side of each frame lacks
-    occlusion: float = 0.0  # share of the frames in which something covers a part of the view
+    shadow: float = 0.0  # share of the light that the darker side of each frame lacks
+    occlusion: float = 0.0  # share of the frames in which the view is partly covered
 
 
 def take(
@@ -45,10 +45,10 @@ def take(
     disturbances: Disturbances,
     rng: np.random.Generator,
 ) -> Iterator[Frame]:
-    """The frames taken at `t` (n,), s, the middles of their exposures, one at a time.
+    """Yields the frames at `t` (n,), s, the middles of their exposures.
 
-    `path` gives the robot's poses (m, 3) at any times (m,). The same seed has the same grain, shadows and covers
-    whatever else is set.
+    `path` gives the robot's poses (m, 3) at any times (m,). The same seed gives the same grain, shadows and occluders
+    whatever the other settings.
     """
     sensor, light, covers, floor = rng.spawn(4)
     phases = light.uniform(0, 2 * np.pi, len(BEATS))
@@ -66,10 +66,8 @@ def take(
 def views(renderer: Renderer, path: Callable[[Array], Array], t: float, exposure: float, mounting: Array) -> Array:
     """(n, 4, 4) T_world_camera at the middles of n equal parts of the exposure around `t`, s.
 
-    `mounting` (4, 4) is that of the camera on the level robot.
-
-    There is one to each pixel of the longest streak of anything in view, and one more, so that streaks are ramps and
-    not steps.
+    `mounting` (4, 4) is that of the camera on the level robot. There is one more than pixels in the longest streak of
+    anything in view, so that streaks are ramps and not steps.
     """
     start, end = (raised(path(np.array([t + part]))) @ mounting for part in (-exposure / 2, exposure / 2))
     streak = _streak(renderer, start[0], end[0])
@@ -78,7 +76,7 @@ def views(renderer: Renderer, path: Callable[[Array], Array], t: float, exposure
 
 
 def raised(poses: Array) -> Array:
-    """(n, 4, 4) T_world_robot of planar poses (n, 3)."""
+    """Converts planar poses (n, 3) to (n, 4, 4) T_world_robot."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     full = np.zeros((len(poses), 4, 4))
     full[:, 0, 0] = full[:, 1, 1] = c
@@ -89,13 +87,13 @@ def raised(poses: Array) -> Array:
 
 
 def rocked(pitch: float, roll: float) -> Array:
-    """(4, 4) T_level_robot of a body that leans by `pitch` to the front and by `roll` to the right, rad."""
+    """(4, 4) T_level_robot of a body pitched by `pitch` forward and rolled by `roll` to the right, rad."""
     (cp, sp), (cr, sr) = (np.cos(pitch), np.sin(pitch)), (np.cos(roll), np.sin(roll))
     return np.array([[cp, sp * sr, sp * cr, 0], [0, cr, -sr, 0], [-sp, cp * sr, cp * cr, 0], [0, 0, 0, 1]])
 
 
 def _streak(renderer: Renderer, start: Array, end: Array) -> float:
-    """px, how far what is seen moves at the most, of all that can be seen from two poses (4, 4) T_world_camera."""
+    """px, the largest motion in the image of anything visible from two poses (4, 4) T_world_camera."""
     lens, room = renderer.lens, renderer.room
     rays = lens.rays[:, ::GRID, ::GRID].reshape(3, -1).T[lens.open[::GRID, ::GRID].ravel()]
     ahead = rays.astype(float) @ start[:3, :3].T
@@ -107,7 +105,7 @@ def _streak(renderer: Renderer, start: Array, end: Array) -> float:
     corners = [face.outline for box in room.boxes for face in box.faces]
     points = np.vstack((points, *(marker.pose[:3, 3] for marker in room.markers), *corners))
     seen = [(points - pose[:3, 3]) @ pose[:3, :3] for pose in (start, end)]
-    # Beyond its reach a lens model turns back, and would put there what nobody can see.
+    # Beyond its reach a lens model turns back, and would project invisible points into the image.
     known = [np.hypot(*of[:, :2].T) < renderer.camera.reach * of[:, 2] for of in seen]
     front = (seen[0][:, 2] > 0.05) & (seen[1][:, 2] > 0.05) & known[0] & known[1]
     before, after = (renderer.camera.project(of[front]) for of in seen)
@@ -117,7 +115,7 @@ def _streak(renderer: Renderer, start: Array, end: Array) -> float:
 
 
 def _shadow(renderer: Renderer, depth: float, rng: np.random.Generator) -> Singles:
-    """(height, width) or one number: the light beside a soft edge that crosses the view anywhere."""
+    """(height, width) or a scalar: the light beside a soft edge at a random place."""
     angle, place = rng.uniform(-np.pi, np.pi), rng.uniform(0.15, 0.85, 2)
     if not depth:
         return np.ones((), np.float32)

@@ -1,4 +1,4 @@
-"""Where in a pixel to look: points that are even along rows, along columns and in between."""
+"""Sample positions within a pixel: points that are even along rows, along columns and in between."""
 
 from functools import lru_cache
 from math import gcd
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from .lens import Singles
 
 PLASTIC = 1.32471795724474602596
-"""x^3 = x + 1: the multiples of 1 / x and 1 / x^2 spread over a square as those of the golden ratio do over a line."""
+"""x^3 = x + 1: multiples of 1 / x and 1 / x^2 are spread over a square as those of the golden ratio over a line."""
 
 
 def lattice(count: int) -> Singles:
-    """(count, 2) points of the pixel [-1/2, 1/2)^2: the best lattice of one generator, a Korobov lattice.
+    """(count, 2) points of the pixel [-1/2, 1/2)^2: the best rank-1 lattice, a Korobov lattice.
 
-    Each of the `count` equal strips of the pixel, along u and along v, has one point in its middle: the share of an
-    upright or level edge is right to half a strip, where a grid of as many points is to half a root of `count`.
+    Each of the `count` equal strips of the pixel, along u and along v, has one point in its middle: the coverage of an
+    upright or level edge is exact to half a strip, that of a grid of as many points to half a root of `count`.
     """
     steps = np.arange(count)
     best = max(
@@ -30,7 +30,7 @@ def lattice(count: int) -> Singles:
 def jitter(height: int, width: int) -> Singles:
     """(2, height, width) a shift of -1/2 to 1/2 of a strip for each pixel's lattice.
 
-    Along any row or column the shifts are even, so that the error of an edge's place averages out along it.
+    Along any row or column the shifts are even, so that errors of an edge's position average out along it.
     """
     v, u = np.mgrid[:height, :width]
     first, second = 1 / PLASTIC, 1 / PLASTIC**2

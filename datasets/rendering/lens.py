@@ -1,4 +1,4 @@
-"""Where a camera's pixels look: their rays, and which part of a plane each of them covers."""
+"""Rays of a camera's pixels, and the part of a plane that each of them covers."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -15,27 +15,27 @@ Part = tuple[slice, slice]
 """Rows and columns of an image."""
 
 NEAR = 1e-6
-"""m; of an outline that reaches behind the lens, what is not this far in front of it cannot be seen."""
+"""m; least distance in front of the lens at which an outline is clipped."""
 
 BLOCK = 8
-"""px, the side of the blocks in which rays are looked up."""
+"""px, side of the blocks in which rays are looked up."""
 
 NOWHERE = np.float32(-1e6)
-"""px, a place on a plane that is on no texture: where rays go that meet the plane behind the camera only."""
+"""px, a plane position outside of every texture: for rays that meet the plane behind the camera."""
 
 
 class Patch(NamedTuple):
-    """A part of an image as a plane is seen in it, and the plane's texture coordinates there."""
+    """A part of an image that shows a plane, with the plane's texture coordinates."""
 
     part: Part
     at: Singles  # (2, h, w) column and row, in the texture's pixels, at the pixels' centres
-    by_u: Singles  # (2, h, w) how much they grow over a pixel to the right
+    by_u: Singles  # (2, h, w) their change per pixel to the right
     by_v: Singles  # (2, h, w) and downwards
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A camera's pixels as rays, followed once and kept."""
+    """A camera's pixels as rays, computed once."""
 
     camera: Camera
 
@@ -43,14 +43,14 @@ class Lens:
     def rays(self) -> Singles:
         """(3, height, width) the direction of each pixel's ray in the camera frame, with z = 1.
 
-        A pixel that no ray leads to has the axis for one; `open` tells.
+        Pixels without a ray get the axis; see `open`.
         """
         axis = np.array([0, 0, 1], np.float32)[:, None, None]
         return np.where(self.open, self._flat, axis)
 
     @cached_property
     def open(self) -> NDArray[np.bool_]:
-        """(height, width) which pixels see anything."""
+        """(height, width) mask of pixels with a ray."""
         return np.asarray(np.isfinite(self._flat).all(axis=0))
 
     @cached_property
@@ -59,23 +59,23 @@ class Lens:
         return 1 / np.sqrt((self.rays**2).sum(axis=0))
 
     def transmission(self, vignetting: float) -> Singles:
-        """(height, width) the share of the light that the lens lets through.
+        """(height, width) the share of the light that the lens transmits.
 
         It falls with the fourth power of the cosine, softened by an exponent `vignetting`: 0 is an even image. A
-        fisheye, built to have light at 90 degrees, loses as much there as another lens at half the angle.
+        fisheye, designed for light at 90 degrees, loses as much there as another lens at half the angle.
         """
         cosine = np.sqrt((1 + self.cosine) / 2) if self.camera.model == "fisheye" else self.cosine
         return np.where(self.open, cosine ** np.float32(4 * vignetting), np.float32(0))
 
     def patch(self, part: Part, to_plane: Array) -> Patch:
-        """How a plane is seen in a part of the image.
+        """A plane as seen in a part of the image.
 
-        `to_plane` (3, 3) takes rays to the texture's homogeneous (column, row, 1), positive multiples of it where the
-        ray meets the plane in front of the camera. Within a pixel the view is taken to be affine.
+        `to_plane` (3, 3) maps rays to the texture's homogeneous (column, row, 1), positive multiples of it where the
+        ray meets the plane in front of the camera. Within a pixel the mapping is approximated as affine.
         """
         homography = to_plane.astype(np.float32)
         at, by_u, by_v = (np.tensordot(homography, field[:, *part], axes=1) for field in (self.rays, *self._slopes))
-        # Less than a pixel from the plane's horizon the view is not affine, and too far away for anything to be there.
+        # Within a pixel of the plane's horizon it is not affine, and too far away for anything to be there.
         ahead = at[2] > np.abs(by_u[2]) + np.abs(by_v[2])
         scale = 1 / np.where(ahead, at[2], np.float32(1))
         place = at[:2] * scale
@@ -83,9 +83,9 @@ class Lens:
         return Patch(part, np.where(ahead & self.open[part], place, NOWHERE), *steps)
 
     def crop(self, outline: Array) -> Part | None:
-        """The rows and columns in which the convex `outline` (n, 3), m, in the camera frame, can show; None: nowhere.
+        """Rows and columns in which the convex `outline` (n, 3), m, in the camera frame, can show; None: outside.
 
-        Something thinner than a pixel may be missed.
+        Anything thinner than a pixel may be missed.
         """
         outline = _in_front(outline)
         if len(outline) == 0:
@@ -102,7 +102,7 @@ class Lens:
         rows, columns = _span(((rays >= low) & (rays <= high)).all(axis=0))
         if rows.start == rows.stop:
             return None
-        # A pixel whose middle just misses the outline may still have a part of it.
+        # A pixel whose centre just misses the outline may still overlap it.
         top, left = rough[0].start + rows.start - 1, rough[1].start + columns.start - 1
         bottom, right = rough[0].start + rows.stop + 1, rough[1].start + columns.stop + 1
         height, width = self.camera.height, self.camera.width
@@ -110,7 +110,7 @@ class Lens:
 
     @cached_property
     def _flat(self) -> Singles:
-        """(3, height, width) as `rays`, with NaN where there is none."""
+        """(3, height, width) as `rays`, with NaN for none."""
         x, y = np.moveaxis(self.camera.rays, -1, 0)
         return np.stack((x, y, np.ones_like(x))).astype(np.float32)
 
@@ -121,7 +121,7 @@ class Lens:
 
     @cached_property
     def _slopes(self) -> tuple[Singles, Singles]:
-        """(3, height, width) d ray / du and d ray / dv: within a pixel the lens is straight."""
+        """(3, height, width) d ray / du and d ray / dv: within a pixel the lens is linear."""
         by_v, by_u = (np.nan_to_num(np.asarray(slope)) for slope in np.gradient(self._flat, axis=(1, 2)))
         return by_u, by_v
 
@@ -140,12 +140,12 @@ class Lens:
 
 @lru_cache(maxsize=8)
 def through(camera: Camera) -> Lens:
-    """The camera's lens; the same one for whoever asks next."""
+    """The camera's lens, cached."""
     return Lens(camera)
 
 
 def _in_front(outline: Array) -> Array:
-    """What of a convex outline (n, 3) lies in front of the lens, (m, 3)."""
+    """Clips a convex outline (n, 3) to the part in front of the lens, (m, 3)."""
     if (outline[:, 2] >= NEAR).all():
         return outline
     kept: list[Array] = []
@@ -158,7 +158,7 @@ def _in_front(outline: Array) -> Array:
 
 
 def _span(found: NDArray[np.bool_]) -> Part:
-    """The rows and columns from the first to the last that has anything; empty where there is nothing."""
+    """The rows and columns from the first to the last that is set; empty if none is."""
     rows, columns = np.flatnonzero(found.any(axis=1)), np.flatnonzero(found.any(axis=0))
     if len(rows) == 0:
         return slice(0, 0), slice(0, 0)

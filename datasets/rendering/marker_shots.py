@@ -1,7 +1,6 @@
-"""Frames of markers that hang free in a room, each exactly as far away as was asked for, with their true poses.
+"""Frames of markers in mid-air in a room, at exact distances, with their true poses.
 
-What a front end makes of them is a measurement of the front end alone: there is no drive, and no marker is favoured by
-where the path happens to lead.
+Results on them evaluate the front end alone: there is no drive, and no marker is favoured by the path.
 """
 
 from collections.abc import Iterator
@@ -23,10 +22,10 @@ from .room import Marker, Room
 from .surfaces import Surfaces, paint
 
 SIDE = 0.16
-"""m, of a marker."""
+"""m, side of a marker."""
 
 HALL = Room(14.0, 5.0, 2.5, SIDE, ())
-"""Where the markers hang."""
+"""The room around the markers."""
 
 EYE = np.array([[0.0, 0.0, 1.0, -6.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.8], [0.0, 0.0, 0.0, 1.0]])
 """T_world_camera: at one end of the hall, level, looking along it."""
@@ -37,10 +36,10 @@ RIM = 2.0
 TRIES = 2000
 
 SWAY = np.array([1.0, 1.0, 0.3])
-"""How fast the camera turns about its x, y and z axis, on the average, compared with each other."""
+"""Mean turn rates of the camera about its x, y and z axes, relative to each other."""
 
 ADVANCE = 0.3
-"""Distances to the marker that a moving camera covers while it turns by a radian, on the average."""
+"""Distance moved by the camera while it turns by a radian, on average, in distances to the marker."""
 
 
 class Placement(NamedTuple):
@@ -61,17 +60,17 @@ class Crowd(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Studio:
-    """A camera in the hall, and the markers that are hung before it."""
+    """A camera in the hall, and the markers in front of it."""
 
     camera: Camera
     samples: int = 8
-    tilt: float = np.pi / 4  # rad, the most between a marker's normal and the line of sight
+    tilt: float = np.pi / 4  # rad, largest angle between a marker's normal and the line of sight
 
     def hang(self, distance: float, rng: np.random.Generator) -> tuple[Array, Array]:
-        """T_camera_marker of a marker somewhere in view, turned at random, and its sheet's corners (4, 2) px.
+        """T_camera_marker of a marker at a random place in view, randomly turned, and its sheet's corners (4, 2) px.
 
-        Its centre is `distance` m from the camera, and its normal anywhere within the tilt of the line of sight, each
-        direction as likely. InputError where no sheet is found to fit into the frame.
+        Its centre is `distance` m from the camera, and its normal uniformly distributed within `tilt` of the line of
+        sight. InputError if no sheet fits into the frame.
         """
         size = np.array([self.camera.width, self.camera.height])
         modules = find(DICTIONARY).markerSize + 2
@@ -94,21 +93,19 @@ class Studio:
                 seen = self.camera.project(corners)
                 if (seen >= RIM).all() and (seen <= size - 1 - RIM).all():
                     return pose, seen
-        raise InputError(
-            f"placements: found no place in the frame for a marker {distance:g} m away, expected it to fit"
-        )
+        raise InputError(f"placements: a marker {distance:g} m away does not fit into the frame")
 
     def take(self, markers: dict[int, Array], rng: np.random.Generator, motion: Array | None = None) -> Image:
         """A frame of the markers (id -> T_camera_marker), while the camera moves through `motion` (n, 4, 4), if given.
 
-        Each of them is T_start_camera of one part of the exposure.
+        Each of these is T_start_camera of one part of the exposure.
         """
         hung = tuple(Marker(name, EYE @ pose) for name, pose in markers.items())
         renderer = replace(self._empty, room=replace(self._empty.room, markers=hung))
         return renderer.frame(EYE if motion is None else EYE @ motion, rng)
 
     def sway(self, pose: Array, streak: float, rng: np.random.Generator) -> Array:
-        """(n, 4, 4) T_middle_camera: an even motion, any turning and shift, that draws a marker out to `streak` px.
+        """(n, 4, 4) T_middle_camera: an even random motion that draws a marker out to `streak` px.
 
         That is the mean of its corners' streaks. The middle of the motion is the identity.
         """
@@ -124,7 +121,7 @@ class Studio:
         return motion
 
     def any_id(self, rng: np.random.Generator, count: int = 1) -> tuple[int, ...]:
-        """So many different ids of the dictionary."""
+        """That many different ids of the dictionary."""
         return tuple(int(name) for name in rng.choice(len(find(DICTIONARY).bytesList), count, replace=False))
 
     @cached_property
@@ -148,7 +145,7 @@ def placements(
     samples: int = 8,
     streak: float = 0.0,
 ) -> Iterator[Placement]:
-    """`count` frames, each with a marker of any id anywhere in view, `distance` m from the camera.
+    """Yields `count` frames, each with a marker of random id and place in view, `distance` m from the camera.
 
     With a `streak` the camera moves during the exposure, and draws the marker out to between 0 and that many px.
     """
@@ -168,9 +165,9 @@ def crowds(
     rng: np.random.Generator,
     samples: int = 8,
 ) -> Iterator[Crowd]:
-    """`count` frames with that many markers of different ids, each anywhere between two distances, m, from the camera.
+    """Yields `count` frames with that many markers of different ids, each between two distances, m, from the camera.
 
-    Their sheets' circles in the frame are apart. InputError where they find no room.
+    Their sheets' circles in the frame do not overlap. InputError if there is no room.
     """
     studio = Studio(camera, samples=samples)
     for _ in range(count):

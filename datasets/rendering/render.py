@@ -1,8 +1,8 @@
-"""Frames of a room with markers and boxes, as a camera with a curved lens would take them.
+"""Renders frames of a room with markers and boxes through a camera with lens distortion.
 
-Rays are followed, one a pixel, to the floor or a wall for the background, and many a pixel to the planes of the
-markers' sheets of paper and to the edges of boxes, so that edges fall where they belong to a few thousandths of a
-pixel. Grey levels are light, linearly: what a lens or an exposure does to light is done to them.
+The background is sampled by one ray per pixel to the floor or a wall; the markers' sheets of paper and the edges of
+boxes by many, so that edges are accurate to a few thousandths of a pixel. Grey levels are linear in light, on which
+lens and exposure act.
 """
 
 from dataclasses import dataclass
@@ -24,21 +24,21 @@ from .room import Marker, Room
 from .surfaces import DENSITY, Surfaces
 
 BAND = 30
-"""rows of a frame that are worked on at a time: as much as stays in a core's cache."""
+"""Rows of a frame processed at a time: as much as fits a core's cache."""
 
 INK, PAPER, CEILING = 34.0, 222.0, 188.0
-"""Grey levels of a marker, and of what is above the walls."""
+"""Grey levels of a marker, and above the walls."""
 
 
 class Cover(NamedTuple):
-    """Something close to the lens that hides a part of the view."""
+    """An occluder close to the lens."""
 
-    share: Singles  # (height, width) how much of each pixel's light it takes away
+    share: Singles  # (height, width) share of each pixel's light that it blocks
     grey: float  # its own grey level
 
 
 class Conditions(NamedTuple):
-    """What is unlike in each frame."""
+    """Conditions that vary between frames."""
 
     light: float | Singles = 1.0  # times the light of the scene, or (height, width)
     cover: Cover | None = None
@@ -49,9 +49,9 @@ CLEAR = Conditions()
 
 @dataclass(frozen=True, eq=False)
 class Renderer:
-    """Takes pictures of one room through one camera.
+    """Takes pictures of one room with one camera.
 
-    Markers that are on no box have to be behind every box, as those on floor and walls are.
+    Markers that are on no box must be behind every box, as those on floor and walls are.
     """
 
     room: Room
@@ -60,13 +60,13 @@ class Renderer:
     surfaces: Surfaces
     blur: float = 0.6  # px, standard deviation of the lens blur
     grain: float = 2.0  # grey levels, standard deviation of the sensor's noise
-    samples: int = 6  # its square is the number of rays a pixel, for the markers and the boxes' edges
-    vignetting: float = 0.4  # how much of the fall of light towards the corners; 1: the fourth power of the cosine
+    samples: int = 6  # its square is the number of rays per pixel, for the markers and the boxes' edges
+    vignetting: float = 0.4  # strength of the light's falloff towards the corners; 1: the fourth power of the cosine
 
     def frame(self, pose: Array, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
-        """(height, width) grey, seen from `pose` (4, 4) T_world_camera; from poses (n, 4, 4), their mean in light.
+        """(height, width) grey, seen from `pose` (4, 4) T_world_camera; for poses (n, 4, 4), the mean of their light.
 
-        Grey levels end at 255, as a sensor's do.
+        Grey levels saturate at 255.
         """
         first, *others = pose.reshape(-1, 4, 4)
         image = self.scene(first)
@@ -84,7 +84,7 @@ class Renderer:
         return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0, out=image)), np.uint8)
 
     def scene(self, pose: Array) -> Singles:
-        """(height, width) the grey levels of what is seen from `pose` (4, 4), before lens and sensor."""
+        """(height, width) the grey levels seen from `pose` (4, 4), before lens and sensor."""
         rays = self.lens.rays
         bands = range(0, self.camera.height, BAND)
         image = np.vstack([self._background(pose, rays[:, row : row + BAND]) for row in bands])
@@ -92,7 +92,7 @@ class Renderer:
         for marker in sorted(self.room.markers, key=lambda m: -float(np.linalg.norm(m.pose[:3, 3] - eye))):
             if marker.box is None:
                 self._draw(image, marker, pose)
-        # Of two circles that are apart, the one of lesser power is never behind the other.
+        # Of two disjoint circles, the one of lesser power is never behind the other.
         power = [float(((box.place[:2] - eye[:2]) ** 2).sum()) - box.radius**2 for box in self.room.boxes]
         for index in np.argsort(power)[::-1]:
             self._put(image, self.room.boxes[index], self.surfaces.boxes[index], pose)
@@ -120,7 +120,7 @@ class Renderer:
 
     @cached_property
     def _grains(self) -> Singles:
-        """(256,) the normal distribution of the sensor's noise as its quantiles: a random byte each pixel draws one."""
+        """(256,) quantiles of the sensor's normal noise, indexed by one random byte per pixel."""
         quantiles = ndtri((np.arange(256) + 0.5) / 256)
         return (self.grain * quantiles / quantiles.std()).astype(np.float32)
 
@@ -130,13 +130,13 @@ class Renderer:
         turn, (ox, oy, oz) = pose[:3, :3].astype(np.float32), pose[:3, 3].astype(np.float32)
         dx, dy, dz = (turn @ rays.reshape(3, -1)).reshape(rays.shape)
         side_x, side_y = np.copysign(half_x, dx), np.copysign(half_y, dy)
-        with np.errstate(divide="ignore"):  # along a wall, and never to meet it
+        with np.errstate(divide="ignore"):  # parallel to a wall
             to_x, to_y = (side_x - ox) / dx, (side_y - oy) / dy
         to_floor = oz / np.maximum(-dz, np.float32(1e-9))
         to_wall = np.minimum(to_x, to_y)
         reach = np.minimum(to_wall, to_floor)
         x, y, z = ox + reach * dx, oy + reach * dy, oz + reach * dz
-        # Counter-clockwise along the walls, as `room.wall_point` has it; the signs pick the wall of each pair.
+        # Counter-clockwise along the walls, as in `room.wall_point`; the signs pick the wall of each pair.
         middle = half_x + half_y
         on_x = 3 * half_x + 2 * half_y + side_x / half_x * (y - middle)
         on_y = 2 * half_x + half_y - side_y / half_y * (x - middle)
@@ -152,7 +152,7 @@ class Renderer:
 
     @cached_property
     def _sheets(self) -> dict[int, Singles]:
-        """Each marker's sheet, a pixel a module, white rim included: (m, m, 2) of its grey level and 1."""
+        """Each marker's sheet, one pixel per module, white rim included: (m, m, 2) of its grey level and 1."""
         dictionary = find(self.dictionary)
         modules = dictionary.markerSize + 2
         sheets: dict[int, Singles] = {}
@@ -163,7 +163,7 @@ class Renderer:
         return sheets
 
     def _draw(self, image: Singles, marker: Marker, pose: Array) -> None:
-        """Lay the marker's sheet over `image`, if the camera is in front of it."""
+        """Draws the marker's sheet into `image`, if the camera is in front of it."""
         sheet = self._sheets[marker.id]
         modules = len(sheet) - 2
         outline = square(self.room.side * (modules + 2) / modules)
@@ -187,13 +187,13 @@ class Renderer:
         image[patch.part] += grey - hit * image[patch.part]
 
     def _put(self, image: Singles, box: Box, textures: tuple[Image, ...], pose: Array) -> None:
-        """Put the box into `image`: where two faces meet, a ray is on one of them, but for one in some ten thousand."""
+        """Draws the box into `image`: at the edge of two faces, all but one ray in some ten thousand hit either."""
         seen = [self._face(image, face, texture, pose) for face, texture in zip(box.faces, textures, strict=True)]
         for part, change in (found for found in seen if found is not None):
             image[part] += change
 
     def _face(self, image: Singles, face: Face, texture: Image, pose: Array) -> tuple[Part, Singles] | None:
-        """What a face of a box changes in `image`, and where; None: it is not seen."""
+        """The contribution of a box's face to `image`, and its place; None: invisible."""
         rows, columns = texture.shape
         across, down = columns / face.width, rows / face.height
         to_texture = np.array([[across, 0, (columns - 1) / 2], [0, -down, (rows - 1) / 2], [0, 0, 1]])
@@ -203,7 +203,7 @@ class Renderer:
         size = np.array([[columns], [rows]]) - np.float32(0.5)
         inside = ((patch.at > -0.5) & (patch.at < size[:, :, None])).all(axis=0)
         hit = np.asarray(inside, np.float32)
-        # Only a pixel with another kind of neighbour can be partly on the face.
+        # Only a pixel with a different neighbour can be partly on the face.
         edge = np.nonzero(cv2.morphologyEx(np.asarray(inside, np.uint8), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)))
         at, by_u, by_v = (field[:, *edge] for field in (patch.at, patch.by_u, patch.by_v))
         at = np.stack(self._spread(at, by_u, by_v, self._jitter[:, *patch.part][:, *edge]))
@@ -213,7 +213,7 @@ class Renderer:
         return patch.part, np.asarray(hit * (grey - image[patch.part]), np.float32)
 
     def _patch(self, pose: Array, plane: Array, outline: Array, to_texture: Array) -> Patch | None:
-        """Where a plane with the pose `plane` (4, 4) T_world_plane shows its front within `outline` (n, 3) m on it."""
+        """The visible front of a plane of pose `plane` (4, 4) T_world_plane within `outline` (n, 3) m on it."""
         if plane[:3, 2] @ (pose[:3, 3] - plane[:3, 3]) <= 0:
             return None
         turn, shift = pose[:3, :3].T @ plane[:3, :3], (plane[:3, 3] - pose[:3, 3]) @ pose[:3, :3]
@@ -223,7 +223,7 @@ class Renderer:
         return self.lens.patch(part, to_texture @ np.linalg.inv(np.column_stack((turn[:, :2], shift))))
 
     def _spread(self, at: Singles, by_u: Singles, by_v: Singles, shift: Singles) -> tuple[Singles, Singles]:
-        """(samples, n) columns and rows where the rays of n pixels meet a plane, from the `Patch` of (2, n) each."""
+        """(samples, n) columns and rows at which the rays of n pixels meet a plane, from the `Patch` of (2, n) each."""
         shift_u, shift_v = shift.reshape(2, -1)
         at = np.asarray(at + shift_u * by_u + shift_v * by_v, np.float32)
         column, row = (self._lattice @ np.stack((by_u[i], by_v[i])) + at[i] for i in range(2))

@@ -1,4 +1,4 @@
-"""A room with ArUco markers on its floor and walls, and on boxes that stand in it."""
+"""A room with ArUco markers on its floor and walls, and on boxes in it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ class Marker(NamedTuple):
 
     id: int
     pose: Array  # (4, 4) T_world_marker, m; the marker's frame: x right, y up, z out of its printed face
-    box: int | None = None  # the box it is glued to, by its index; None: it is on the floor or a wall
+    box: int | None = None  # index of the box it is glued to; None: on the floor or a wall
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Room:
     height: float  # m
     side: float  # m, of the markers' black squares
     markers: tuple[Marker, ...]
-    boxes: tuple[Box, ...] = ()  # the circles around their footprints are apart
+    boxes: tuple[Box, ...] = ()  # the circles around their footprints are disjoint
 
     @property
     def landmarks(self) -> Map:
@@ -45,20 +45,20 @@ class Room:
 
 
 LOW, HIGH = 0.3, 0.75
-"""m, the heights on the walls between which markers hang: what a camera that looks down sees from across a room."""
+"""m, heights of markers on the walls: visible to a camera that looks down from across a room."""
 
 MARGIN = 0.3
 """m, between a marker's centre and the next corner, or, on the floor, the next wall."""
 
 SHEET = 8 / 6
-"""The side of a marker's sheet of paper over that of its black square, for dictionaries of 4 x 4 bits."""
+"""Ratio of a marker's sheet of paper to its black square, for dictionaries of 4 x 4 bits."""
 
 
 def furnish(length: float, width: float, height: float, side: float, markers: int, rng: np.random.Generator) -> Room:
     """A room with `markers` markers, ids from 0: every other one on the floor, the rest around the walls.
 
-    Along the walls they are spread evenly and then shifted at random; on the floor each new one is put at the best of
-    many random places, the one farthest from those already there.
+    Along the walls they are spaced evenly and then shifted at random; on the floor each new one is put at the best of
+    many random places, the one farthest from the others.
     """
     room = Room(length, width, height, side, ())
     on_floor, on_walls = markers // 2, markers - markers // 2
@@ -72,11 +72,11 @@ def furnish(length: float, width: float, height: float, side: float, markers: in
 
 
 def furnish_with_boxes(bare: Room, boxes: int, path: Array, robot: float, rng: np.random.Generator) -> Room:
-    """The room with `boxes` boxes in it, and a third of its markers, no more than four a box, moved onto them.
+    """The room with `boxes` boxes in it, and a third of its markers, at most four per box, moved onto them.
 
-    The boxes stay off the markers on the floor, and at least `robot` m from every point of the `path` (n, 2). Every
-    third marker goes to a box: first one a box, on the side that looks most to the room's middle, then the tops, then
-    the next sides; somewhere on that face, upright. InputError where the boxes do not fit.
+    The boxes avoid the markers on the floor, and stay at least `robot` m from every point of the `path` (n, 2). Every
+    third marker goes to a box: first one per box, on the side that faces the room's middle most, then the tops, then
+    the other sides; at a random place on that face, upright. InputError if the boxes do not fit.
     """
     if not boxes:
         return bare
@@ -92,7 +92,7 @@ def furnish_with_boxes(bare: Room, boxes: int, path: Array, robot: float, rng: n
 
 
 def wall_point(room: Room, along: Array) -> tuple[Array, Array]:
-    """The points (..., 2) `along` m counter-clockwise from the corner (-x, -y), and the normals there into the room."""
+    """Points (..., 2) `along` m counter-clockwise from the corner (-x, -y), and the normals there into the room."""
     a, b = room.length, room.width
     ends = np.array([0.0, a, a + b, 2 * a + b, 2 * (a + b)])
     corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b], [-a, -b]]) / 2
@@ -120,7 +120,7 @@ def _on_floor(place: Array, heading: float) -> Array:
 
 
 def _away_from_corners(room: Room, slots: Array) -> Array:
-    """(n,) m along the walls, for `slots` (n,) in [0, 1) of what is left of them without MARGIN at either end."""
+    """(n,) m along the walls, for `slots` (n,) in [0, 1) of their length without MARGIN at either end."""
     walls = np.array([room.length, room.width, room.length, room.width])
     ends = np.concatenate(([0.0], np.cumsum(walls - 2 * MARGIN)))
     place = slots * ends[-1]
@@ -135,7 +135,7 @@ def _on_wall(room: Room, along: float, up: float) -> Array:
 
 
 def _on_box(boxes: Sequence[Box], turn: int, side: float, rng: np.random.Generator) -> Array:
-    """T_world_marker of the marker whose `turn` it is to be glued to a box."""
+    """T_world_marker of the marker that is the `turn`-th to be glued to a box."""
     box = boxes[turn % len(boxes)]
     *sides, top = box.faces
     sides.sort(key=lambda face: float(face.pose[:2, 2] @ box.place[:2]))

@@ -1,4 +1,4 @@
-"""What the floor and the walls of a room and its boxes look like: grey images that a renderer samples."""
+"""Paints the floor and the walls of a room and its boxes: grey images that a renderer samples."""
 
 from typing import NamedTuple
 
@@ -16,10 +16,10 @@ PLANK = 0.14
 """m, the width of a floorboard."""
 
 WALLS = np.array([168.0, 152.0, 180.0, 160.0])
-"""Grey levels of the four walls: light falls differently on each."""
+"""Grey levels of the four walls, which are lit differently."""
 
 FADED = 28
-"""Widths from a line at which nothing is left of it: exp(-28^2) is 0 in double precision."""
+"""Widths from a line at which it has vanished: exp(-28^2) is 0 in double precision."""
 
 Grey = NDArray[np.floating]
 
@@ -29,11 +29,11 @@ class Surfaces(NamedTuple):
 
     image: NDArray[np.uint8]
     wall_row: int  # the row of the walls' upper edge
-    boxes: tuple[tuple[NDArray[np.uint8], ...], ...] = ()  # each box's faces, as they are seen upright
+    boxes: tuple[tuple[NDArray[np.uint8], ...], ...] = ()  # each box's faces, upright
 
 
 def paint(room: Room, rng: np.random.Generator) -> Surfaces:
-    """A boarded floor, and plastered walls with a skirting board, sockets and two doors; darker towards the corners.
+    """Paints a boarded floor, and plastered walls with a skirting board, sockets and two doors; darker in the corners.
 
     Boxes darken the floor around them.
     """
@@ -95,7 +95,7 @@ def _walls(room: Room, rng: np.random.Generator) -> Grey:
 
 
 def _shade(image: Grey, room: Room, box: Box) -> None:
-    """Take the light from the floor around the box, and all of it from under it."""
+    """Darkens the floor around the box, and blackens it underneath."""
     reach = box.radius + 0.8
     middle = (box.place[:2] + np.array([room.length, room.width]) / 2) * DENSITY
     (left, top), (right, bottom) = (np.floor(middle + sign * reach * DENSITY).astype(int) for sign in (-1, 1))
@@ -132,14 +132,14 @@ def _cardboard(face: Face, paper: float, rng: np.random.Generator) -> NDArray[np
 def _around(
     u: Grey, z: Grey, left: float, right: float, bottom: float, top: float, reach: float
 ) -> tuple[slice, slice]:
-    """The rows and columns of a wall within `reach` (m) of a rectangle: along rows u rises, down columns z falls."""
+    """The rows and columns of a wall within `reach` (m) of a rectangle: u rises along rows, z falls down columns."""
     rows = np.searchsorted(-z[:, 0], (-top - reach, reach - bottom)).tolist()
     columns = np.searchsorted(u, (left - reach, right + reach)).tolist()
     return slice(*rows), slice(*columns)
 
 
 def _outside(u: Grey, z: Grey, left: float, right: float, bottom: float, top: float) -> Grey:
-    """How far (m) a point is outside of a rectangle; negative inside."""
+    """Distance (m) of a point outside of a rectangle; negative inside."""
     return np.maximum(np.maximum(left - u, u - right), np.maximum(bottom - z, z - top))
 
 
@@ -155,5 +155,5 @@ def _gap(x: Grey, period: Grey | float) -> Grey:
 
 
 def _shadow(distance: Grey) -> Grey:
-    """What is left of the light this far (m) from the next surface."""
+    """The remaining light at this distance (m) from the next surface."""
     return 1 - 0.28 * np.exp(-distance / 0.22)

@@ -1,1 +1,1 @@
-"""Logs drawn from models that are known; no file is read."""
+"""Simulated logs from known models; no file is read."""

@@ -1,9 +1,9 @@
-"""The ArUco document's robot in a room with markers on its walls, at the level of sightings: nothing is rendered.
+"""The ArUco document's robot in a room with markers on its walls; sightings are simulated, not rendered.
 
-The numbers are those of the implementation that comes with ArUco EKF SLAM: what a count of either wheel is in metres,
-the wheel base, the noise of eqs (1) and (10), the camera's calibration and its mounting, 15 degrees up, the markers'
-side, and that what is farther than 3 m is dropped. How often the encoders are read, which eq. (1) leaves open, the
-floors, the room and the drive are ours. Heights count from the camera's.
+The parameters are those of the implementation that comes with ArUco EKF SLAM: metres per count of either wheel, the
+wheel base, the noise of eqs (1) and (10), the camera's calibration and its mounting, 15 degrees up, the markers' side,
+and the maximum range of 3 m. The encoders' rate, which eq. (1) leaves open, the floors, the room and the drive are
+ours. Heights are relative to the camera's.
 """
 
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ from ...frontend.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder
 from ..registry import Source
 from ..rendering.room import Room, wall_point
+from .faults import Faults, with_faults
 from .measurements import counted, in_reach, polar, prior
-from .mishaps import Mishaps, befallen
 from .wheeled_robot import Loop, count, drive
 
 ENCODER = Encoder(left=2.31249273072714e-06, right=2.30439760302837e-06, base=0.719561485930414, k=0.01, interval=0.05)
-"""Each reading of d metres is off by k |d|; 20 readings a second."""
+"""Each reading of d metres has an error of k |d|; 20 readings per second."""
 
 NOISE = ProportionalNoise(k_range=0.05, k_bearing=0.05)
 
@@ -46,32 +46,32 @@ SIDE, FARTHEST = 0.14, 3.0
 """m, of a marker, and from the camera to the farthest that is used."""
 
 FLATTEST = cos(np.deg2rad(70.0))
-"""A marker seen at a sharper angle than this is not read."""
+"""Largest viewing angle at which a marker is read."""
 
 ROOM = Room(length=6.0, width=5.0, height=2.5, side=SIDE, markers=())
 
 LOW, HIGH = 0.1, 0.9
-"""m above the camera, between which markers hang on the walls."""
+"""m above the camera, range of the markers' heights on the walls."""
 
 LOOP = Loop(
     cos=np.array([[1.5, 0.0], [0.0, 0.0], [0.15, 0.0]]),
     sin=np.array([[0.0, 1.1], [0.0, 0.0], [0.0, 0.0]]),
 )
-"""A lap of 8 m round the room, counter-clockwise."""
+"""A lap of 8 m around the room, counter-clockwise."""
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
-    """The room, the drive, and what goes wrong."""
+class Options(Faults):
+    """The room, the drive, and faults."""
 
     markers: int = option(24, "markers around the walls", minimum=1, maximum=200)
     seconds: float = option(60.0, "length of the drive, s", minimum=1.0, maximum=3600.0)
-    frame_rate: float = option(5.0, "camera frames a second, each a keyframe", minimum=0.5, maximum=30.0)
+    frame_rate: float = option(5.0, "camera frames per second, each a keyframe", minimum=0.5, maximum=30.0)
     speed: float = option(0.4, "speed of the robot, m/s", minimum=0.05, maximum=1.0)
 
 
 def aruco_robot(options: Options, rng: np.random.Generator) -> Dataset:
-    """The ArUco document's robot, with its encoders, camera and noise, in a room of markers; another room a seed."""
+    """The ArUco document's robot, with its encoders, camera and noise, in a room of markers; one room per seed."""
     start, room, wheels, floors, seeing = rng.spawn(5)
     t = np.arange(int(options.seconds * options.frame_rate + 1e-9) + 1) / options.frame_rate
     assert ENCODER.interval is not None
@@ -96,19 +96,20 @@ def aruco_robot(options: Options, rng: np.random.Generator) -> Dataset:
         step,
         ids[marker],
         z,
-        NOISE.cov(z),  # a robot knows its readings alone
+        NOISE.cov(z),  # from the readings, as on a robot
         notes={
             "source": "simulated after ArUco EKF SLAM and its implementation; room, drive and floors are ours",
             "noise": NOISE.settings,
         },
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, places[:, :2], None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, places[:, :2], None), None, "truth")), options, rng)
 
 
 def in_view(poses: Array, places: Array, normals: Array) -> tuple[Ints, Ints]:
-    """Which markers, at `places` (n, 3) and facing `normals` (n, 2), the camera reads from `poses` (p, 3).
+    """Markers, at `places` (n, 3) and facing `normals` (n, 2), that the camera reads from `poses` (p, 3).
 
-    The steps and the markers: those with all four corners in the image, not too far, and not at too sharp an angle.
+    Returns the steps and the markers: those with all four corners in the image, in range, and not at too sharp an
+    angle.
     """
     step, marker = in_reach(poses, places[:, :2], 0.0, FARTHEST + float(hypot(*CAMERA.mounting[:2, 3])))
     place, normal = places[marker], normals[marker]
@@ -139,7 +140,7 @@ def _seen_from(poses: Array, points: Array) -> Array:
 
 
 def _hang(count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Places (count, 3) and normals (count, 2) of markers around the walls: evenly, each shifted at random."""
+    """Positions (count, 3) and normals (count, 2) of markers around the walls: even, each shifted at random."""
     along = ROOM.perimeter * (np.arange(count) + rng.uniform(0.1, 0.9, count)) / count
     xy, normals = wall_point(ROOM, along)
     return np.column_stack((xy, rng.uniform(LOW, HIGH, count))), normals

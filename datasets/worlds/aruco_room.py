@@ -1,6 +1,6 @@
-"""The rendered ArUco drive: a robot with a camera and wheel encoders goes round a room with markers.
+"""The rendered ArUco drive: a robot with a camera and wheel encoders drives around a room with markers.
 
-The world is made up; the frames are not labels but images, and go through the same front end as a real recording.
+The world is simulated, but its frames are images, processed by the same front end as a real recording.
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ DICTIONARY = "4X4_50"
 SIDE = 0.16  # m, of a marker
 ROOM = (6.0, 5.0, 2.5)  # m
 TICK = 0.02  # s between encoder readings
-START_SD = 1e-3  # m and rad; the robot starts exactly where the prior says
+START_SD = 1e-3  # m and rad; the robot starts exactly at the prior's mean
 SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated with the noise that the encoder states"
 
 
@@ -42,7 +42,7 @@ LOOP = Loop(
 """A figure of eight of 11.3 m: as much turning left as right, and no bend tighter than 0.54 m."""
 
 BERTH = 0.3
-"""m, from the middle of the robot to the nearest box."""
+"""m, least distance of the robot's middle from a box."""
 
 
 @dataclass(frozen=True)
@@ -51,44 +51,44 @@ class Options:
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
     seconds: float = option(60.0, "length of the drive, s", minimum=1.0, maximum=3600.0)
-    frame_rate: float = option(5.0, "camera frames a second, each a keyframe", minimum=0.5, maximum=30.0)
+    frame_rate: float = option(5.0, "camera frames per second, each a keyframe", minimum=0.5, maximum=30.0)
     speed: float = option(0.4, "speed of the robot, m/s", minimum=0.05, maximum=1.0)
     noise: str = option("proportional", "stated noise of the sightings", choices=("proportional", "propagated"))
     k_range: float = option(0.002, "stated range noise, of the range", minimum=0.0, maximum=1.0)
     k_bearing: float = option(0.002, "stated bearing noise, of the bearing", minimum=0.0, maximum=1.0)
-    floor_range: float = option(0.008, "stated range noise at no range, m", minimum=1e-4, maximum=1.0)
+    floor_range: float = option(0.008, "stated range noise at zero range, m", minimum=1e-4, maximum=1.0)
     floor_bearing: float = option(0.003, "stated bearing noise straight ahead, rad", minimum=1e-4, maximum=1.0)
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
-    camera: str = option("pinhole", "lens of the camera; cameras.py has the calibrations", choices=tuple(CAMERAS))
+    camera: str = option("pinhole", "lens of the camera; calibrations are in cameras.py", choices=tuple(CAMERAS))
     blur: float = option(0.6, "defocus, standard deviation in px", minimum=0.0, maximum=8.0)
     grain: float = option(2.0, "standard deviation of the sensor's noise, grey levels", minimum=0.0, maximum=40.0)
     vignetting: float = option(0.4, "darkness of the corners, 1 being cos^4", minimum=0.0, maximum=1.0)
-    exposure: float = option(0.0, "time of exposure, s, in which the robot's motion blurs", minimum=0.0, maximum=0.1)
+    exposure: float = option(0.0, "exposure time, s, which causes motion blur", minimum=0.0, maximum=0.1)
     sway: float = option(
         0.02, "rocking of the body, standard deviation of pitch and roll, rad", minimum=0.0, maximum=0.2
     )
     gain_drift: float = option(0.0, "drift of the brightness, sd of its logarithm", minimum=0.0, maximum=1.0)
-    shadow: float = option(0.0, "share of the light that a soft shadow takes", minimum=0.0, maximum=0.9)
-    occlusion: float = option(0.0, "share of frames that something partly covers", minimum=0.0, maximum=1.0)
-    slip: float = option(0.0, "wheel slips a metre, which no noise states", minimum=0.0, maximum=5.0)
+    shadow: float = option(0.0, "share of the light blocked by a soft shadow", minimum=0.0, maximum=0.9)
+    occlusion: float = option(0.0, "share of partly covered frames", minimum=0.0, maximum=1.0)
+    slip: float = option(0.0, "wheel slips per metre, not covered by the stated noise", minimum=0.0, maximum=5.0)
     counts_per_metre: float = option(6250.0, "resolution of the wheel counters", minimum=10.0, maximum=1e7)
-    outliers: float = option(0.0, "share of sightings taken for another marker's", minimum=0.0, maximum=0.5)
+    outliers: float = option(0.0, "share of sightings with another marker's id", minimum=0.0, maximum=0.5)
 
 
 def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
-    """Rendered camera frames of a room with ArUco markers, and wheel encoders; another room a seed."""
+    """Rendered camera frames of a room with ArUco markers, and wheel encoders; one room per seed."""
     recording, truth = record(options, rng)
     log = build_log(recording)
     if options.outliers == 0:
         return Dataset(log, truth)
-    # Drawn after everything else, so that the log is the clean one but for its outliers.
+    # Drawn after everything else, so that the log is the clean one except for its outliers.
     return swapped(log, truth, options.outliers, rng.spawn(1)[0])
 
 
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
-    """What the robot's sensors give, frames rendered as they are asked for, and where it was.
+    """Simulates the robot's sensors, with frames rendered on demand, and the ground truth.
 
-    InputError for an exposure that is not over when the next frame's begins, and for boxes that find no room.
+    InputError for exposures that overlap the next frame's, and for boxes without room.
     """
     if options.exposure * options.frame_rate > 1:
         raise InputError(
@@ -129,9 +129,9 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
 
 
 def _noise(options: Options) -> Noise:
-    """The noise that is stated for the sightings."""
+    """The noise stated for the sightings."""
     if options.noise == "propagated":
-        # The corners do not know that the body rocks.
+        # The corners' covariance does not include the body's rocking.
         return PropagatedNoise(1.0, *((options.floor_range, options.floor_bearing) if options.sway else (0.0, 0.0)))
     return ProportionalNoise(options.k_range, options.k_bearing, options.floor_range, options.floor_bearing)
 

@@ -1,10 +1,10 @@
-"""Bailey's consistency setting: a car that drives two loops, on which EKF-SLAM and FastSLAM were found wanting.
+"""Bailey's consistency setting: a car that drives two loops, on which EKF-SLAM and FastSLAM were shown inconsistent.
 
 T. Bailey, J. Nieto, J. Guivant, M. Stevens and E. Nebot, "Consistency of the EKF-SLAM algorithm", IROS 2006; T. Bailey,
 J. Nieto and E. Nebot, "Consistency of the FastSLAM algorithm", ICRA 2006. A car of 4 m wheel base drives at 3 m/s from
-waypoint to waypoint, its steering limited to 30 degrees and 20 degrees/s; a control every 0.025 s, off by 0.3 m/s and
-3 degrees; sightings every 0.2 s of what is ahead within 30 m, off by 0.1 m and 1 degree; the start is known. The
-waypoints and landmarks are not printed there and are ours. Eight controls make one factor, its covariance propagated.
+waypoint to waypoint, its steering limited to 30 degrees and 20 degrees/s; a control every 0.025 s, with noise of 0.3
+m/s and 3 degrees; sightings every 0.2 s ahead within 30 m, with noise of 0.1 m and 1 degree; a known start. The
+waypoints and landmarks are not given there and are ours. Eight controls make one factor, with propagated covariance.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from ...frontend.se2 import Array
 from ...frontend.small_matrices import product
 from ...frontend.wheels.encoder import compose
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import FLOORS, in_reach, polar, prior
-from .mishaps import Mishaps, befallen
 
 SPEED = 3.0
 """m/s."""
@@ -35,10 +35,10 @@ CONTROL = 0.025
 """s between controls."""
 
 CONTROLS = 8
-"""of them between sightings."""
+"""Controls between sightings."""
 
 NEAR = 1.0
-"""m from a waypoint at which the car makes for the next."""
+"""m from a waypoint at which the car turns to the next."""
 
 WAYPOINTS = np.array(
     [[35, 0], [60, 10], [68, 32], [55, 52], [30, 48], [5, 58], [-18, 48], [-25, 25], [-15, 5], [0, 0]], float
@@ -46,15 +46,15 @@ WAYPOINTS = np.array(
 """m, (w, 2): a loop of some 250 m with bends to both sides. The car starts at the last of them, along x."""
 
 ASIDE = (4.0, 14.0)
-"""m, how far from the straight lines between waypoints the landmarks stand, on either side."""
+"""m, distances of the landmarks from the straight lines between waypoints, on either side."""
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
-    """The world, how well it is measured, and what goes wrong."""
+class Options(Faults):
+    """The world, its noise, and faults."""
 
-    landmarks: int = option(35, "landmarks along the loop; more of them contain the fewer", minimum=1, maximum=10_000)
-    loops: int = option(2, "times round the loop", minimum=1, maximum=50)
+    landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)
+    loops: int = option(2, "laps of the loop", minimum=1, maximum=50)
     speed_noise: float = option(0.3, "noise of a control's speed, m/s", minimum=1e-4, maximum=3.0)
     steering_noise: float = option(3.0, "noise of a control's steering angle, degrees", minimum=1e-3, maximum=30.0)
     range_noise: float = option(0.1, "noise of a sighting's range, m", minimum=1e-4, maximum=10.0)
@@ -63,7 +63,7 @@ class Options(Mishaps):
 
 
 def bailey(options: Options, rng: np.random.Generator) -> Dataset:
-    """Bailey's car: two loops of 250 m among 35 landmarks, on which EKF-SLAM and FastSLAM were found wanting."""
+    """Bailey's car: two loops of 250 m among 35 landmarks, on which EKF-SLAM and FastSLAM were shown inconsistent."""
     start, steering, seeing = rng.spawn(3)
     path, controls = _drive(options.loops)
     poses = path[::CONTROLS]
@@ -100,19 +100,19 @@ def bailey(options: Options, rng: np.random.Generator) -> Dataset:
             "source": "simulated after Bailey and others, IROS 2006 and ICRA 2006; waypoints and landmarks are ours",
         },
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def landmarks(count: int) -> Array:
-    """(count, 2) m, the same for everybody: spread along the loop, on both sides of it and not far.
+    """(count, 2) m, the same for all seeds: spread along the loop, on both sides of it and close.
 
-    How far along and how far aside are the multiples of two irrational numbers, less their whole parts, which spread
-    evenly however many there are.
+    Positions along and aside are the fractional parts of multiples of two irrational numbers, which are evenly spread
+    for any number of landmarks.
     """
     corners = np.concatenate((WAYPOINTS[-1:], WAYPOINTS))
     lengths = hypot(*np.diff(corners, axis=0).T)
     n = np.arange(1, count + 1, dtype=np.float64)
-    along, aside = np.mod(n / np.array([[1.324717957244746], [1.754877666246693]]), 1.0)  # of the plastic ratio
+    along, aside = np.mod(n / np.array([[1.324717957244746], [1.754877666246693]]), 1.0)  # powers of the plastic ratio
     ends = np.concatenate(([0.0], np.cumsum(lengths)))
     place = along * ends[-1]
     leg = np.searchsorted(ends, place, "right") - 1
@@ -144,7 +144,7 @@ def _drive(loops: int) -> tuple[Array, Array]:
 def _moves(controls: Array) -> tuple[Array, Array]:
     """The motions (n, 3) of `controls` (n, 2), speed and steering angle, and d motion / d control, (n, 3, 2).
 
-    The car's pose is that of its front axle, which goes where the front wheels point.
+    The car's pose is that of its front axle, which moves in the direction of the front wheels.
     """
     way, (s, c) = CONTROL * controls[:, 0], sincos(controls[:, 1])
     delta = np.stack((way * c, way * s, way * s / WHEEL_BASE), axis=-1)

@@ -1,13 +1,13 @@
-"""Huang's circle: the simulation on which the inconsistency of EKF-SLAM is usually shown.
+"""Huang's circle: the standard simulation of EKF-SLAM's inconsistency.
 
-A robot drives round and round and sees a few landmarks at a time, with nothing that would tell it where it is in the
-world. Whatever a filter believes to have learnt of its absolute heading is then made up by its linearisation.
+A robot drives in circles and sees a few landmarks at a time, with no absolute measurement. Any information that a
+filter gains about its absolute heading is therefore an artefact of linearisation.
 
 G. P. Huang, A. I. Mourikis and S. I. Roumeliotis, "Observability-based rules for designing consistent EKF SLAM
-estimators", International Journal of Robotics Research 29(5), 2010: speed 0.25 m/s, turn rate 0.025 rad/s, wheels
-0.5 m apart that each read their speed to s = 5 % of the robot's, hence sigma_v = s / sqrt 2 and sigma_omega =
-2 sqrt 2 s; sightings in all directions, off by 0.1 m along and across the line of sight. Where the landmarks stand is
-not printed there and is ours.
+estimators", International Journal of Robotics Research 29(5), 2010: speed 0.25 m/s, turn rate 0.025 rad/s, wheels 0.5 m
+apart that each measure their speed to s = 5 % of the robot's, hence sigma_v = s / sqrt 2 and sigma_omega = 2 sqrt 2 s;
+sightings in all directions, with noise of 0.1 m along and across the line of sight. The landmarks' positions are not
+given there and are ours.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, wrap
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
-from .mishaps import Mishaps, befallen
 
 BASE = 0.5
 """m between the wheels."""
@@ -31,21 +31,21 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
-    """The drive, how well it is measured, and what goes wrong."""
+class Options(Faults):
+    """The drive, its noise, and faults."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)
     landmarks: int = option(20, "landmarks near the circle", minimum=1, maximum=1000)
     speed: float = option(0.25, "speed of the robot, m/s", minimum=0.01, maximum=10.0)
-    turn_rate: float = option(0.025, "how fast it turns, rad/s", minimum=1e-3, maximum=1.0)
-    odometry: float = option(0.05, "noise of a wheel's speed, of the robot's", minimum=1e-4, maximum=1.0)
+    turn_rate: float = option(0.025, "turn rate of the robot, rad/s", minimum=1e-3, maximum=1.0)
+    odometry: float = option(0.05, "noise of a wheel's speed, as a share of the robot's", minimum=1e-4, maximum=1.0)
     sighting: float = option(0.1, "noise of a sighting along and across the line of sight, m", minimum=1e-4, maximum=10)
     nearest: float = option(2.0, "least range of a sighting, m", minimum=0.0, maximum=1000.0)
     farthest: float = option(5.0, "greatest range of a sighting, m", minimum=0.01, maximum=1000.0)
 
 
 def circle(options: Options, rng: np.random.Generator) -> Dataset:
-    """Huang's circle: ten laps among 20 landmarks, the classic test of a filter's consistency; another log a seed."""
+    """Huang's circle: ten laps among 20 landmarks, the classic test of a filter's consistency; one log per seed."""
     if options.farthest <= options.nearest:
         raise InputError(
             f"dataset circle: option farthest={options.farthest:g}: expected more than nearest={options.nearest:g} m."
@@ -73,11 +73,11 @@ def circle(options: Options, rng: np.random.Generator) -> Dataset:
         z_cov,
         notes={"source": "simulated after Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010"},
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def _round(options: Options) -> Array:
-    """The true poses (steps, 3): counter-clockwise from the origin, at first along x."""
+    """The true poses (steps, 3): counter-clockwise from the origin, initially along x."""
     radius = options.speed / options.turn_rate
     heading = PERIOD * options.turn_rate * np.arange(options.steps, dtype=np.float64)
     s, c = sincos(heading)
@@ -86,9 +86,9 @@ def _round(options: Options) -> Array:
 
 
 def _landmarks(options: Options, rng: np.random.Generator) -> Array:
-    """(landmarks, 2) m: anywhere along the circle, inside or outside, from `nearest` to `farthest` off it.
+    """(landmarks, 2) m: random along the circle, inside or outside, from `nearest` to `farthest` off it.
 
-    They keep no distance from each other, so there are crowds, and stretches of the way with nothing in sight.
+    They may be close to each other, so there are clusters, and stretches without any in view.
     """
     radius, n = options.speed / options.turn_rate, options.landmarks
     angle = rng.uniform(0, 2 * np.pi, n)

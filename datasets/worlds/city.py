@@ -1,7 +1,7 @@
-"""A simulated city: a robot drives the streets of a block grid and sees what stands along them.
+"""A simulated city: a robot drives the streets of a block grid and sees landmarks along them.
 
-Its map is as large as one asks for, while what is in view stays the same: the log on which to see what a step costs as
-the map grows. At the default spacing and reach that is about six landmarks a step.
+The map can be arbitrarily large at a constant number of landmarks in view: the log for measuring a step's cost over the
+size of the map. At the default spacing and reach that is about six landmarks per step.
 """
 
 from dataclasses import dataclass
@@ -13,31 +13,31 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
-from .mishaps import Mishaps, befallen
 
 BLOCK = 20.0
 """m between the middles of two streets."""
 
 KERB = 2.0
-"""m from the middle of a street to what stands along it."""
+"""m from the middle of a street to its landmarks."""
 
 BEND = 2.0
-"""m, the radius on which the robot turns at a crossing."""
+"""m, turning radius of the robot at a crossing."""
 
 SPACING = 2.8
-"""m along a side of a street for each landmark, on the average."""
+"""m along a side of a street per landmark, on average."""
 
 LEAST_RANGE = 0.5
-"""m; what is nearer is not sighted."""
+"""m; nearer landmarks are not sighted."""
 
 HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 """East, north, west and south, in blocks."""
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
-    """The city, the drive, how well it is measured, and what goes wrong."""
+class Options(Faults):
+    """The city, the drive, its noise, and faults."""
 
     landmarks: int = option(
         1000, "landmarks along the streets; with more of them the city grows", minimum=40, maximum=1_000_000
@@ -45,20 +45,20 @@ class Options(Mishaps):
     steps: int = option(2000, "steps of the drive", minimum=2, maximum=1_000_000)
     passes: float = option(
         0.0,
-        "way of the drive over the streets' length, in place of steps; 0: as steps says",
+        "length of the drive over that of all streets, instead of steps; 0: use steps",
         minimum=0.0,
         maximum=100.0,
     )
-    stride: float = option(1.0, "way from step to step, m", minimum=0.05, maximum=10.0)
+    stride: float = option(1.0, "distance from step to step, m", minimum=0.05, maximum=10.0)
     speed: float = option(2.0, "speed of the robot, m/s", minimum=0.05, maximum=50.0)
     reach: float = option(4.0, "range of the sightings, m", minimum=2.5, maximum=100.0)
-    forward: float = option(0.02, "noise of the way of a step, m", minimum=1e-4, maximum=1.0)
+    forward: float = option(0.02, "noise of the distance of a step, m", minimum=1e-4, maximum=1.0)
     turning: float = option(0.001, "noise of the turn of a step, rad", minimum=1e-5, maximum=1.0)
-    sighting: float = option(0.05, "noise of a sighting, along and across its line, m", minimum=1e-4, maximum=10)
+    sighting: float = option(0.05, "noise of a sighting along and across its line, m", minimum=1e-4, maximum=10)
 
 
 def city(options: Options, rng: np.random.Generator) -> Dataset:
-    """A robot in the streets of a simulated city, 1,000 landmarks or as many as asked for; another city a seed."""
+    """A robot in the streets of a simulated city, 1,000 landmarks by default; one city per seed."""
     world, driving, moving, seeing = rng.spawn(4)
     blocks = side(options.landmarks)
     xy = _landmarks(options.landmarks, blocks, world)
@@ -89,11 +89,11 @@ def city(options: Options, rng: np.random.Generator) -> Dataset:
             "landmarks sighted": len(np.unique(row)),
         },
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def side(landmarks: int) -> int:
-    """How many blocks a square city must have along a side for so many landmarks, SPACING apart on both kerbs.
+    """Blocks along a side of a square city for that many landmarks, SPACING apart on both kerbs.
 
     n x n blocks have 2 n (n + 1) streets of a block's length.
     """
@@ -102,7 +102,7 @@ def side(landmarks: int) -> int:
 
 
 def _landmarks(count: int, blocks: int, rng: np.random.Generator) -> Array:
-    """(count, 2) m: anywhere along either kerb of any street, but for the crossings."""
+    """(count, 2) m: random along either kerb of any street, except at crossings."""
     along = rng.uniform(KERB, BLOCK - KERB, count) + BLOCK * rng.integers(blocks, size=count)
     across = BLOCK * rng.integers(blocks + 1, size=count) + KERB * rng.choice([-1.0, 1.0], count)
     east = rng.uniform(size=count) < 0.5
@@ -112,7 +112,7 @@ def _landmarks(count: int, blocks: int, rng: np.random.Generator) -> Array:
 def _route(blocks: int, length: float, rng: np.random.Generator) -> Ints:
     """The crossings (c, 2), in blocks, of a drive of at least `length` m from a corner of the city.
 
-    At every crossing the robot takes the street that it has driven least often, any of several, and never turns back.
+    At every crossing the robot takes the street driven least often, randomly among several, and never turns back.
     """
     driven: dict[tuple[int, int, int], int] = {}
     here, heading = (0, 0), 0
@@ -131,9 +131,9 @@ def _route(blocks: int, length: float, rng: np.random.Generator) -> Ints:
 
 
 def _drive(crossings: Ints, way: Array) -> tuple[Array, Array]:
-    """The true poses (n, 3) after `way` (n,) m along the middles of the streets, and how much each turns, (n - 1,).
+    """The true poses (n, 3) after `way` (n,) m along the middles of the streets, and the turn of each, (n - 1,).
 
-    A street and the quarter of a circle at its end take turns; where the robot drives straight on that quarter is a
+    Streets alternate with the quarter circles at their ends; where the robot drives straight on, that quarter is a
     straight piece of its own.
     """
     heading = arctan2(*np.diff(crossings, axis=0).T[::-1])
@@ -145,7 +145,7 @@ def _drive(crossings: Ints, way: Array) -> tuple[Array, Array]:
     starts = np.concatenate(([0.0], np.cumsum(lengths)))
     piece = np.searchsorted(starts, way, "right") - 1
     into = way - starts[piece]
-    # A street's piece begins a bend after the last crossing, and the quarter after it a bend before the next.
+    # A street's piece begins one bend after the last crossing, and the quarter after it one bend before the next.
     direction = np.repeat(heading[:-1], 2)
     s, c = sincos(direction)
     ahead = np.stack((c, s), -1)

@@ -1,8 +1,8 @@
-"""A world in which SLAM is linear, as far as one likes: a robot that slides in any direction and keeps facing one way.
+"""A world in which SLAM is linear, to any degree: a robot that slides in any direction at constant heading.
 
-Its sightings are off by as much along the line of sight as across it, so that they are offsets in metres with round
-noise, and its odometry by as much in x as in y. While the heading is known, motions and sightings are then linear in
-the places of robot and landmarks: the Kalman filter's own world. How well the heading is known is an option.
+Its sightings have equal noise along and across the line of sight, so that they are offsets in metres with isotropic
+noise, and its odometry equal noise in x and y. As long as the heading is known, motions and sightings are then linear
+in the positions of robot and landmarks: the Kalman filter's assumptions. The heading's uncertainty is an option.
 """
 
 from dataclasses import dataclass
@@ -14,38 +14,38 @@ from ...frontend.factors import Dataset, Log, Map, Prior, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, wrap
 from ..registry import Source
+from .faults import Faults, with_faults
 from .measurements import START_SD, in_reach, sightings
-from .mishaps import Mishaps, befallen
 
 RADIUS = 10.0
-"""m, of the circle on which the robot goes round."""
+"""m, radius of the robot's circle."""
 
 STRIDE = 0.5
 """m from step to step."""
 
 AROUND = 6.0
-"""m; landmarks stand within this of the circle."""
+"""m; largest distance of landmarks from the circle."""
 
 NEAREST, FARTHEST = 2.0, 8.0
-"""m, of a sighting: far enough for its noise to be small against it, as a bearing is linear in small errors alone."""
+"""m, least range of a sighting: its noise is small against it, as a bearing is linear in small errors only."""
 
 PERIOD = 1.0
 """s between steps."""
 
 
 @dataclass(frozen=True)
-class Options(Mishaps):
-    """The drive, how well it is measured, and what goes wrong."""
+class Options(Faults):
+    """The drive, its noise, and faults."""
 
     steps: int = option(400, "steps, of half a metre", minimum=2, maximum=100_000)
     landmarks: int = option(30, "landmarks around the circle", minimum=1, maximum=1000)
     sliding: float = option(0.05, "noise of a step's motion in x and in y, m", minimum=1e-4, maximum=1.0)
     turning: float = option(1e-6, "noise of a step's turn, rad", minimum=1e-6, maximum=0.3)
-    sighting: float = option(0.05, "noise of a sighting, along and across its line, m", minimum=1e-4, maximum=1.0)
+    sighting: float = option(0.05, "noise of a sighting along and across its line, m", minimum=1e-4, maximum=1.0)
 
 
 def linear(options: Options, rng: np.random.Generator) -> Dataset:
-    """A robot that slides round and keeps its heading: SLAM that a Kalman filter can do; another log a seed."""
+    """A robot that slides around a circle at constant heading: SLAM for a Kalman filter; one log per seed."""
     world, moving, seeing = rng.spawn(3)
     n = options.steps
     angle = STRIDE / RADIUS * np.arange(n, dtype=np.float64)
@@ -73,11 +73,11 @@ def linear(options: Options, rng: np.random.Generator) -> Dataset:
         z_cov,
         notes={"source": "slamduel's own linear world"},
     )
-    return befallen(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
+    return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def _landmarks(count: int, rng: np.random.Generator) -> Array:
-    """(count, 2) m: anywhere within AROUND of the circle."""
+    """(count, 2) m: random within AROUND of the circle."""
     angle = rng.uniform(0, 2 * np.pi, count)
     away = RADIUS + rng.uniform(-AROUND, AROUND, count)
     s, c = sincos(angle)

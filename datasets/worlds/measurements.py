@@ -1,4 +1,4 @@
-"""Measurements drawn from the very noise that they state: what the worlds without a camera are made with."""
+"""Draws measurements from the noise they state, for the worlds without a camera."""
 
 from itertools import pairwise
 
@@ -13,25 +13,25 @@ from ...frontend.wheels.encoder import Encoder, Floors, roll
 from ...frontend.wheels.motion import Ticks, readings
 
 START_SD = 1e-3
-"""m and rad, of the prior; the belief at step 0 is off by as much."""
+"""m and rad, of the prior; the initial estimate has such an error."""
 
 FLOORS = Floors(1e-4, 1e-5)
-"""What a rolling robot's odometry lacks to be positive definite: it cannot slide sideways."""
+"""Makes a rolling robot's odometry positive definite: it cannot slide sideways."""
 
 
 def prior(start: Array, rng: np.random.Generator) -> Prior:
-    """A belief about the pose `start` (3,), off by an error that it admits."""
+    """A prior of the pose `start` (3,), with an error drawn from its covariance."""
     pose = start + START_SD * rng.standard_normal(3)
     pose[2] = wrap(pose[2])
     return Prior(pose, START_SD**2 * np.eye(3))
 
 
 def odometry(poses: Array, rolling: Array, sd: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Odometry along the true `poses` (n, 3): deltas (n, 3) and covariances (n, 3, 3), row 0 for nothing before it.
+    """Odometry along the true `poses` (n, 3): deltas (n, 3) and covariances (n, 3, 3), row 0 unused.
 
-    `rolling` (n - 1, 2) is how far (m) the robot rolls and how much (rad) it turns from each pose to the next; the
-    readings of both are off by `sd` (2,) or (n - 1, 2), which an arc takes to the body frame: C = J diag(sd^2) J' plus
-    the floors. The errors are normal, of exactly that covariance.
+    `rolling` (n - 1, 2) is the distance (m) and turn (rad) from each pose to the next; the readings of both have noise
+    `sd` (2,) or (n - 1, 2), which an arc propagates to the body frame: C = J diag(sd^2) J' plus the floors. The errors
+    are normal, of exactly that covariance.
     """
     _, by_rolling = roll(rolling, "arc")
     by_noise = by_rolling * np.broadcast_to(sd, rolling.shape)[:, None, :]
@@ -43,9 +43,9 @@ def odometry(poses: Array, rolling: Array, sd: Array, rng: np.random.Generator) 
 
 
 def counted(ticks: Ticks, encoder: Encoder, t: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """What a robot's wheel counters make of its way between the times `t` (n,): deltas (n, 3), covariances (n, 3, 3).
+    """Odometry from a robot's wheel counters between the times `t` (n,): deltas (n, 3), covariances (n, 3, 3).
 
-    Row 0 is for nothing before it. The counters know nothing of the floors, whose errors are drawn here.
+    Row 0 is unused. The floors' errors, which the counters do not have, are drawn here.
     """
     delta, cov = np.zeros((len(t), 3)), np.zeros((len(t), 3, 3))
     for k, (start, end) in enumerate(pairwise(t.tolist()), start=1):
@@ -56,9 +56,9 @@ def counted(ticks: Ticks, encoder: Encoder, t: Array, rng: np.random.Generator) 
 
 
 def in_reach(poses: Array, xy: Array, nearest: float, farthest: float) -> tuple[Ints, Ints]:
-    """Which of the landmarks `xy` (n, 2) are between two distances, m, of each pose: the steps and the rows of `xy`.
+    """Landmarks of `xy` (n, 2) between two distances, m, of each pose: the steps and the rows of `xy`.
 
-    Sorted by step, then by row. A tree finds them, so that the cost is that of what is there, not of steps x landmarks.
+    Sorted by step, then by row. Found by a tree, at a cost proportional to the result.
     """
     from scipy.spatial import KDTree
 
@@ -72,7 +72,7 @@ def in_reach(poses: Array, xy: Array, nearest: float, farthest: float) -> tuple[
 def sightings(poses: Array, xy: Array, sd: float, rng: np.random.Generator) -> tuple[Array, Array]:
     """Range and bearing (s, 2) of the landmarks `xy` (s, 2) from the true `poses` (s, 3), and covariances (s, 2, 2).
 
-    A landmark's place is off by `sd` m along the line of sight and across it: in bearing by sd / r.
+    A landmark's position has noise `sd` m along the line of sight and across it: in bearing sd / r.
     """
     r = hypot(*(xy - poses[:, :2]).T)
     return polar(poses, xy, np.stack((np.full_like(r, sd), sd / r), axis=-1), rng)

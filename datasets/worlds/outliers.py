@@ -1,4 +1,4 @@
-"""Outliers planted into a log: sightings of one landmark that are taken for another's."""
+"""Adds data association outliers to a log: sightings of one landmark with another's id."""
 
 from dataclasses import replace
 
@@ -8,10 +8,10 @@ from ...frontend.factors import Dataset, Log, Truth
 
 
 def swapped(log: Log, truth: Truth, share: float, rng: np.random.Generator) -> Dataset:
-    """`log` with `share` of its sightings, any of them, given the id of another of its landmarks.
+    """`log` with a random `share` of its sightings given the id of another of its landmarks.
 
-    That is one without a sighting at the same step, so that an id still comes once a step at most; where there is none,
-    the sighting is left as it was. The truth's `assigned` has the ids of before, the notes how many were changed.
+    That landmark has no sighting at the same step, so that an id still occurs at most once per step; if there is none,
+    the sighting is unchanged. The truth's `assigned` has the original ids, the notes the number of changes.
     """
     everyone, ids = np.unique(log.ids, return_inverse=True)
     step = log.sighting_step
@@ -20,7 +20,7 @@ def swapped(log: Log, truth: Truth, share: float, rng: np.random.Generator) -> D
         here = slice(log.sighting_first[step[k]], log.sighting_first[step[k] + 1])
         others = len(everyone) - len(taken := np.unique(ids[here]))
         if others:
-            # The n-th of those that are not here: each that is here, in order, moves it one on.
+            # The n-th of those absent: each that is present, in order, shifts it by one.
             n = rng.integers(others)
             for one in taken:
                 n += one <= n

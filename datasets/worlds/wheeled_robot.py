@@ -1,4 +1,4 @@
-"""A differential-drive robot on a closed path: its true poses, and what its wheel counters read."""
+"""A differential-drive robot on a closed path: its true poses and its wheel counters' readings."""
 
 from typing import NamedTuple
 
@@ -11,14 +11,16 @@ from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Ticks
 
 RISE = 1.0
-"""s, the time constant in which the robot gets up to speed."""
+"""s, time constant of the robot's acceleration."""
 
 SLIP, SLIP_TAIL, SLIP_MOST = 0.01, 1.5, 0.2
-"""m, the least that a wheel slips by, the exponent with which larger slips get rarer (below 2 they would have no
-variance), and m, the most."""
+"""The least slip of a wheel, m, the exponent of larger slips' frequency, and the largest, m.
+
+An exponent below 2 would have no variance.
+"""
 
 SPIN = 0.3
-"""s, for how long a wheel spins."""
+"""s, duration of a spin."""
 
 
 class Loop(NamedTuple):
@@ -37,9 +39,9 @@ class Loop(NamedTuple):
 
 
 def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
-    """The true poses (n, 3) at the times `t` (n,), s, and the way covered, (n,) m.
+    """The true poses (n, 3) at the times `t` (n,), s, and the distance driven, (n,) m.
 
-    The robot is at rest at angle 0 until t = 0, heads along the path, and settles at `speed` (m/s).
+    The robot is at rest at angle 0 until t = 0, heads along the path, and accelerates to `speed` (m/s).
     """
     t = np.maximum(t, 0.0)
     way = speed * (t - RISE * (1 - exp(-t / RISE)))
@@ -53,8 +55,8 @@ def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
 def count(poses: Array, way: Array, t: Array, encoder: Encoder, rng: np.random.Generator, slip: float = 0.0) -> Ticks:
     """The counters' readings along the true `poses` (n, 3), `way` (n,) m and times `t` (n,).
 
-    Each wheel reads what it rolled plus white noise of the variance that `encoder` states, in whole counts; and, which
-    no encoder states, `slip` times a metre, on the mean, one of them spins or skids.
+    Each wheel reads its rolled distance plus white noise of the variance that `encoder` states, in whole counts; and,
+    not covered by that, a wheel spins or skids `slip` times per metre, on average.
     """
     turned = wrap(np.diff(poses[:, 2]))
     rolled = np.diff(way)[:, None] + encoder.base / 2 * turned[:, None] * np.array([-1.0, 1.0])
@@ -64,11 +66,11 @@ def count(poses: Array, way: Array, t: Array, encoder: Encoder, rng: np.random.G
 
 
 def slipped(read: Array, way: Array, t: Array, rate: float, rng: np.random.Generator) -> Array:
-    """(n - 1, 2) what the wheels read with slips in it, from what they `read` without, in m.
+    """(n - 1, 2) the wheels' readings with slips, from those without, `read`, in m.
 
-    A Poisson process along the `way` (n,), `rate` a metre. Half of the time a wheel spins: it turns by some metres more
-    than it rolls. The other half it skids: it stands still for some metres of the way. How many is drawn from a Pareto
-    distribution, so that a few slips make up most of the error.
+    A Poisson process along the `way` (n,), `rate` per metre. Half of the time a wheel spins: it turns by some metres
+    more than it rolls. The other half it skids: it stands still for some metres of the way. The lengths are drawn from
+    a Pareto distribution, so that a few slips cause most of the error.
     """
     read = read.copy()
     for place in rng.uniform(way[0], way[-1], rng.poisson(rate * (way[-1] - way[0]))):
@@ -89,5 +91,5 @@ def slipped(read: Array, way: Array, t: Array, rate: float, rng: np.random.Gener
 
 
 def slip_lengths(rng: np.random.Generator, slips: int | None = None) -> Array:
-    """(slips,) m, or one number, of SLIP times a Pareto variate with the exponent SLIP_TAIL, not cut off."""
+    """(slips,) m, or one number, of SLIP times a Pareto variate with the exponent SLIP_TAIL, not truncated."""
     return SLIP * exp(rng.standard_exponential(slips) / SLIP_TAIL)

@@ -1,1 +1,1 @@
-"""A camera: its lens, its calibration, and where on the robot it sits."""
+"""A camera's lens, calibration and mounting on the robot."""

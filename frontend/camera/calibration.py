@@ -1,7 +1,7 @@
-"""Calibration files: OpenCV's YAML, XML and JSON, and ROS's camera_info YAML, read and written.
+"""Reads and writes calibration files: OpenCV's YAML, XML and JSON, and ROS's camera_info YAML.
 
-Read is what is found in the wild: OpenCV's names as its samples of several years spell them, and camera_info both as
-ROS's calibrator saves it and as a message is printed. What a file is, is told by what stands in it.
+Accepts OpenCV's key names as its samples of several years spell them, and camera_info both as ROS's calibrator saves it
+and as a printed message. The format is recognised by the content.
 """
 
 import json
@@ -23,7 +23,7 @@ from ..se2 import Array
 from .camera import DISTORTION_LENGTHS, Camera, Model
 
 LARGEST = 1_000_000
-"""Bytes; what is larger is no calibration."""
+"""Bytes; a larger file is not a calibration."""
 
 MODELS: dict[str, Model] = {
     "": "pinhole",
@@ -36,34 +36,34 @@ MODELS: dict[str, Model] = {
     "fisheye": "fisheye",
     "kannala_brandt": "fisheye",
 }
-"""What files and ROS messages call a lens model -> which it is."""
+"""Names of lens models in files and ROS messages -> the model."""
 
 _MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix")
 _LENS = ("distortioncoefficients", "distcoeffs", "distortion", "d", "d1")
 _WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size")
 _MODEL, _FISHEYE = ("distortionmodel", "cameramodel", "model"), ("fisheyemodel", "fisheye")
-"""Keys as they are found, in small letters and without underlines."""
+"""Accepted keys, in lower case and without underscores."""
 
 
 class _Entry(NamedTuple):
-    """A value, and the name under which it was found."""
+    """A value and the key it was found under."""
 
     key: str
     value: Any
 
 
 def read(path: Path, mounting: Array, size: tuple[int, int] | None = None) -> Camera:
-    """The camera that a calibration file tells of, mounted as (4, 4) T_robot_camera says.
+    """Reads a camera from a calibration file; `mounting` is (4, 4) T_robot_camera.
 
-    `size`, width and height in px, is taken where the file has none, as some of OpenCV's do not. InputError names the
-    file and key of what is missing or cannot be used.
+    `size`, width and height in px, is used where the file has none, as some of OpenCV's do not. InputError names the
+    file and key of what is missing or unusable.
     """
     entries = {key.lower().replace("_", ""): _Entry(key, value) for key, value in _contents(path).items()}
 
     def find(names: Sequence[str], what: str | None = None) -> _Entry | None:
         entry = next((entries[name] for name in names if name in entries), None)
         if entry is None and what is not None:
-            raise InputError(f"{path}: found no {what}, expected a calibration's keys, {what} among them")
+            raise InputError(f"{path}: found no {what}, expected the keys of a calibration")
         return entry
 
     matrix, lens = find(_MATRIX, "camera_matrix"), find(_LENS, "distortion_coefficients")
@@ -94,13 +94,13 @@ def from_camera_info(
     d: Sequence[float] | Array,
     mounting: Array,
 ) -> Camera:
-    """The camera of a ROS sensor_msgs/CameraInfo, `k` its nine numbers row by row; InputError begins with `where`."""
+    """Builds the camera of a ROS sensor_msgs/CameraInfo, `k` row-major; InputError begins with `where`."""
     size = _Entry("width", width), _Entry("height", height)
     return _camera(where, size, _Entry("distortion_model", model), _Entry("k", k), _Entry("d", d), mounting)
 
 
 def write_opencv(path: Path, camera: Camera) -> None:
-    """The file that OpenCV's own calibration sample would have written: YAML, or XML or JSON if `path` ends so."""
+    """Writes the file OpenCV's own calibration sample would: XML or JSON if `path` ends so, otherwise YAML."""
     suffix = path.suffix.lower() if path.suffix.lower() in (".xml", ".json") else ".yml"
     storage = cv2.FileStorage(f"calibration{suffix}", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", camera.width)
@@ -112,10 +112,10 @@ def write_opencv(path: Path, camera: Camera) -> None:
 
 
 def write_camera_info(path: Path, camera: Camera) -> None:
-    """The YAML file that ROS's camera_info_manager loads.
+    """Writes the YAML file that ROS's camera_info_manager loads.
 
-    ROS's plumb_bob has five coefficients: fewer are filled up with zeros. Twelve and fourteen are written under
-    rational_polynomial, which is how OpenCV's users in ROS read them.
+    ROS's plumb_bob has five coefficients: fewer are padded with zeros. Twelve and fourteen are written under
+    rational_polynomial, as OpenCV's users in ROS expect.
     """
     (fx, fy), (cx, cy) = camera.focal, camera.centre
     lens = [*camera.coefficients.tolist(), *[0.0] * (5 - len(camera.distortion))]
@@ -142,7 +142,7 @@ def _matrix(name: str, rows: int, numbers: Sequence[float]) -> list[str]:
 
 
 def _contents(path: Path) -> dict[str, Any]:
-    """The file as a mapping of texts, numbers, lists and mappings; a matrix is a mapping with rows, cols and data."""
+    """Parses the file into texts, numbers, lists and mappings; a matrix is a mapping with rows, cols and data."""
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: found {path.stat().st_size} bytes, expected a calibration of a few hundred")
@@ -150,7 +150,7 @@ def _contents(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}; expected a calibration file") from None
     except ValueError:
-        raise InputError(f"{path}: found bytes that are no text, expected a calibration file") from None
+        raise InputError(f"{path}: not a text file, expected a calibration file") from None
     start = text.lstrip()
     kind = "XML" if start.startswith("<") else "JSON" if start.startswith("{") else "YAML"
     try:
@@ -159,14 +159,14 @@ def _contents(path: Path) -> dict[str, Any]:
         mark = getattr(error, "problem_mark", None)
         line = getattr(error, "lineno", None) or getattr(error, "position", (None,))[0] or (mark and mark.line + 1)
         at = f", line {line}" if line else ""
-        raise InputError(f"{path}{at}: found something that is no {kind}, expected a whole calibration file") from None
+        raise InputError(f"{path}{at}: not valid {kind}, expected a calibration file") from None
     if not isinstance(document, dict) or not document:
-        raise InputError(f"{path}: found no keys in it, expected a calibration's, camera_matrix among them")
+        raise InputError(f"{path}: found no keys, expected those of a calibration, such as camera_matrix")
     return {str(key): value for key, value in document.items()}
 
 
 class _Constructor(SafeConstructor):
-    """YAML's plain values, and OpenCV's matrices as the mappings they are."""
+    """Constructs YAML's plain values, and OpenCV's matrices as mappings."""
 
 
 for _tag in ("opencv-matrix", "opencv-nd-matrix"):
@@ -204,7 +204,7 @@ def _camera(
         raise InputError(f"{where}: {model.key}: found {model.value!r}, expected one of {names}")
     k = _numbers(where, matrix)
     if k.size != 9:
-        raise InputError(f"{where}: {matrix.key}: found {k.size} numbers, expected 3 x 3")
+        raise InputError(f"{where}: {matrix.key}: found {k.size} numbers, expected 9")
     (fx, skew, cx), (low, fy, cy), last = k.reshape(3, 3)
     if not (fx > 0 and fy > 0):
         raise InputError(f"{where}: {matrix.key}: found the focal lengths {fx:g} and {fy:g} px, expected both above 0")
@@ -213,8 +213,8 @@ def _camera(
     d = _numbers(where, lens)
     lengths = DISTORTION_LENGTHS[known]
     if d.size not in lengths:
-        expected = f"{known} has {' or '.join(map(str, lengths))}"
-        raise InputError(f"{where}: {lens.key}: found {d.size} coefficients, expected as many as {expected}")
+        expected = f"{' or '.join(map(str, lengths))} of a {known}"
+        raise InputError(f"{where}: {lens.key}: found {d.size} coefficients, expected {expected}")
     centre, focal = (float(cx), float(cy)), (float(fx), float(fy))
     return Camera(width, height, focal, centre, tuple(d.tolist()), mounting, known)
 
@@ -230,7 +230,7 @@ def _side(where: str, entry: _Entry) -> int:
 
 
 def _numbers(where: str, entry: _Entry) -> Array:
-    """The numbers of a matrix, however it is written, in one row; InputError for what is none or not finite."""
+    """The numbers of a matrix in either notation, flattened; InputError for entries that are not finite numbers."""
     value, rows, cols = entry.value, None, None
     if isinstance(value, Mapping):
         if "data" not in value:
@@ -242,7 +242,7 @@ def _numbers(where: str, entry: _Entry) -> Array:
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: {entry.key}: found {str(value)[:60]!r}, expected numbers") from None
     if numbers.size != count:
-        raise InputError(f"{where}: {entry.key}: found {numbers.size} numbers, expected its {rows} x {cols}")
+        raise InputError(f"{where}: {entry.key}: found {numbers.size} numbers, expected {rows} x {cols}")
     if not np.isfinite(numbers).all():
         raise InputError(f"{where}: {entry.key}: found a number that is not finite, expected finite ones")
     return numbers

@@ -1,7 +1,7 @@
-"""A camera and its place on the robot.
+"""A camera model and its mounting on the robot.
 
-Pixels are OpenCV's: u to the right, v down, whole numbers at the pixels' centres. The camera frame is x right, y down,
-z forward. A ray is the point (x, y) at which it meets the plane z = 1 of the camera frame.
+Pixels are OpenCV's: u to the right, v down, integers at the pixels' centres. The camera frame is x right, y down, z
+forward. A ray is the point (x, y) at which it meets the plane z = 1 of the camera frame.
 """
 
 from collections.abc import Callable
@@ -20,27 +20,27 @@ from ..se2 import Array
 Model = Literal["pinhole", "fisheye"]
 
 DISTORTION_LENGTHS: dict[str, tuple[int, ...]] = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (4,)}
-"""The numbers of coefficients OpenCV takes: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]], and k1 k2 k3 k4."""
+"""The numbers of coefficients OpenCV accepts: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]], and k1 k2 k3 k4."""
 
 _EXACT = 1e-8
-"""px; a ray that projects this close to its pixel is the pixel's."""
+"""px; largest reprojection error of an undistorted pixel."""
 
 _ROUNDS = 50
-"""of an iteration, at most; five to ten do where the lens is not about to turn back."""
+"""Most iterations; five to ten suffice away from the angle at which the lens model turns back."""
 
 _SETTLED = 1e-14
-"""Steps of an iteration, in rays or angles, that are rounding."""
+"""Iteration steps, in rays or angles, that are mere rounding."""
 
 _FAR = 1e3
-"""Where a ray's length is as good as infinite: a thousandth of a radian from 90 degrees."""
+"""Ray length treated as infinite: a thousandth of a radian from 90 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A camera with OpenCV's lens distortion, pinhole or fisheye, mounted on a robot.
 
-    A lens model describes a lens only out to some angle from its axis: farther out its polynomial turns back, and two
-    rays share a pixel. Such rays, and for the fisheye all from 90 degrees on, are no rays of the camera.
+    A lens model holds only out to some angle from its axis: farther out its polynomial turns back, and two rays share a
+    pixel. Such rays, and for the fisheye all from 90 degrees on, are outside the camera's field of view.
     """
 
     width: int  # px
@@ -59,7 +59,7 @@ class Camera:
 
     @cached_property
     def coefficients(self) -> Array:
-        """(d,) the distortion, as OpenCV wants it. InputError for a model or a number of them it does not know."""
+        """(d,) the distortion as OpenCV expects it. InputError for an unknown model or number of coefficients."""
         lengths = DISTORTION_LENGTHS.get(self.model)
         if lengths is None:
             raise InputError(f"camera model: found {self.model!r}, expected pinhole or fisheye")
@@ -70,9 +70,9 @@ class Camera:
 
     @cached_property
     def reach(self) -> float:
-        """The length |(x, y)| of rays from which on the lens model turns back; infinite where it does not.
+        """The ray length |(x, y)| at which the lens model turns back; infinite where it does not.
 
-        Of the pinhole models this looks at the radial part, which outweighs the others far from the axis.
+        The pinhole models are judged by their radial part, which dominates far from the axis.
         """
         if self.model == "fisheye":
             return float(np.tan(self._widest))
@@ -81,16 +81,16 @@ class Camera:
 
     @cached_property
     def rays(self) -> Array:
-        """(height, width, 2) the ray of every pixel, found once; NaN for one that has none."""
+        """(height, width, 2) the ray of every pixel, computed once; NaN where a pixel has none."""
         v, u = np.mgrid[: self.height, : self.width]
         rays = self.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
         return np.ascontiguousarray(rays.reshape(*u.shape, 2))
 
     def undistort(self, pixels: Array) -> Array:
-        """The rays of `pixels` (n, 2), as (n, 2); each projects to its pixel again to 1e-8 px.
+        """Computes the rays (n, 2) of `pixels` (n, 2); each projects to its pixel again to 1e-8 px.
 
-        NaN for a pixel that no ray within `reach` projects to, or none that the iteration finds: past the angle at
-        which the lens model turns back, and at 90 degrees and beyond.
+        NaN for a pixel that no ray within `reach` projects to, or where the iteration does not converge: past the angle
+        at which the lens model turns back, and at 90 degrees and beyond.
         """
         if len(pixels) == 0:
             return np.zeros((0, 2))
@@ -109,9 +109,9 @@ class Camera:
         return rays
 
     def project(self, points: Array) -> Array:
-        """The pixels (n, 2) of `points` (n, 3), m, in the camera frame; they have to lie in front of it.
+        """Projects `points` (n, 3), m, in front of the camera and in its frame, to pixels (n, 2).
 
-        Points beyond `reach` get pixels as well, those of OpenCV's formula, which other rays have, too.
+        Points beyond `reach` get the pixels of OpenCV's formula as well, which they share with other rays.
         """
         if len(points) == 0:
             return np.zeros((0, 2))
@@ -122,9 +122,9 @@ class Camera:
 
     @cached_property
     def _radial(self) -> tuple[Polynomial, Polynomial, Polynomial]:
-        """The pinhole models' radial part, in the ray's length squared: the factor's top and bottom, and a slope.
+        """The pinhole models' radial factor, in the squared ray length: numerator, denominator and slope.
 
-        The slope is that of the ray's length times the factor, by the length, times the bottom squared.
+        The slope is the derivative of length times factor by length, times the denominator squared.
         """
         k1, k2, _, _, k3, k4, k5, k6 = np.pad(self.coefficients, (0, 14))[:8]
         top, bottom, squared = Polynomial([1.0, k1, k2, k3]), Polynomial([1.0, k4, k5, k6]), Polynomial([0.0, 1.0])
@@ -133,16 +133,16 @@ class Camera:
 
     @cached_property
     def _angular(self) -> tuple[Polynomial, Polynomial]:
-        """The fisheye model's factor of the angle from the axis, in that squared, and the slope of their product."""
+        """The fisheye model's factor in the squared angle from the axis, and the slope of angle times factor."""
         return Polynomial([1.0, *self.coefficients]), Polynomial([1.0, *(self.coefficients * [3, 5, 7, 9])])
 
     @cached_property
     def _widest(self) -> float:
-        """rad, the angle from the axis from which on the fisheye model turns back: 90 degrees at most."""
+        """rad, the angle from the axis at which the fisheye model turns back: 90 degrees at most."""
         return float(min(np.sqrt(_first_root(self._angular[1])), np.pi / 2))
 
     def _undistort_fisheye(self, pixels: Array) -> Array:
-        """The angle from the axis by its distorted value, then the ray at that angle."""
+        """Inverts the distorted angle, then returns the ray at that angle."""
         flat = (pixels - self.centre) / self.focal
         distorted = np.hypot(flat[:, 0], flat[:, 1])
         factor, slope = (part.coef for part in self._angular)
@@ -154,9 +154,9 @@ class Camera:
         return flat * stretch[:, None]
 
     def _newton(self, pixels: Array) -> Array:
-        """The rays of pixels where the fixed-point iteration did not settle, as it may not in the image's corners.
+        """Undistorts pixels at which the fixed-point iteration did not converge, as in the image's corners.
 
-        Newton's method from the ray that the radial part alone has there, which is the nearer the more it is needed.
+        Newton's method from the solution of the radial part alone, which dominates there.
         """
         flat = (pixels - self.centre) / self.focal
         distorted = np.hypot(flat[:, 0], flat[:, 1])
@@ -180,7 +180,7 @@ class Camera:
         return rays
 
     def _explains(self, rays: Array, pixels: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """(n,) which rays project to their pixels, on this side of the lens's turning back."""
+        """(n,) which rays project to their pixels without passing the angle at which the lens model turns back."""
         points = np.column_stack((rays, np.ones(len(rays))))
         misses = np.abs(self.project(points) - pixels).max(axis=1)
         return (misses < _EXACT) & (np.hypot(rays[:, 0], rays[:, 1]) < self.reach)
@@ -194,9 +194,9 @@ def _first_root(polynomial: Polynomial) -> float:
 
 
 def _invert(curve: Callable[[Array], tuple[Array, Array]], values: Array, farthest: float) -> Array:
-    """Where a `curve` from the origin, which gives its values and slopes and rises up to `farthest`, has `values` (n,).
+    """Solves curve(x) = `values` (n,) for a `curve` from the origin, with values and slopes, rising up to `farthest`.
 
-    Newton's method, kept between bounds that close in; NaN for values that the curve does not reach.
+    Newton's method within shrinking bounds; NaN for values that the curve does not reach.
     """
     hopeless = ~(values < curve(np.array([farthest]))[0])
     values = np.where(hopeless, 0.0, values)

@@ -1,4 +1,4 @@
-"""Where a camera sits on its robot: T_robot_camera, from the camera's frame to the robot's.
+"""Camera mountings: T_robot_camera, from the camera's frame to the robot's.
 
 The robot's frame is x forward, y left, z up; the camera's is OpenCV's, x right, y down, z forward.
 """
@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..se2 import Array
 
 _ROUNDING = 1e-3
-"""How far a rotation that was written down with few digits may be from one."""
+"""Largest deviation from a rotation that is accepted, for matrices written with few digits."""
 
 _AHEAD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """The camera's axes in the robot's frame when it looks straight ahead."""
@@ -24,11 +24,11 @@ def mounting(forward: float, left: float, up: float, tilt: float) -> Array:
 
 
 def from_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
-    """(4, 4) T_robot_camera of a camera at `xyz` (3), m, turned by roll, pitch and yaw `rpy` (3), rad.
+    """(4, 4) T_robot_camera of a camera at `xyz` (3), m, rotated by roll, pitch and yaw `rpy` (3), rad.
 
-    They turn the camera's body, whose axes are x where it looks, y left and z up: all zero, it looks straight ahead
-    and is upright; first roll about x, then pitch about y, then yaw about z, the robot's axes all three. A positive
-    pitch looks down, a positive yaw to the left, a positive roll leans to the right.
+    They rotate the camera's body, x where it looks, y left and z up: at zero it looks straight ahead, upright. Roll
+    about x first, then pitch about y, then yaw about z, all three the robot's axes. A positive pitch looks down, a
+    positive yaw to the left, a positive roll leans to the right.
     """
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
@@ -41,7 +41,7 @@ def from_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
 
 
 def from_matrix(rows: Any, where: str) -> Array:
-    """(4, 4) T_robot_camera as somebody wrote it down, its rotation made exact.
+    """(4, 4) T_robot_camera from a user's matrix, its rotation made exact.
 
     InputError, which begins with `where`, for anything but four rows of four numbers that are a rigid motion: a
     rotation without stretch or mirror and a last row of 0, 0, 0, 1.

@@ -1,1 +1,1 @@
-"""Square markers: found in an image, measured, and made into sightings and a log."""
+"""Square markers: detection, pose, noise, and the log made from them."""

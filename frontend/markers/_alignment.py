@@ -1,4 +1,4 @@
-"""The inner loops of `template`: the pattern's grey values under a blur, and Levenberg-Marquardt over them, compiled.
+"""Inner loops of `template`: a pattern's grey values under blur, and Levenberg-Marquardt over them, compiled.
 
 The parameters are, in this order:
 
@@ -23,28 +23,28 @@ from ..se2 import Array
 PARAMETERS = 19
 
 RIM = 2
-"""Modules of white paper round a pattern, which the blur reaches into."""
+"""Modules of white paper around a pattern, which the blur reaches into."""
 
 MARGIN = 0.5
-"""Modules of paper outside the black border that are looked at; what lies beyond may be anything."""
+"""Modules of paper outside the black border that are used; beyond, anything may be in the image."""
 
 ENOUGH = 500
-"""Pixels near edges that are looked at; where there are more, an even choice of as many."""
+"""Most pixels near edges that are used; of more, an even sample is taken."""
 
 REACH = 3.0
 """Standard deviations of the blur within which a pixel is near an edge."""
 
 ROUNDS = 12
-"""Steps at most in either pass; four to six do."""
+"""Most steps in either pass; four to six suffice."""
 
 GRAIN = 2.0
 """Grey levels: residuals within OUTLIER of these are never outliers."""
 
 OUTLIER = 2.5
-"""Standard deviations from where on a residual counts linearly (Huber)."""
+"""Standard deviations from which a residual counts linearly (Huber)."""
 
 LOG_BLUR = math.log(0.65)
-"""log px: what a blur is believed to be, a factor of e more or less, before a marker has been looked at."""
+"""log px: prior standard deviation of the blur, a factor of e either way."""
 
 _DENSITY = 1 / math.sqrt(2 * math.pi)
 
@@ -53,11 +53,11 @@ _DENSITY = 1 / math.sqrt(2 * math.pi)
 def align(
     image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], homography: Array, corners: Array
 ) -> tuple[Array, Array, float, Array]:
-    """Two passes from a rough homography (3, 3): a coarse one, and one on the pixels near the edges that it found.
+    """Aligns a pattern in two passes from a rough homography (3, 3): coarse, then on the pixels near its edges.
 
-    `image` (h, w) and its `rays` (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), True is white, its rough `corners`
-    (4, 2), px. Returns the homography from rays to (u, v), the normal matrix (19, 19), the residuals' standard
-    deviation (infinite where there are too few pixels) and the look (11,).
+    `image` (h, w) and its `rays` (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), True is white, its rough `corners` (4,
+    2), px. Returns the homography from rays to (u, v), the normal matrix (19, 19), the residuals' standard deviation
+    (infinite where there are too few pixels) and the look (11,).
     """
     m = pattern.shape[0] - 2 * RIM
     across, along = corners[2] - corners[0], corners[3] - corners[1]
@@ -108,7 +108,7 @@ def worst_module(
 ) -> float:
     """How far the middle of the worst module, border included, is from black or white: a share of the contrast.
 
-    The mean over the middle has next to no noise, and little of what a camera does to edges: what is left is print.
+    The mean over the middle averages noise out and excludes edge effects: only a different print remains.
     """
     m = pattern.shape[0] - 2 * RIM
     box = _box(corners, image.shape, 2.0)
@@ -143,7 +143,7 @@ def worst_module(
 
 @compiled
 def _box(corners: Array, shape: tuple[int, int], reach: float) -> tuple[int, int, int, int]:
-    """The rows and columns from .. to that the corners (4, 2) span, and `reach` px more."""
+    """The range of rows and columns that the corners (4, 2) span, with `reach` px more."""
     height, width = shape
     return (
         max(math.floor(corners[:, 1].min() - reach), 0),
@@ -175,9 +175,9 @@ def _gather(
     most: int,
     places: Array,
 ) -> int:
-    """Put the pixels near an edge of the pattern into `places` (n, 7): grey, ray, d ray / dx, d ray / dy; how many.
+    """Fills `places` (n, 7) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy; returns their number.
 
-    Of more than `most` it takes an even choice, the same for the same pixels.
+    Of more than `most`, a deterministic even sample is taken.
     """
     height, width = image.shape
     s00, s01, s11 = _covariance(look)
@@ -185,7 +185,7 @@ def _gather(
     count = 0
     for counting in (True, False):
         seen = 0
-        # every third row tells how many there are
+        # every third row estimates their number
         for y in range(box[0], box[1], 3 if counting else 1):
             for x in range(box[2], box[3]):
                 # Roberts' R2 sequence is even along edges of any direction, where a lattice would miss some.
@@ -196,7 +196,7 @@ def _gather(
                 w = 1.0 / (G[2, 0] * rx + G[2, 1] * ry + G[2, 2])
                 u = (G[0, 0] * rx + G[0, 1] * ry + G[0, 2]) * w
                 v = (G[1, 0] * rx + G[1, 1] * ry + G[1, 2]) * w
-                # written so that a pixel without a ray, NaN, is outside
+                # negated so that a pixel without a ray, NaN, is outside
                 if not (w > 0 and u > -MARGIN and u < m + MARGIN and v > -MARGIN and v < m + MARGIN):
                     continue
                 left, right = max(x - 1, 0), min(x + 1, width - 1)
@@ -249,11 +249,11 @@ def _slopes(
 
 @compiled
 def _weigh(u: float, sigma: float, kurtosis: float, weights: Array) -> int:
-    """How much of each of four modules in a row a pixel at `u` sees, under a blur of `sigma` modules.
+    """Shares of four adjacent modules in a pixel at `u`, under a blur of `sigma` modules.
 
-    Row 0 of `weights` (4, 4) is that, the others its derivatives by u, sigma and the kurtosis; the first module is
-    returned. A step from 0 to 1 is seen as the normal distribution function with the kurtosis's term of Edgeworth's
-    series, F(s) = Phi(s) - kurtosis / 24 (s^3 - 3 s) phi(s), and a module as the difference of two steps.
+    Row 0 of `weights` (4, 4) has them, the others their derivatives by u, sigma and the kurtosis; returns the first
+    module. A step from 0 to 1 is seen as the normal distribution function with the kurtosis term of Edgeworth's series,
+    F(s) = Phi(s) - kurtosis / 24 (s^3 - 3 s) phi(s), and a module as the difference of two steps.
     """
     edge = math.floor(u + 0.5)
     before = (1.0, 0.0, 0.0, 0.0)
@@ -268,7 +268,7 @@ def _weigh(u: float, sigma: float, kurtosis: float, weights: Array) -> int:
             density = _DENSITY * math.exp(-0.5 * square)
             by_kurtosis = -s * (square - 3.0) * density / 24.0
             by_u = density / sigma * (1.0 + kurtosis * (square * square - 6.0 * square + 3.0) / 24.0)
-            # Abramowitz and Stegun, 26.2.17: 1 - Phi(|s|) to 7.5e-8, for the density that is there already
+            # Abramowitz and Stegun, 26.2.17: 1 - Phi(|s|) to 7.5e-8, from the density computed above
             t = 1.0 / (1.0 + 0.2316419 * abs(s))
             series = 1.781477937 + t * (-1.821255978 + t * 1.330274429)
             beyond = density * t * (0.319381530 + t * (-0.356563782 + t * series))
@@ -294,7 +294,7 @@ def _accumulate(
     normal: Array,
     gradient: Array,
 ) -> tuple[float, float, float]:
-    """Fill the normal equations; the robust loss, the weighted sum of squares and the sum of the weights.
+    """Fills the normal equations; returns the robust loss, the weighted sum of squares and the sum of weights.
 
     While `free` is False only the homography, black and white may change.
     """
@@ -320,12 +320,12 @@ def _accumulate(
         ux, uy, vx, vy = _slopes(G, u, v, w, place[3], place[4], place[5], place[6])
         sigma_u = math.sqrt(s00 * ux * ux + 2.0 * s01 * ux * uy + s11 * uy * uy)
         sigma_v = math.sqrt(s00 * vx * vx + 2.0 * s01 * vx * vy + s11 * vy * vy)
-        # A tilted marker has a blur that is askew in its own coordinates. Mehler's series: the product of two normal
+        # A tilted marker's blur is correlated in its own coordinates. Mehler's series: the product of two normal
         # distribution functions, plus their covariance times the mixed second derivative.
         askew = s00 * ux * vx + s01 * (ux * vy + uy * vx) + s11 * uy * vy
         first_u = _weigh(u, sigma_u, kurtosis, wu) + RIM
         first_v = _weigh(v, sigma_v, kurtosis, wv) + RIM
-        white_share = 0.0  # of what the pixel sees, and its derivatives
+        white_share = 0.0  # of the pixel's area, and its derivatives
         by_u = 0.0
         by_v = 0.0
         by_uv = 0.0
@@ -410,11 +410,11 @@ def _accumulate(
 
 @compiled
 def _believe(look: Array, variance: float, free: bool, normal: Array, gradient: Array) -> None:
-    """Add what is believed of the blur, its kurtosis and the light where a tiny marker does not tell."""
+    """Adds priors on the blur, its kurtosis and the light, which a tiny marker does not determine."""
     for k in range(8, PARAMETERS):
         if k in (12, 13):
             continue
-        if not free:  # far from the goal a wider blur explains any miss: it has to wait
+        if not free:  # far from the optimum a wider blur explains any residual: hold it
             normal[k, :] = 0.0
             normal[:, k] = 0.0
             normal[k, k] = 1.0
@@ -428,7 +428,7 @@ def _believe(look: Array, variance: float, free: bool, normal: Array, gradient: 
 
 @compiled
 def _copy(normal: Array, gradient: Array, other_normal: Array, other_gradient: Array) -> None:
-    """Entry by entry: an assignment of whole arrays takes seconds to compile, for the errors that it might raise."""
+    """Copies entry by entry: whole-array assignments take seconds to compile, for their error checks."""
     for i in range(PARAMETERS):
         other_gradient[i] = gradient[i]
         for j in range(PARAMETERS):
@@ -437,10 +437,10 @@ def _copy(normal: Array, gradient: Array, other_normal: Array, other_gradient: A
 
 @compiled
 def _moved(G: Array, look: Array, step: Array, m: int) -> tuple[Array, Array, float]:
-    """The homography and the look after a step, and the step's largest change of the homography, modules.
+    """The homography and look after a step, and the largest change of the homography, modules.
 
-    The change d acts on the pattern's coordinates: u grows by d0 + d1 p + d2 q + p (d6 p + d7 q) modules and v by
-    d3 + d4 p + d5 q + q (d6 p + d7 q). A step over 0.7 modules is cut short, and so are leaps of the blur.
+    The change d acts on the pattern's coordinates: u grows by d0 + d1 p + d2 q + p (d6 p + d7 q) modules and v by d3 +
+    d4 p + d5 q + q (d6 p + d7 q). A step over 0.7 modules is shortened, and so are large changes of the blur.
     """
     largest = np.abs(step[:8]).max()
     d = step[:8] * (0.7 / max(largest, 0.7) / m)
@@ -458,7 +458,7 @@ def _moved(G: Array, look: Array, step: Array, m: int) -> tuple[Array, Array, fl
 
 @compiled
 def _solve(normal: Array, gradient: Array) -> bool:
-    """By Cholesky, in place: `normal` becomes its factor, `gradient` the solution. False: not positive definite."""
+    """Cholesky, in place: `normal` becomes its factor, `gradient` the solution. False: not positive definite."""
     n = len(gradient)
     for i in range(n):
         for j in range(i + 1):

@@ -1,4 +1,4 @@
-"""The plane of a pattern and the rays to its corners, one from the other, compiled."""
+"""Homography of a pattern from the rays to its corners, and the inverse, compiled."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from ..se2 import Array
 
 @compiled
 def homography(rays: Array, modules: int) -> Array:
-    """(3, 3) from rays (x, y, 1) to the pattern's (u, v, 1), in modules; LinAlgError: the corners are of no square."""
+    """(3, 3) from rays (x, y, 1) to the pattern's (u, v, 1), in modules; LinAlgError for degenerate corners."""
     rows = np.zeros((8, 8))
     places = np.zeros(8)
     for k in range(4):
@@ -20,13 +20,13 @@ def homography(rays: Array, modules: int) -> Array:
         rows[2 * k + 1, 6], rows[2 * k + 1, 7] = -v * x, -v * y
     solution = np.linalg.solve(rows, places)
     G = np.append(solution, 1.0).reshape(3, 3)
-    # The sign for which the pattern is in front: positive where its corners are.
+    # The sign for which the pattern is in front: positive at its corners.
     return G if (rays @ solution[6:] + 1 > 0).all() else -G
 
 
 @compiled
 def corner_rays(G: Array, modules: int, change_cov: Array) -> tuple[Array, Array]:
-    """The corners' rays (4, 2), and their covariance (8, 8), from that of the homography's change, (8, 8)."""
+    """The corners' rays (4, 2) and their covariance (8, 8), from that of the homography's change, (8, 8)."""
     inverse = np.linalg.inv(G)
     by_change = np.zeros((8, 8))
     rays = np.zeros((4, 2))
@@ -35,7 +35,7 @@ def corner_rays(G: Array, modules: int, change_cov: Array) -> tuple[Array, Array
         x, y, w = inverse @ np.array([modules * (p + 0.5), modules * (q + 0.5), 1.0])
         rays[k, 0], rays[k, 1] = x / w, y / w
         for row in range(2):
-            # What moves the pattern's coordinates by a change moves its corners the other way.
+            # A change that moves the pattern's coordinates moves its corners the opposite way.
             by_u = -(inverse[row, 0] - rays[k, row] * inverse[2, 0]) / w
             by_v = -(inverse[row, 1] - rays[k, row] * inverse[2, 1]) / w
             line = by_change[2 * k + row]

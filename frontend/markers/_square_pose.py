@@ -1,4 +1,4 @@
-"""The inner loop of `square_pose`: Levenberg-Marquardt over a square's pose, compiled."""
+"""Inner loop of `square_pose`: Levenberg-Marquardt over a square's pose, compiled."""
 
 import math
 
@@ -8,14 +8,14 @@ from ..compiled import compiled
 from ..se2 import Array
 
 ROUNDS = 30
-"""Levenberg-Marquardt steps at most; a handful do unless the square is tiny."""
+"""Most Levenberg-Marquardt steps; a handful suffices unless the square is tiny."""
 
 
 @compiled
 def settle(
     outline: Array, rays: Array, weight: Array, rotation: Array, shift: Array
 ) -> tuple[Array, Array, Array, float]:
-    """Levenberg-Marquardt: the pose, its (6, 6) information in (turn, shift), and the weighted square sum."""
+    """Levenberg-Marquardt: returns the pose, its (6, 6) information in (turn, shift), and chi-square."""
     misses = np.zeros(8)
     jacobian = np.zeros((8, 6))
     trial_misses = np.zeros(8)
@@ -55,9 +55,9 @@ def settle(
 
 @compiled
 def _misses(outline: Array, rays: Array, rotation: Array, shift: Array, misses: Array, jacobian: Array) -> bool:
-    """The corners' misses (8,), seen less expected, and d expected / d (turn, shift), (8, 6). False: behind the camera.
+    """Residuals (8,) of the corners, seen minus expected, and d expected / d (turn, shift), (8, 6).
 
-    The turn is a small rotation about the camera's axes, after the rotation.
+    The turn is a small rotation about the camera's axes, after the rotation. False: behind the camera.
     """
     for k in range(4):
         a = rotation[0, 0] * outline[k, 0] + rotation[0, 1] * outline[k, 1]
@@ -88,7 +88,7 @@ def _misses(outline: Array, rays: Array, rotation: Array, shift: Array, misses: 
 
 @compiled
 def _rotation(turn: Array) -> Array:
-    """Rodrigues' formula, (3, 3)."""
+    """(3, 3) by Rodrigues' formula."""
     angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     cross = np.array([[0.0, -turn[2], turn[1]], [turn[2], 0.0, -turn[0]], [-turn[1], turn[0], 0.0]])
     if angle < 1e-12:

@@ -1,4 +1,4 @@
-"""A camera frame -> the ArUco markers in it, and where their centres are from the robot."""
+"""Detects ArUco markers in a camera frame and locates their centres relative to the robot."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -28,17 +28,17 @@ OPENCV = {
     "contour": cv2.aruco.CORNER_REFINE_CONTOUR,
     "apriltag": cv2.aruco.CORNER_REFINE_APRILTAG,
 }
-"""OpenCV's own refinements; what is not among them starts from none."""
+"""OpenCV's own corner refinements; any other method starts from unrefined corners."""
 
 ROUGH_SD = 0.3
 """px, of each corner along each axis, as OpenCV leaves it."""
 
 CELL = 8
-"""px of a module when a square is straightened to be read; OpenCV's 4 loses one in ten markers of 15 px."""
+"""px per module when a square is rectified for reading; OpenCV's 4 loses one in ten markers of 15 px."""
 
 
 FARTHEST, LARGEST_SHARE = 2.0, 0.04
-"""px, and share of a marker's size, that a refined corner may be from where it was found; most are within a pixel."""
+"""px, and share of a marker's size, by which refinement may move a corner; most move less than a pixel."""
 
 
 class Sighting(NamedTuple):
@@ -48,10 +48,10 @@ class Sighting(NamedTuple):
     corners: Array  # (4, 2) px, clockwise from the marker's own top left one
     corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
-    centre: Array  # (3,) m, the marker's centre in the camera frame, over all poses that explain the corners
+    centre: Array  # (3,) m, the marker's centre in the camera frame, averaged over the poses that explain the corners
     centre_cov: Array  # (3, 3) m^2
     error: float  # px, RMS distance of the corners from where `pose` puts them
-    ambiguity: float  # likelihood of the other pose that explains a square over that of `pose`; 1: cannot be told apart
+    ambiguity: float  # likelihood ratio of the second pose that explains the square; 1: indistinguishable
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class Detector:
         return {}
 
     def _pattern(self, name: int) -> NDArray[np.bool_]:
-        """What marker `name` looks like."""
+        """The printed pattern of marker `name`."""
         if name not in self._patterns:
             dictionary = self.markers.opencv
             modules = dictionary.markerSize + 2
@@ -85,7 +85,7 @@ class Detector:
         return self._patterns[name]
 
     def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
-        """The markers of a grey or BGR `image`, in the order of their ids, and how many were turned down and why.
+        """Detects the markers in a grey or BGR `image`, sorted by id, and counts rejections by reason.
 
         Of several with one id the largest in the image stays. InputError for an image that is not of the camera's size.
         """
@@ -118,7 +118,7 @@ class Detector:
         return alone, rejected
 
     def _refine(self, grey: Image, name: int, corners: Array) -> tuple[Array, Array] | None:
-        """The corners' rays (4, 2) and their covariance (8, 8); None where the marker is not in the frame after all."""
+        """The corners' rays (4, 2) and their covariance (8, 8); None where the marker is not in the frame."""
         rays = self.camera.undistort(corners)
         if not np.isfinite(rays).all():
             return None
@@ -130,7 +130,7 @@ class Detector:
         moved = self.camera.project(np.column_stack((fit.rays, np.ones(4)))) - corners
         if not np.abs(moved).max() < FARTHEST + LARGEST_SHARE * np.ptp(corners, axis=0).max():
             return None
-        # What the model leaves out is in the image; in the middle of it a pixel is one over the focal length.
+        # The model's errors are in the image; at its centre a pixel is one over the focal length.
         return fit.rays, fit.cov + (template.MODEL_SD / self.camera.focal[0]) ** 2 * np.eye(8)
 
     def _cov_of_rays(self, rays: Array, sd: float) -> Array:
@@ -139,10 +139,10 @@ class Detector:
         return sd**2 * by_pixel @ by_pixel.T
 
     def locate(self, name: int, rays: Array, cov: Array) -> Sighting | None:
-        """The pose of the marker whose four corners have the `rays` (4, 2) with covariance (8, 8); None: there is none.
+        """The pose of the marker whose corners have `rays` (4, 2) with covariance (8, 8); None without a solution.
 
-        A small square has two poses that put its corners almost alike. `pose` is the likelier one; `centre` and its
-        covariance are those of both, each with its likelihood, so that they hold whichever it is.
+        A small square has two poses that project almost alike. `pose` is the likelier one; `centre` and its covariance
+        are those of the mixture of both, weighted by likelihood.
         """
         poses = square_poses(rays, cov, self.markers.side_of(name))
         if not poses:
@@ -178,7 +178,7 @@ def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:
 
 
 def _mixture(poses: Sequence[SquarePose], weights: Array) -> tuple[Array, Array]:
-    """The mean (3,) and the covariance (3, 3) of the centre, which is that of pose k with probability weights[k]."""
+    """Mean (3,) and covariance (3, 3) of the centre, that of pose k with probability weights[k]."""
     centres = np.array([solution.pose[:3, 3] for solution in poses])
     mean = weights @ centres
     apart = centres - mean
@@ -199,7 +199,7 @@ def _by_ray(camera: Camera, rays: Array) -> Array:
 
 
 def _within(one: Sighting, other: Sighting) -> bool:
-    """Whether `one` lies in the larger `other`, where nothing but the other's own pattern is printed."""
+    """Tells if `one` lies in the larger `other`, where only the other's own pattern is printed."""
     if one is other or _area(one.corners[None])[0] > _area(other.corners[None])[0]:
         return False
     return cv2.pointPolygonTest(other.corners.astype(np.float32), one.corners.mean(axis=0), False) > 0

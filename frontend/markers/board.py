@@ -1,4 +1,4 @@
-"""A ChArUco board, a chessboard with markers in its white squares, and its corners in an image."""
+"""ChArUco boards, chessboards with markers in their white squares, and the detection of their corners."""
 
 import re
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from .aruco import Image
 from .markers import find
 
 FEWEST_CORNERS = 8
-"""of an image that is used; they must not be on one line."""
+"""Fewest corners of a usable image; they must not be collinear."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Board:
 
     @cached_property
     def opencv(self) -> cv2.aruco.CharucoBoard:
-        """OpenCV's; InputError for measures that no board has."""
+        """OpenCV's board; InputError for impossible dimensions."""
         if not 0 < self.marker < self.square < np.inf:
             raise InputError(
                 f"board: found markers of {self.marker:g} m in squares of {self.square:g} m, expected them smaller"
@@ -49,7 +49,7 @@ class Board:
 
 
 class View(NamedTuple):
-    """An image and the board's corners in it."""
+    """An image's name and the board's corners in it."""
 
     name: str
     ids: Ints  # (n,) of the corners
@@ -58,7 +58,7 @@ class View(NamedTuple):
 
 
 def read_board(text: str) -> Board:
-    """The board that `text`, such as charuco[columns=5,rows=7], tells of; InputError for what cannot be one."""
+    """Parses a board such as charuco[columns=5,rows=7]; InputError if it is not valid."""
     form = re.fullmatch(r"\s*charuco\s*(?:\[(.*)\])?\s*", text)
     if form is None:
         raise InputError(f"--board: found {text!r}, expected charuco[columns=5,rows=7,square=0.04,marker=0.02,...]")
@@ -96,7 +96,7 @@ _READERS = {
 
 
 def find_corners(board: Board, name: str, image: Image) -> View | str:
-    """The board's corners in a grey or BGR `image`, or in a few words why it is of no use."""
+    """Detects the board's corners in a grey or BGR `image`, or returns in a few words why it is unusable."""
     corners, ids, markers = _detect(board, image)
     found = len(ids)
     if found == 0 and markers:
@@ -112,12 +112,12 @@ def find_corners(board: Board, name: str, image: Image) -> View | str:
     if found < FEWEST_CORNERS:
         return f"{found} corners, fewer than {FEWEST_CORNERS}"
     if np.linalg.matrix_rank(points[:, :2] - points[0, :2]) < 2:
-        return "all corners on one line"
+        return "all corners are collinear"
     return View(name, numbers, corners[order], points)
 
 
 def _detect(board: Board, image: Image) -> tuple[Array, Ints, int]:
-    """Corners (n, 2), px, their ids (n,), and how many markers were found; OpenCV has None for nothing."""
+    """Corners (n, 2), px, their ids (n,), and the number of markers found; OpenCV returns None for none."""
     parts: tuple[Any, ...] = cv2.aruco.CharucoDetector(board.opencv).detectBoard(image)
     corners, ids, markers = (np.zeros(0) if part is None else np.asarray(part) for part in (*parts[:2], parts[3]))
     return corners.reshape(-1, 2).astype(float), ids.ravel().astype(np.int64), markers.size

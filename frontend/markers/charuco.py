@@ -1,7 +1,7 @@
-"""Calibrating a camera from views of a ChArUco board.
+"""Calibrates a camera from views of a ChArUco board.
 
-OpenCV finds the camera that explains the board's corners best; how well the views determine it is worked out here, and
-views that do not are refused with the reason.
+OpenCV estimates the camera; the uncertainty is computed here, and views that do not determine the camera are refused
+with the reason.
 """
 
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ from .board import View
 
 FEWEST_VIEWS = 4
 LEAST_TURN = 2.0
-"""Degrees between the two views that differ most in how the board is turned: less, and no focal length shows."""
+"""Least largest difference, in degrees, of the board's orientations: below, the focal length is unobservable."""
 
 ENOUGH_TURN = 20.0
-"""Degrees from which on it is not for want of tilt that a focal length is not known."""
+"""Degrees from which a poorly determined focal length is not due to a lack of tilt."""
 
 LARGEST_SD, LARGE_SD = 0.05, 0.01
-"""Of the focal length, as a share of it: more is refused; more is remarked on."""
+"""Relative standard deviations of the focal length: above the first is refused, above the second remarked on."""
 
 GRID = (8, 6)
-"""Parts across and down that an image is divided into to say how much of it the corners cover."""
+"""Cells across and down for the share of the image that corners cover."""
 
 LEAST_COVERAGE = 0.5
 OUTLYING = 2.5
-"""times the median error of all views, from which on a view is named as a bad one."""
+"""Multiple of the median error from which a view is reported as bad."""
 
 _ROUNDING = 1e-15
-"""Of a scaled normal matrix's eigenvalues: smaller ones are nothing."""
+"""Eigenvalues of the scaled normal matrix below this count as zero."""
 
 MODELS = {
     "5": 0,
@@ -46,11 +46,11 @@ MODELS = {
 """Lens model -> OpenCV's flags; a number is that of a pinhole's coefficients."""
 
 FISHEYE_STARTS = (1 / np.pi, 0.5, 0.75)
-"""Focal lengths to start a fisheye's search from, in the image's longer side; the first is that of 180 degrees."""
+"""Initial focal lengths of a fisheye, in units of the image's longer side; the first is that of 180 degrees."""
 
 
 class Fit(NamedTuple):
-    """How a view is explained."""
+    """The fit of one view."""
 
     view: View
     residuals: Array  # (n, 2) px, seen minus expected
@@ -60,31 +60,31 @@ class Fit(NamedTuple):
 
 
 class _Solution(NamedTuple):
-    """What OpenCV's calibrations return."""
+    """The output of OpenCV's calibrations."""
 
     k: Array  # (3, 3)
     d: Array  # (d,) or more
-    turns: Sequence[Array]  # a view's rotation vector each
+    turns: Sequence[Array]  # one rotation vector per view
     shifts: Sequence[Array]  # m
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A camera, and how far to trust it."""
+    """A camera and its uncertainty."""
 
     camera: Camera  # mounted at the robot's origin, axes alike
     fits: list[Fit]
     rms: float  # px, of all corners' distances
     sd: Array  # (4 + d,) of fx, fy, cx and cy, px, and of the lens's coefficients
-    turn: float  # degrees between the two views that differ most in how the board is turned
-    coverage: float  # share of the parts of the image that have a corner
+    turn: float  # degrees between the two views that differ most in the board's orientation
+    coverage: float  # share of the image's cells with a corner
     remarks: list[str]  # sentences
 
 
 def calibrate(views: Sequence[View], size: tuple[int, int], model: str) -> Calibration:
-    """The camera, of `size` width and height (px), that took the `views`, with a lens of MODELS' `model`.
+    """Estimates the camera of `size` width and height (px) that took the `views`, with a lens of MODELS' `model`.
 
-    InputError, with what to do about it, where the views are too few, too alike or do not determine the focal length.
+    InputError, with advice, where views are too few, too alike or do not determine the focal length.
     """
     if len(views) < FEWEST_VIEWS:
         raise InputError(
@@ -112,13 +112,13 @@ def calibrate(views: Sequence[View], size: tuple[int, int], model: str) -> Calib
 
 
 def _undetermined(turn: float, share: float, model: str) -> InputError:
-    """What is wrong with views that leave the focal length open, to a `share` of it, and what to do."""
-    uncertain = f"known to {100 * share:.2g} %" if share < 1 else "as good as unknown"
+    """Words the error for views that leave the focal length uncertain, by a `share` of it, with advice."""
+    uncertain = f"known to {100 * share:.2g} %" if share < 1 else "practically unknown"
     wanted = f"expected {100 * LARGEST_SD:g} % or better"
     if turn < ENOUGH_TURN:
         return InputError(
-            f"calibration: found views too alike: the board is turned by at most {turn:.1f} degrees from one to "
-            f"another, and the focal length is {uncertain}, {wanted}: add views with the board tilted by 20 to 45 "
+            f"calibration: found views that are too similar: the board turns by at most {turn:.1f} degrees from one to "
+            f"the next, and the focal length is {uncertain}, {wanted}: add views with the board tilted by 20 to 45 "
             "degrees, to the left, right, top and bottom"
         )
     return InputError(
@@ -129,20 +129,20 @@ def _undetermined(turn: float, share: float, model: str) -> InputError:
 
 
 def coverage(corners: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """(GRID across, GRID down) which parts of an image of `size` have one of the `corners` (n, 2), px."""
+    """(GRID across, GRID down) the cells of an image of `size` that contain one of the `corners` (n, 2), px."""
     edges = [np.linspace(-0.5, side - 0.5, parts + 1) for side, parts in zip(size, GRID, strict=True)]
     return np.histogram2d(corners[:, 0], corners[:, 1], edges)[0] > 0
 
 
 def _solve(views: Sequence[View], size: tuple[int, int], model: str) -> tuple[Camera, list[Array]]:
-    """OpenCV's camera and its T_camera_board of each view."""
+    """OpenCV's camera and T_camera_board of each view."""
     solve = _fisheye if model == "fisheye" else _pinhole
     try:
         k, d, turns, shifts = solve(views, size, MODELS[model])
     except cv2.error:
         raise InputError(
-            f"calibration: found views from which no camera with the lens model {model} can be worked out; expected "
-            "more of them, with the board large and tilted every way, or another --model"
+            f"calibration: no camera with the lens model {model} could be estimated from these views; expected "
+            "more views, with the board large and tilted every way, or another --model"
         ) from None
     poses: list[Array] = []
     for turn, shift in zip(turns, shifts, strict=True):
@@ -163,7 +163,7 @@ def _pinhole(views: Sequence[View], size: tuple[int, int], flags: int) -> _Solut
 
 
 def _fisheye(views: Sequence[View], size: tuple[int, int], flags: int) -> _Solution:
-    """The best of several starts: from a bad one OpenCV's search fails or ends elsewhere."""
+    """The best of several starts: from a bad one OpenCV's search fails or finds a local minimum."""
     points, corners = [view.points[None] for view in views], [view.corners[None] for view in views]
     best: tuple[Any, ...] | None = None
     failure: cv2.error | None = None
@@ -180,14 +180,14 @@ def _fisheye(views: Sequence[View], size: tuple[int, int], flags: int) -> _Solut
             if best is None or solution[0] < best[0]:
                 best = solution
     if best is None:
-        raise failure or cv2.error("no start led anywhere")
+        raise failure or cv2.error("every start failed")
     return _Solution(*best[1:])
 
 
 def _standard_deviations(camera: Camera, fits: Sequence[Fit]) -> Array:
-    """(4 + d,) of fx, fy, cx, cy and the distortion: the least-squares problem's covariance, all poses eliminated.
+    """(4 + d,) of fx, fy, cx, cy and the distortion, with all poses marginalised out of the least-squares problem.
 
-    The noise is that of the residuals. Huge where the views leave a parameter free.
+    The noise is that of the residuals. Huge where the views leave a parameter undetermined.
     """
     count = 4 + len(camera.distortion)
     normal = np.zeros((count, count))
@@ -200,7 +200,7 @@ def _standard_deviations(camera: Camera, fits: Sequence[Fit]) -> Array:
         slopes = np.asarray(slopes, float)
         inner, outer = (slopes[:, :8], slopes[:, 8:14]) if camera.model == "fisheye" else (slopes[:, 6:], slopes[:, :6])
         left = np.linalg.qr(outer)[0]
-        free = inner - left @ (left.T @ inner)  # what of the camera no change of this view's pose could explain
+        free = inner - left @ (left.T @ inner)  # the camera's information, this view's pose marginalised
         normal += free.T @ free
         squares += float((fit.residuals**2).sum())
         numbers += fit.residuals.size - 6
@@ -213,14 +213,12 @@ def _standard_deviations(camera: Camera, fits: Sequence[Fit]) -> Array:
 def _remarks(camera: Camera, fits: Sequence[Fit], rms: float, share: float, covered: float) -> list[str]:
     remarks: list[str] = []
     remarks += [
-        f"{fit.view.name} is explained badly, to {fit.error:.2f} px: look whether it is blurred or the board bent"
+        f"{fit.view.name} fits badly, to {fit.error:.2f} px: check if it is blurred or the board is bent"
         for fit in fits
         if fit.bad
     ]
     if rms > 1:
-        remarks.append(
-            f"the corners are explained to {rms:.1f} px only: look at the board's numbers, or try a richer lens"
-        )
+        remarks.append(f"the corners fit to {rms:.1f} px only: check the board's dimensions, or try a richer lens")
     if share > LARGE_SD:
         remarks.append(f"the focal length is known to {100 * share:.1f} % only: add views with the board tilted more")
     if covered < LEAST_COVERAGE:
@@ -230,7 +228,7 @@ def _remarks(camera: Camera, fits: Sequence[Fit], rms: float, share: float, cove
     rim = np.array([[0, 0], [camera.width - 1, 0], [0, camera.height - 1], [camera.width - 1, camera.height - 1]])
     if camera.model == "pinhole" and np.isnan(camera.undistort(rim)).any():
         remarks.append(
-            "the lens model turns back within the image, whose corners are of no use: add views with the "
+            "the lens model turns back within the image, making its corners unusable: add views with the "
             "board there, or take fewer coefficients"
         )
     return remarks

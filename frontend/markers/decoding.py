@@ -1,8 +1,8 @@
-"""Which dictionary would read the squares in some frames: every one known is tried, mirrored and as a negative too.
+"""Finds the dictionary that reads the squares in some frames: all known ones, also mirrored and inverted.
 
-A detector decides on the dictionary first. Here each square outline is sampled once for every number of bits, and only
-a clean sample counts: a border of one colour, and hardly a cell that is half black and half white. A marker read with
-another number of bits than its own, and clutter, hardly ever pass; how often they would by chance is worked out.
+A detector needs its dictionary in advance. Here each square outline is sampled once per number of bits, and only clean
+samples count: a border of one colour, and hardly a cell that is half black and half white. Clutter, or a marker with
+another number of bits, hardly ever passes; the rate of chance readings is estimated.
 """
 
 from collections import Counter, defaultdict
@@ -32,47 +32,47 @@ FAMILIES = {
     "APRILTAG_36H11": (),
     "APRILTAG_36H10": (),
 }
-"""Dictionaries none of which holds another, and the smaller ones that each begins with."""
+"""Dictionaries of which none contains another, and their smaller prefixes."""
 
 CLEAN = 0.9
-"""The share of a sample's cells whose points agree, all but one."""
+"""Least share of a sample's cells whose points agree, all but one."""
 
 BY_CHANCE = 0.004
-"""Readings that chance explains as often as this are not believed."""
+"""Readings are rejected if at least this likely by chance."""
 
 READ = 0.5
-"""The least share of the clean squares with its number of bits that a dictionary reads which is believed."""
+"""Least share of the clean squares with its number of bits that an accepted dictionary reads."""
 
 _POINTS = (0.3, 0.5, 0.7)
-"""Where a cell is sampled, across and down."""
+"""Sample positions in a cell, across and down."""
 
 RIM = 0.4
-"""Cells outside the black border at which the rim has to be white."""
+"""Cells outside the black border where the rim has to be white."""
 
 LEAST_CONTRAST = 8.0
-"""Grey levels; OpenCV wants 7 between a square and its surroundings."""
+"""Grey levels; OpenCV requires 7 between a square and its surroundings."""
 
 
 class Reading(NamedTuple):
-    """What one dictionary makes of the frames."""
+    """The markers that one dictionary reads in the frames."""
 
     dictionary: str  # the smallest with all `ids`
     mirrored: bool  # as if seen in a mirror
-    inverted: bool  # white for black
-    ids: list[int]  # that were read, each once
-    frames: int  # that hold one of them
+    inverted: bool  # black and white exchanged
+    ids: list[int]  # distinct ids read
+    frames: int  # with at least one of them
     sightings: int
 
 
 class Decoded(NamedTuple):
-    """What the frames hold."""
+    """The result over all frames."""
 
-    readings: list[Reading]  # that chance does not explain; the one with the most sightings first
-    framed: int  # frames with a black square that looks like a marker
+    readings: list[Reading]  # significant ones, most sightings first
+    framed: int  # number of frames with a marker-like black square
 
 
 def decode(images: Sequence[Image], own: str, words: cv2.aruco.Dictionary) -> Decoded:
-    """The markers in `images` by every dictionary known, and by `words`, the one that is called `own`."""
+    """Reads the markers in `images` with every known dictionary, and with `words`, the dictionary named `own`."""
     tables = {name: _table(name) for name in FAMILIES}
     if own not in {name for family, smaller in FAMILIES.items() for name in (family, *smaller)}:
         tables[own] = _words(words)
@@ -104,10 +104,10 @@ def decode(images: Sequence[Image], own: str, words: cv2.aruco.Dictionary) -> De
 
 
 def _believed(ids: int, sightings: int, crowd: Sequence[int], rate: float) -> bool:
-    """Whether chance does not explain what a dictionary reads in `crowd` squares a frame, each by chance at `rate`.
+    """Tests a dictionary's readings against chance, which reads each of `crowd` squares per frame at `rate`.
 
-    The same square in several frames is one piece of evidence, so only distinct ids count: that there are as many is
-    about as likely as Poisson's law has it.
+    The same square in several frames is one piece of evidence, so only distinct ids count, with a Poisson tail
+    probability.
     """
     chance = (max(crowd) * min(1.0, rate)) ** ids / factorial(ids)
     return chance < (BY_CHANCE if sightings > 1 else BY_CHANCE**2) and sightings >= READ * sum(crowd)
@@ -121,7 +121,7 @@ def _table(name: str) -> tuple[int, dict[bytes, int]]:
 def _words(dictionary: cv2.aruco.Dictionary) -> tuple[int, dict[bytes, int]]:
     """The bits along a side, and each marker's bits -> its id."""
     size, count = dictionary.markerSize, len(dictionary.bytesList)
-    turned = np.asarray(dictionary.bytesList).reshape(count, -1)[:, : -(-size * size // 8)]  # as it is; not its turns
+    turned = np.asarray(dictionary.bytesList).reshape(count, -1)[:, : -(-size * size // 8)]  # upright; not rotated
     table: dict[bytes, int] = {}
     for index, packed in enumerate(turned):
         bits = np.unpackbits(packed)
@@ -137,13 +137,13 @@ def _look_up(table: dict[bytes, int], bits: NDArray[np.bool_], mirrored: bool) -
 
 
 def _smallest(name: str, count: int, ids: Sequence[int]) -> tuple[str, int]:
-    """The smallest dictionary of a family that has all of `ids`, and how many markers it has."""
+    """The smallest dictionary of a family with all of `ids`, and its number of markers."""
     sizes = [(small, int(small.rpartition("_")[2])) for small in FAMILIES.get(name, ())]
     return next(((small, size) for small, size in sizes if max(ids) < size), (name, count))
 
 
 def _patterns(grey: Image, finder: cv2.aruco.ArucoDetector, sizes: Sequence[int]) -> Iterator[NDArray[np.bool_]]:
-    """The bits (n, n) of every black square in `grey` that is clean for one of the `sizes` n, whoever can read them."""
+    """Yields the bits (n, n) of every clean black square in `grey`, for each of the `sizes` n."""
     decoded, _, others = finder.detectMarkers(grey)
     for quad in np.array([*decoded, *others], float).reshape(-1, 4, 2):
         for size in sizes:
@@ -153,7 +153,7 @@ def _patterns(grey: Image, finder: cv2.aruco.ArucoDetector, sizes: Sequence[int]
 
 
 def _sample(grey: Image, quad: Array, size: int) -> NDArray[np.bool_] | None:
-    """(size, size) the bits in a square outline (4, 2) px, if border, white rim and all cells are clean."""
+    """(size, size) the bits in a square outline (4, 2) px, or None unless border, white rim and all cells are clean."""
     cells, points = size + 2, len(_POINTS)
     at = np.concatenate(([-RIM], (np.arange(cells)[:, None] + _POINTS).ravel(), [cells + RIM]))
     x, y = np.meshgrid(at, at)

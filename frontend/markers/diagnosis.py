@@ -1,4 +1,4 @@
-"""Why hardly a marker was found: sentences for whoever has to mend it."""
+"""Diagnoses recordings in which hardly any marker was found, in sentences for the user."""
 
 from collections.abc import Sequence
 
@@ -12,31 +12,33 @@ from .markers import Markers, find
 from .sharpness import blur
 
 MOST = 12
-"""Frames that are looked at, spread over those given."""
+"""Most frames examined, spread over those given."""
 
 DARK, BRIGHT, FLAT = 40, 250, 25
 """Grey levels: a frame of which 99 % is darker is too dark; brighter is saturated; a frame with less range is flat."""
 
 SATURATED = 0.5
-"""The share of saturated pixels from which on a frame is over-exposed."""
+"""Share of saturated pixels from which a frame is over-exposed."""
 
 BLURRED = 2.2
-"""px of `sharpness.blur`. Rendered frames of a room, 640 px wide, measure 0.5 with the lens in focus; where the lens
-has blurred them by 2 px they measure 1.6, and two thirds of the markers are still found; at 3.5 px, 2.3 to 2.7, and
-hardly one."""
+"""px of `sharpness.blur`.
+
+Rendered frames of a room, 640 px wide, measure 0.5 in focus; at a lens blur of 2 px they measure 1.6, and two thirds of
+the markers are still found; at 3.5 px, 2.3 to 2.7, and hardly any.
+"""
 
 READABLE = 15
-"""px, the side of a marker that is found in four of five frames."""
+"""px, side of a marker that is found in four of five frames."""
 
 NEAR, FAR = 0.05, 30.0
-"""m, distances at which no camera reads a marker that is printed on paper."""
+"""m, distances at which no camera reads a marker printed on paper."""
 
 
 def diagnose(images: Sequence[Image], markers: Markers, camera: Camera) -> list[str]:
-    """Sentences on what is wrong with frames in which hardly a marker was found; none where markers are read.
+    """Returns sentences on what is wrong with frames in which hardly any marker was found; none where markers are read.
 
-    `images` are grey or BGR; at most `MOST` of them are looked at. Another dictionary is only named where chance does
-    not explain that it reads so many squares. InputError for a dictionary that there is not.
+    `images` are grey or BGR; at most `MOST` are examined. Another dictionary is only named if its readings are
+    significant. InputError for an unknown dictionary.
     """
     if not images:
         return []
@@ -55,16 +57,14 @@ def diagnose(images: Sequence[Image], markers: Markers, camera: Camera) -> list[
     if not decoded.framed:
         return [f"nothing in {frames} looks like a marker: a black square, white all around it"]
     hold = "hold" if decoded.framed > 1 else "holds"
-    unread = (
-        f"{decoded.framed} of {frames} {hold} black squares with a pattern inside that no dictionary known here reads"
-    )
-    return [f"{unread}; one's own is named as a file or as custom[count=30,size=4,seed=0]"]
+    unread = f"{decoded.framed} of {frames} {hold} black squares with a pattern inside that no known dictionary reads"
+    return [f"{unread}; name a custom dictionary as a file or as custom[count=30,size=4,seed=0]"]
 
 
 def plausible_length(sightings: Sequence[Sighting], markers: Markers) -> str | None:
-    """A sentence where the markers would be too near or too far to be seen: their side is in other units than metres.
+    """Returns a sentence if the markers would be too near or too far to be seen: the side is not in metres.
 
-    The median distance of all `sightings` from the camera decides; None where it is believable.
+    The median distance of all `sightings` from the camera decides; None where it is plausible.
     """
     if not sightings:
         return None
@@ -80,7 +80,7 @@ def plausible_length(sightings: Sequence[Sighting], markers: Markers) -> str | N
 
 
 def _as_expected(reading: Reading, markers: Markers) -> bool:
-    """Whether the recording's own dictionary has the markers that were read, and they are neither way round."""
+    """Tells if the recording's own dictionary has the markers that were read, neither mirrored nor inverted."""
     own, other = markers.opencv, find(reading.dictionary, markers.folder)
     if reading.mirrored or reading.inverted or own.markerSize != other.markerSize:
         return False
@@ -97,16 +97,16 @@ def _reading(reading: Reading, markers: Markers, frames: int) -> str:
     says = "" if same else f"; the recording says {markers.dictionary}"
     name = markers.dictionary if same else reading.dictionary
     if reading.mirrored and reading.inverted:
-        return f"the image is mirrored and a negative: set right, {name} {facts}{says}"
+        return f"the image is mirrored and inverted: once corrected, {name} {facts}{says}"
     if reading.mirrored:
-        return f"the image is mirrored: flipped left to right, {name} {facts}{says}"
+        return f"the image is mirrored: once flipped left to right, {name} {facts}{says}"
     if reading.inverted:
-        return f"the markers are white on black: with black and white exchanged, {name} {facts}{says}"
+        return f"the markers are white on black: once inverted, {name} {facts}{says}"
     return f"{name} {facts}{says}"
 
 
 def _exposure(greys: Sequence[Image]) -> list[str]:
-    """At most one sentence on how bright the frames are; the median frame decides."""
+    """At most one sentence on the exposure; the median frame decides."""
     low, high = np.median([np.percentile(grey[::2, ::2], (1, 99)) for grey in greys], axis=0)
     bright = float(np.median([(grey >= BRIGHT).mean() for grey in greys]))
     if bright > SATURATED:
@@ -114,7 +114,7 @@ def _exposure(greys: Sequence[Image]) -> list[str]:
     if high < DARK:
         return [f"the image is too dark: 99 % of a frame's pixels are below {high:.0f} of 255"]
     if high - low < FLAT:
-        return [f"the image is without contrast: nearly all grey levels are between {low:.0f} and {high:.0f} of 255"]
+        return [f"the image lacks contrast: nearly all grey levels are between {low:.0f} and {high:.0f} of 255"]
     return []
 
 
@@ -122,7 +122,7 @@ def _blur(greys: Sequence[Image]) -> list[str]:
     deviation = blur(greys)
     if deviation is None or deviation < BLURRED:
         return []
-    seen, expected = (f"{2.56 * s:.0f}" for s in (deviation, BLURRED))  # from 10 % to 90 % of the step
+    seen, expected = (f"{2.56 * s:.0f}" for s in (deviation, BLURRED))  # 10 % to 90 % edge width
     return [f"the image is blurred, by the lens or by motion: even sharp edges are {seen} px wide, expected {expected}"]
 
 
@@ -131,7 +131,7 @@ def _size(markers: Markers, camera: Camera) -> list[str]:
     reach = min(camera.focal) * side / READABLE
     if reach >= 1:
         return []
-    narrow = f"a marker of {side:g} m is {READABLE} px wide at {reach:.2g} m from this camera and hardly found beyond"
+    narrow = f"a marker of {side:g} m is {READABLE} px wide at {reach:.2g} m from this camera and rarely found beyond"
     return [f"{narrow}: print them larger, or take images of more pixels"]
 
 

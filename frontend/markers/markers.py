@@ -1,4 +1,4 @@
-"""Which square markers are in the world: their dictionary, and how large each is printed."""
+"""The square markers of a recording: their dictionary and printed sizes."""
 
 import difflib
 import math
@@ -15,26 +15,26 @@ from ..errors import InputError
 from ..files import write_whole
 
 LONGEST = 10.0
-"""m; no printed marker is as long, but lengths in millimetres or centimetres are."""
+"""m; longer than any printed marker, but shorter than lengths given in millimetres or centimetres."""
 
 MOST, SMALLEST, LARGEST = 1000, 3, 8
 """The markers, and the bits along a side, of a custom dictionary."""
 
-CUSTOM = "a custom one is written custom[count=30,size=4,seed=0] or custom[base=4X4_50,count=80,seed=0], or is a file"
+CUSTOM = "write a custom one as custom[count=30,size=4,seed=0] or custom[base=4X4_50,count=80,seed=0], or give a file"
 
 
 @dataclass(frozen=True, eq=False)
 class Markers:
-    """The markers of one dictionary; all of one size, but for those named in `sides`."""
+    """The markers of one dictionary; all of one size, except those in `sides`."""
 
-    dictionary: str  # OpenCV's name without its prefix, such as 4X4_50; or as `find` takes it
+    dictionary: str  # OpenCV's name without its prefix, such as 4X4_50; or as `find` accepts it
     side: float  # m, of the black square
-    sides: Mapping[int, float] = field(default_factory=dict[int, float])  # id -> m, where it is another
-    folder: Path | None = None  # what the path of a dictionary's file is relative to; None: the working directory
+    sides: Mapping[int, float] = field(default_factory=dict[int, float])  # id -> m, where it differs
+    folder: Path | None = None  # base of a dictionary file's relative path; None: the working directory
 
     @cached_property
     def opencv(self) -> cv2.aruco.Dictionary:
-        """The dictionary's words. InputError where there is none of that name."""
+        """OpenCV's dictionary. InputError for an unknown name."""
         return find(self.dictionary, self.folder)
 
     def side_of(self, name: int) -> float:
@@ -42,7 +42,7 @@ class Markers:
         return self.sides.get(name, self.side)
 
     def check(self, where: str) -> None:
-        """InputError, beginning with `where`, for a side no marker has or an id that is not in the dictionary."""
+        """Raises InputError, beginning with `where`, for an invalid side or an id that is not in the dictionary."""
         _check_side(self.side, f"{where}: side")
         count = len(self.opencv.bytesList)
         for name, side in self.sides.items():
@@ -54,11 +54,11 @@ class Markers:
 
 
 def find(name: str, folder: Path | None = None) -> cv2.aruco.Dictionary:
-    """The dictionary of that name; InputError where there is none.
+    """Finds a dictionary by name; InputError if there is none.
 
-    `name` is OpenCV's without its prefix, such as 4X4_50; or `custom[count=30,size=4,seed=0]`, markers drawn at random
-    so that they differ as much as they can; or `custom[base=4X4_50,count=80,seed=0]`, more of them after those of
-    another; or the path of a file, relative to `folder`, in the format of cv2.aruco.Dictionary.writeDictionary.
+    `name` is OpenCV's without its prefix, such as 4X4_50; or `custom[count=30,size=4,seed=0]`, random markers as
+    different as possible; or `custom[base=4X4_50,count=80,seed=0]`, which extends another dictionary; or the path of a
+    file, relative to `folder`, in the format of cv2.aruco.Dictionary.writeDictionary.
     """
     if name.startswith("custom[") and name.endswith("]"):
         return _custom(name)
@@ -75,13 +75,13 @@ def find(name: str, folder: Path | None = None) -> cv2.aruco.Dictionary:
 
 @cache
 def predefined() -> dict[str, int]:
-    """OpenCV's dictionaries: name without prefix, in capitals -> its number."""
+    """OpenCV's dictionaries: upper-case name without prefix -> its number."""
     names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
     return {name.removeprefix("DICT_").upper(): getattr(cv2.aruco, name) for name in names}
 
 
 def write(path: Path, dictionary: cv2.aruco.Dictionary) -> None:
-    """Put `dictionary` in a file that `find`, and every program that uses OpenCV, can read.
+    """Writes `dictionary` to a file that `find`, and every program that uses OpenCV, can read.
 
     The ending chooses the format: .yml, .yaml, .xml or .json; InputError for another.
     """
@@ -103,7 +103,7 @@ def _check_side(side: float, where: str) -> None:
 
 
 def _custom(name: str) -> cv2.aruco.Dictionary:
-    """The dictionary a `custom[...]` describes."""
+    """Generates the dictionary a `custom[...]` describes."""
     given: dict[str, str] = {}
     for pair in name[len("custom[") : -1].split(","):
         key, equals, value = (part.strip() for part in pair.partition("="))
@@ -130,9 +130,9 @@ def _whole(text: str, low: int, high: int, where: str) -> int:
 
 @cache
 def _extended(count: int, size: int, base: str | None, seed: int) -> cv2.aruco.Dictionary:
-    """`count` markers of `size` x `size` bits, the first of them those of `base`.
+    """Generates `count` markers of `size` x `size` bits, the first of them those of `base`.
 
-    OpenCV draws them one after the other, and each takes longer: a thousand of 6 x 6 bits take ten seconds.
+    OpenCV's search slows down with every marker: a thousand of 6 x 6 bits take ten seconds.
     """
     grounds = (find(base),) if base is not None else ()
     words = cv2.aruco.extendDictionary(count, size, *grounds, randomSeed=seed)
@@ -140,7 +140,7 @@ def _extended(count: int, size: int, base: str | None, seed: int) -> cv2.aruco.D
         len(set(turned)) < 4 for turned in _turned(words)
     ):
         raise InputError(
-            f"marker dictionary: found no {count} markers of {size}x{size} bits that differ in every "
+            f"marker dictionary: could not generate {count} markers of {size}x{size} bits that differ in every "
             "orientation, expected fewer of them or a larger size"
         )
     return words
@@ -154,15 +154,13 @@ def _turned(dictionary: cv2.aruco.Dictionary) -> Iterator[list[bytes]]:
 
 
 def _read(path: Path) -> cv2.aruco.Dictionary:
-    """The dictionary in a file. Everything OpenCV takes on trust is looked at before it is handed over."""
+    """Reads the dictionary in a file, validating what OpenCV does not."""
     if not path.is_file():
         raise InputError(f"{path}: there is no such file, expected a marker dictionary")
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    except (cv2.error, SystemError):  # OpenCV's constructors fail with either
-        raise InputError(
-            f"{path}: found no YAML, XML or JSON as OpenCV writes it, expected a marker dictionary"
-        ) from None
+    except (cv2.error, SystemError):  # OpenCV raises either
+        raise InputError(f"{path}: not YAML, XML or JSON as OpenCV writes it, expected a marker dictionary") from None
     count, size = (_number(storage, key, path) for key in ("nmarkers", "markersize"))
     for index in range(count):
         word = storage.getNode(f"marker_{index}")

@@ -1,4 +1,4 @@
-"""How far a marker's range and bearing are trusted."""
+"""Noise models of a marker's range and bearing."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,21 +14,18 @@ class Noise(Protocol):
     """Turns sightings into measurements with their covariances."""
 
     def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
-        """z (k, 2), ranges (m) and bearings (rad) in the robot's plane, and cov (k, 2, 2).
-
-        `mounting` is T_robot_camera.
-        """
+        """z (k, 2), range (m) and bearing (rad) in the robot's plane, and cov (k, 2, 2); `mounting`: T_robot_camera."""
         ...
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What a log's notes say of it."""
+        """The model's entry in a log's notes."""
         ...
 
 
 @dataclass(frozen=True)
 class ProportionalNoise:
-    """Standard deviations that grow with the reading: ArUco EKF SLAM, eq. (10), with floors.
+    """Standard deviations proportional to the reading: ArUco EKF SLAM, eq. (10), with floors.
 
     The floors are not in the document: without them a marker straight ahead has a bearing without error.
     """
@@ -57,10 +54,10 @@ class ProportionalNoise:
 
 @dataclass(frozen=True)
 class PropagatedNoise:
-    """What the corners' covariance makes of range and bearing, through the marker's pose and the camera's mounting.
+    """Propagates the corners' covariance to range and bearing, through the marker's pose and the camera's mounting.
 
-    `scale` is for what the corners do not know of, such as a mounting or a calibration that is not exact: it multiplies
-    standard deviations; the floors are added.
+    `scale` covers errors not seen in the corners, such as an inexact mounting or calibration: it multiplies standard
+    deviations; the floors are added.
     """
 
     scale: float = 1.0

@@ -1,9 +1,9 @@
-"""The noise model's numbers from errors that are known: what a recording with truth says of its own sightings.
+"""Fits the noise models to the known errors of a recording with ground truth.
 
-Every fit is by maximum likelihood of independent Gaussian errors about zero, so a bias counts as noise. Gross outliers
-are trimmed: errors beyond `GATE` standard deviations of the fit are set aside and the fit is made again until the same
-ones stay aside; it begins without those that are far out by the median. Of Gaussian errors that takes one in 16,000.
-The standard errors take sightings to be independent. Those of one marker from frame to frame are not quite.
+Every fit is the maximum likelihood of independent zero-mean Gaussian errors, so a bias counts as noise. Gross outliers
+are trimmed: errors beyond `GATE` standard deviations are excluded and the fit is repeated until the same ones stay
+excluded; the first fit excludes those far out by the median. Of Gaussian errors that trims one in 16,000. The standard
+errors assume independent sightings; those of one marker in successive frames are not quite.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from ..errors import InputError
 from ..se2 import Array
 
 GATE = 4.0
-"""Standard deviations; for the two coordinates of a sighting together, the chi-square bound of the same probability."""
+"""Standard deviations; for both coordinates of a sighting together, the chi-square bound of the same probability."""
 
 FEWEST = 20
-"""Sightings; with fewer, two numbers for a slope and a floor mean nothing."""
+"""Fewest sightings to fit a slope and a floor."""
 
 _GATE_BOTH = 19.33  # -2 log(P(|x| > GATE)), chi-square with 2 degrees of freedom
 _ROUNDS = 30
-_LEAST = 1e-4  # of the mean variance, that a floor keeps: no covariance becomes singular
+_LEAST = 1e-4  # of the mean variance, kept by a floor so that no covariance becomes singular
 
 Mask = NDArray[np.bool_]
 Fit = TypeVar("Fit")
@@ -40,7 +40,7 @@ class Slope(NamedTuple):
 
 
 class Propagated(NamedTuple):
-    """A factor on stated standard deviations, and floors beside them, with their standard errors."""
+    """A factor on stated standard deviations and added floors, with their standard errors."""
 
     scale: float
     floors: Array  # (2,) m, rad
@@ -50,10 +50,10 @@ class Propagated(NamedTuple):
 
 
 def fit_slope(z: Array, errors: Array) -> Slope:
-    """k and the floor of ArUco EKF SLAM, eq. (10), for one coordinate: readings `z` (n,) and their errors (n,).
+    """Fits k and the floor of ArUco EKF SLAM, eq. (10), to one coordinate's readings `z` (n,) and errors (n,).
 
-    The floor is kept above a hundredth of the typical error, for a covariance to stay one. InputError for fewer than
-    `FEWEST` errors, and where all of them are zero.
+    The floor is kept above a hundredth of the typical error, so that the covariance stays valid. InputError for fewer
+    than `FEWEST` errors, and where all of them are zero.
     """
     squared = z**2
 
@@ -71,9 +71,9 @@ def fit_slope(z: Array, errors: Array) -> Slope:
 
 
 def fit_propagated(errors: Array, cov: Array) -> Propagated:
-    """The scale s and the floors f for which `errors` (n, 2) have the covariances s^2 cov + diag(f^2), cov (n, 2, 2).
+    """Fits scale s and floors f: `errors` (n, 2) have covariances s^2 cov + diag(f^2), cov (n, 2, 2).
 
-    The floors are what does not come from the corners, such as a mounting that rocks. InputError for fewer than
+    The floors cover errors that do not come from the corners, such as a rocking mounting. InputError for fewer than
     `FEWEST` errors, and where all of them are zero.
     """
 
@@ -86,7 +86,7 @@ def fit_propagated(errors: Array, cov: Array) -> Propagated:
     p, used = _trimmed(
         lambda mine: _variance_shares(errors[mine], cov[mine]), far, np.hypot(*(errors / _typical(errors)).T)
     )
-    # Fisher information of the three variances: tr(V^-1 dV/da V^-1 dV/db) / 2 a sighting.
+    # Fisher information of the three variances: tr(V^-1 dV/da V^-1 dV/db) / 2 per sighting.
     axes = np.broadcast_to(np.eye(2)[:, None, :, None] * np.eye(2)[:, None, None, :], (2, used.sum(), 2, 2))
     slopes = np.linalg.solve(spread(p)[used], np.concatenate((cov[used][None], axes)))
     information = np.einsum("anij,bnji->ab", slopes, slopes) / 2
@@ -101,9 +101,9 @@ def squares(errors: Array, cov: Array) -> Array:
 
 
 def _variance_line(x: Array, squared: Array) -> tuple[float, float]:
-    """a, b >= 0 of the variances a x + b that make zero-mean Gaussian errors with these squares the likeliest.
+    """The maximum-likelihood a, b >= 0 of variances a x + b of zero-mean Gaussian errors with these squares.
 
-    For a given share of the two the size follows in closed form, which leaves a search in one number.
+    For a given ratio of the two the scale follows in closed form, which leaves a one-dimensional search.
     """
     from scipy.optimize import minimize_scalar
 
@@ -127,7 +127,7 @@ def _variance_line(x: Array, squared: Array) -> tuple[float, float]:
 
 
 def _variance_shares(errors: Array, cov: Array) -> Array:
-    """(3,) the likeliest s^2, f_0^2, f_1^2 of the covariances s^2 cov + diag(f^2), searched for by their logarithms."""
+    """(3,) the maximum-likelihood s^2, f_0^2, f_1^2 of covariances s^2 cov + diag(f^2), searched in logarithms."""
     from scipy.optimize import minimize
 
     closed = max(float(squares(errors, cov).mean() / 2), 1e-12)
@@ -148,7 +148,7 @@ def _variance_shares(errors: Array, cov: Array) -> Array:
     least = np.log(np.array([_LEAST * min(closed, 1.0), *(_LEAST**2 * total)]))
     most = np.log(np.array([2 * closed, *(4 * total)]))
     bounds = list(zip(least, most, strict=True))
-    # From all in the corners, and from all in the floors.
+    # One start attributes all errors to the corners, the other all to the floors.
     starts = (
         np.array([np.log(closed), *(least[1:] + 2)]),
         np.array([least[0] + 2, *np.log(total)]),
@@ -159,19 +159,19 @@ def _variance_shares(errors: Array, cov: Array) -> Array:
 
 
 def _typical(errors: Array) -> Array:
-    """(2,) the root mean square of each coordinate, or 1 where there is no error at all."""
+    """(2,) the root mean square of each coordinate, or 1 where all errors are zero."""
     size = np.sqrt((errors**2).mean(axis=0))
     return np.where(size > 0, size, 1.0)
 
 
 def _trimmed(fitted: Callable[[Mask], Fit], far: Callable[[Fit], Array], size: Array) -> tuple[Fit, Mask]:
-    """The fit to those that are not `far` (beyond 1) by it, begun without those of a `size` far from the median."""
+    """Fits repeatedly to those not `far` (beyond 1), excluding at first those of a `size` far from the median."""
     if len(size) < FEWEST:
         raise InputError(f"noise: found {len(size)} sightings with a known error, expected at least {FEWEST}")
     used = size <= 5 * GATE * np.median(size)
     for _ in range(_ROUNDS):
         if not size[used].any():
-            raise InputError("noise: found no error at all in any sighting, expected some")
+            raise InputError("noise: found only sightings without error, expected nonzero errors")
         fit = fitted(used)
         now = far(fit) <= 1
         if (now == used).all() or now.sum() < FEWEST:
@@ -181,5 +181,5 @@ def _trimmed(fitted: Callable[[Mask], Fit], far: Callable[[Fit], Array], size: A
 
 
 def _root_error(variance: float, error: float) -> float:
-    """The standard error of a root from that of its square; where the square may be nothing, how large it may be."""
+    """The standard error of a root from that of its square; where the square may be zero, its upper limit."""
     return float(min(error / (2 * np.sqrt(variance)), np.sqrt(error)) if variance > 0 else np.sqrt(error))

@@ -1,4 +1,4 @@
-"""A recording, camera frames and encoder readings, -> the log every backend is given."""
+"""Builds a log from a recording of camera frames and encoder readings."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -18,28 +18,28 @@ from .noise import Noise
 
 
 class Frame(NamedTuple):
-    """One image, and when it was taken."""
+    """An image and its time."""
 
     t: float  # s, the middle of the exposure, by the clock of the motion's readings
     image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: it could not be decoded
 
 
 class Seen(NamedTuple):
-    """What the front end made of one frame."""
+    """The front end's result for one frame."""
 
     frame: Frame
-    sightings: list[Sighting]  # all that were found, those too far away as well
+    sightings: list[Sighting]  # all found, distant ones included
     z: Array  # (k, 2) their ranges (m) and bearings (rad)
     cov: Array  # (k, 2, 2)
-    kept: NDArray[np.bool_]  # (k,) near enough to be in the log
-    rejected: Counter[str]  # why others were turned down
+    kept: NDArray[np.bool_]  # (k,) near enough for the log
+    rejected: Counter[str]  # reasons of rejection
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a robot recorded, and what has to be known of it to read it.
+    """A robot's recording and the settings needed to read it.
 
-    `frames` is gone through once, in order, and may be lazy: no more than one image need be in memory.
+    `frames` is iterated once, in order, and may be lazy: one image in memory at a time.
     """
 
     name: str
@@ -48,16 +48,16 @@ class Recording:
     detector: Detector
     noise: Noise
     prior: Prior
-    max_range: float = 3.0  # m; ArUco EKF SLAM drops what is farther
+    max_range: float = 3.0  # m; ArUco EKF SLAM drops farther sightings
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 def build_log(recording: Recording, observe: Callable[[Seen], None] | None = None) -> Log:
-    """The recording as a log with a step a frame; what was left out is counted in `notes["counts"]`.
+    """Builds the log, one step per frame; omissions are counted in `notes["counts"]`.
 
-    Frames outside the time of the motion's readings and frames that could not be decoded are left out. `observe` is
-    called with what was found in each of the others. InputError for frames or readings out of order, where no frame is
-    left, and for numbers that no log may have.
+    Frames outside the time of the motion's readings and undecodable frames are left out. `observe` is called with the
+    result of each of the others. InputError for frames or readings out of order, if no frame is left, and for values
+    that no log may have.
     """
     recording.motion.check()
     first, last = recording.motion.t[[0, -1]]
@@ -94,7 +94,7 @@ def build_log(recording: Recording, observe: Callable[[Seen], None] | None = Non
 
 
 def see(recording: Recording, frame: Frame) -> Seen:
-    """The markers in one frame, which has an image."""
+    """Detects the markers in one frame, which has an image."""
     assert frame.image is not None
     found, rejected = recording.detector.detect(frame.image)
     z, cov = recording.noise.measure(found, recording.detector.camera.mounting)

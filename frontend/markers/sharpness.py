@@ -1,4 +1,4 @@
-"""How blurred an image is, in pixels."""
+"""Measures the blur of images, in pixels."""
 
 from collections.abc import Sequence
 
@@ -9,25 +9,25 @@ from ..se2 import Array
 from .aruco import Image
 
 REACH = 16
-"""px to either side of an edge that it is followed: blur of up to half as much is measured."""
+"""px on either side of an edge that are examined: blur up to half of it is measured."""
 
 STRONGEST, FEWEST = 150, 30
-"""Edges of one direction that are measured in a set of images, and without which nothing is said."""
+"""Most edges measured per direction in a set of images, and fewest for a result."""
 
 CONTRAST = 25.0
-"""Grey levels between the two sides of an edge that counts."""
+"""Least contrast, in grey levels, of an edge that counts."""
 
 SMOOTHING = 1.0
-"""px, standard deviation of the blur that is added against noise, and taken off again."""
+"""px, standard deviation of the blur added against noise, and subtracted again."""
 
 
 def blur(images: Sequence[Image]) -> float | None:
     """px, the standard deviation of the blur of the sharpest edges; None where there are too few edges.
 
-    Edges across and edges down are measured apart, and the more blurred of the two counts: a camera that moves blurs
-    one of them only. An edge of contrast A that a Gaussian of deviation s has blurred is A / (s sqrt(2 pi)) steep in
-    its middle; the contrast is how far the grey goes on rising. The first quartile of the edges is taken, as an edge
-    may be soft by itself, and a neighbouring one can add to its contrast.
+    Edges across and down are measured separately, and the more blurred direction counts: motion blurs only one. An edge
+    of contrast A under a Gaussian of deviation s has slope A / (s sqrt(2 pi)) at its middle; the contrast is the extent
+    of the monotonic rise. The first quartile over the edges is taken, as an edge may be soft itself, and a neighbouring
+    one can add to its contrast.
     """
     measured = [_along_rows(images), _along_rows([np.swapaxes(image, 0, 1) for image in images])]
     known = [np.quantile(widths, 0.25) for widths in measured if len(widths) >= FEWEST]
@@ -35,7 +35,7 @@ def blur(images: Sequence[Image]) -> float | None:
 
 
 def _along_rows(images: Sequence[Image]) -> Array:
-    """(n,) px, of the strongest edges that a row crosses."""
+    """(n,) px, of the strongest edges crossed by rows."""
     each = max(10, STRONGEST // max(1, len(images)))
     return np.concatenate([_image_along_rows(image, each) for image in images])
 
@@ -48,7 +48,7 @@ def _image_along_rows(image: Image, most: int) -> Array:
     across = np.abs(np.diff(smooth, axis=0, append=smooth[-1:]))[:, :-1]
     inner = steep[:, REACH:-REACH]
     peak = (inner >= steep[:, REACH - 1 : -REACH - 1]) & (inner > steep[:, REACH + 1 : steep.shape[1] - REACH + 1])
-    peak &= inner > 2 * across[:, REACH:-REACH]  # edges that the row crosses squarely
+    peak &= inner > 2 * across[:, REACH:-REACH]  # edges at right angles to the row
     rows, columns = np.nonzero(peak)
     strength = inner[rows, columns]
     if len(strength) == 0:

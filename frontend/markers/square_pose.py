@@ -9,7 +9,7 @@ from ..se2 import Array
 from ._square_pose import settle
 
 SAME = 1e-3
-"""Two rotations that differ by less in every element are one."""
+"""Rotations that differ by less in every element count as equal."""
 
 
 class SquarePose(NamedTuple):
@@ -17,20 +17,20 @@ class SquarePose(NamedTuple):
 
     pose: Array  # (4, 4) T_camera_square
     centre_cov: Array  # (3, 3) m^2, of the centre in the camera frame
-    chi2: float  # of the corners' misses, weighed with their covariance; 2 degrees of freedom
+    chi2: float  # of the corners' residuals; 2 degrees of freedom
 
 
 def square(side: float) -> Array:
-    """(4, 3) the corners of a marker in its own frame, in the order they are detected and IPPE wants them."""
+    """(4, 3) the corners of a marker in its own frame, in the order of detection and IPPE."""
     return side / 2 * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 
 
 def square_poses(rays: Array, cov: Array, side: float) -> list[SquarePose]:
-    """The poses in front of the camera and facing it that explain the corners, the likeliest first; there may be none.
+    """Poses in front of the camera and facing it that explain the corners, likeliest first; may be empty.
 
     `rays` (4, 2) are the corners on the plane z = 1 of the camera frame and `cov` (8, 8) their covariance. A small
-    square has two poses that put its corners almost alike, mirrored about the line of sight: IPPE (Collins and Bartoli
-    2014) names both, and each is then moved to where the weighted misses are smallest.
+    square has two poses that project almost alike, mirrored about the line of sight: IPPE (Collins and Bartoli 2014)
+    gives both, and each is then refined by weighted least squares.
     """
     outline = square(side)
     _, turns, shifts, _ = cv2.solvePnPGeneric(outline, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
@@ -54,7 +54,7 @@ def square_poses(rays: Array, cov: Array, side: float) -> list[SquarePose]:
             spread = np.linalg.inv(information)[3:, 3:]
         except np.linalg.LinAlgError:
             continue
-        # A square seen large has one best pose, and both starts lead there.
+        # A large square has one best pose, to which both starts converge.
         if any(np.abs(other.pose[:3, :3] - rotation).max() < SAME for other in found):
             continue
         found.append(SquarePose(pose, (spread + spread.T) / 2, float(chi2)))

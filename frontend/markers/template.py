@@ -1,10 +1,10 @@
-"""Where a marker's printed pattern lies in a frame, to a hundredth of a pixel.
+"""Locates a marker's printed pattern in a frame, to a hundredth of a pixel.
 
-The pattern is known once the id is, so all of its edges are laid over the frame at once: the homography between the
-marker's plane and the rays of the frame's pixels, the blur, and the light on the paper are fitted to the grey values by
-weighted least squares, Lucas and Kanade's alignment (1981) with the pattern in closed form. A pattern of modules under
-a Gaussian blur is a sum of products of normal distribution functions, exact along every straight edge; a kurtosis lets
-the blur be a streak's or a pixel's. Rays as coordinates take the lens's distortion out, however strong.
+Once the id is known so is the pattern, and all of its edges are aligned at once: the homography between the marker's
+plane and the rays of the frame's pixels, the blur, and the light on the paper are fitted to the grey values by weighted
+least squares, Lucas and Kanade's alignment (1981) with the pattern in closed form. A pattern of modules under a
+Gaussian blur is a sum of products of normal distribution functions, exact along every straight edge; a kurtosis covers
+motion blur and the pixel's own box. Rays as coordinates eliminate the lens's distortion, however strong.
 """
 
 from typing import NamedTuple
@@ -17,31 +17,35 @@ from ._alignment import RIM, align, worst_module
 from ._homography import corner_rays, homography
 
 LEAST_CONTRAST = 12.0
-"""Grey levels between black and white."""
+"""Least grey levels between black and white."""
 
 CLOSE_FIT = 0.05
-"""Residuals' standard deviation over the contrast: rendered markers have 0.02, photographs not sharpened 0.04, squares
-that only read as a marker 0.08 and more. More than this has to be explained, by noise or by sharpening."""
+"""Residuals' standard deviation over the contrast that must be explained by noise or by sharpening.
+
+Rendered markers have 0.02, photographs not sharpened 0.04, squares that only read as a marker 0.08 and more.
+"""
 
 NO_FIT = 0.25
-"""Likewise: more is not explained by anything."""
+"""Likewise, but never accepted above."""
 
 SHARP = 0.6
-"""px: sharpened edges look as if they had a smaller blur than a pixel's own, and they overshoot."""
+"""px: sharpened edges appear to have less blur than a pixel's own, and they overshoot."""
 
 CLEAN_MODULE = 0.3
-"""Of the contrast, from black or white: in grainy and in sharpened pictures the middle of every module has at most
-0.25; where something else is printed one has 0.4 and more."""
+"""Share of the contrast, from black or white, of the worst module's middle.
+
+Grainy and sharpened pictures have at most 0.25; a different print has 0.4 and more.
+"""
 
 NEIGHBOURS = 1.2
-"""What the residuals' covariance is multiplied with: a blur makes those of neighbouring pixels alike."""
+"""Factor on the residuals' covariance: blur correlates those of neighbouring pixels."""
 
 MODEL_SD = 0.002
-"""px, of a corner along each axis, from all that the model leaves out."""
+"""px, of a corner along each axis, for model errors."""
 
 
 class Fit(NamedTuple):
-    """A pattern laid over a frame."""
+    """A pattern aligned with a frame."""
 
     rays: Array  # (4, 2) its corners on the plane z = 1 of the camera frame
     cov: Array  # (8, 8) their covariance
@@ -51,10 +55,10 @@ class Fit(NamedTuple):
 
 
 def fit(image: NDArray[np.uint8], rays: Array, pattern: NDArray[np.bool_], start: Array, corners: Array) -> Fit | None:
-    """The square `pattern` (m + 2 RIM, m + 2 RIM), True is white, in a grey `image` (h, w); None where nothing is.
+    """Aligns the square `pattern` (m + 2 RIM, m + 2 RIM), True is white, with a grey `image` (h, w); None if it fails.
 
-    `rays` (h, w, 2) are the pixels' rays; `start` (4, 2) and `corners` (4, 2) a first guess of the pattern's corners,
-    to a pixel or two, as rays and in px: clockwise from the one at the pattern's first row and column.
+    `rays` (h, w, 2) are the pixels' rays; `start` (4, 2) and `corners` (4, 2) an initial guess of the pattern's
+    corners, to a pixel or two, as rays and in px: clockwise from the one at the pattern's first row and column.
     """
     modules = len(pattern) - 2 * RIM
     try:
@@ -83,7 +87,7 @@ def pattern(bits: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _grain(image: NDArray[np.uint8]) -> float:
-    """Grey levels, the standard deviation of the noise: the median of what straight edges and slopes do not leave.
+    """Grey levels, the standard deviation of the noise: a median over the residuals of straight edges and slopes.
 
     Immerkaer 1996: the difference of two Laplacians, here on a sixteenth of the pixels.
     """

@@ -1,1 +1,1 @@
-"""TOML files, read table by table with their lines at hand."""
+"""Reads TOML files with line numbers for errors."""

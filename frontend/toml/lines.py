@@ -1,11 +1,11 @@
-"""The lines on which a TOML file has its keys, which Python's tomllib does not tell."""
+"""Line numbers of a TOML file's keys, which Python's tomllib does not provide."""
 
 import re
 import tomllib
 from bisect import bisect_right
 
 Place = tuple[str | int, ...]
-"""Where a value stands: keys of tables and places in arrays, from the outermost."""
+"""Position of a value: table keys and array indices, from the outermost."""
 
 _KEY = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
 _BLANK = re.compile(r"(?:[ \t\n]|#[^\n]*)*")
@@ -16,17 +16,17 @@ _PLAIN = re.compile(
 
 
 def lines(text: str) -> dict[Place, int]:
-    """The line, from 1, of every table, key and element; `text` is what tomllib has read without a complaint."""
+    """The line, from 1, of every table, key and element; `text` must be valid TOML."""
     return _Scan(text.replace("\r\n", "\n")).lines
 
 
 class _Scan:
-    """One pass over the text; `at` is the letter that is looked at."""
+    """One pass over the text; `at` is the current character's index."""
 
     def __init__(self, text: str) -> None:
         self.text, self.at = text, 0
         self.lines: dict[Place, int] = {}
-        self.counts: dict[Place, int] = {}  # of the arrays of tables: how many there are so far
+        self.counts: dict[Place, int] = {}  # length so far of each array of tables
         self.ends = [match.start() for match in re.finditer("\n", text)]
         table: Place = ()
         while first := self._next():
@@ -36,7 +36,7 @@ class _Scan:
                 self._pair(table)
 
     def _header(self) -> Place:
-        """[table] or [[one of an array of tables]]: where it is."""
+        """Parses [table] or [[an element of an array of tables]]; returns its place."""
         many, line = self.text.startswith("[[", self.at), self._line()
         self.at += 1 + many
         place = self._named(())
@@ -50,11 +50,11 @@ class _Scan:
     def _pair(self, table: Place) -> None:
         """A key and its value."""
         place = self._named(table)
-        self.at += 1  # the sign of equality
+        self.at += 1  # the equals sign
         self._value(place)
 
     def _named(self, place: Place) -> Place:
-        """The place of the key that is read next; in an array of tables it is in the last of them."""
+        """The place of the next key; in an array of tables it is in the last element."""
         line = self._line()
         for part in self._key():
             if place in self.counts:
@@ -94,7 +94,7 @@ class _Scan:
         return parts
 
     def _next(self) -> str:
-        """The next letter that is neither blank nor in a comment, "" at the end."""
+        """The next character that is neither blank nor in a comment, "" at the end."""
         found = _BLANK.match(self.text, self.at)
         assert found is not None
         self.at = found.end()

@@ -1,4 +1,4 @@
-"""Reads a TOML file table by table; what cannot be used is refused by file, line and key."""
+"""Reads a TOML file table by table; errors name the file, line and key."""
 
 import functools
 import math
@@ -21,21 +21,21 @@ T = TypeVar("T", bound=str | int)
 D = TypeVar("D")
 
 LARGEST = 2**63 - 1
-"""Of whole numbers, to TOML."""
+"""TOML's largest integer."""
 
 HUGE = 1e12
-"""No length, time or factor is as large."""
+"""Upper limit of lengths, times and factors."""
 
 SHOWN = 80
-"""Characters of a value that a sentence shows."""
+"""Characters of a value that a message quotes."""
 
 
 @dataclass(frozen=True)
 class TomlTable:
-    """A table and where it stands.
+    """A table and its position in the file.
 
-    Every method that reads a key raises InputError for a value of another kind or out of range, and for a key that has
-    no default and is not there.
+    Methods that read a key raise InputError for a value of the wrong type or out of range, and for a missing key
+    without default.
     """
 
     file: str
@@ -45,12 +45,12 @@ class TomlTable:
 
     @classmethod
     def read(cls, path: Path) -> "TomlTable":
-        """The file at `path`. InputError where there is none, or it is no TOML."""
+        """Reads the file at `path`. InputError if it is missing or not TOML."""
         return cls.parse(str(path), text(path))
 
     @classmethod
     def parse(cls, file: str, text: str) -> "TomlTable":
-        """The file with that text, called `file` in errors. InputError where it is no TOML."""
+        """Parses `text`, called `file` in errors. InputError if it is not TOML."""
         try:
             entries = tomllib.loads(text)
         except ValueError as error:  # TOMLDecodeError, or that of a number with thousands of digits
@@ -61,35 +61,35 @@ class TomlTable:
         return cls(file, functools.cache(functools.partial(lines, text)), (), entries)
 
     def has(self, key: str) -> bool:
-        """Tells if it is given."""
+        """Tells if the key is given."""
         return key in self.entries
 
     def unknown(self, known: Collection[str]) -> Scan[None]:
-        """Its keys that are not `known`, each a fault."""
+        """Yields a fault for each key that is not `known`."""
         for key in self.entries:
             if key not in known:
                 yield self.refused(key, f"there is no such key; {nearest(key, known)}")
 
     def only(self, known: Collection[str]) -> "TomlTable":
-        """Itself. InputError for a key that is not `known`."""
+        """Returns itself. InputError for a key that is not `known`."""
         strict(self.unknown(known))
         return self
 
     def given(self, key: str, expected: str) -> Any:
-        """The value as it is, of whatever kind."""
+        """The value, of any type."""
         if key not in self.entries:
             raise self.lacks(key, expected)
         return self.entries[key]
 
     def text(self, key: str, default: str | None = None) -> str:
-        """A text; without a default it has to be given, and to have a letter."""
+        """A string; without a default it must be given and not be empty."""
         found = self.given(key, "a text in quotes") if default is None else self.entries.get(key, default)
         if not isinstance(found, str) or (default is None and not found.strip()):
             raise self.fault(key, "a text in quotes")
         return found
 
     def choice(self, key: str, default: D, known: Collection[T]) -> T | D:
-        """One of the texts or whole numbers `known`, or the default."""
+        """One of the strings or integers `known`, or the default."""
         if key not in self.entries:
             return default
         found = self.entries[key]
@@ -105,7 +105,7 @@ class TomlTable:
         return found
 
     def whole(self, key: str, default: int, least: int, most: int = LARGEST) -> int:
-        """A whole number from `least` to `most`."""
+        """An integer from `least` to `most`."""
         found = self.entries.get(key, default)
         if type(found) is not int or not least <= found <= most:
             raise self.fault(key, f"a whole number, at least {least}" + f" and at most {most:,}" * (most < LARGEST))
@@ -125,7 +125,7 @@ class TomlTable:
         return float(found)
 
     def numbers(self, key: str, *shape: int, default: Sequence[float] | None = None, most: float = HUGE) -> Array:
-        """Numbers, none beyond `most`, in lists of that shape."""
+        """Numbers, none beyond `most`, in nested lists of that shape."""
         expected = f"{' x '.join(map(str, shape))} numbers"
         if key not in self.entries and default is not None:
             return np.array(default, float)
@@ -135,7 +135,7 @@ class TomlTable:
         return np.array(found, float).reshape(shape)
 
     def names(self, key: str) -> list[str]:
-        """A text or a list of texts, at least one."""
+        """A string or a list of strings, at least one."""
         found = self.given(key, "a text or a list of texts")
         found = [found] if isinstance(found, str) else found
         if not isinstance(found, list) or not found or not all(isinstance(name, str) for name in found):
@@ -143,21 +143,21 @@ class TomlTable:
         return found
 
     def table(self, key: str) -> "TomlTable":
-        """The table `key`, empty where there is none."""
+        """The table `key`, empty if missing."""
         found = self.entries.get(key, {})
         if not isinstance(found, dict):
             raise self.fault(key, f"a table, [{called((*self.place, key))}] or {called((key,))} = {{ ... }}")
         return replace(self, place=(*self.place, key), entries=found)
 
     def tables(self, key: str, expected: str) -> "list[TomlTable]":
-        """Those of a list of tables, none where it is not given."""
+        """The elements of an array of tables, none if missing."""
         found = self.entries.get(key, [])
         if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
             raise self.fault(key, expected)
         return [replace(self, place=(*self.place, key, k), entries=one) for k, one in enumerate(found)]
 
     def flat(self) -> dict[str, tuple[Any, Place]]:
-        """Its entries by dotted key, dataset.tags and "dataset.tags" being the same, and where each stands."""
+        """Entries and their places by dotted key, dataset.tags and "dataset.tags" being the same."""
         found: dict[str, tuple[Any, Place]] = {}
         for key, value in self.entries.items():
             inner = self.table(key).flat() if isinstance(value, dict) and value else {"": (value, (*self.place, key))}
@@ -169,28 +169,28 @@ class TomlTable:
         return found
 
     def fault(self, key: str, expected: str) -> InputError:
-        """The error that says what was found at `key` and what was `expected`."""
+        """The error for a value at `key` that is not `expected`."""
         return self.refused(key, f"found {shown(self.entries[key])}, expected {expected}.")
 
     def refused(self, key: str, sentence: str) -> InputError:
-        """The error that says so of `key`."""
+        """The error `sentence` about `key`."""
         return InputError(f"{self.where(key)}: {sentence}")
 
     def lacks(self, key: str, expected: str) -> InputError:
-        """The error that says that `key` is not there."""
+        """The error for a missing `key`."""
         return self.at(self.place, f"{called(self.place) or 'the file'} has no {key!r}, expected {expected}.")
 
     def at(self, place: Place, sentence: str) -> InputError:
-        """The error that says so of what stands at `place`."""
+        """The error `sentence` about the value at `place`."""
         return InputError(f"{self._line(place)}: {sentence}")
 
     def where(self, *key: str) -> str:
-        """The file, the line and the dotted name of `key`, or of the table itself, with which an error begins."""
+        """File, line and dotted name of `key`, or of the table itself, as the start of an error."""
         place = (*self.place, *key)
         return f"{self._line(place)}: {called(place)}"
 
     def line(self, place: Place) -> int | None:
-        """The line of what stands at `place`, or else of the table or list around it."""
+        """The line of the value at `place`, or else of the table or list around it."""
         while place and place not in self.lines():
             place = place[:-1]
         return self.lines().get(place)
@@ -206,7 +206,7 @@ def is_number(value: Any) -> bool:
 
 
 def shown(value: Any, depth: int = 3) -> str:
-    """A value as the file has it, short."""
+    """Formats a value as in the file, truncated."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -224,18 +224,18 @@ def shown(value: Any, depth: int = 3) -> str:
 
 
 def called(place: Place) -> str:
-    """The dotted key of what stands at `place`, without the places in arrays."""
+    """The dotted key of `place`, without array indices."""
     keys = [part for part in place if isinstance(part, str)]
     return ".".join(key if key.isprintable() and 0 < len(key) <= SHOWN else shown(key) for key in keys)
 
 
 def too_deep(file: str) -> InputError:
-    """The error for tables or lists that are nested hundreds deep."""
-    return InputError(f"{file}: found tables or lists that are hundreds deep in one another, expected a few.")
+    """The error for deeply nested tables or lists."""
+    return InputError(f"{file}: found tables or lists nested hundreds deep, expected a few levels.")
 
 
 def _with_line(said: str, text: str) -> str:
-    """What tomllib says, with the line before it as in every other sentence."""
+    """Reformats tomllib's message with the line first, as in every other error."""
     what, _, where = said.rstrip(")").rpartition(" (at ")
     line, _, column = where.removeprefix("line ").partition(", column ")
     if not what:
@@ -246,7 +246,7 @@ def _with_line(said: str, text: str) -> str:
 
 
 def _fits(found: Any, shape: tuple[int, ...], most: float) -> bool:
-    """Tells if it is a list of lists of that shape, of numbers that are not beyond `most`."""
+    """Tells if it is a list nested to that shape, of numbers not beyond `most`."""
     if not shape:
         return is_number(found) and abs(found) <= most
     return isinstance(found, list) and len(found) == shape[0] and all(_fits(one, shape[1:], most) for one in found)

@@ -1,1 +1,1 @@
-"""How a robot says that it moved: wheel counters, encoders, and odometry from elsewhere."""
+"""Robot motion: wheel counters, encoders, and odometry from elsewhere."""

@@ -1,4 +1,4 @@
-"""Wheel counters that wrap, begin again or misread: undone where their width is known, refused where it is not."""
+"""Wheel counters that wrap, reset or misread: unwrapped where their width is known, refused where it is not."""
 
 from collections.abc import Sequence
 
@@ -11,16 +11,16 @@ from ..se2 import Array
 Flags = NDArray[np.bool_]
 
 COUNTER_BITS = (8, 16, 32)
-"""The widths of the counters that are in use."""
+"""Widths of the counters in use."""
 
 MAX_SPEED = 5.0
-"""m/s; no robot that this is for goes faster."""
+"""m/s; upper limit of a robot's speed."""
 
 WHEELS = ("left", "right")
 
 
 def unwrap(counts: Array, bits: int) -> Array:
-    """`counts` (m, 2) of counters `bits` wide, signed or not, as if they had never wrapped.
+    """Unwraps `counts` (m, 2) of counters `bits` wide, signed or not.
 
     No wheel may have turned by half the counter's range between two readings.
     """
@@ -31,11 +31,11 @@ def unwrap(counts: Array, bits: int) -> Array:
 
 
 def check_counts(t: Array, counts: Array, metres: Array, max_speed: float, source: str) -> None:
-    """InputError for the first of `counts` (m, 2) at `t` (m,), s, that no wheel can have come to.
+    """Raises InputError for the first implausible of `counts` (m, 2) at `t` (m,), s.
 
-    That is one that is not finite, one farther from the reading before than a wheel of `metres` (2,) a count rolls at
-    `max_speed`, m/s, and a smaller jump that only a counter that wrapped or began again explains. The messages of a
-    stream come in bursts: a wheel is given the time of a typical reading on top, and a count.
+    Implausible are a count that is not finite, a step larger than a wheel of `metres` (2,) per count makes at
+    `max_speed`, m/s, and a smaller step that only a wrap or reset explains. As a stream's messages come in bursts, a
+    wheel is allowed the time of a typical reading more, and one count.
     """
     for row, wheel in np.argwhere(~np.isfinite(counts)):
         found = f"the {WHEELS[wheel]} wheel's count is {counts[row, wheel]!s}"
@@ -58,17 +58,17 @@ def check_counts(t: Array, counts: Array, metres: Array, max_speed: float, sourc
 
 
 def _cause(before: float, after: float, most: float, max_speed: float, widths: Sequence[int]) -> str:
-    """What a jump is of a counter that may be `widths` wide and turns by no more than `most` between two readings."""
+    """Explains a jump of a counter that may be `widths` wide and changes by at most `most` between two readings."""
     for bits in widths:
         if abs(abs(after - before) - 2.0**bits) <= most and abs(after - before) > 2.0 ** (bits - 1):
-            return f"expected a steady count: if this counter of {bits} bits wrapped, say counter_bits = {bits}."
+            return f"expected a steady count: if this counter of {bits} bits wrapped, set counter_bits = {bits}."
     if abs(after) <= most:
-        return "expected a steady count: it looks like a reset, and what the wheels did meanwhile is not known."
-    return f"expected at most max_speed = {max_speed:g} m/s: a misread count, or a wrong size of the wheels."
+        return "expected a steady count: this looks like a reset, and the motion meanwhile is unknown."
+    return f"expected at most max_speed = {max_speed:g} m/s: a misread count, or a wrong wheel size."
 
 
 def _wraps(counts: Array, steps: Array, usual: Array) -> Flags:
-    """(m - 1, 2) where a small wheel's counter wrapped: within its width, and a usual step but for the whole range."""
+    """(m - 1, 2) where a small counter wrapped: within its width, a typical step modulo the range."""
     found = np.zeros(steps.shape, bool)
     for bits in COUNTER_BITS:
         span = 2.0**bits
@@ -79,12 +79,12 @@ def _wraps(counts: Array, steps: Array, usual: Array) -> Flags:
 
 
 def _fit(counts: Array, bits: int) -> bool:
-    """Whether a counter `bits` wide, signed or not, can have had all of `counts` (m,)."""
+    """Tells if a counter `bits` wide, signed or not, can hold all of `counts` (m,)."""
     low, high = counts.min(), counts.max()
     return bool((low >= 0 and high < 2.0**bits) or (low >= -(2.0 ** (bits - 1)) and high < 2.0 ** (bits - 1)))
 
 
 def _resets(counts: Array, steps: Array, usual: Array) -> Flags:
-    """(m - 1, 2) where both wheels' counters are at about zero at once, from much farther than a usual step."""
+    """(m - 1, 2) where both wheels' counters return to about zero, from much farther than a typical step."""
     jumps = (np.abs(counts[1:]) <= usual + 1) & (np.abs(steps) > 4 * (usual + 1))
     return np.broadcast_to(jumps.all(axis=1, keepdims=True), steps.shape)

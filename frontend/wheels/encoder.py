@@ -6,9 +6,9 @@ A robot that rolls s metres while it turns by a (rad) moves, in its body frame b
 
 where the chord c is s itself in the midpoint model of ArUco EKF SLAM, eq. (1), and s sin(a/2) / (a/2) on the exact arc:
 the arc of the Matlab report, eq. (3-1) - whose x has the wrong sign for headings counted counter-clockwise - and of the
-survey's v / omega model, written so that driving straight is a value like any other and not a case apart.
+survey's v / omega model, written without a special case for driving straight.
 
-The readings between two keyframes become one factor. Its covariance is that of the readings pushed to the first order
+The readings between two keyframes become one factor. Its covariance is that of the readings, propagated to first order
 through all motions that follow, plus the floors, once: the models' own covariance has rank 2 and is zero at rest.
 """
 
@@ -27,7 +27,7 @@ Curve = Literal["midpoint", "arc"]
 
 @dataclass(frozen=True)
 class Floors:
-    """What is added to the covariance of every composed factor, as standard deviations."""
+    """Standard deviations added to the covariance of every composed factor."""
 
     position: float = 5e-4  # m, along both body axes
     heading: float = 5e-4  # rad
@@ -40,14 +40,14 @@ class Floors:
 
 @dataclass(frozen=True)
 class Encoder:
-    """A differential drive's two wheel counters and how far they are trusted.
+    """A differential drive's two wheel counters and their noise.
 
-    `noise` says what `k` is:
+    `noise` determines the meaning of `k`:
 
-    - "proportional": eq. (1), a reading of d metres has standard deviation k |d|. How much that is over a metre depends
-      on how many readings the metre came in, so k belongs to readings `interval` seconds apart; a reading over another
-      time dt has variance (k d)^2 interval / dt, which is what readings at the stated interval add up to.
-      With `interval` None every reading has k |d|, to the letter.
+    - "proportional": eq. (1), a reading of d metres has standard deviation k |d|. The noise over a metre then depends
+      on the number of readings, so k belongs to readings `interval` seconds apart; a reading over another time dt has
+      variance (k d)^2 interval / dt, the sum of readings at the stated interval. With `interval` None every reading
+      has k |d|, exactly as stated.
     - "distance": a wheel that rolled d metres has variance k^2 |d| (1 m), however many readings that took.
     """
 
@@ -61,7 +61,7 @@ class Encoder:
     floors: Floors = Floors()
 
     def travel(self, counts: Array) -> Array:
-        """(..., 2) counts of the left and right wheel as metres."""
+        """Converts (..., 2) counts of the left and right wheel to metres."""
         return counts * np.array([self.left, self.right])
 
     def variance(self, rolled: Array, dt: Array) -> Array:
@@ -72,7 +72,7 @@ class Encoder:
         return (self.k * rolled) ** 2 / readings[:, None]
 
     def odometry(self, counts: Array, dt: Array) -> Odometry:
-        """One factor from n readings in a row: count increments (n, 2), left and right, over `dt` (n,) seconds."""
+        """One factor from n consecutive readings: count increments (n, 2), left and right, over `dt` (n,) seconds."""
         rolled = self.travel(counts)
         to_rolling = np.array([[0.5, 0.5], [-1 / self.base, 1 / self.base]])
         delta, by_rolling = roll(product(rolled, to_rolling.T), self.curve)
@@ -100,10 +100,10 @@ def roll(rolling: Array, curve: Curve) -> tuple[Array, Array]:
 
 
 def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
-    """n >= 1 motions in a row, (n, 3) with covariances (n, 3, 3), as one factor; the floors are added once.
+    """Composes n >= 1 motions, (n, 3) with covariances (n, 3, 3), into one factor; the floors are added once.
 
-    It is what putting them together one by one gives, to first order. Here each motion's error goes to the end in one
-    piece: it is turned by the heading it happened at, and its turn swings all of the way that was still to come.
+    Equals pairwise composition to first order. Each motion's error is propagated to the end at once: rotated by its
+    heading, and its turn acts on the whole remaining path.
     """
     heading = np.cumsum(delta[:, 2])
     s, c = sincos(heading - delta[:, 2])
@@ -121,7 +121,7 @@ def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
 
 
 def _sinc(half: Array) -> tuple[Array, Array]:
-    """sin(x) / x and its derivative; the series where the quotient would cancel, exact there to rounding."""
+    """sin(x) / x and its derivative; by a series where the quotient would cancel, exact there to rounding."""
     small = np.abs(half) < 1e-2
     x = np.where(small, 1.0, half)
     s, c = sincos(x)

@@ -1,4 +1,4 @@
-"""What tells how a robot moved between two camera frames: wheel counters, or odometry that something else computed."""
+"""The motion between two camera frames, from wheel counters or other odometry."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple, Protocol
@@ -14,7 +14,7 @@ from .encoder import Encoder, Floors, compose
 
 
 class Motion(Protocol):
-    """Readings in the order of time, from which the motion between any two moments among them is one factor."""
+    """Readings in order of time, which give the motion between any two times among them as one factor."""
 
     @property
     def t(self) -> Array:
@@ -22,7 +22,7 @@ class Motion(Protocol):
         ...
 
     def check(self) -> None:
-        """InputError for readings that cannot be used."""
+        """Raises InputError for unusable readings."""
         ...
 
     def odometry(self, start: float, end: float) -> Odometry:
@@ -31,7 +31,7 @@ class Motion(Protocol):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What a log's notes say of it."""
+        """The source's entry in a log's notes."""
         ...
 
 
@@ -48,8 +48,8 @@ class Wheels:
 
     ticks: Ticks
     encoder: Encoder
-    max_speed: float = MAX_SPEED  # m/s; a wheel that rolled faster between two readings did not
-    source: str = "encoder"  # where the readings are from, for what is said of them
+    max_speed: float = MAX_SPEED  # m/s; a faster wheel is a misreading
+    source: str = "encoder"  # name of the readings in messages
 
     @property
     def t(self) -> Array:
@@ -57,7 +57,7 @@ class Wheels:
         return self.ticks.t
 
     def check(self) -> None:
-        """InputError without a reading, for one that is not later than the one before, and for counts that jump."""
+        """Raises InputError for no readings, times that do not increase, and counts that jump."""
         _in_order(self.t, self.source)
         metres = np.array([self.encoder.left, self.encoder.right])
         check_counts(self.t, self.ticks.counts, metres, self.max_speed, self.source)
@@ -74,7 +74,7 @@ class Wheels:
 
 @dataclass(frozen=True)
 class TrackNoise:
-    """How far somebody else's odometry is trusted: white noise along the way, which composes."""
+    """Noise of external odometry: white noise along the way, so that it composes."""
 
     forward: float = 0.01  # m per root metre driven
     turning: float = 0.02  # rad per root metre driven
@@ -90,28 +90,28 @@ class TrackNoise:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Poses that a robot's own odometry has summed up, as in ROS's nav_msgs/Odometry.
+    """Poses integrated by a robot's own odometry, as in ROS's nav_msgs/Odometry.
 
-    Its noise is stated here and grows with the way and the turns: the covariance in such messages is of the sum since
-    the start, where it is more than a constant.
+    Its noise is set here and grows with distance and turns: the covariance in such messages is of the sum since the
+    start, if it is more than a constant.
     """
 
     t: Array  # (m,) s
     poses: Array  # (m, 3) in the odometry's own world frame
     noise: TrackNoise
-    max_speed: float = MAX_SPEED  # m/s; a robot that went faster between two readings did not
-    source: str = "odometry"  # where the readings are from, for what is said of them
+    max_speed: float = MAX_SPEED  # m/s; a faster robot is a misreading
+    source: str = "odometry"  # name of the readings in messages
 
     def check(self) -> None:
-        """InputError without a reading, for one that is not later than the one before, and for poses that jump."""
+        """Raises InputError for no readings, times that do not increase, and poses that jump."""
         _in_order(self.t, self.source)
         _check_poses(self.t, self.poses, self.max_speed, self.source)
 
     def odometry(self, start: float, end: float) -> Odometry:
-        """The motion between `start` and `end`, s, as one factor; between two readings it is taken to be even."""
+        """The motion between `start` and `end`, s, as one factor; interpolated evenly between readings."""
         first, last = np.searchsorted(self.t, start, "right"), np.searchsorted(self.t, end, "left")
         t = np.concatenate(([start], self.t[first:last], [end]))
-        around = slice(max(first - 1, 0), last + 1)  # the readings that `start` and `end` lie between are enough
+        around = slice(max(first - 1, 0), last + 1)  # the readings that enclose `start` and `end`
         columns = (*self.poses[around, :2].T, np.unwrap(self.poses[around, 2]))
         poses = np.stack([np.interp(t, self.t[around], column) for column in columns], axis=-1)
         delta = between(poses[:-1], poses[1:])
@@ -125,9 +125,9 @@ class Track:
 
 @dataclass(frozen=True)
 class Drift:
-    """Motion that nobody measured: the robot is taken to stand, and less and less sure of it.
+    """Unmeasured motion: the robot is assumed to stand, with growing uncertainty.
 
-    A random walk, white in velocity: a factor's covariance does not depend on how often frames are taken.
+    A random walk, white in velocity: the covariance does not depend on the frame rate.
     """
 
     position: float  # m per root second, along both body axes
@@ -140,7 +140,7 @@ class Drift:
         return np.array([-np.inf, np.inf])
 
     def check(self) -> None:
-        """There is nothing that could be wrong."""
+        """Does nothing: no readings can be wrong."""
 
     def odometry(self, start: float, end: float) -> Odometry:
         """No motion from `start` to `end`, s."""
@@ -154,7 +154,7 @@ class Drift:
 
 
 def readings(ticks: Ticks, start: float, end: float) -> tuple[Array, Array]:
-    """The count increments (n, 2) from `start` to `end`, s, and how long each took, (n,) s.
+    """The count increments (n, 2) from `start` to `end`, s, and their durations, (n,) s.
 
     A reading that `start` or `end` falls into is divided as if the wheels had turned evenly meanwhile.
     """
@@ -174,17 +174,17 @@ def _in_order(t: Array, source: str) -> None:
 
 
 def _check_poses(t: Array, poses: Array, max_speed: float, source: str) -> None:
-    """InputError for the first pose that is not finite, or farther from the one before than `max_speed` allows."""
+    """Raises InputError for the first pose that is not finite, or reached faster than `max_speed`."""
     for row, column in np.argwhere(~np.isfinite(poses)):
         found = f"{('x', 'y', 'heading')[column]} is {poses[row, column]!s}"
         raise InputError(f"{source}: in reading {row}, at {t[row]} s, {found}, expected a finite number.")
     if len(t) < 2:
         return
     dt, way = np.diff(t), hypot(*np.diff(poses[:, :2], axis=0).T)
-    # The messages of a stream come in bursts: the time of a typical reading is given on top.
+    # A stream's messages come in bursts: allow the time of a typical reading more.
     for row in np.flatnonzero(way > max_speed * (dt + np.median(dt))):
         raise InputError(
             f"{source}: between readings {row} and {row + 1}, at {t[row]} and {t[row + 1]} s, the pose goes "
             f"{way[row]:.4g} m in {dt[row]:.4g} s, expected at most max_speed = {max_speed:g} "
-            "m/s: odometry that was set back, or a wrong reading."
+            "m/s: an odometry reset, or a wrong reading."
         )

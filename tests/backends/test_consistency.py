@@ -46,9 +46,8 @@ class Runs(NamedTuple):
 
 def run(variant: BackendVariant, made: Dataset, steps: list[Step]) -> Array:
     """(n,) NEES / 3 of every step, NaN from where it gives up."""
-    assert made.truth is not None
-    assert variant.builder is not None
     backend = variant.builder.make(made.log.prior, variant.options, np.random.default_rng(0))
+    assert made.truth is not None
     if isinstance(backend, WantsTruth):
         backend.tell(made.truth)
     poses, covs = np.full((len(steps), 3), np.nan), np.full((len(steps), 3, 3), np.nan)
@@ -56,7 +55,6 @@ def run(variant: BackendVariant, made: Dataset, steps: list[Step]) -> Array:
         for k, step in enumerate(steps):
             poses[k] = backend.step(step)
             belief = backend.belief()
-            assert belief is not None
             assert belief.cov is not None
             covs[k] = belief.cov
     except Diverged:

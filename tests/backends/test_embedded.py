@@ -3,18 +3,15 @@
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from driven import aligned_error, run
 from evo_cli import evo
 from room_drives import room_drive
-from slamduel.backends.registry import find
 from slamduel.bench.cli import main
-from slamduel.bench.measure.metrics import align, aligned, ate
 from slamduel.bench.record.schema import label
-from slamduel.frontend.factors import Log, Truth
 
 LOGS = 5
 
@@ -57,14 +54,6 @@ def test_fastslam_keeps_up_with_the_ekf_in_the_room() -> None:
         made, truth = room_drive(seed)
         for name, found in errors.items():
             options = {"particles": 1000, "version": 2} if name == "fastslam" else {}
-            found[seed] = error(name, made.log, truth, seed, **options)
+            found[seed] = aligned_error(run(name, made.log, seed, **options)[1], truth.poses)
     assert np.median(errors["fastslam"] / errors["ekf"]) <= 1.3
     assert np.median(errors["ekf"] / errors["dead-reckoning"]) < 0.25
-
-
-def error(name: str, log: Log, truth: Truth, seed: int, **options: Any) -> float:
-    """ATE, m, of the online path."""
-    builder = find(name)
-    backend = builder.make(log.prior, builder.options(**options), np.random.default_rng(seed))
-    path = np.array([backend.step(step) for step in log])
-    return ate(aligned(align(path, truth.poses), path), truth.poses)

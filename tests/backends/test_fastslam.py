@@ -1,35 +1,29 @@
 """FastSLAM 1.0 and 2.0 against a plain loop over particles, and its parts against theory."""
 
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
+import driven
+from driven import NO_LOOPS, rmse
 from random_logs import TextbookKalman, random_covariance, random_log
-from slamduel.backends.api import Diverged, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from slamduel.backends.api import Diverged, Map, Odometry, Prior, RangeBearing, Step
 from slamduel.backends.models import sight
 from slamduel.backends.particles import _ancestry, _particles, resampling
 from slamduel.backends.particles._proposal import propose
-from slamduel.backends.particles.fastslam import FastSlam, Options
 from slamduel.backends.particles.particle_maps import RESERVED, ParticleMaps
 from slamduel.backends.particles.particle_paths import ParticlePaths
 from slamduel.bench.speed.textbook_fastslam import TextbookFastSlam
 from slamduel.frontend.se2 import Array, Ints, compose, wrap
 
-NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
-
-
-def make(prior: Prior, seed: int = 0, **options: Any) -> Any:
-    return FastSlam(prior, Options(**options), np.random.default_rng(seed))
+make = partial(driven.make, "fastslam")
 
 
 def seen(ids: list[int], z: Any, cov: Any) -> RangeBearing:
     return RangeBearing(np.array(ids, np.int64), np.array(z, float).reshape(-1, 2), np.array(cov).reshape(-1, 2, 2))
-
-
-def rmse(path: Array, truth: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum((path - truth)[:, :2] ** 2, axis=1))))
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -58,8 +52,6 @@ def test_it_is_the_textbook_filter(version: int, resampled: str, below: float) -
 @pytest.mark.parametrize("held", [True, False])
 def test_it_is_the_textbook_filter_on_a_given_map(version: int, held: bool) -> None:
     log, truth = random_log(np.random.default_rng(5), 60, 8)
-    assert truth is not None
-    assert truth.map is not None
     n = 2 * len(truth.map.ids)
     cov = None if held else random_covariance(np.random.default_rng(6), [0.03] * n)
     prior = log.prior._replace(map=truth.map._replace(cov=cov))
@@ -273,7 +265,6 @@ def test_paths_are_those_of_the_ancestors() -> None:
 
 def test_the_solution_is_the_heaviest_particle() -> None:
     log, truth = random_log(np.random.default_rng(6), 80, 10)
-    assert truth is not None
     backend = make(log.prior, particles=60, version=1)
     path = np.array([backend.step(step) for step in log])
     solution, best = backend.finish(), int(np.argmax(backend._weights))

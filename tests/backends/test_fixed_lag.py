@@ -1,31 +1,18 @@
 """The fixed-lag smoother against dense Schur complements, against GTSAM's, and against smoothing of the whole log."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from dense_window import DenseWindow
+from driven import asking_changes_nothing, final, make, run
 from hard_logs import with_given
 from random_logs import random_log
 from slamduel.backends.api import Diverged
-from slamduel.backends.registry import find
 from slamduel.backends.window import fixed_lag
-from slamduel.backends.window.fixed_lag import FixedLag, Options
 from slamduel.bench.measure.misfit import cost
 from slamduel.frontend.factors import Log, Odometry
-from slamduel.frontend.se2 import Array
 
 KINDS = ("plain", "blocks", "joint", "fixed")
-
-
-def make(log: Log, **options: Any) -> FixedLag:
-    return FixedLag(log.prior, Options(**options), np.random.default_rng(0))
-
-
-def run(log: Log, **options: Any) -> tuple[FixedLag, Array]:
-    backend = make(log, **options)
-    return backend, np.array([backend.step(step) for step in log])
 
 
 def drawn(seed: int, kind: str, steps: int = 60) -> Log:
@@ -49,12 +36,12 @@ def test_it_is_the_textbook_one(seed: int, kind: str, monkeypatch: pytest.Monkey
     eliminated_at_random(monkeypatch, rng)
     log = drawn(seed, kind)
     lag = float(np.median(np.diff(log.t)) * rng.integers(1, 12))
-    backend, dense = make(log, lag=lag, relinearize_skip=1, relinearize_threshold=0.0), DenseWindow(log.prior, lag)
+    exact = {"relinearize_skip": 1, "relinearize_threshold": 0.0}
+    backend, dense = make("fixed-lag", log.prior, lag=lag, **exact), DenseWindow(log.prior, lag)
     for step in log:
         pose, (expected, cov) = backend.step(step), dense.step(step)
         assert pose == pytest.approx(expected, abs=1e-8)
         found = backend.belief().cov
-        assert found is not None
         assert np.abs(found - cov).max() < 1e-7 * np.abs(cov).max()
     landmarks = dense.gone | dense.inside()
     found = backend.map()
@@ -63,7 +50,6 @@ def test_it_is_the_textbook_one(seed: int, kind: str, monkeypatch: pytest.Monkey
     solution, n = backend.finish(), len(dense.left)
     assert n > len(log) // 2
     assert solution.path[:n] == pytest.approx(np.array([pose for pose, _ in dense.left]), abs=1e-8)
-    assert solution.cov is not None
     there = np.array([cov for _, cov in dense.left])
     assert np.abs(solution.cov[:n] - there).max() < 1e-7 * np.abs(there).max()
 
@@ -72,10 +58,9 @@ def test_it_is_the_textbook_one(seed: int, kind: str, monkeypatch: pytest.Monkey
 def test_each_step_is_gtsams(kind: str) -> None:
     """Relinearised at other steps, and other landmarks held back: to second order alone."""
     log = drawn(5, kind, 150)
-    lag, builder = float(20 * np.median(np.diff(log.t))), find("fixed-lag")
-    peer: Any = builder.make(log.prior, builder.options(lag=lag, solver="gtsam"), np.random.default_rng(0))
-    _, path = run(log, lag=lag)
-    assert path == pytest.approx(np.array([peer.step(step) for step in log]), abs=2e-3)
+    lag = float(20 * np.median(np.diff(log.t)))
+    (_, path), (_, peer) = (run(f"fixed-lag by {solver}", log, lag=lag) for solver in ("own", "gtsam"))
+    assert path == pytest.approx(peer, abs=2e-3)
 
 
 @pytest.mark.slow
@@ -85,15 +70,8 @@ def test_with_a_lag_longer_than_the_log_it_ends_where_smoothing_all_of_it_does(
 ) -> None:
     eliminated_at_random(monkeypatch, np.random.default_rng(seed))
     log = drawn(seed, KINDS[seed % 4])
-    builder = find("smoother")
-    smoother: Any = builder.make(log.prior, builder.options(), np.random.default_rng(0))
-    for step in log:
-        smoother.step(step)
-    backend, _ = run(log, lag=1e9, final_checks=50)
-    found, best = backend.finish(), smoother.finish()
+    found, best = final("fixed-lag", log, lag=1e9, final_checks=50), final("smoother", log)
     one, other = cost(log, found.path, found.map), cost(log, best.path, best.map)
-    assert one is not None
-    assert other is not None
     assert one.total == pytest.approx(other.total, rel=1e-9, abs=1e-9)
     assert found.path == pytest.approx(best.path, abs=1e-6)
     assert found.cov is not None
@@ -104,24 +82,19 @@ def test_its_tables_stay_as_long_as_the_window() -> None:
     log = random_log(np.random.default_rng(7), 2000, 60, noise=0.3, width=30.0, blind=0.3).log
     lag = float(15 * np.median(np.diff(log.t)))
     for often in (10, 10**6):
-        backend, path = run(log, lag=lag, relinearize_skip=often)
+        backend, path = run("fixed-lag", log, lag=lag, relinearize_skip=often)
         assert np.isfinite(path).all()
-        assert len(backend._window.poses) <= 256  # pyright: ignore[reportPrivateUsage]
-        assert len(backend._window.places) <= 64  # pyright: ignore[reportPrivateUsage]
+        assert len(backend._window.poses) <= 256
+        assert len(backend._window.places) <= 64
 
 
 def test_asking_changes_nothing() -> None:
     log = drawn(8, "plain", 80)
-    plain, asked = make(log, lag=5.0), make(log, lag=5.0)
-    for step in log:
-        assert plain.step(step).tobytes() == asked.step(step).tobytes()
-        asked.belief()
-        asked.map()
-    assert plain.finish().path.tobytes() == asked.finish().path.tobytes()
+    asking_changes_nothing(make("fixed-lag", log.prior, lag=5.0), make("fixed-lag", log.prior, lag=5.0), log)
 
 
 def test_odometry_without_a_covariance_ends_with_a_sentence() -> None:
     steps = list(drawn(9, "plain", 20))
     steps[10] = steps[10]._replace(odometry=Odometry(np.zeros(3), np.zeros((3, 3))))
     with pytest.raises(Diverged, match="not positive definite"):
-        run(Log.from_steps("wrong", drawn(9, "plain").prior, steps))
+        run("fixed-lag", Log.from_steps("wrong", drawn(9, "plain").prior, steps))

@@ -11,9 +11,10 @@ import pytest
 import plain_motions
 from against_dense import KINDS, agrees, dense, of_kind
 from batch_fit import Fit, fitted
+from driven import NO_LOOPS, NO_SIGHTINGS, final
 from random_logs import random_log
 from slamduel.backends.api import Diverged, Solution
-from slamduel.backends.graphs import batch, graduated, graph
+from slamduel.backends.graphs import batch, graduated
 from slamduel.backends.graphs.first_values import first_values
 from slamduel.backends.graphs.gauss_newton import STILL
 from slamduel.backends.smoothing.smoother import LOSSES
@@ -21,25 +22,18 @@ from slamduel.bench.measure.misfit import cost, misfits
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.outliers import swapped
-from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, Step
 from slamduel.frontend.se2 import Array, between, wrap
 
-NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 STARTS = ("incremental", "odometry")
 
 
 def optimum(log: Log, **options: Any) -> Solution:
-    backend = graph.Graph(log.prior, graph.Options(**options), np.random.default_rng(0))
-    for step in log:
-        backend.step(step)
-    return backend.finish()
+    return final("graph", log, **options)
 
 
 def total(log: Log, solution: Solution) -> float:
-    found = cost(log, solution.path, solution.map)
-    assert found is not None
-    return found.total
+    return cost(log, solution.path, solution.map).total
 
 
 def made(name: str, **options: Any) -> Log:

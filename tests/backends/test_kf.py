@@ -125,8 +125,6 @@ def test_where_the_heading_is_off_it_is_held_to_dead_reckoning_alone() -> None:
 
 def test_a_map_that_is_given_is_kept_to() -> None:
     log, truth = linear(Options(steps=20), np.random.default_rng(2))
-    assert truth is not None
-    assert truth.map is not None
     given = Prior(log.prior.pose, log.prior.cov, truth.map)
     kf = Kf(given, NoOptions(), np.random.default_rng(0))
     for step in log:
@@ -167,7 +165,6 @@ def test_what_is_no_covariance_is_said() -> None:
 
 def test_the_linear_world_states_the_noise_that_it_has() -> None:
     log, truth = linear(Options(steps=4000, turning=0.01), np.random.default_rng(4))
-    assert truth is not None
     errors = log.delta[1:] - np.column_stack((np.diff(truth.poses[:, :2], axis=0), np.zeros(3999)))
     off = errors / np.sqrt(np.einsum("kii->ki", log.delta_cov[1:]))
     # The variance of the mean of n squares of normals is 2 / n: six standard deviations.

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.backends.registry import find
-from slamduel.bench.measure.metrics import align, aligned, ate
+from driven import aligned_error, final, run
 from slamduel.datasets import registry as datasets
 from slamduel.frontend.factors import Dataset
 from slamduel.frontend.se2 import Array
@@ -30,29 +29,15 @@ def read(robot: int, **settings: float) -> Dataset:
 
 
 def error(dataset: Dataset, path: Array) -> float:
-    """The position RMSE of `path`, a pose a step, aligned."""
+    """The aligned position RMSE of `path`, one pose per step."""
     log, truth = dataset
-    assert truth is not None
-    mine = path[np.searchsorted(log.t, truth.t)]
-    return ate(aligned(align(mine, truth.poses), mine), truth.poses)
-
-
-def final(dataset: Dataset, backend: str, **options: str) -> float:
-    """The error of the path that `backend` has once the log is over."""
-    builder = find(backend)
-    running = builder.make(dataset.log.prior, builder.options(**options), np.random.default_rng(0))
-    for step in dataset.log:
-        running.step(step)
-    solution = running.finish()
-    assert solution is not None
-    return error(dataset, solution.path)
+    return aligned_error(path[np.searchsorted(log.t, truth.t)], truth.poses)
 
 
 @pytest.mark.parametrize("robot", MEASURED)
 def test_the_ekf_is_as_accurate_as_a_textbook_one(robot: int):
     dataset = read(robot, **TEXTBOOK)
-    ekf = find("ekf").make(dataset.log.prior, find("ekf").options(), np.random.default_rng(0))
-    assert error(dataset, np.array([ekf.step(step) for step in dataset.log])) <= 1.1 * MEASURED[robot]
+    assert error(dataset, run("ekf", dataset.log)[1]) <= 1.1 * MEASURED[robot]
 
 
 @pytest.mark.slow
@@ -61,6 +46,6 @@ def test_the_recommended_variant_is_accurate_on_all_five_robots():
 
     Measured: 0.105, 0.113, 0.137, 0.129 and 0.124 m; without the loss, robot 3 ends two metres off.
     """
-    errors = [final(read(robot), "isam2", loss="cauchy") for robot in ROBOTS]
+    errors = [error(made, final("isam2", made.log, loss="cauchy").path) for made in map(read, ROBOTS)]
     assert max(errors) <= 0.15, errors
     assert np.median(errors) <= 0.13, errors

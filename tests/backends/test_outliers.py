@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from driven import aligned_error
 from random_logs import random_log
 from room_drives import room_drive
 from slamduel.backends.api import Diverged
-from slamduel.bench.measure.metrics import align, aligned, ate
 from slamduel.bench.plan.spec import backend_variants, read_options
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room
@@ -92,7 +92,6 @@ def test_the_drive_s_option_plants_them_into_the_same_log() -> None:
 def error(backend: str, log: Log, truth: Truth) -> float:
     """ATE, m, of the final path, where there is one, else of the online path; infinite where it gives up."""
     (variant,) = backend_variants(backend)
-    assert variant.builder is not None
     made = variant.builder.make(log.prior, variant.options, np.random.default_rng(0))
     try:
         online = [made.step(step) for step in log]
@@ -100,7 +99,7 @@ def error(backend: str, log: Log, truth: Truth) -> float:
     except Diverged:
         return float("inf")
     path = np.array(online) if solution is None else solution.path
-    return ate(aligned(align(path, truth.poses), path), truth.poses)
+    return aligned_error(path, truth.poses)
 
 
 def ratios(backend: str, clean: Dataset, planted: list[Dataset]) -> list[float]:

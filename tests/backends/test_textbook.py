@@ -59,8 +59,6 @@ def sighting(v: Array, middle: float) -> Array:
 @pytest.mark.parametrize("together", [False, True])
 def test_on_an_exact_log_the_filter_is_batch_least_squares(together: bool) -> None:
     log, truth = random_log(np.random.default_rng(1), 40, 8, errors=0.0)
-    assert truth is not None
-    assert truth.map is not None
     ekf = TextbookEkf(log.prior, together=together)
     path = np.array([ekf.step(step) for step in log])
     np.testing.assert_allclose(between(path, truth.poses), 0, atol=1e-11)
@@ -147,7 +145,6 @@ def test_with_one_landmark_dead_ahead_it_is_the_kalman_filter_of_the_line() -> N
 
 def test_a_map_without_covariance_stays_and_one_with_it_moves() -> None:
     log, truth = random_log(np.random.default_rng(6), 60, 8)
-    assert truth is not None
     assert truth.map is not None
     ids, xy, _ = truth.map
     fixed = TextbookEkf(log.prior._replace(map=Map(ids, xy, None)))
@@ -165,8 +162,6 @@ def test_a_map_without_covariance_stays_and_one_with_it_moves() -> None:
 
 def test_random_logs_are_honest_and_odd_enough() -> None:
     log, truth = random_log(np.random.default_rng(7), 400, 30)
-    assert truth is not None
-    assert truth.map is not None
     counts = np.diff(log.sighting_first)
     assert counts.min() == 0
     assert counts.max() >= 3

@@ -18,7 +18,7 @@ from slamduel.frontend.factors import Dataset
 
 DATA = os.environ.get("SLAMDUEL_DATA")
 WORLDS = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report")
-MISHAPS = {
+FAULTS = {
     "sensor_scale": 1.5, "odometry_scale": 1.3, "tails": 4.0, "slip": 0.3, "missing": 0.1, "gap": 0.1,
     "wrong_ids": 0.05, "clutter": 0.3, "jitter": 0.05,
 }  # fmt: skip
@@ -30,11 +30,11 @@ def made(name: str, seed: int = 0, **options: Any) -> Dataset:
 
 
 def logs() -> dict[str, Callable[[], Dataset]]:
-    """Every world, as it is by default and with all mishaps, and every published log that is there."""
+    """Every world, as it is by default and with all faults, and every published log that is there."""
     found: dict[str, Callable[[], Dataset]] = {}
     for name in WORLDS:
         found |= {f"{name} {seed}": partial(made, name, seed) for seed in (0, 1)}
-        found[f"{name} with mishaps"] = partial(made, name, 3, **MISHAPS)
+        found[f"{name} with faults"] = partial(made, name, 3, **FAULTS)
     found["victoria-park"] = partial(made, "victoria-park")
     if DATA is not None:
         found["dlr"] = partial(made, "dlr", path=f"{DATA}/dlr/map.circles")

@@ -119,4 +119,4 @@ def test_a_decimal_comma_between_blanks_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("codec", ["utf-16", "utf-16-le", "utf-16-be"])
 @pytest.mark.parametrize("read", [csv, columns, spaced, stepwise, g2o.read])
 def test_utf_16_is_told(tmp_path: Path, read: Read, codec: str) -> None:
-    assert "it looks like UTF-16, expected UTF-8" in sentence(read, tmp_path / "a", "t,x\n1,2\n".encode(codec))
+    assert "found UTF-16, expected UTF-8" in sentence(read, tmp_path / "a", "t,x\n1,2\n".encode(codec))

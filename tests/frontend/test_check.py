@@ -42,7 +42,7 @@ BAD: dict[str, tuple[Change, str, int, str]] = {
     "an uneven prior": (prior(cov=np.eye(3) + np.eye(3, k=1) / 2), "prior", 0, "not symmetric"),
     "a prior of another size": (prior(cov=np.eye(2)), "prior", 0, "(3,) and (3, 3)"),
     "a negative id in the map": (known(ids=(3, -1)), "prior", 1, "id is -1, expected 0 to 9007199254740992"),
-    "one id twice in the map": (known(ids=(3, 3)), "prior", 1, "id 3 is there twice"),
+    "one id twice in the map": (known(ids=(3, 3)), "prior", 1, "id 3 occurs twice"),
     "a map at infinity": (known(xy=((0, 1), (2, INF))), "prior", 1, "the map's y is inf"),
     "a map of two sizes": (known(ids=(3, 8, 9)), "prior", 0, "do not fit its 3 ids"),
     "an indefinite map": (known(cov=np.diag([1.0, 1, 1, -2])), "prior", 0, "smallest eigenvalue is -2, its largest 1"),
@@ -68,10 +68,10 @@ BAD: dict[str, tuple[Change, str, int, str]] = {
         2,
         "id is 9007199254740994, expected",
     ),
-    "an id twice in a step": (put("ids", 4, 3), "sightings", 4, "id 3 is there twice in step 2, expected once"),
+    "an id twice in a step": (put("ids", 4, 3), "sightings", 4, "id 3 occurs twice in step 2, expected once"),
     "sightings without noise": (put("z_cov", 3, 0.0), "sightings", 3, "smallest eigenvalue is 0"),
-    "a sighting after the end": (put("sighting_step", 5, 6), "sightings", 0, "expected steps from 0 to 5"),
-    "a sighting before the start": (put("sighting_step", 0, -1), "sightings", 0, "expected steps from 0 to 5"),
+    "a sighting after the end": (put("sighting_step", 5, 6), "sightings", 0, "expected 0 to 5"),
+    "a sighting before the start": (put("sighting_step", 0, -1), "sightings", 0, "expected 0 to 5"),
     "too few measurements": (lambda p: p.update(z=p["z"][:5]), "sightings", 0, "z has shape (5, 2), expected (6, 2)"),
     "odometry short of a row": (lambda p: p.update(delta=p["delta"][:5]), "odometry", 0, "(5, 3), expected (6, 3)"),
     "a loop to its own step": (
@@ -104,7 +104,7 @@ def test_a_log_needs_a_step():
         "empty", prior, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none, np.zeros((0, 2)),
         np.zeros((0, 2, 2)),
     )  # fmt: skip
-    with pytest.raises(InputError, match="there is no step"):
+    with pytest.raises(InputError, match="found no steps"):
         check(empty, where="empty")
 
 
@@ -166,7 +166,7 @@ BAD_TRUTH: dict[str, tuple[dict[str, Any], str]] = {
     "too few assigned": ({"assigned": np.array([3])}, r"assigned has shape \(1,\), expected \(6,\)"),
     "assigned fractions": ({"assigned": np.zeros(6)}, "assigned has entries of type float64, expected whole numbers"),
     "an assigned id below -1": ({"assigned": np.full(6, -2)}, "assigned row 0: found -2"),
-    "one id twice in the map": ({"map": Map(IDS[[0, 0]], XY, None)}, "map row 1: the map's id 3 is there twice"),
+    "one id twice in the map": ({"map": Map(IDS[[0, 0]], XY, None)}, "map row 1: the map's id 3 occurs twice"),
     "a map of two sizes": ({"map": Map(IDS, XY[:1], None)}, r"map.xy has shape \(1, 2\)"),
     "a map at infinity": ({"map": Map(IDS, XY + INF, None)}, "map row 0: the map's x is inf"),
 }

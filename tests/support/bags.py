@@ -30,7 +30,7 @@ class Said(NamedTuple):
 
 
 def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
-    """The bag's path."""
+    """Writes a bag and returns its path."""
     old = kind == "ros1"
     types = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP

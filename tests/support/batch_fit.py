@@ -18,19 +18,19 @@ class Fit(NamedTuple):
     motions: Array  # (n - 1 and loop closures, 3) whitened residuals
     sightings: Array  # (s, 2) whitened residuals
     cost: float  # J
-    furthest: float  # m, rad; how far the last step moved what it moved furthest
+    furthest: float  # m, rad; the largest change in the last step
 
 
 def points(log: Log, path: Array) -> Array:
-    """(s, 2) where the sightings are in the world, from `path` (n, 3)."""
+    """(s, 2) world positions of the sightings, from `path` (n, 3)."""
     range_, bearing = log.z.T
     return act(path[log.sighting_step], np.stack((range_ * np.cos(bearing), range_ * np.sin(bearing)), axis=-1))
 
 
 def fitted(log: Log, start: Array, iterations: int, landmarks: Map | None = None) -> Fit:
-    """The optimum near the path `start` (n, 3), after so many steps; every landmark begins at its sightings' mean.
+    """The optimum near the path `start` (n, 3), after that many steps; landmarks start at their sightings' mean.
 
-    Or where `landmarks` has it. Loop closures come after the motions.
+    Or at their positions in `landmarks`. Loop closures come after the motions.
     """
     ids, which = np.unique(log.ids, return_inverse=True)
     n, m, step, path = len(log), len(ids), log.sighting_step, start.copy()
@@ -87,7 +87,7 @@ def fitted(log: Log, start: Array, iterations: int, landmarks: Map | None = None
 
 
 def aligned(xy: Array, onto: Array) -> Array:
-    """`xy` (n, 2) moved and turned to lie closest to `onto` (n, 2)."""
+    """`xy` (n, 2) rigidly aligned to `onto` (n, 2) by least squares."""
     a, b = xy - xy.mean(axis=0), onto - onto.mean(axis=0)
     angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
     c, s = np.cos(angle), np.sin(angle)
@@ -99,7 +99,7 @@ def rmse(xy: Array, truth: Array) -> float:
 
 
 def _entries(blocks: Array, row: Ints, column: Ints) -> tuple[Array, Ints, Ints]:
-    """The values of `blocks` (m, a, b), each with its upper left at (row, column), and where they belong."""
+    """The values of `blocks` (m, a, b), each with its upper left at (row, column), and their indices."""
     rows = row[:, None, None] + np.arange(blocks.shape[1])[None, :, None]
     columns = column[:, None, None] + np.arange(blocks.shape[2])[None, None, :]
     rows, columns = np.broadcast_to(rows, blocks.shape), np.broadcast_to(columns, blocks.shape)

@@ -24,7 +24,7 @@ def big(
     seeds: int = 30,
     steps: int = 300,
 ) -> Record:
-    """The first dataset after another: one without a known path, one against a reference, the others with a truth."""
+    """The first dataset is without a known path, the second with a reference, the others with ground truth."""
     made, rng = Record(folder), np.random.default_rng(2)
     for place, dataset in enumerate(datasets):
         kind = {4: "reference", 3: ""}.get(place, "truth")
@@ -47,7 +47,7 @@ def big(
 
 
 def main() -> None:
-    """Make the record and its report."""
+    """Writes the record and its report."""
     from slamduel.bench.report.report import write_report
 
     made = big(Path(sys.argv[1]))

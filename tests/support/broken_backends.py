@@ -1,4 +1,4 @@
-"""A sound backend, and one for each way of being unsound, with the check that is to catch it and what it is to say."""
+"""A sound backend, and a broken one per fault, with the check that must detect it and its message."""
 
 from typing import Any, ClassVar
 
@@ -10,7 +10,7 @@ from slamduel.frontend.se2 import Array
 
 
 class Sound:
-    """The textbook's filter as a backend: nothing is wrong with it, and the classes below each break one thing."""
+    """The textbook's filter as a backend; the classes below each break one thing."""
 
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
         self.ekf, self.rng, self.k = TextbookEkf(prior), rng, -1
@@ -33,7 +33,7 @@ class Sound:
 
 
 class SharesItsMap(Sound):
-    """Keeps its state where every instance finds it."""
+    """Keeps its state in the class."""
 
     shared: ClassVar[list[TextbookEkf]] = []
 
@@ -67,7 +67,7 @@ class ScalesItsInput(Sound):
 
 
 class Unwrapped(Sound):
-    """Lets the heading run on."""
+    """Does not wrap the heading."""
 
     turned = 0.0
 
@@ -88,7 +88,7 @@ class UsesGlobalChance(Sound):
 
 
 class DrawsInSecret(Sound):
-    """Draws from its generator although its builder does not say so."""
+    """Draws from its generator although its builder does not declare it."""
 
     def step(self, step: Step) -> Pose | None:
         self.rng.uniform()
@@ -104,7 +104,7 @@ class DrawsFromTheClock(Sound):
 
 
 class BeliefChangesThePath(Sound):
-    """Rounds its state when asked for it."""
+    """Rounds its state when queried."""
 
     def belief(self) -> Belief | None:
         self.ekf.mean = np.round(self.ekf.mean, 12)
@@ -112,7 +112,7 @@ class BeliefChangesThePath(Sound):
 
 
 class ReusesItsAnswer(Sound):
-    """Hands out the array it goes on working in."""
+    """Returns the array it continues to work in."""
 
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
         super().__init__(prior, options, rng)
@@ -131,14 +131,14 @@ class ForgetsThePrior(Sound):
 
 
 class ForgetsTheMap(Sound):
-    """Builds its own map where one was given."""
+    """Builds its own map although one was given."""
 
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
         super().__init__(prior._replace(map=None), options, rng)
 
 
 class TakesTheMapForUncertain(Sound):
-    """Moves the landmarks of a map that is to be held fixed."""
+    """Moves the landmarks of a map that must be held fixed."""
 
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
         if prior.map is not None and prior.map.cov is None:
@@ -170,7 +170,7 @@ class TurnsIntoNan(Sound):
 
 
 class Raises(Sound):
-    """Fails where a landmark comes back."""
+    """Fails when a landmark is seen again."""
 
     def step(self, step: Step) -> Pose | None:
         if self.k > 3:
@@ -179,7 +179,7 @@ class Raises(Sound):
 
 
 class SaysNothing(Sound):
-    """Gives neither an online nor a final path."""
+    """Returns neither an online nor a final path."""
 
     def step(self, step: Step) -> Pose | None:
         self.ekf.step(step)
@@ -187,14 +187,14 @@ class SaysNothing(Sound):
 
 
 class Asymmetric(Sound):
-    """Gives a covariance that is none."""
+    """Returns an invalid covariance."""
 
     def belief(self) -> Belief | None:
         return Belief(self.ekf.mean[:3].copy(), self.ekf.cov[:3, :3] + np.triu(np.full((3, 3), 1e-4), 1))
 
 
 class Overconfident(Sound):
-    """Gives zeros where it does not know a covariance."""
+    """Returns zeros for an unknown covariance."""
 
     def belief(self) -> Belief | None:
         return Belief(self.ekf.mean[:3].copy(), np.zeros((3, 3)))
@@ -216,7 +216,7 @@ class Narrow(Sound):
 
 
 class Doubled(Sound):
-    """Has every landmark on its map twice."""
+    """Lists every landmark on its map twice."""
 
     def map(self) -> Map:
         ids, xy, _ = super().map()
@@ -232,7 +232,7 @@ class Mirrored(Sound):
 
 
 class UnwrappedInnovations(Sound):
-    """Takes innovations as the difference of two bearings."""
+    """Does not wrap innovations of bearings."""
 
     def step(self, step: Step) -> Pose | None:
         if step.odometry is not None:
@@ -261,14 +261,14 @@ class Backwards(Sound):
 
 
 class Halting(Sound):
-    """Does not move where nothing is sighted."""
+    """Does not move at steps without sightings."""
 
     def step(self, step: Step) -> Pose | None:
         return super().step(step if len(step.sightings.ids) else step._replace(odometry=None))
 
 
 class DividesByDistance(Sound):
-    """Takes the direction of a motion of no length."""
+    """Normalises a motion of zero length."""
 
     def step(self, step: Step) -> Pose | None:
         if step.odometry is not None:
@@ -313,7 +313,7 @@ class SmallTable(Sound):
 
 
 class ShutsItsEyes(Sound):
-    """Quietly leaves out what it has no room for."""
+    """Silently drops what does not fit."""
 
     def step(self, step: Step) -> Pose | None:
         ids, z, cov = step.sightings
@@ -337,7 +337,7 @@ class LosesItsMap(Sound):
 
 
 class InTicks(Sound):
-    """Takes the time for a number of ticks of 0.1 s, and rolls on by itself in between."""
+    """Treats the time as a number of ticks of 0.1 s, and keeps moving in between."""
 
     t = 0.0
 
@@ -360,7 +360,7 @@ ADVERSE: list[tuple[type[Sound], str, str]] = [
     (Backwards, "no-sightings", "off at step"),
     (DividesByDistance, "an-hour-in-the-dark", "not finite from step 1 on"),
 ]
-"""Each with an adversarial log on which it cannot pass."""
+"""Each with an adversarial log on which it must fail."""
 
 
 BROKEN: list[tuple[type[Sound], str, str]] = [

@@ -1,4 +1,4 @@
-"""Views of a ChArUco board through a lens that is known, for tests of calibration."""
+"""Views of a ChArUco board through a known lens, for tests of calibration."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from slamduel.frontend.se2 import Array
 
 BOARD = Board(columns=8, rows=6, square=0.04, marker=0.03, dictionary="4X4_50")
 _SHARPNESS = 24
-"""px a square, of the drawing that views are warped from."""
+"""px per square of the drawing that views are warped from."""
 
 
 def poses(count: int, rng: np.random.Generator, tilt: float = 35, distance: float = 0.42) -> list[Array]:
-    """(4, 4) T_camera_board each: the board's middle before the camera, tilted every way by up to `tilt` degrees."""
+    """(4, 4) T_camera_board each: the board's middle ahead of the camera, tilted every way by up to `tilt` degrees."""
     middle = np.array([BOARD.columns, BOARD.rows, 0]) * BOARD.square / 2
     found: list[Array] = []
     for k in range(count):
@@ -31,7 +31,7 @@ def poses(count: int, rng: np.random.Generator, tilt: float = 35, distance: floa
 
 
 def corners(camera: Camera, pose: Array, name: str, noise: float, rng: np.random.Generator) -> View:
-    """The corners that are in the image, without an image of them; `noise` is their standard deviation, px."""
+    """The corners inside the image, without an image; `noise` is their standard deviation, px."""
     points = np.asarray(BOARD.opencv.getChessboardCorners(), float)
     seen = camera.project(points @ pose[:3, :3].T + pose[:3, 3])
     inside = ((seen > 2) & (seen < [camera.width - 3, camera.height - 3])).all(axis=1)
@@ -39,7 +39,7 @@ def corners(camera: Camera, pose: Array, name: str, noise: float, rng: np.random
 
 
 def photographs(camera: Camera, places: Sequence[Array], board: Board = BOARD) -> list[Image]:
-    """(height, width) grey from each of `places` (4, 4) T_camera_board: a pixel's rays followed to the board."""
+    """(height, width) grey from each of `places` (4, 4) T_camera_board, by ray casting to the board."""
     drawn = board.opencv.generateImage((board.columns * _SHARPNESS, board.rows * _SHARPNESS))
     drawn = np.pad(drawn, _SHARPNESS, constant_values=255)
     fine = 2  # rays along each side of a pixel

@@ -1,4 +1,4 @@
-"""Schedulers and workers of Dask as processes of this machine, each with a log that tells why it did not come up."""
+"""Dask schedulers and workers as local processes, each with a log for failures at start."""
 
 import json
 import os
@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 WITHOUT = 'import sys; sys.modules["slamduel"] = None; '
-"""Before anything else in a process that is to be without this package."""
+"""Prefix of the code of a process without this package."""
 
 HASTY = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "5s", "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
 """A silent worker is given up after 5 s, a task after one death of a worker."""
 
 
 class Processes:
-    """A scheduler, and workers that come and go."""
+    """A scheduler and its workers."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -40,7 +40,7 @@ class Processes:
     def worker(
         self, *options: str, path: Path | None = None, before: str = "", environment: Mapping[str, str] | None = None
     ) -> subprocess.Popen[bytes]:
-        """Start one, without a nanny unless told `--nanny`.
+        """Starts one, without a nanny unless the options have `--nanny`.
 
         `path`: where it finds modules first, `before`: what it runs first.
         """
@@ -49,7 +49,7 @@ class Processes:
         return self._start(before, "dask_worker", self.address, *wanted, path=path, more=environment)
 
     def until(self, there: Callable[[], bool], seconds: float = 60) -> None:
-        """Wait for something, with what the processes said where it does not come."""
+        """Waits for a condition; on timeout, fails with the processes' output."""
         end = time.monotonic() + seconds
         while not there():
             said = "\n".join(path.read_text() for path in self.folder.glob("*.log"))
@@ -57,7 +57,7 @@ class Processes:
             time.sleep(0.05)
 
     def close(self) -> None:
-        """End all of them."""
+        """Ends all of them."""
         for process in self.running:
             process.send_signal(signal.SIGCONT)
             process.kill()

@@ -1,4 +1,4 @@
-"""The optimum of J by dense Gauss-Newton, with losses, loops and given maps, and the covariance of all there is."""
+"""The optimum of J by dense Gauss-Newton, with losses, loops and given maps, and all covariances."""
 
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ class Normal:
         self._loss, self._scale = loss, scale
 
     def add(self, blocks: list[tuple[int, Array]], e: Array, cov: Array, robust: bool = False) -> None:
-        """A residual with its derivatives, each from the column it stands at, and its covariance."""
+        """Adds a residual with its derivatives, each at its first column, and its covariance."""
         W = np.linalg.inv(cov)
         q = float(e @ W @ e)
         w, value = weight(self._loss, self._scale, q) if robust else (1.0, q)
@@ -47,7 +47,7 @@ class Normal:
                 self.matrix[i : i + A.shape[1], j : j + B.shape[1]] += w * A.T @ W @ B
 
     def add_motion(self, path: Array, i: int, j: int, delta: Array, cov: Array) -> None:
-        """A motion from one pose to another."""
+        """Adds a motion between two poses."""
         e = between(path[i], path[j]) - delta
         e[2] = wrap(e[2])
         by_i, by_j = between_jacobians(path[i], path[j])
@@ -57,7 +57,7 @@ class Normal:
 def dense_fit(
     log: Log, path: Array, xy: dict[int, Array], iterations: int, loss: str = "none", scale: float = 1.0
 ) -> Dense:
-    """Start from `path` (n, 3) and landmarks `xy`; those of a map that is held fixed are no variables."""
+    """Starts from `path` (n, 3) and landmarks `xy`; those of a fixed map are not variables."""
     known = log.prior.map
     fixed = {} if known is None or known.cov is not None else dict(zip(known.ids.tolist(), known.xy, strict=True))
     path, xy, n = path.copy(), {i: np.array(at) for i, at in xy.items() if i not in fixed}, len(path)

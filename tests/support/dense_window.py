@@ -1,4 +1,4 @@
-"""A textbook fixed-lag smoother: dense normal equations and Schur complements, relinearised once a step."""
+"""A textbook fixed-lag smoother: dense normal equations and Schur complements, relinearised once per step."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from slamduel.frontend.factors import Prior, Step
 from slamduel.frontend.se2 import Array, between, compose, wrap
 
 Key = tuple[str, int, int]
-"""A pose ("x", step, 0), or a landmark ("l", id, how often it has left)."""
+"""A pose ("x", step, 0), or a landmark ("l", id, number of times it has left)."""
 
 
 class Factor(NamedTuple):
@@ -21,15 +21,15 @@ class Factor(NamedTuple):
 
 
 class DenseWindow:
-    """Every landmark starts at its first sighting, and a map that is given comes with its covariance.
+    """Landmarks start at their first sighting, and a given map has its covariance.
 
-    A variable that shares a factor with one that has left is not linearised anew. Nothing is shared with the backend.
+    A variable that shares a factor with one that has left is not relinearised. Nothing is shared with the backend.
     """
 
     def __init__(self, prior: Prior, lag: float) -> None:
-        self.lag, self.here = lag, dict[Key, Array]()  # points of linearisation
+        self.lag, self.here = lag, dict[Key, Array]()  # linearisation points
         self.left: list[tuple[Array, Array]] = []  # poses that have left, with their covariances
-        self.gone: dict[int, Array] = {}  # landmarks, where they were when they last left
+        self.gone: dict[int, Array] = {}  # landmarks, at their position when they last left
         self._off, self._cov = dict[Key, Array](), np.zeros((0, 0))
         self._prior, self._start = prior, [("x", 0, 0)]
         self._factors: list[Factor] = []
@@ -52,7 +52,7 @@ class DenseWindow:
         self._pose, self._count = prior.pose, 0
 
     def step(self, step: Step) -> tuple[Array, Array]:
-        """The latest pose and its covariance."""
+        """Processes a step; returns the latest pose and its covariance."""
         k = self._count
         self._count += 1
         names = [self._name(i) for i in step.sightings.ids.tolist()]
@@ -83,7 +83,7 @@ class DenseWindow:
         return _moved(self.here[key], self._off[key]), self._cov[at : at + n, at : at + n]
 
     def inside(self) -> dict[int, Array]:
-        """Where the landmarks in the window are."""
+        """Positions of the landmarks in the window."""
         return {key[1]: self.estimate(key)[0] for key in self.here if key[0] == "l"}
 
     def _name(self, landmark: int) -> Key:
@@ -94,14 +94,14 @@ class DenseWindow:
         return dict(zip(self.here, ends.tolist(), strict=False))
 
     def _sum(self, factors: list[Factor]) -> Normal:
-        """The normal equations of some factors and of what is known from before."""
+        """The normal equations of some factors and of the prior."""
         column = self._columns()
         normal = Normal(sum(len(x) for x in self.here.values()))
         keys, information, right, there = self._known
         rows = np.concatenate([column[key] + np.arange(len(self.here[key])) for key in keys])
         off = np.concatenate([self.here[key] for key in keys]) - there
         if keys[0][0] == "x":
-            off[2] = wrap(off[2])  # of the prior at step 0 alone: later ones stay where they are
+            off[2] = wrap(off[2])  # of the prior at step 0 alone: later ones keep their linearisation point
         normal.matrix[np.ix_(rows, rows)] += information
         normal.right[rows] += right - information @ off
         for first, second, z, cov in factors:
@@ -152,7 +152,7 @@ class DenseWindow:
 
 
 def _moved(at: Array, off: Array) -> Array:
-    """A pose or a landmark, so far from where it was."""
+    """A pose or a landmark, moved by an offset."""
     out = at + off
     if len(out) == 3:
         out[2] = wrap(out[2])

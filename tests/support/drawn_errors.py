@@ -1,4 +1,4 @@
-"""What a simulated log's measurements are off by, and whether that is what they state."""
+"""A simulated log's measurement errors, and tests of them against their stated covariances."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from slamduel.frontend.se2 import Array, between, wrap
 
 
 class Errors(NamedTuple):
-    """Measured less true."""
+    """Measured minus true."""
 
     sightings: Array  # (s, 2)
     motions: Array  # (n - 1, 3)
@@ -33,7 +33,7 @@ def seen(poses: Array, xy: Array) -> Array:
 
 
 def errors(made: Dataset) -> Errors:
-    """Of a log whose landmarks are 0, 1, 2 ... and all sighted under their own ids."""
+    """Errors of a log with landmarks 0, 1, 2 ..., all sighted under their own ids."""
     truth, landmarks = known(made)
     sighted = made.log.z - seen(truth.poses[made.log.sighting_step], landmarks.xy[made.log.ids])
     moved = made.log.delta[1:] - between(truth.poses[:-1], truth.poses[1:])
@@ -48,7 +48,6 @@ def _squared(error: Array, cov: Array) -> Array:
 def run(backend: str, made: Dataset) -> tuple[Array, Array]:
     """The online path (n, 3) of a filter, and the NEES (n,) of its poses."""
     (variant,) = backend_variants(backend)
-    assert variant.builder is not None
     filter_ = variant.builder.make(made.log.prior, variant.options, np.random.default_rng(0))
     truth, _ = known(made)
     if isinstance(filter_, WantsTruth):
@@ -58,7 +57,6 @@ def run(backend: str, made: Dataset) -> tuple[Array, Array]:
         pose = filter_.step(step)
         belief = filter_.belief()
         assert pose is not None
-        assert belief is not None
         assert belief.cov is not None
         poses[k], covs[k] = pose, belief.cov
     return poses, nees(poses, covs, truth.poses)

@@ -1,4 +1,4 @@
-"""evo's own command line, as an independent judge."""
+"""evo's own command line, as an independent reference."""
 
 import json
 import os
@@ -15,7 +15,7 @@ for tool, *words in json.loads(sys.argv[1]):
     getattr(entry_points, tool)()
     print("next", flush=True)
 """
-"""What the scripts evo_ape and evo_rpe do, one command after another: evo takes long to import."""
+"""The scripts evo_ape and evo_rpe, several commands in one process: evo is slow to import."""
 
 
 def evo(folder: Path, *commands: Sequence[str]) -> list[float]:
@@ -23,7 +23,7 @@ def evo(folder: Path, *commands: Sequence[str]) -> list[float]:
 
     A command is the tool ("ape" or "rpe"), the TUM files of truth and estimate, and options.
     """
-    env = {**os.environ, "HOME": str(folder)}  # where evo keeps its settings
+    env = {**os.environ, "HOME": str(folder)}  # evo's settings folder
     done = subprocess.run(
         [sys.executable, "-c", ALL, json.dumps(commands)],
         cwd=folder, capture_output=True, text=True, check=True, env=env,

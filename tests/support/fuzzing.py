@@ -1,4 +1,4 @@
-"""Damaged files: what every reader has to take or to turn down with a sentence."""
+"""Damaged files, which every reader has to accept or refuse with one sentence."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,11 +24,11 @@ WORDS = (
     b" ",
     b"#",
 )
-"""What somebody's other program may have written where a number belongs."""
+"""Plausible output of other programs in place of a number."""
 
 
 def damaged(content: bytes, cases: int, seed: int) -> Iterator[bytes]:
-    """`content` damaged in so many ways: bits turned, the end cut off, lines lost, doubled, swapped, cells changed."""
+    """Yields damaged copies of `content`: bits flipped, truncated, lines lost, doubled, swapped, cells changed."""
     rng = np.random.default_rng(seed)
     kinds = (_bits, _cut, _lost, _doubled, _swapped, _word)
     for case in range(cases):
@@ -38,10 +38,10 @@ def damaged(content: bytes, cases: int, seed: int) -> Iterator[bytes]:
 def survivors(
     read: Callable[[Path], T], path: Path, cases: int, seed: int, fit: Callable[[T], object] | None = None
 ) -> tuple[list[T], list[str]]:
-    """What `read` makes of the file `path` damaged in so many ways, and the sentences with which it turned others down.
+    """Reads that many damaged copies of the file `path`; returns the results, and the messages of those refused.
 
-    Anything but an InputError goes through to the test, as does what `fit` raises on what was read. Sentences are one
-    line and name the file or the folder.
+    Anything but an InputError fails the test, as does an error of `fit` on a result. Messages are one line and name the
+    file or the folder.
     """
     content = path.read_bytes()
     found, sentences = list[T](), list[str]()

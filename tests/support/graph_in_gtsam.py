@@ -1,4 +1,4 @@
-"""A g2o file as GTSAM's factors, straight from its lines: a reader that shares nothing with ours."""
+"""Reads a g2o file directly into GTSAM's factors, independently of our reader."""
 
 import math
 from pathlib import Path
@@ -12,14 +12,14 @@ Array = NDArray[np.float64]
 
 
 class Graph(NamedTuple):
-    """The factors, and what the VERTEX rows say."""
+    """The factors, and the VERTEX rows."""
 
     factors: gtsam.NonlinearFactorGraph
     poses: dict[int, list[float]]
     points: dict[int, list[float]]
 
     def values(self, path: Array | None = None, places: dict[int, Array] | None = None) -> gtsam.Values:
-        """The vertices' own, or poses (n, 3) in the order of the ids and points by id."""
+        """The vertices' initial values, or poses (n, 3) in the order of the ids and points by id."""
         values = gtsam.Values()
         for k, (vertex, pose) in enumerate(sorted(self.poses.items())):
             values.insert(vertex, gtsam.Pose2(*(pose if path is None else path[k])))
@@ -40,7 +40,7 @@ class Graph(NamedTuple):
 
 
 def read(path: Path) -> Graph:
-    """The graph in `path`; a row that is not known is an error."""
+    """Reads the graph in `path`; an unknown row is an error."""
     graph = Graph(gtsam.NonlinearFactorGraph(), {}, {})
     for line in path.read_text().splitlines():
         tag, *words = line.split()

@@ -8,9 +8,8 @@ from slamduel.frontend.se2 import between
 
 
 def with_loops(made: Dataset, count: int, rng: np.random.Generator) -> Dataset:
-    """The same with up to so many loop closures, between any two poses, whose covariances hold."""
+    """Adds up to `count` loop closures between random poses, drawn from their covariances."""
     steps, truth = list(made.log), made.truth
-    assert truth is not None
     for _ in range(count):
         k = int(rng.integers(2, len(steps)))
         to, loops = int(rng.integers(0, k - 1)), steps[k].loops
@@ -24,10 +23,8 @@ def with_loops(made: Dataset, count: int, rng: np.random.Generator) -> Dataset:
 
 
 def with_given(made: Dataset, kind: str, rng: np.random.Generator) -> Dataset:
-    """The same with a map of most of its landmarks: "fixed", or drawn with a covariance of "blocks", or "joint"."""
+    """Adds a map of most of its landmarks: "fixed", or drawn with a covariance of "blocks", or "joint"."""
     truth = made.truth
-    assert truth is not None
-    assert truth.map is not None
     keep = rng.random(len(truth.map.ids)) < 0.7
     keep[0] = True
     ids, xy, cov = truth.map.ids[keep], truth.map.xy[keep], None

@@ -1,6 +1,6 @@
-"""A study killed at random moments and begun again, to the end: what its store then holds, against one left in peace.
+"""Kills a study at random moments and resumes it to the end, then compares its store with an uninterrupted run's.
 
-As a program it kills so many times: python tests/support/kills.py 20 (make study-kills). The runner, a worker, the
+As a program it kills that many times: python tests/support/kills.py 20 (make study-kills). The runner, a worker, the
 scheduler and a worker of a Dask cluster are killed in turn, with SIGKILL.
 """
 
@@ -40,27 +40,27 @@ than = { backend = "dead-reckoning" }
 each = "tags"
 """
 TIMES = {column.name for column in COLUMNS.values() if column.kind.is_time} | {"peak_mb", *ABOUT}
-"""The columns that say how long something took, or where and when."""
+"""Columns of times and places."""
 
 PATIENCE = 300.0
-"""s that an undisturbed end may take."""
+"""s; timeout of an uninterrupted end."""
 
 
 LATEST = 5.0
-"""s after the first result at which something is killed, at the latest."""
+"""s after the first result, at most, at which something is killed."""
 
 Processes = list[subprocess.Popen[bytes]]
 
 
 def started(folder: Path, *more: str) -> subprocess.Popen[bytes]:
-    """The study's runner, going on in `folder`."""
+    """Resumes the study in `folder`."""
     study = folder.parent / "killed.toml"
     command = [sys.executable, "-m", "slamduel.bench.cli", "ablate", str(study), "--out", str(folder), *more]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=folder.parent)
 
 
 def rows(folder: Path) -> list[tuple[Any, ...]]:
-    """Everything that the store says of the study's cells, but for times and places."""
+    """The store's rows of the study's cells, without times and places."""
     with sqlite3.connect(f"file:{folder / 'results.sqlite'}?mode=ro", uri=True) as db:
         found = db.execute("SELECT * FROM cells")
         kept = [k for k, about in enumerate(found.description) if about[0] not in TIMES]
@@ -68,7 +68,7 @@ def rows(folder: Path) -> list[tuple[Any, ...]]:
 
 
 def stray(folder: Path) -> tuple[int, int]:
-    """How many results the store holds, and how many of them belong to no cell of the study."""
+    """The number of results in the store, and of those that belong to no cell of the study."""
     with sqlite3.connect(f"file:{folder / 'results.sqlite'}?mode=ro", uri=True) as db:
         (every,) = db.execute("SELECT count(*) FROM results").fetchone()
         (lost,) = db.execute("SELECT count(*) FROM results WHERE key NOT IN (SELECT key FROM plan)").fetchone()
@@ -76,7 +76,7 @@ def stray(folder: Path) -> tuple[int, int]:
 
 
 def descendants(pid: int) -> list[int]:
-    """The processes that a process has started, and they in turn; parents first."""
+    """The process's descendants; parents first."""
     parents: dict[int, list[int]] = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -94,7 +94,7 @@ def descendants(pid: int) -> list[int]:
 
 @contextlib.contextmanager
 def cluster(folder: Path, workers: int) -> Generator[tuple[str, Processes]]:
-    """A Dask cluster of one's own: its address, and its processes, the scheduler first."""
+    """A Dask cluster for the test: its address, and its processes, the scheduler first."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{probe.getsockname()[1]}"
@@ -116,7 +116,7 @@ def cluster(folder: Path, workers: int) -> Generator[tuple[str, Processes]]:
 
 
 def under_way(folder: Path, runner: subprocess.Popen[bytes], wait_s: float) -> bool:
-    """Wait until the store has grown by a result, and then so long; whether the runner is at work still."""
+    """Waits for a new result in the store, and then `wait_s`; False if the runner has ended."""
     before, end = held(folder), time.monotonic() + PATIENCE
     while runner.poll() is None and held(folder) == before:
         if time.monotonic() > end:
@@ -128,7 +128,7 @@ def under_way(folder: Path, runner: subprocess.Popen[bytes], wait_s: float) -> b
 
 
 def held(folder: Path) -> int:
-    """How many results the store has; 0 before there is one."""
+    """The number of results in the store; 0 before it exists."""
     try:
         return stray(folder)[0]
     except sqlite3.Error:
@@ -136,7 +136,7 @@ def held(folder: Path) -> int:
 
 
 def killed(folder: Path, victim: str, draws: random.Random, latest: float = LATEST) -> tuple[bool, int, str]:
-    """Go on with the study in `folder` and kill the victim at some moment; whether it was, exit status, last words."""
+    """Resumes the study in `folder` and kills the victim; returns if that succeeded, exit status and last output."""
     distant = victim in ("scheduler", "worker of Dask's")
     with cluster(folder.parent, 3) if distant else contextlib.nullcontext(("", [])) as (address, processes):
         where = ["--executor", "dask", "--scheduler", address] if distant else ["--jobs", "2"]
@@ -161,13 +161,13 @@ def _process(victim: str, runner: subprocess.Popen[bytes], processes: Processes,
 
 
 def main(times: int) -> None:
-    """Kill so many times, over as many runs of the study as that takes; AssertionError where a row differs."""
+    """Kills that many times, over as many runs of the study as that takes; AssertionError if a row differs."""
     draws, done = random.Random(1), 0
     victims = itertools.cycle(["runner", "worker", "scheduler", "worker of Dask's"])
     with tempfile.TemporaryDirectory() as name:
         here = Path(name)
         write(here, seeds=30)
-        expected = in_peace(here / "peace")
+        expected = uninterrupted(here / "uninterrupted")
         while done < times:
             folder, status = here / f"killed-{done}", -1
             while status != 0:
@@ -175,18 +175,18 @@ def main(times: int) -> None:
                 struck, status, said = killed(folder, victim, draws)
                 done += struck
                 print(f"{done}: {victim}{'' if struck else ', too late'}: status {status} {said.strip()}", flush=True)
-                assert struck or status == 0, "it ended by itself and not well"
+                assert struck or status == 0, "it failed by itself"
             same(folder, expected)
-            print(f"all {len(expected)} rows are as they were in peace", flush=True)
+            print(f"all {len(expected)} rows equal those of an uninterrupted run", flush=True)
 
 
 def write(folder: Path, *, seeds: int) -> None:
-    """The study's file."""
+    """Writes the study's file."""
     (folder / "killed.toml").write_text(STUDY.replace("SEEDS", str(seeds)))
 
 
-def in_peace(folder: Path) -> list[tuple[Any, ...]]:
-    """The rows of the study in `folder` once it has run on to its end."""
+def uninterrupted(folder: Path) -> list[tuple[Any, ...]]:
+    """The rows of the study in `folder` after an uninterrupted run."""
     runner = started(folder)
     assert runner.communicate(timeout=PATIENCE)[1] == b""
     assert runner.returncode == 0
@@ -194,7 +194,7 @@ def in_peace(folder: Path) -> list[tuple[Any, ...]]:
 
 
 def same(folder: Path, expected: list[tuple[Any, ...]]) -> None:
-    """AssertionError where the store holds a row that is not expected, lacks one, or has one twice."""
+    """AssertionError if the store has an unexpected row, lacks one, or has one twice."""
     assert rows(folder) == expected
     assert stray(folder) == (len(expected), 0)
 

@@ -1,4 +1,4 @@
-"""Backends that do everything a backend must not do, by name: `misbehaving:raises` and so on."""
+"""Backends that break every rule, by name: `misbehaving:raises` and so on."""
 
 import ctypes
 import os
@@ -30,7 +30,7 @@ TROUBLE_AT = 5
 
 
 class Reckoning:
-    """Dead reckoning, until something happens."""
+    """Dead reckoning, until step `AT`."""
 
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
         self.pose, self.steps, self.options, self.rng = prior.pose, 0, options, rng
@@ -159,7 +159,7 @@ class Draws(Reckoning):
 
 @dataclass(frozen=True)
 class Pace:
-    """How slow it is."""
+    """The delay."""
 
     seconds: float = option(0.0, "seconds that step 5 takes", minimum=0)
 

@@ -1,4 +1,4 @@
-"""Algebra of planar motions that tests alone need: two in a row, and derivatives of the motion between two poses."""
+"""Algebra of planar motions for tests only: composition with covariance, and derivatives of `between`."""
 
 import numpy as np
 
@@ -21,9 +21,9 @@ def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def chain(delta: Array, cov: Array, after: Array, after_cov: Array) -> tuple[Array, Array]:
-    """Two motions in a row as one: (3,) in the body frame before the first, and its 3x3 covariance, to first order.
+    """Composes two motions: (3,) in the body frame before the first, and its 3x3 covariance, to first order.
 
-    The errors of the two are taken as independent: C = Ja C1 Ja' + Jb C2 Jb'.
+    The errors of the two are assumed independent: C = Ja C1 Ja' + Jb C2 Jb'.
     """
     by_first, by_second = compose_jacobians(delta, after)
     return compose(delta, after), by_first @ cov @ by_first.T + by_second @ after_cov @ by_second.T

@@ -1,4 +1,4 @@
-"""Whether a page fits a window of 400 px, as Chromium lays it out, with all that folds opened."""
+"""Tells if a page fits a window of 400 px, as laid out by Chromium, with all details opened."""
 
 import html
 import re
@@ -12,17 +12,17 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 
 
 def fits(text: str, folder: Path) -> bool:
-    """Whether nothing of the page `text` sticks out; `folder` is for what the browser writes."""
+    """Tells if nothing of the page `text` overflows; `folder` is for the browser's files."""
     return _width(text, folder) == "400 400"
 
 
 def would_be_seen(text: str, folder: Path) -> bool:
-    """Whether something wide in the page `text` is noticed."""
+    """Tells if something wide in the page `text` would be detected."""
     return not fits(text.replace("<main>", '<main><p style="width:500px">x</p>'), folder)
 
 
 def _width(text: str, folder: Path) -> str:
-    """Width of the window, and of what is in it."""
+    """Width of the window, and of its content."""
     if CHROMIUM is None:
         pytest.skip("chromium is not installed")
     harness = folder / "harness.html"

@@ -1,7 +1,7 @@
-"""The environment in which libraries choose the code that they would on an older processor.
+"""The environment in which libraries choose the code of an older processor.
 
-numpy, OpenBLAS, OpenCV, numba and the C library look at the processor when they are loaded, and each can be told to
-leave some of it aside. `python tests/support/older_machine.py haswell COMMAND ...` runs a command so.
+numpy, OpenBLAS, OpenCV, numba and the C library detect the processor when loaded, and each can be told to ignore
+features. `python tests/support/older_machine.py haswell COMMAND ...` runs a command so.
 """
 
 import os
@@ -13,10 +13,10 @@ import numpy as np
 
 _AVX512 = ("X86_V4", "AVX512_ICL", "AVX512_SPR")
 _NUMPY = {"haswell": _AVX512, "nehalem": ("X86_V3", *_AVX512)}
-"""What numpy dispatches beyond AVX2, and beyond its baseline."""
+"""Features that numpy dispatches beyond AVX2, and beyond its baseline."""
 
 _OPENCV = {"haswell": {"AVX512-SKX": "avx512f"}, "nehalem": {"AVX2": "avx2", "AVX512-SKX": "avx512f"}}
-"""The same of OpenCV, each with the flag by which Linux tells that the processor has it."""
+"""The same of OpenCV, each with Linux's name of the processor feature."""
 
 _KINDS = {
     "haswell": {  # AVX2 and FMA, 2013
@@ -30,9 +30,9 @@ _KINDS = {
 
 
 def environment(kind: str) -> dict[str, str]:
-    """The variables that make a process compute as that kind of machine does.
+    """The variables that make a process compute as on that kind of machine.
 
-    Libraries are told to leave aside only what this machine has: of anything else they would complain.
+    Only features of this machine are disabled: libraries complain about others.
     """
     core: Any = np._core._multiarray_umath  # pyright: ignore[reportAttributeAccessIssue]
     numpy = " ".join(name for name in _NUMPY[kind] if core.__cpu_features__.get(name))
@@ -44,14 +44,14 @@ def environment(kind: str) -> dict[str, str]:
 
 
 def _flags() -> set[str]:
-    """What Linux tells of the first processor; nothing elsewhere."""
+    """The first processor's features in Linux; empty elsewhere."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     return next((set(line.split()) for line in lines if line.startswith("flags")), set())
 
 
 _NEEDS = {"haswell": {"avx2", "fma"}, "nehalem": {"sse4_2"}}
 KINDS = tuple(kind for kind in _KINDS if _NEEDS[kind] <= _flags())
-"""Those that this machine can stand in for: it must have what they have."""
+"""Machines that this one can emulate: it must have their features."""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Backends that have a use for the truth, by name: `oracle_backends:true_poses` and so on."""
+"""Backends that use ground truth, by name: `oracle_backends:true_poses` and so on."""
 
 from dataclasses import dataclass
 
@@ -21,20 +21,20 @@ from slamduel.backends.api import (
 
 @dataclass(frozen=True)
 class Options:
-    """Whether it needs the truth."""
+    """Need of ground truth."""
 
-    needs: bool = option(True, "answer with the true poses, which have to be told")
+    needs: bool = option(True, "return the true poses, which have to be given")
 
 
 class TruePoses(WantsTruth):
-    """Answers with what it was told; with needs=false with dead reckoning."""
+    """Returns the true poses; with needs=false dead reckoning."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         self.pose, self.options, self.k = prior.pose, options, 0
         self.truth: Truth | None = None
 
     def tell(self, truth: Truth) -> bool:
-        assert self.k == 0, "told in the middle of the log"
+        assert self.k == 0, "given in the middle of the log"
         assert not truth.poses.flags.writeable
         self.truth = truth
         return self.options.needs

@@ -1,4 +1,4 @@
-"""The folders that tests name: the checkout, and the modules that tests share."""
+"""Folders named in tests: the checkout, and the modules that tests share."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Our J as GTSAM's: its factors, but for a motion's residual, which is ours by a factor in Python."""
+"""Our J in GTSAM: its own factors, except for our residual of motions as a Python factor."""
 
 from collections.abc import Callable
 
@@ -45,7 +45,7 @@ def _motion(before: int, after: int, delta: Array, cov: Array) -> gtsam.CustomFa
 def _factor(
     keys: list[int], cov: Array, residual: Callable[[list[Array]], tuple[Array, list[Array]]]
 ) -> gtsam.CustomFactor:
-    """A residual of poses with its derivatives by their coordinates; GTSAM wants them in the frames of the poses."""
+    """A residual of poses with its derivatives by their coordinates; GTSAM expects them in the frames of the poses."""
 
     def error(this: gtsam.CustomFactor, values: gtsam.Values, H: list[Array] | None) -> Array:
         keys = this.keys()

@@ -1,4 +1,4 @@
-"""Servers of published files on this machine, which do what servers do on bad days."""
+"""Local servers of published files that fail on demand."""
 
 import contextlib
 import socket
@@ -12,7 +12,7 @@ Behaviour = Callable[["Request"], None]
 
 
 class Http(ThreadingHTTPServer):
-    """Serves `content` under every path; `bad_days` are used up first, one a request."""
+    """Serves `content` under every path; `bad_days` are used up first, one per request."""
 
     daemon_threads = True
 
@@ -28,7 +28,7 @@ class Http(ThreadingHTTPServer):
 
 
 class Request(BaseHTTPRequestHandler):
-    """One request; `Http` tells what becomes of it."""
+    """One request, handled by `Http`."""
 
     server: Http  # pyright: ignore[reportIncompatibleVariableOverride]
 
@@ -48,7 +48,7 @@ class Request(BaseHTTPRequestHandler):
 
 
 def sends(content: bytes, most: int | None = None) -> Behaviour:
-    """Promise all of the content; `most`: the connection ends after that many bytes."""
+    """Announces all of the content; `most`: the connection ends after that many bytes."""
 
     def behave(request: Request) -> None:
         request.start(200, Content_Length=len(content))
@@ -62,14 +62,14 @@ def drops(request: Request) -> None:
 
 
 def drops_a_chunk(request: Request) -> None:
-    """No length is told, and the last chunk never comes."""
+    """No length is announced, and the last chunk never arrives."""
     request.protocol_version = "HTTP/1.1"
     request.start(200, Transfer_Encoding="chunked", Connection="close")
     request.wfile.write(b"186a0\r\n" + request.server.content[:100_000] + b"\r\n")
 
 
 def stalls(request: Request) -> None:
-    """Some bytes, and then nothing more."""
+    """Sends some bytes, and then stalls."""
     drops(request)
     request.wfile.flush()
     request.server.closing.wait(20)
@@ -94,7 +94,7 @@ def running(server: socketserver.BaseServer) -> Generator[None]:
 
 
 class Ftp(socketserver.ThreadingTCPServer):
-    """As much of RFC 959 as an anonymous download needs; `bad_days`: bytes after which one is cut."""
+    """As much of RFC 959 as an anonymous download needs; `bad_days`: bytes after which a transfer is cut."""
 
     daemon_threads = True
     allow_reuse_address = True

@@ -1,4 +1,4 @@
-"""What tests share: the linear Kalman filter, and random logs with covariances that hold."""
+"""The linear Kalman filter, and random logs with correct covariances."""
 
 from collections.abc import Sequence
 
@@ -17,12 +17,12 @@ class TextbookKalman:
         self.cov = np.array(cov, float)  # (n, n)
 
     def predict(self, F: Array, Q: Array, u: Array | float = 0.0) -> None:
-        """Move the belief: F (n, n), Q (n, n), u (n,)."""
+        """Predicts: F (n, n), Q (n, n), u (n,)."""
         self.mean = F @ self.mean + u
         self.cov = F @ self.cov @ F.T + Q
 
     def update(self, z: Array, H: Array, R: Array) -> float:
-        """Fold the measurement z (k,), H (k, n), R (k, k) in; returns its normalised innovation squared."""
+        """Corrects by the measurement z (k,), H (k, n), R (k, k); returns its normalised innovation squared."""
         innovation = z - H @ self.mean
         S = H @ self.cov @ H.T + R
         K = self.cov @ H.T @ np.linalg.inv(S)
@@ -51,10 +51,10 @@ def random_log(
 ) -> Dataset:
     """A robot wandering in a square of `width` m among `landmarks`, seeing those between 0.5 m and `radius` m away.
 
-    Every covariance is another random one, with standard deviations near `noise` times 2 cm, 1 cm and 0.01 rad for the
-    motion of a step of 0.3 m and 5 cm, 0.02 rad for a sighting. The errors are drawn from these very covariances and
-    multiplied by `errors`: 1 is honest, 0 an exact log, 2 one that claims to be better than it is. At a step in
-    `blind` of all there are no sightings, nor at one where nothing is near. Ids are neither sorted nor consecutive.
+    Every covariance is a different random one, with standard deviations near `noise` times 2 cm, 1 cm and 0.01 rad for
+    the motion of a step of 0.3 m and 5 cm, 0.02 rad for a sighting. The errors are drawn from these covariances and
+    scaled by `errors`: 1 is consistent, 0 an exact log, 2 overconfident. A share `blind` of the steps has no sightings,
+    as have those with nothing near. Ids are neither sorted nor consecutive.
     """
     xy = rng.uniform(-width / 2, width / 2, (landmarks, 2))
     ids = rng.choice(10 * landmarks + 10, landmarks, replace=False).astype(np.int64)

@@ -1,4 +1,4 @@
-"""More than a lap through the rendered room, at a low frame rate: rendered once for all tests of a session."""
+"""More than a lap through the rendered room, at a low frame rate: rendered once per test session."""
 
 from slamduel.datasets import cache, registry
 from slamduel.datasets.worlds.aruco_room import Options
@@ -8,7 +8,7 @@ DRIVE = Options(seconds=45.0, frame_rate=1.0)
 
 
 def room_drive(seed: int) -> tuple[Dataset, Truth]:
-    """The drive of `seed`, from the tests' own cache where another test has asked for it, and its truth."""
+    """The drive of `seed`, cached across tests, and its ground truth."""
     made = cache.prepared("aruco-room", registry.find("aruco-room"), DRIVE, seed)
     assert made.truth is not None
     return made, made.truth

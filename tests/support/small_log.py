@@ -1,4 +1,4 @@
-"""Small logs that have something of everything, for the tests of what reads, writes and checks logs."""
+"""Small logs with every kind of content, for tests of reading, writing and checking logs."""
 
 from collections.abc import Callable
 from typing import Any
@@ -38,7 +38,7 @@ def columns(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def small_log(seed: int = 1, change: Callable[[dict[str, Any]], Any] | None = None) -> Log:
-    """The log of `columns`, after `change` has had its way with them."""
+    """The log of `columns`, modified by `change`."""
     parts = columns(np.random.default_rng(seed))
     if change is not None:
         change(parts)
@@ -46,7 +46,7 @@ def small_log(seed: int = 1, change: Callable[[dict[str, Any]], Any] | None = No
 
 
 def small_dataset(seed: int = 1) -> Dataset:
-    """`small_log` and a truth with a gap, a map and the ids of all sightings."""
+    """`small_log` and ground truth with a gap, a map and the ids of all sightings."""
     log, rng = small_log(seed), np.random.default_rng(seed + 1)
     seen = [0, 1, 2, 4, 5]
     poses = rng.uniform(-3, 3, (len(seen), 3))

@@ -1,4 +1,4 @@
-"""A small record of a run, made without running anything, for the tests of what reads one."""
+"""A small record of a run, created without running anything, for tests of its readers."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,7 +33,7 @@ RUN: dict[str, Any] = {
 
 
 class Record:
-    """A run's folder that fills up."""
+    """A run's folder that is filled cell by cell."""
 
     def __init__(self, folder: Path, seed: int = 1) -> None:
         folder.mkdir()
@@ -45,7 +45,7 @@ class Record:
         self._name("", "")
 
     def put(self, row: dict[str, Any], arrays: dict[str, Any], traceback: str = "") -> None:
-        """Keep a cell's row and arrays, under a key made of its name, instead of those of before."""
+        """Stores a cell's row and arrays, under a key made of its name, replacing earlier ones."""
         named = tuple(row[name] for name in KEY)
         key, log = f"result {named}", f"log {(row['dataset'], row['dataset_options'], row['seed'])}"
         self._plan = [planned for planned in self._plan if planned[:5] != named]
@@ -54,7 +54,7 @@ class Record:
         self.store.put_plan(self._plan)
 
     def log(self, dataset: str, kind: str, seed: int = 0, *, steps: int = STEPS, landmarks: int = LANDMARKS) -> Array:
-        """Keep a log's truth, a circle; "" for one whose path nobody knows. Returns the path either way."""
+        """Stores a log's ground truth, a circle; "" for an unknown path. Returns the path either way."""
         t: Array = 0.1 * np.arange(float(steps))
         poses: Array = np.column_stack((3 * np.cos(t), 3 * np.sin(t), (t + np.pi / 2 + np.pi) % (2 * np.pi) - np.pi))
         arrays = {"t": t, "poses": poses}
@@ -80,7 +80,7 @@ class Record:
         alone: bool = True,
         **columns: Any,
     ) -> dict[str, Any]:
-        """Keep a cell that is done, `off` metres from the path of `log`; its row. Columns given replace those made."""
+        """Stores a finished cell, `off` metres from the path of `log`; returns its row. `columns` replace defaults."""
         poses = self.log(dataset, kind, seed, steps=steps)
         known = self.store.archive(f"log {(dataset, '', seed)}")
         rng = self._rng
@@ -125,7 +125,7 @@ class Record:
     def failed(
         self, dataset: str, kind: str, backend: str, status: str, reason: str, traceback: str = "", seed: int = 0
     ) -> None:
-        """Keep a cell that is not done."""
+        """Stores a failed cell."""
         self.log(dataset, kind, seed)
         row = self._key(dataset, backend, "", seed)
         row |= {"status": status, "reason": reason, "digest": f"d{seed}" * 32, "truth_kind": kind, "timing_alone": 1}
@@ -142,7 +142,7 @@ class Record:
 
 
 def put(store: Store, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-    """Keep a result, whatever the record has under the key."""
+    """Stores a result, replacing one under the same key."""
     with store.together() as db:
         db.execute("DELETE FROM results WHERE key = ?", (key,))
         store.put_result(key, row, arrays)

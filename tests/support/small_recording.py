@@ -1,4 +1,4 @@
-"""A recording without pictures: its detector is told what to see, with errors of known size, for tests of detection."""
+"""A recording without pictures: its detector returns given sightings, with errors of known size."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -20,29 +20,29 @@ MOUNTING = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.3], [0, 0, 0, 1
 CAMERA = Camera(320, 240, (300.0, 300.0), (159.5, 119.5), (), MOUNTING)
 SIDE = 0.16
 K, FLOOR = np.array([0.02, 0.05]), np.array([0.01, 0.004])
-"""Of the true errors, in range and bearing."""
+"""Standard deviations of the true errors, in range and bearing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Told(Detector):
-    """Sees what it was told of the frame whose number is written in the image's first two pixels."""
+    """Returns the sightings given for the frame whose number is in the image's first two pixels."""
 
     told: tuple[tuple[list[Sighting], Counter[str]], ...] = ()
 
     def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
-        """What was told."""
+        """Returns the given sightings."""
         return self.told[256 * int(image[0, 0]) + int(image[0, 1])]
 
 
 def picture(number: int) -> Image:
-    """A grey image with its number in it."""
+    """A grey image that encodes its number."""
     image = np.full((240, 320), 90, np.uint8)
     image[0, :2] = divmod(number, 256)
     return image
 
 
 def sighting(name: int, range_: float, bearing: float, ambiguity: float = 0.01) -> Sighting:
-    """A marker that faces the camera, its corners where the camera has them."""
+    """A marker that faces the camera, with its corners as projected."""
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[:3, 3] = (-range_ * np.sin(bearing), 0.0, range_ * np.cos(bearing))
     corners = CAMERA.project(square(SIDE) @ pose[:3, :3].T + pose[:3, 3])
@@ -50,7 +50,7 @@ def sighting(name: int, range_: float, bearing: float, ambiguity: float = 0.01) 
 
 
 def small_recording(rng: np.random.Generator, frames: int = 60, **changes: Any) -> tuple[Recording, Truth]:
-    """A drive on a circle around markers 0 to 15; every tenth frame sees none, every 15th turns one down."""
+    """A drive on a circle around markers 0 to 15; every tenth frame is empty, every 15th has a rejection."""
     t = np.arange(0.0, frames) * 0.2
     around = 0.3 * t
     poses = np.stack((1.5 * np.sin(around), 1.5 - 1.5 * np.cos(around), wrap(around)), axis=-1)

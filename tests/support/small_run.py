@@ -1,4 +1,4 @@
-"""A run of a few cells in this process, and the rows that it leaves."""
+"""Runs a few cells in this process, and reads their rows."""
 
 import contextlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,11 +15,11 @@ from slamduel.bench.words.columns import COLUMNS
 from slamduel.bench.workers.local_executor import Local
 
 TIMES = {column.name for column in COLUMNS.values() if column.kind.is_time} | {"peak_mb", "timing_alone"}
-"""The columns that may differ when a cell is run again."""
+"""Columns that may differ between runs of a cell."""
 
 
 class Silent:
-    """Watches, and keeps the statuses."""
+    """A watcher that records the statuses."""
 
     def __init__(self) -> None:
         self.ended: list[str] = []
@@ -35,13 +35,13 @@ class Silent:
 def go(
     folder: Path, backends: str, dataset: Path | str, workers: int = 2, seeds: int = 2, timeout_s: float = 60.0
 ) -> dict[str, Row]:
-    """Run, and the rows by backend label and seed."""
+    """Runs, and returns the rows by backend label and seed."""
     words = {"backend": backends, "dataset": str(dataset), "seeds": seeds, "timeout_s": timeout_s, "memory_mb": 1000}
     return again(Plan.from_words(words), folder, Silent(), workers)
 
 
 def again(plan: Plan, folder: Path, watcher: Watcher, workers: int = 1) -> dict[str, Row]:
-    """Run a plan, or go on with it."""
+    """Runs a plan, or resumes it."""
     with contextlib.closing(Local(workers)) as executor:
         run(plan, folder, executor, ["bench", "run"], watcher)
     return rows(folder)

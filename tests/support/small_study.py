@@ -1,4 +1,4 @@
-"""A study's store written by hand: what each cell came to is known to the test."""
+"""A study's store written by hand, with known results of each cell."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -14,13 +14,13 @@ ENVIRONMENT = {"processor": "abacus & sons", "memory_gb": None, "packages": {"sl
 class Outcome(NamedTuple):
     """One cell of the study."""
 
-    parameters: Mapping[str, Any]  # dataset, backend, seed and what is swept
-    status: str  # "waiting" for one that has no result
+    parameters: Mapping[str, Any]  # dataset, backend, seed and swept options
+    status: str  # "waiting" without a result
     columns: Mapping[str, Any] = {}
 
 
 def silent() -> Watcher:
-    """One who watches a study, and says nothing."""
+    """A silent watcher of a study."""
     return create_autospec(Watcher, instance=True)
 
 

@@ -1,4 +1,4 @@
-"""The text of a small study, and the study that a text is read into."""
+"""The text of a small study, and the study parsed from a text."""
 
 from slamduel.bench.study.file import made
 from slamduel.bench.study.study import Study
@@ -18,7 +18,7 @@ grid."dataset.loops" = [1, 2]
 grid."backend.particles" = [10, 20]
 
 """
-"""14 lines, so that what a test puts behind it begins on line 15."""
+"""14 lines, so that appended text begins on line 15."""
 
 
 def study(text: str, *, full: bool = False) -> Study:

@@ -1,4 +1,4 @@
-"""A small published log of the tests' own: its files, archives of them, and what must have come of fetching it.
+"""A small published log for tests: its files, archives of them, and checks of a fetch.
 
 `quick` and `serve` become fixtures in the files that use them.
 """
@@ -32,7 +32,7 @@ def sha256(content: bytes) -> str:
 def zipped(files: dict[str, bytes], folder: str = "Published_Log/") -> bytes:
     target = io.BytesIO()
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(f"{folder}README", "other files are passed over")
+        archive.writestr(f"{folder}README", "other files are skipped")
         for name, content in files.items():
             archive.writestr(folder + name, content)
     return target.getvalue()
@@ -66,7 +66,7 @@ def entry(*urls: str, files: dict[str, str | None] | None = None, link: str = ""
 
 
 def quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cache and a catalogue of these tests' own, and no waits."""
+    """A cache and a catalogue for these tests, without waits."""
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("time.sleep", lambda seconds: None)
     monkeypatch.setattr(download, "TIMEOUT", 0.3)
@@ -74,7 +74,7 @@ def quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def serve() -> Iterator[Callable[..., Http]]:
-    """Start an HTTP server of `content` with the bad days given."""
+    """Starts an HTTP server of `content` with the given bad days."""
     with contextlib.ExitStack() as stack:
 
         def start(*bad_days: Behaviour, content: bytes = LOG) -> Http:
@@ -91,7 +91,7 @@ def beside(name: str = "toy") -> set[str]:
 
 
 def assert_in_place(name: str = "toy", files: dict[str, bytes] = FILES) -> None:
-    """The log's files, byte for byte, their sums, and nothing else beside it."""
+    """Asserts that the log's files and their checksums are in place, and nothing else is beside them."""
     found = {file.name: file.read_bytes() for file in place(name).iterdir()}
     sums = found.pop("SHA256SUMS").decode()
     assert found == files

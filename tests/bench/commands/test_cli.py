@@ -285,7 +285,7 @@ def test_a_terminal_without_the_letters_is_no_error(tmp_path: Path, log_folder: 
 def test_a_name_that_no_file_can_have_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / ("x" * 400)
     assert main(["run", "--backend", "ekf", "--dataset", str(folder), "--out", str(tmp_path / "run")]) == 2
-    assert "expected files that can be read" in capsys.readouterr().err
+    assert "expected readable files" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("no_report")

@@ -307,7 +307,7 @@ def test_what_is_swept_is_no_column_to_draw() -> None:
 
 
 def test_a_file_that_is_thousands_of_tables_deep() -> None:
-    assert "s.toml: found tables or lists that are hundreds deep" in refusal(".".join("a" * 2000) + " = 1\n")
+    assert "s.toml: found tables or lists nested hundreds deep" in refusal(".".join("a" * 2000) + " = 1\n")
 
 
 def test_sides_need_logs_in_common_and_an_option_set_once() -> None:

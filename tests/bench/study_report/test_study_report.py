@@ -236,8 +236,8 @@ def test_one_wild_interval_leaves_the_medians_their_room(tmp_path: Path) -> None
     ("option", "dataset", "label"),
     [
         ("tags", "matlab-report", "tags"),
-        ("loops", "bailey", "times round the loop (loops)"),
-        ("wrong_ids", "circle", "share of the sightings taken for another landmark's (wrong ids)"),
+        ("loops", "bailey", "laps of the loop (loops)"),
+        ("wrong_ids", "circle", "share of sightings with another landmark's id (wrong ids)"),
     ],
 )
 def test_an_axis_is_called_what_its_option_is(option: str, dataset: str, label: str) -> None:

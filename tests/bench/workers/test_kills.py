@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from kills import in_peace, killed, same, write
+from kills import killed, same, uninterrupted, write
 
 pytestmark = pytest.mark.slow
 
 
 def test_a_study_ends_as_if_it_had_not_been_killed(tmp_path: Path) -> None:
     write(tmp_path, seeds=12)
-    expected = in_peace(tmp_path / "peace")
+    expected = uninterrupted(tmp_path / "uninterrupted")
     draws, folder = random.Random(1), tmp_path / "killed"
     struck = [killed(folder, victim, draws, latest=0.5)[0] for victim in ("runner", "worker", "runner")]
     assert any(struck), "it ended before anything was killed"
-    in_peace(folder)
+    uninterrupted(folder)
     same(folder, expected)

@@ -30,7 +30,6 @@ def with_loops() -> Log:
     """Correlated noise everywhere, some ids unknown, and loop closures: between neighbours and over long stretches."""
     rng = np.random.default_rng(8)
     log, truth = random_log(rng, 60, 12, noise=0.5)
-    assert truth is not None
     step = np.array([1, 7, 20, 20, 31, 44, 59])
     to = np.array([0, 6, 3, 11, 2, 30, 1])
     delta = between(truth.poses[to], truth.poses[step]) + 0.01 * rng.normal(size=(7, 3))
@@ -43,8 +42,6 @@ def with_loops() -> Log:
 def localisation() -> Log:
     """Half of the landmarks given, and held fixed."""
     log, truth = random_log(np.random.default_rng(9), 60, 12, noise=0.5)
-    assert truth is not None
-    assert truth.map is not None
     known = Map(truth.map.ids[::2], truth.map.xy[::2], None)
     columns = (log.t, log.delta, log.delta_cov, log.sighting_step, log.ids, log.z, log.z_cov)
     return Log.from_arrays("given", log.prior._replace(map=known), *columns)

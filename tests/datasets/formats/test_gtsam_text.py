@@ -32,10 +32,10 @@ PLANAR = {
 }
 OTHERS = {
     "T1_city10000_04.txt": "line 1: found 8 numbers after the tag, expected 11",  # several hypotheses an edge
-    "goats_15.pyfg": "line 949: found a row 'EDGE_RANGE', expected one of",
-    "sphere2500.txt": "line 1: a row EDGE3 has no place in a log",
-    "sphere_smallnoise.graph": "line 1: a row VERTEX3 has no place in a log",
-    "pose3example.txt": "line 1: a row VERTEX_SE3:QUAT has no place in a log",
+    "goats_15.pyfg": "line 949: found the tag 'EDGE_RANGE', expected one of",
+    "sphere2500.txt": "line 1: rows EDGE3 are not supported",
+    "sphere_smallnoise.graph": "line 1: rows VERTEX3 are not supported",
+    "pose3example.txt": "line 1: rows VERTEX_SE3:QUAT are not supported",
 }
 SMALL = """VERTEX2 0 1 2 0.5
 VERTEX2 1 9 9 0.9
@@ -167,7 +167,6 @@ def test_a_motion_s_covariance_is_of_the_frame_before_it(tmp_path: Path) -> None
     rows = [np.array([[0.04, 0, 0], [0, 0.01, 0], [0, 0, 0.02]])]
     rows.append(np.array([[0.04, 0.01, 0.002], [0.01, 0.01, 0.001], [0.002, 0.001, 0.02]]))
     for step, cov in zip(list(gtsam_text.read(path).log)[1:], rows, strict=True):
-        assert step.odometry is not None
         pose, h = gtsam.Pose2(*step.odometry.delta), 1e-6
 
         def moved(error: np.ndarray, pose: gtsam.Pose2 = pose) -> np.ndarray:
@@ -193,7 +192,9 @@ def test_an_edge_s_numbers_are_what_one_says_they_are(small: Path) -> None:
     assert np.linalg.eigvalsh(toros)[0] < 0
     with pytest.raises(InputError, match="line 1: the covariance is not positive definite"):
         gtsam_text.read(small, "graph")
-    with pytest.raises(InputError, match="line 1: the six numbers of an edge have no zeros to tell their order by"):
+    with pytest.raises(
+        InputError, match="line 1: the six numbers of an edge have no zeros from which to guess their order"
+    ):
         gtsam_text.read(small)
 
 
@@ -209,10 +210,10 @@ def test_an_edge_s_numbers_are_what_one_says_they_are(small: Path) -> None:
         ("BR 2 1 7.5e-1 4", "BR 2 1 7.5e-1 4e9", "line 7: range is 4000000000.0, expected -1e+09 to 1e+09"),
         ("BR 2 1 7.5e-1 4", "BR 2 1 75 4", "line 7: bearing is 75.0, expected radians"),
         ("BR 2 1 7.5e-1 4 0.1", "BR 2 1 7.5e-1 4 0", "line 7: the covariance is not positive definite"),
-        ("BR 2 1", "BR 5 1", "line 7: a sighting from pose 5, expected one that an edge or a vertex names"),
+        ("BR 2 1", "BR 5 1", "line 7: a sighting from pose 5, expected a pose of an edge or a vertex"),
         ("LANDMARK 0 1 3 4 0.5", "LANDMARK 0 1 3 4 -0.5", "line 8: the covariance is not positive definite"),
-        ("BR 2 0 -2", "BR 2 1 -2", "line 10: id 1 is there twice in step 2"),
-        ("EQUIV", "EQUAL", "line 9: found a row 'EQUAL', expected one of VERTEX2"),
+        ("BR 2 0 -2", "BR 2 1 -2", "line 10: id 1 occurs twice in step 2"),
+        ("EQUIV", "EQUAL", "line 9: found the tag 'EQUAL', expected one of VERTEX2"),
     ],
 )
 def test_a_row_that_cannot_be_used_is_named(small: Path, old: str, new: str, words: str) -> None:

@@ -1,4 +1,3 @@
-import contextlib
 import dataclasses
 import os
 import re
@@ -11,8 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from fuzzing import survivors
 from slamduel.datasets import truth as truth_files
@@ -38,8 +35,6 @@ def test_a_log_reads_back_bit_for_bit(folder: Path):
     found = log_folder.read(folder)
     assert_same(found, small_dataset())
     known, expected = found.log.prior.map, small_log().prior.map
-    assert known is not None
-    assert expected is not None
     assert known.cov is not None
     np.testing.assert_array_equal(known.cov, expected.cov)
     assert sorted(os.listdir(folder)) == sorted(FILES)
@@ -139,7 +134,7 @@ def truncated(line: int) -> Change:
 PRIOR = 'name = "x"\nprior.pose = '
 
 BAD: list[tuple[str, Change, str]] = [
-    ("sightings.csv", renamed("range", "rng"), "line 1: column 'rng' where 'range' is missing, expected"),
+    ("sightings.csv", renamed("range", "rng"), "line 1: column 'rng' in place of 'range', expected"),
     ("odometry.csv", renamed(",ctt", ""), "line 1: column 'ctt' is missing, expected the columns t,dx"),
     ("odometry.csv", renamed("ctt", "ctt,note"), "line 1: column 'note' is one too many, expected"),
     ("landmarks.csv", renamed("x,y", "y,x"), "line 1: found the columns id,y,x, expected the columns id,x,y"),
@@ -157,17 +152,17 @@ BAD: list[tuple[str, Change, str]] = [
     ("odometry.csv", cell(3, 5, "-2.0"), "line 3: the covariance is not positive definite: its smallest"),
     ("sightings.csv", cell(3, 7, "0.0"), "line 3: the covariance is not positive definite: its smallest"),
     ("sightings.csv", cell(3, 3, "-0.5"), "line 3: range is -0.5, expected more than 0"),
-    ("sightings.csv", cell(6, 2, "3"), "line 6: id 3 is there twice in step 2, expected once"),
+    ("sightings.csv", cell(6, 2, "3"), "line 6: id 3 occurs twice in step 2, expected once"),
     ("sightings.csv", cell(6, 2, "3.5"), "line 6: id is 3.5, expected a whole number"),
     ("sightings.csv", cell(6, 2, "-7"), "line 6: id is -7, expected 0 to 9007199254740992, or -1"),
     ("sightings.csv", cell(6, 8, "3.5"), "line 6: true_id is 3.5, expected a whole number"),
     ("sightings.csv", cell(7, 1, "6"), "line 7: step is 6, expected 0 to 5"),
     ("sightings.csv", cell(5, 1, "3"), "line 6: step is 2 after 3, expected rows sorted by step"),
     ("loops.csv", cell(2, 2, "4"), "line 2: to is 4, expected a step from 0 to before its own, 3"),
-    ("odometry.csv", lambda text: text.split("\n")[0] + "\n", "there is no step, expected at least one row"),
-    ("truth.tum", lambda text: text + "99 0 0 0 0 0 0 1\n", "t is 99.0, expected only times that"),
+    ("odometry.csv", lambda text: text.split("\n")[0] + "\n", "found no steps, expected at least one row"),
+    ("truth.tum", lambda text: text + "99 0 0 0 0 0 0 1\n", "t is 99.0, expected a time in"),
     ("truth.tum", renamed(" 0 0 0 ", " 0 0 zero "), "line 2: qy is 'zero', expected a number"),
-    ("landmarks.csv", cell(3, 1, "3"), "line 3: id 3 is there twice, expected once"),
+    ("landmarks.csv", cell(3, 1, "3"), "line 3: id 3 occurs twice, expected once"),
     ("landmarks.csv", cell(3, 2, "nan"), "line 3: x is nan, expected a finite number"),
     ("sightings.csv", lambda _: "", "the file is empty"),
     ("log.toml", without_line(1), ": the file has no 'name', expected a text in quotes"),
@@ -199,13 +194,6 @@ def test_a_bad_file_is_named_with_its_line(folder: Path, name: str, change: Chan
     assert words in sentence
     assert sentence[-1] in ".?"
     assert "\n" not in sentence
-
-
-@pytest.mark.parametrize("name", ["log.toml", "odometry.csv", "sightings.csv"])
-def test_a_missing_file_is_named(folder: Path, name: str):
-    (folder / name).unlink()
-    with pytest.raises(InputError, match=re.escape(f"{folder / name}: there is no such file")):
-        log_folder.read(folder)
 
 
 def test_a_missing_folder_is_named(tmp_path: Path):
@@ -247,21 +235,6 @@ def test_without_its_digest_a_damaged_folder_is_a_good_log_or_an_input_error(fol
     )
     assert found
     assert sentences
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.sampled_from(FILES), st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 7)), min_size=1, max_size=3))
-def test_turned_bits_change_nothing_silently(folder: Path, name: str, bits: list[tuple[int, int]]):
-    before = (folder / name).read_bytes()
-    content = bytearray(before)
-    for place, bit in bits:
-        content[place % len(content)] ^= 1 << bit
-    (folder / name).write_bytes(content)
-    try:
-        with contextlib.suppress(InputError):
-            same(log_folder.read(folder))
-    finally:
-        (folder / name).write_bytes(before)
 
 
 def forget_contents(folder: Path) -> None:
@@ -351,8 +324,6 @@ def test_a_folder_without_contents_is_read(folder: Path):
 def test_the_digest_written_is_of_what_reads_back(tmp_path: Path):
     """Uneven covariances, numbers in the row of step 0, small integers, a heading of -pi: none of it reads back so."""
     log, truth = small_dataset()
-    assert truth is not None
-    assert truth.assigned is not None
     cov = log.delta_cov.copy()
     cov[2, 0, 1] *= 1 + 1e-14
     cov[0] = np.eye(3)
@@ -424,7 +395,9 @@ def test_a_scan_goes_on_where_a_file_is_missing(folder: Path, missing: str):
     (folder / missing).unlink()
     turned("landmarks.csv", 3, 2, "x")(folder)
     first, second = (str(fault) for fault in log_folder.scan(folder))
-    assert first == f"{folder / missing}: there is no such file."
+    with pytest.raises(InputError) as caught:
+        log_folder.read(folder)
+    assert str(caught.value) == first == f"{folder / missing}: there is no such file."
     assert "landmarks.csv, line 3: x is 'x'" in second
 
 

@@ -53,7 +53,6 @@ def made(options: dict[str, Any]) -> Dataset:
 
 def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
     log, truth = made(files)
-    assert truth is not None
     assert not list(problems(log))
     assert log.name == "odometry"
     np.testing.assert_array_equal(truth.t, log.t)
@@ -61,7 +60,6 @@ def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
     np.testing.assert_array_equal(log.prior.pose, truth.poses[0])
     assert np.diff(log.t).max() <= 1 + 1e-9
     assert (len(log.ids), len(log)) == (60, 32)  # 30 times of detections, the start and the end
-    assert truth.map is not None
     x, y = (truth.map.xy[log.ids] - truth.poses[log.sighting_step, :2]).T
     np.testing.assert_allclose(log.z[:, 0], np.hypot(x, y), atol=1e-12)
 
@@ -127,7 +125,6 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
     np.testing.assert_array_equal(started.pose, [1, 2, 0.5])
     np.testing.assert_allclose(started.cov, 0.04 * np.eye(3))
     alone = made(without).truth  # the landmarks are known, the path is not
-    assert alone is not None
     assert alone.map is not None
     assert len(alone.t) == 0
 
@@ -167,14 +164,14 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "same": (changed("odometry", 7, "0.4,0,0,0"), "odometry.csv, line 7: t is 0.4 as in the row before, with another"),
     "id": (changed("detections", 3, "0.5,1.5,1,0"), "detections.csv, line 3: id is 1.5, expected a whole number"),
     "negative": (changed("detections", 3, "0.5,-2,1,0"), "detections.csv, line 3: id is -2, expected 0 to"),
-    "again": (changed("detections", 3, "0.5,0,1,0"), "detections.csv, line 3: id 0 is there twice at t 0.5"),
+    "again": (changed("detections", 3, "0.5,0,1,0"), "detections.csv, line 3: id 0 occurs twice at t 0.5"),
     "range": (changed("detections", 3, "0.5,1,0,0"), "detections.csv, line 3: the range is 0.0, expected more than 0"),
     "degrees": (
         changed("detections", 3, "0.5,1,1,90"),
-        "line 3: bearing is 90.0 radians, expected half a turn",
+        "line 3: bearing is 90.0 radians, expected at most half a turn",
     ),
     "back": (changed("detections", 4, "0.4,1,1,0"), "detections.csv, line 4: t is 0.4, expected no earlier than 0.5"),
-    "place": (changed("landmarks", 3, "0,1,1"), "landmarks.csv, line 3: id 0 is there twice, expected once"),
+    "place": (changed("landmarks", 3, "0,1,1"), "landmarks.csv, line 3: id 0 occurs twice, expected once"),
 }
 
 

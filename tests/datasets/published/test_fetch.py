@@ -49,7 +49,7 @@ def test_the_links_on_a_page_are_tried(serve: Callable[..., Http], capsys: pytes
     assert archives.paths == ["/EKF_1.tar.gz", "/a/ekf&2.zip"]
     assert_in_place()
     page.bad_days = [publishers.sends(b"<!doctype html> moved")]
-    assert f"{page.url}: no link to the archive was recognised on it.\n" in refusal(capsys, "toy", "--again")
+    assert f"{page.url}: found no link to the archive.\n" in refusal(capsys, "toy", "--again")
 
 
 def test_check_finds_what_has_changed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,7 +109,9 @@ def test_a_log_is_not_taken_for_another(
     assert main(["fetch", "toy-2", "--quiet", "--from", str(source)]) == 0
     assert_in_place("toy-2", shared)
 
-    recorded = f"3 of its 3 files are those of toy-2 (as {place('toy-2')} holds it; remove that if it is the wrong one)"
+    recorded = (
+        f"3 of its 3 files are those of toy-2 (compared with {place('toy-2')}; remove that if it is the wrong one)"
+    )
     assert f"{recorded}, and not those of toy-3." in given("toy-3", shared)
     assert main(["fetch", "toy-2", "--quiet", "--check"]) == 0
     shutil.copytree(place("toy-2"), place("toy-3"))  # as an installation by other means may have left it
@@ -140,7 +142,7 @@ def test_a_cache_that_cannot_be_written_to(
 @pytest.mark.parametrize(
     ("word", "wording"),
     [
-        ("--url", "what arrives cannot be written (File too large)"),
+        ("--url", "the download cannot be written (File too large)"),
         ("--from", "File too large; toy goes into the cache folder"),
     ],
 )

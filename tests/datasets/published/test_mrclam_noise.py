@@ -94,7 +94,6 @@ def test_motion_errors_are_those_of_a_second_whatever_the_horizon(rng: np.random
 
 def test_where_nothing_is_known_nothing_is_said(rng: np.random.Generator):
     log, truth = dataset(rng)
-    assert truth is not None
     unknown = truth._replace(map=None)
     assert not len(sighting_errors(log, unknown).row)
     assert noise(log.head(5), unknown._replace(t=truth.t[:5], poses=truth.poses[:5])) == {

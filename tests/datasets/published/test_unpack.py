@@ -29,16 +29,16 @@ BAD = {
     "garbage": (np.random.default_rng(9).bytes(5000), "found something else"),
     "nothing": (b"", "found something else"),
     "a page": (b" \n<!DOCTYPE html><html>We have moved.</html>", "a web page, not the published file"),
-    "cut off": (LOG[:-30], "cut off or damaged"),
+    "cut off": (LOG[:-30], "truncated or damaged"),
     "a flipped bit": (LOG[:150_000] + bytes([LOG[150_000] ^ 4]) + LOG[150_001:], "it cannot be unpacked (Bad CRC-32"),
-    "a file is missing": (zipped({"path.dat": FILES["path.dat"]}), "it lacks marks.dat."),
-    "both are missing": (zipped({}), "it lacks path.dat, marks.dat."),
-    "zeros": (bytes(10240), "it lacks path.dat, marks.dat."),
+    "a file is missing": (zipped({"path.dat": FILES["path.dat"]}), "missing marks.dat."),
+    "both are missing": (zipped({}), "missing path.dat, marks.dat."),
+    "zeros": (bytes(10240), "missing path.dat, marks.dat."),
     "another file": (zipped({**FILES, "marks.dat": b"else"}), "its marks.dat is not the published one: sha256"),
-    "a way out": (hostile("../../"), "'../../README', which leads out of it"),
-    "the root": (hostile("/etc/"), "'/etc/README', which leads out of it"),
-    "a drive": (hostile("C:\\log\\"), "which leads out of it"),
-    "a way out of a tar": (tarred({"../path.dat": b""}), "'../path.dat', which leads out of it"),
+    "a way out": (hostile("../../"), "'../../README', which leads outside of it"),
+    "the root": (hostile("/etc/"), "'/etc/README', which leads outside of it"),
+    "a drive": (hostile("C:\\log\\"), "which leads outside of it"),
+    "a way out of a tar": (tarred({"../path.dat": b""}), "'../path.dat', which leads outside of it"),
     "a cut tar": (tarred(FILES)[:100_000], "it cannot be unpacked"),
     "a gzip of no tar": (gzip.compress(b"hello" * 500), "found something else"),
 }
@@ -120,7 +120,7 @@ def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(
 
 def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (source := tmp_path / "empty.tar").write_bytes(bytes(10240))
-    listed = "it lacks Barcodes.dat, Landmark_Groundtruth.dat, Robot1_Groundtruth.dat and 14 more."
+    listed = "missing Barcodes.dat, Landmark_Groundtruth.dat, Robot1_Groundtruth.dat and 14 more."
     assert listed in refusal(capsys, "mrclam-1", "--from", source)
 
 
@@ -158,7 +158,7 @@ def test_of_several_sets_the_one_that_was_asked_for_is_taken(sets: Path, number:
 def test_a_set_of_another_number_is_turned_down(
     sets: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    turned_down = "Barcodes.dat in it is of mrclam-4, as its path says, not of mrclam-3."
+    turned_down = "Barcodes.dat in it is of mrclam-4 by its path, not of mrclam-3."
     folder = sets / "MRSLAM_Dataset4"
     assert f"{folder}: {turned_down}" in refusal(capsys, "mrclam-3", "--from", folder)
     monkeypatch.chdir(folder)
@@ -169,7 +169,7 @@ def test_a_set_of_another_number_is_turned_down(
     renamed.write_bytes(zipped(mrclam(4), folder="MRSLAM_Dataset4/"))
     assert f"{renamed}: MRSLAM_Dataset4/{turned_down}" in refusal(capsys, "mrclam-3", "--from", renamed)
     (sets / "MRCLAM_Dataset3" / "Barcodes.dat").unlink()
-    assert "it lacks Barcodes.dat." in refusal(capsys, "mrclam-3", "--from", sets)
+    assert "missing Barcodes.dat." in refusal(capsys, "mrclam-3", "--from", sets)
     assert not place("mrclam-3").exists()
 
 

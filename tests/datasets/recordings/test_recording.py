@@ -122,7 +122,6 @@ def test_counts_are_interpolated_at_the_middle_of_the_exposure(tmp_path: Path) -
     expected = (
         ROBOT.encoder.odometry(*readings(Ticks(rows[:, 0], rows[:, 1:]), 0.123, 0.223)) if ROBOT.encoder else None
     )
-    assert expected is not None
     np.testing.assert_allclose(log.delta[2], expected.delta, atol=1e-12)
 
 
@@ -183,7 +182,6 @@ def test_pictures_are_grey_and_not_turned(tmp_path: Path) -> None:
         assert good
         (folder / "frames" / f"{number:06d}.jpg").write_bytes(plain.tobytes()[:2] + exif + plain.tobytes()[2:])
     turned = cv2.imread(str(folder / "frames" / "000000.jpg"))
-    assert turned is not None
     assert turned.shape[:2] == (160, 120)  # the note is understood by those who look at it
     (folder / "frames.csv").write_text((folder / "frames.csv").read_text().replace(".png", ".jpg"))
     frames = list(open_recording(folder).recording.frames)
@@ -263,14 +261,14 @@ def test_video_that_cannot_be_used(tmp_path: Path, capfd: pytest.CaptureFixture[
     whole = (folder / "drive.mp4").read_bytes()
     assert counts(folder)["frames"] == 10
     (folder / "drive.mp4").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"drive\.mp4: cannot be opened as a video: it is cut off before its index"):
+    with pytest.raises(InputError, match=r"drive\.mp4: cannot be opened as a video: truncated before its index"):
         open_recording(folder)
     (folder / "drive.mp4").write_bytes(b"")
     with pytest.raises(InputError, match=r"drive\.mp4: the file is empty, expected a video"):
         open_recording(folder)
     (folder / "drive.mp4").write_bytes(whole)
     for rows, message in {
-        "": r"frames\.csv: names no frame",
+        "": r"frames\.csv: found no rows",
         "0,0\n0,1\n": r"frames\.csv, line 3: frame is 0, expected numbers from 0 that increase",
         "-1,0\n": r"frames\.csv, line 2: frame is -1, expected numbers from 0",
         "0,0.5\n1,0.5\n": r"frames\.csv, line 3: t is 0\.5, expected later than 0\.5",
@@ -327,23 +325,23 @@ LARGER = Camera(640, 480, (600.0, 600.0), (319.5, 239.5), (), CAMERA.mounting)
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (wrapped, "a: encoder: between readings 6 and 7, .* if this counter of 16 bits wrapped, say counter_bits = 16"),
-        (reset, "a: encoder: between readings 11 and 12, .* it looks like a reset"),
+        (wrapped, "a: encoder: between readings 6 and 7, .* if this counter of 16 bits wrapped, set counter_bits = 16"),
+        (reset, "a: encoder: between readings 11 and 12, .* this looks like a reset"),
         (
             later,
             r"a: no frame is within .*: frames are from 0\.0 to 0\.9 s, readings from 100\.0 to 101\.0 s; .*offset",
         ),
         (
             removed("ticks.csv"),
-            r"a: nothing tells how the robot moved; expected ticks\.csv or odometry\.csv .*\[drift\]",
+            r"a: the robot's motion is unknown; expected ticks\.csv or odometry\.csv .*\[drift\]",
         ),
         (removed("calibration.yaml"), r"robot\.toml, line \d+: camera\.calibration: there is no file .*n\.yaml"),
-        (removed("robot.toml"), r"a: there is no robot\.toml with it"),
-        (removed("frames.csv"), r"frames: nothing tells when 000000\.png was taken; expected .*frames\.csv.*\] fps"),
+        (removed("robot.toml"), r"a: found no robot\.toml"),
+        (removed("frames.csv"), r"frames: the time of 000000\.png is unknown; expected .*frames\.csv.*\] fps"),
         (removed("frames/000003.png"), r"frames\.csv, line 5: there is no file .*000003\.png"),
-        (robot_is(camera=None), r'a: nothing tells the camera\'s calibration.*calibration = "calibration\.yaml"'),
+        (robot_is(camera=None), r'a: the camera\'s calibration is unknown.*calibration = "calibration\.yaml"'),
         (robot_is(camera=LARGER), "a: frame 0 has 160x120 pixels, expected the 640x480 of the camera's calibration"),
-        (robot_is(encoder=None), r"a: has counts of the wheels, expected \[encoder\] in robot\.toml"),
+        (robot_is(encoder=None), r"a: has wheel counts, expected \[encoder\] in robot\.toml"),
         (replaced("calibration.yaml", "camera_matrix", "camera"), "calibration.yaml: found no camera_matrix"),
         (replaced("frames.csv", "frame,t", "file,time"), "frames.csv, line 1: found 'file,time', expected the columns"),
         (replaced("frames.csv", ",0.3\n", ",0.2\n"), r"frames\.csv, line 5: t is 0\.2, expected later than 0\.2"),
@@ -352,8 +350,8 @@ LARGER = Camera(640, 480, (600.0, 600.0), (319.5, 239.5), (), CAMERA.mounting)
         (replaced("frames.csv", ",0.3\n", "\n"), "frames.csv, line 5: found '000003.png', expected"),
         (replaced("ticks.csv", "\n0.1,", "\n0.05,"), r"ticks\.csv, line 4: t is 0\.05, expected later than 0\.05"),
         (replaced("ticks.csv", ",30\n", ",nan\n"), "ticks.csv, line 4: right is nan, expected a finite number"),
-        (replaced("ticks.csv", ticks(), "t,left,right\n"), "ticks.csv: has no reading, expected at least one row"),
-        (replaced("ticks.csv", "left,", "links,"), "ticks.csv, line 1: column 'links' where 'left' is missing"),
+        (replaced("ticks.csv", ticks(), "t,left,right\n"), "ticks.csv: found no rows, expected at least one"),
+        (replaced("ticks.csv", "left,", "links,"), "ticks.csv, line 1: column 'links' in place of 'left'"),
     ],
 )
 def test_what_cannot_be_used_is_a_sentence(tmp_path: Path, change: Callable[[Path], None], message: str) -> None:
@@ -366,7 +364,7 @@ def test_what_cannot_be_used_is_a_sentence(tmp_path: Path, change: Callable[[Pat
 def test_more_that_cannot_be_used(tmp_path: Path) -> None:
     folder = frames_in(tmp_path / "a", [f"{0.1 * k:.2f}.png" for k in range(10)], listed=False)
     cv2.imwrite(str(folder / "frames" / "0.200.png"), picture(0))
-    with pytest.raises(InputError, match=r"0\.200\.png: is of the same time as 0\.20\.png, expected a later one"):
+    with pytest.raises(InputError, match=r"0\.200\.png: has the same time as 0\.20\.png, expected a later one"):
         open_recording(folder)
     (folder / "odometry.csv").write_text("t,x,y,heading\n0,0,0,0\n")
     (folder / "frames" / "0.200.png").unlink()
@@ -407,11 +405,9 @@ def test_truth_is_taken_to_the_times_of_the_log(tmp_path: Path) -> None:
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     write_truth(folder, Truth(t, poses, Map(np.array([4]), np.array([[1.0, 2.0]]), None), None, "truth"))
     found = build(open_recording(folder)).truth
-    assert found is not None
     assert found.t.tolist() == [0.1, 0.2, 0.3, 0.4]  # of what follows, nothing is known for more than 0.5 s
     np.testing.assert_array_equal(found.poses[[0, 1, 3]], poses[[0, 1, 4]])
     np.testing.assert_allclose(found.poses[2], [0.3, 0.6, 3.3 - 2 * np.pi], atol=1e-12)
-    assert found.map is not None
     assert found.map.ids.tolist() == [4]
 
 
@@ -452,7 +448,7 @@ class Fake:
 
 def test_a_live_camera() -> None:
     fake, frames = Fake(), list[Frame]()
-    with pytest.raises(InputError, match="camera:0: gave no picture 30 times in a row, expected a working camera"):
+    with pytest.raises(InputError, match="camera:0: gave no frame 30 times in a row, expected a working camera"):
         frames.extend(live.Live(fake, "camera:0", None))
     assert len(frames) == 34
     fake, frames = Fake(), list[Frame]()
@@ -482,10 +478,10 @@ def test_ctrl_c_ends_a_live_camera() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, asking for a camera may open a window that asks back")
 def test_a_camera_that_is_not_there(capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(InputError, match="camera:97: there is no such camera, or another program has it"):
+    with pytest.raises(InputError, match="camera:97: there is no such camera, or another program uses it"):
         open_recording(Path("camera:97"), robot_with(drift=Drift(0.4, 0.6)))
-    with pytest.raises(InputError, match="camera:x: found 'x' for a camera's number"):
+    with pytest.raises(InputError, match="camera:x: found the camera number 'x'"):
         open_recording(Path("camera:x"), ROBOT)
-    with pytest.raises(InputError, match=r"camera:0: there is no robot\.toml with it"):
+    with pytest.raises(InputError, match=r"camera:0: found no robot\.toml"):
         open_recording(Path("camera:0"))
     assert capfd.readouterr().err == ""

@@ -151,7 +151,6 @@ def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
     sizeless = "\n".join(line for line in CALIBRATION.split("\n") if not line.startswith("image_"))
     words = FULL.replace("exposure = 0.02", "size = [320, 240]")
     camera = read_robot(folder_with(tmp_path, words, sizeless)).camera
-    assert camera is not None
     assert (camera.width, camera.height) == (320, 240)
     with pytest.raises(InputError, match=r"calibration\.yaml: found no image_width"):
         read_robot(folder_with(tmp_path, FULL, sizeless))
@@ -160,7 +159,7 @@ def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
 REFUSALS = [
     ('name = "cart"', "name = 3", "line 2: name: found 3, expected a text in quotes."),
     ("[drift]", "[drfit]", "line 27: drfit: there is no such key; did you mean 'drift'?"),
-    ("left = 1.5e-4", "left = 0", "line 14: encoder.left: found 0, expected metres a count, a number other than 0."),
+    ("left = 1.5e-4", "left = 0", "line 14: encoder.left: found 0, expected metres per count, a number other than 0."),
     ("left = 1.5e-4", "", "line 13: encoder has no 'left', expected a number."),
     ("base = 0.36", "base = -0.36", "line 16: encoder.base: found -0.36, expected a number above 0."),
     ("k = 0.01", "k = -1", "line 17: encoder.k: found -1, expected a number at least 0."),
@@ -183,7 +182,7 @@ REFUSALS = [
     ('dictionary = "4X4_50"', "", "line 8: markers has no 'dictionary', expected a text in quotes."),
     ("side = 0.16", "side = 0", "line 10: markers.side: found 0, expected a number above 0."),
     ("side = 0.16", "side = 160", "line 8: markers: side: found 160, expected metres"),
-    ("{7 = 0.2}", "{seven = 0.2}", "line 11: markers.sides.seven: is no marker's id, expected a whole number."),
+    ("{7 = 0.2}", "{seven = 0.2}", "line 11: markers.sides.seven: is not a marker's id, expected a whole number."),
     ("{7 = 0.2}", "{7 = -1}", "line 11: markers.sides.7: found -1, expected a number above 0."),
     ('model = "proportional"', 'model = "true"', "line 31: noise.model: found 'true', expected one of 'proportional',"),
     ("k_range = 0.03", "k_rang = 0.03", "line 32: noise.k_rang: there is no such key; did you mean 'k_range'?"),

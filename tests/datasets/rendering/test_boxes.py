@@ -99,7 +99,7 @@ def test_faces_enclose_the_box() -> None:
 
 def test_no_room_is_said() -> None:
     blocked = np.array([[0.0, 0.0, 3.0]])
-    with pytest.raises(InputError, match="boxes: found room for 0 boxes, expected it for 3"):
+    with pytest.raises(InputError, match="boxes: found room for 0 boxes, expected 3"):
         place_boxes(3, 4.0, 4.0, blocked, np.random.default_rng(0))
 
 

@@ -82,7 +82,7 @@ def test_a_crowd_is_apart_and_all_of_it_is_there() -> None:
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    with pytest.raises(InputError, match=r"found no place in the frame for a marker 0\.2 m away"):
+    with pytest.raises(InputError, match=r"a marker 0\.2 m away does not fit into the frame"):
         next(placements(CAMERA, 0.2, 1, np.random.default_rng(6)))
     with pytest.raises(InputError, match="found no room in the frame for 9 markers"):
         next(crowds(CAMERA, (0.6, 0.7), 9, 1, np.random.default_rng(7)))

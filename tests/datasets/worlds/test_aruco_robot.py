@@ -6,7 +6,6 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors, known, run, seen
-from slamduel.datasets import registry
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.aruco_robot import CAMERA, ENCODER, NOISE, SIDE, Options, aruco_robot, in_view
 from slamduel.frontend.check import problems
@@ -18,13 +17,6 @@ SEEDS = 12
 @pytest.fixture(scope="module")
 def drives() -> list[Dataset]:
     return [aruco_robot(Options(seconds=30.0), generator("aruco-robot", seed)) for seed in range(SEEDS)]
-
-
-def test_it_is_registered() -> None:
-    source = registry.find("aruco-robot")
-    assert source.make is aruco_robot
-    assert source.seeded
-    assert source.summary
 
 
 def test_the_robot_has_the_document_s_noise(drives: list[Dataset]) -> None:

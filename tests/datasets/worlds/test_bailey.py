@@ -5,7 +5,6 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors, known, run
-from slamduel.datasets import registry
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.bailey import WAYPOINTS, WHEEL_BASE, Options, bailey, landmarks
 from slamduel.frontend.check import problems
@@ -20,13 +19,6 @@ MIDDLE = 200
 @pytest.fixture(scope="module")
 def made() -> Dataset:
     return bailey(Options(), generator("bailey", 0))
-
-
-def test_it_is_registered() -> None:
-    source = registry.find("bailey")
-    assert source.make is bailey
-    assert source.seeded
-    assert source.summary
 
 
 def test_the_car_drives_as_published(made: Dataset) -> None:

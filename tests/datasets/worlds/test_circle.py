@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
+from drawn_errors import errors
 from slamduel.bench.plan.spec import read_options
-from slamduel.datasets import registry
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.circle import Options, circle
 from slamduel.frontend.check import check
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.frontend.se2 import compose, wrap
 
 
 @pytest.fixture(scope="module")
@@ -19,36 +19,9 @@ def made() -> Dataset:
     return circle(Options(), generator("circle", 0))
 
 
-def sighting_errors(made: Dataset) -> tuple[Array, Array]:
-    """(s, 2) measured less true range and bearing, and the true ranges (s,)."""
-    assert made.truth is not None
-    assert made.truth.map is not None
-    poses = made.truth.poses[made.log.sighting_step]
-    d = made.truth.map.xy[made.log.ids] - poses[:, :2]
-    error = made.log.z - np.stack((np.hypot(*d.T), np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2]), axis=-1)
-    error[:, 1] = wrap(error[:, 1])
-    return error, np.hypot(*d.T)
-
-
-def odometry_errors(made: Dataset) -> Array:
-    """(n - 1, 3) odometry less the true motion."""
-    assert made.truth is not None
-    error = made.log.delta[1:] - between(made.truth.poses[:-1], made.truth.poses[1:])
-    error[:, 2] = wrap(error[:, 2])
-    return error
-
-
-def test_it_is_registered() -> None:
-    source = registry.find("circle")
-    assert source.make is circle
-    assert source.seeded
-    assert source.summary
-
-
 def test_the_robot_drives_as_published(made: Dataset) -> None:
     log, truth = made
     check(log, "circle")
-    assert truth is not None
     assert len(log) == len(truth.t) == 2500
     assert (np.diff(log.t) == 1.0).all()
     np.testing.assert_allclose(np.hypot(truth.poses[:, 0], truth.poses[:, 1] - 10.0), 10.0, rtol=1e-12)
@@ -64,15 +37,13 @@ def test_the_noise_is_as_published(made: Dataset) -> None:
     np.testing.assert_allclose(np.sqrt(cov[2, 2]), 2 * np.sqrt(2) * s, rtol=1e-4)
     np.testing.assert_allclose(np.sqrt(cov[0, 0]), s / np.sqrt(2), rtol=1e-2)
     assert (made.log.delta_cov[1:] == cov).all()
-    _, ranges = sighting_errors(made)
+    ranges = (made.log.z - errors(made).sightings)[:, 0]
     np.testing.assert_allclose(made.log.z_cov[:, 0, 0], 0.01)
     np.testing.assert_allclose(made.log.z_cov[:, 1, 1], (0.1 / ranges) ** 2)
     assert (made.log.z_cov[:, 0, 1] == 0).all()
 
 
 def test_what_is_sighted_is_all_that_is_in_reach(made: Dataset) -> None:
-    assert made.truth is not None
-    assert made.truth.map is not None
     d = np.linalg.norm(made.truth.map.xy[None] - made.truth.poses[:, None, :2], axis=-1)
     step, landmark = np.nonzero((d >= 2.0) & (d <= 5.0))
     np.testing.assert_array_equal(made.log.sighting_step, step)
@@ -82,13 +53,11 @@ def test_what_is_sighted_is_all_that_is_in_reach(made: Dataset) -> None:
 
 def test_every_error_is_drawn_from_the_stated_covariance(made: Dataset) -> None:
     """Squared Mahalanobis distances are chi-square: a Kolmogorov-Smirnov test that a right log fails once in 10,000."""
-    sighted, _ = sighting_errors(made)
-    moved = odometry_errors(made)
-    for error, cov, dof in ((sighted, made.log.z_cov, 2), (moved, made.log.delta_cov[1:], 3)):
-        squared = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
-        assert kstest(squared, chi2(dof).cdf).pvalue > 1e-4
-    n = len(sighted)
-    scaled = sighted / np.sqrt(made.log.z_cov[:, [0, 1], [0, 1]])
+    found = errors(made)
+    assert kstest(found.sightings_squared, chi2(2).cdf).pvalue > 1e-4
+    assert kstest(found.motions_squared, chi2(3).cdf).pvalue > 1e-4
+    n = len(found.sightings)
+    scaled = found.sightings / np.sqrt(made.log.z_cov[:, [0, 1], [0, 1]])
     assert abs(np.mean(scaled[:, 0] * scaled[:, 1])) < 4 / np.sqrt(n)
     assert (abs(scaled.mean(axis=0)) < 4 / np.sqrt(n)).all()
 
@@ -109,18 +78,15 @@ def test_seeds_are_other_logs_and_options_do_what_they_say(made: Dataset) -> Non
     assert again.log.digest == made.log.digest != other.log.digest
     quiet = circle(Options(steps=300, odometry=0.005, sighting=0.01), generator("circle", 0))
     assert len(quiet.log) == 300
-    np.testing.assert_allclose(np.std(odometry_errors(quiet)[:, 2]), 2 * np.sqrt(2) * 0.005 * 0.25, rtol=0.2)
-    assert abs(sighting_errors(quiet)[0]).max() < 0.06
+    np.testing.assert_allclose(np.std(errors(quiet).motions[:, 2]), 2 * np.sqrt(2) * 0.005 * 0.25, rtol=0.2)
+    assert abs(errors(quiet).sightings).max() < 0.06
     many = circle(Options(landmarks=200, steps=300, turn_rate=0.5), generator("circle", 0))
-    assert many.truth is not None
-    assert many.truth.map is not None
     away = abs(np.hypot(many.truth.map.xy[:, 0], many.truth.map.xy[:, 1] - 0.5) - 0.5)
     assert ((away >= 2) & (away <= 5)).all()  # a circle of half a metre has no inside for them
 
 
 def test_without_noise_the_log_leads_to_the_truth() -> None:
     quiet = circle(Options(steps=500, odometry=1e-4, sighting=1e-4), generator("circle", 3))
-    assert quiet.truth is not None
     pose = quiet.log.prior.pose
     for delta in quiet.log.delta[1:]:
         pose = compose(pose, delta)

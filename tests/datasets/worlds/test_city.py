@@ -4,30 +4,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from slamduel.datasets import registry
+from drawn_errors import known
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.city import BEND, BLOCK, KERB, LEAST_RANGE, Options, city, side
 from slamduel.frontend.check import check
-from slamduel.frontend.factors import Dataset, Map, Truth
+from slamduel.frontend.factors import Dataset
 from slamduel.frontend.se2 import between, wrap
 
 
 @pytest.fixture(scope="module")
 def made() -> Dataset:
     return city(Options(), generator("city", 0))
-
-
-def known(made: Dataset) -> tuple[Truth, Map]:
-    assert made.truth is not None
-    assert made.truth.map is not None
-    return made.truth, made.truth.map
-
-
-def test_it_is_registered() -> None:
-    source = registry.find("city")
-    assert source.make is city
-    assert source.seeded
-    assert source.summary
 
 
 def test_the_robot_keeps_to_the_streets(made: Dataset) -> None:
@@ -115,7 +102,7 @@ def test_the_smallest_city_is_one_block() -> None:
     check(city(Options(landmarks=40, steps=500), generator("city", 0)).log, "city")
 
 
-def test_mishaps_befall_a_city(made: Dataset) -> None:
+def test_faults_apply_to_a_city(made: Dataset) -> None:
     """They alone: the city, the drive and what is left of the sightings stay."""
     poor = city(Options(missing=0.5, clutter=0.5), generator("city", 0))
     check(poor.log, "city")
@@ -123,7 +110,7 @@ def test_mishaps_befall_a_city(made: Dataset) -> None:
     kept = poor.log.z[poor.log.ids >= 0]
     assert np.isin(kept[:, 0], made.log.z[:, 0]).all()
     assert len(kept) / len(made.log.z) == pytest.approx(0.5, abs=6 * 0.5 / np.sqrt(len(made.log.z)))
-    assert np.sum(poor.log.ids < 0) == poor.log.notes["mishaps"]["false sightings"] > 0
+    assert np.sum(poor.log.ids < 0) == poor.log.notes["faults"]["false sightings"] > 0
 
 
 def test_a_drive_may_be_as_long_as_the_streets() -> None:

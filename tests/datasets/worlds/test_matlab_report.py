@@ -5,8 +5,7 @@ import pytest
 from scipy.stats import chi2, kstest, ttest_rel
 
 from drawn_errors import errors, known, run
-from slamduel.bench.measure.metrics import align, aligned, ate
-from slamduel.datasets import registry
+from driven import aligned_error
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.matlab_report import FARTHEST, HALF_VIEW, NEAREST, Options, matlab_report
 from slamduel.frontend.check import problems
@@ -36,18 +35,6 @@ def with_six(six: list[Dataset]) -> list[Array]:
 def off(path: Array, made: Dataset) -> Array:
     """(n,) m from the truth."""
     return np.hypot(*(path - known(made)[0].poses)[:, :2].T)
-
-
-def error(path: Array, made: Dataset) -> float:
-    poses = known(made)[0].poses
-    return ate(aligned(align(path, poses), path), poses)
-
-
-def test_it_is_registered() -> None:
-    source = registry.find("matlab-report")
-    assert source.make is matlab_report
-    assert source.seeded
-    assert source.summary
 
 
 def test_the_twelve_tags_contain_the_six_and_all_else_is_the_same(six: list[Dataset], twelve: list[Dataset]) -> None:
@@ -104,8 +91,8 @@ def test_twelve_tags_are_better_than_six(six: list[Dataset], twelve: list[Datase
 
     What a right setting passes 19 times of 20 is t > 1.7, the bound of a one-sided test at 5 %.
     """
-    few = [error(path, made) for path, made in zip(with_six, six, strict=True)]
-    many = [error(run("ekf", made)[0], made) for made in twelve]
+    few = [aligned_error(path, known(made)[0].poses) for path, made in zip(with_six, six, strict=True)]
+    many = [aligned_error(run("ekf", made)[0], known(made)[0].poses) for made in twelve]
     found = ttest_rel(few, many, alternative="greater")
     assert found.pvalue < 0.05
     assert np.mean(many) < 0.8 * np.mean(few)

@@ -9,7 +9,7 @@ import pytest
 
 from slamduel.bench.plan.spec import read_options
 from slamduel.datasets import registry
-from slamduel.datasets.worlds.mishaps import Mishaps
+from slamduel.datasets.worlds.faults import Faults
 from slamduel.frontend.check import problems
 
 SMALL = {
@@ -37,12 +37,12 @@ WORST = {
 
 
 def ends(world: str) -> Iterator[dict[str, str]]:
-    """The world's own options, each at its ends and all others as they are, and then its mishaps."""
+    """The world's own options, each at its ends and all others as they are, and then its faults."""
     for field in fields(registry.find(world).options):
         if world == "circle" and field.name in RING:
             continue  # the one has to be less than the other
-        inherited = field.name in {one.name for one in fields(Mishaps)}
-        if world == "circle" or not inherited:  # mishaps are the same for all
+        inherited = field.name in {one.name for one in fields(Faults)}
+        if world == "circle" or not inherited:  # faults are the same for all
             for end in ("minimum", "maximum"):
                 value = field.metadata[end]
                 if value is not None and not (end == "maximum" and field.name in LONG):
@@ -60,17 +60,25 @@ def made(world: str, given: dict[str, str]) -> Any:
     return source.make(options, np.random.default_rng(1))
 
 
+@pytest.mark.parametrize("world", [*SMALL, "aruco-room", "linear"])
+def test_a_world_is_registered_under_its_name(world: str) -> None:
+    source = registry.find(world)
+    assert source.make.__name__ == world.replace("-", "_")
+    assert source.seeded
+    assert source.costly == (world == "aruco-room")
+    assert source.summary
+
+
 @pytest.mark.parametrize("world", SMALL)
 def test_the_ends_of_every_option_make_a_good_log(world: str) -> None:
     for given in ends(world):
         log, truth = made(world, given)
         assert list(problems(log)) == [], given
-        assert truth is not None
         assert len(truth.t) == len(log)
 
 
-@pytest.mark.parametrize("mishaps", [{}, WORST], ids=["clean", "spoilt"])
-def test_a_drive_may_be_over_at_its_first_frame(mishaps: dict[str, str]) -> None:
-    log, truth = made("aruco-robot", {"seconds": "1", "frame_rate": "0.5"} | mishaps)
+@pytest.mark.parametrize("faults", [{}, WORST], ids=["clean", "spoilt"])
+def test_a_drive_may_be_over_at_its_first_frame(faults: dict[str, str]) -> None:
+    log, truth = made("aruco-robot", {"seconds": "1", "frame_rate": "0.5"} | faults)
     assert len(log) == len(truth.t) == 1
     assert list(problems(log)) == []

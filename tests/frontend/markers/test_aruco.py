@@ -53,16 +53,9 @@ def test_exact_corners_give_the_exact_pose() -> None:
         pose = marker_pose(rng)
         corners = CAMERA.project(square(0.16) @ pose[:3, :3].T + pose[:3, 3])
         found = DETECTOR.locate(7, CAMERA.undistort(corners), 1e-12 * np.eye(8))
-        assert found is not None
         np.testing.assert_allclose(found.pose, pose, atol=2e-5)
         assert found.error < 1e-3
         assert found.ambiguity < 0.1
-
-
-def test_corners_in_the_wrong_order_have_no_pose() -> None:
-    pose = marker_pose(np.random.default_rng(5))
-    corners = CAMERA.project(square(0.16) @ pose[:3, :3].T + pose[:3, 3])
-    assert DETECTOR.locate(7, CAMERA.undistort(corners)[::-1], 1e-8 * np.eye(8)) is None  # the marker's back
 
 
 def test_corners_come_in_the_markers_own_order() -> None:

@@ -93,7 +93,9 @@ def test_too_few_views_are_refused() -> None:
 
 def test_views_from_one_side_are_refused() -> None:
     """However many: a plane that is only shifted says little of the focal length."""
-    with pytest.raises(InputError, match=r"views too alike: the board is turned by at most [0-3]\.[0-9] degrees"):
+    with pytest.raises(
+        InputError, match=r"views that are too similar: the board turns by at most [0-3]\.[0-9] degrees"
+    ):
         calibrate(views("5", 20, tilt=0.5), SIZE, "5")
 
 
@@ -107,7 +109,7 @@ def test_a_bad_view_is_named_and_kept() -> None:
     shifted = np.random.default_rng(5).normal(0, 1, used[3].corners.shape)
     found = calibrate([*used[:3], used[3]._replace(corners=used[3].corners + shifted), *used[4:]], SIZE, "5")
     assert [fit.view.name for fit in found.fits if fit.bad] == ["view 3"]
-    assert any(remark.startswith("view 3 is explained badly") for remark in found.remarks)
+    assert any(remark.startswith("view 3 fits badly") for remark in found.remarks)
 
 
 def test_corners_in_the_middle_only_are_remarked_on() -> None:

@@ -90,7 +90,7 @@ def test_every_dictionary_is_named(drawn: str) -> None:
 def test_one_marker_is_too_little_for_a_large_dictionary_of_few_bits() -> None:
     """A square with bits at random is a marker of 4X4_1000 one time in sixteen, of 4X4_50 in 330."""
     unsure = told([sheet("4X4_1000", 999)] * 6, Markers("6X6_250", 0.16))
-    assert "no dictionary known here reads" in unsure
+    assert "no known dictionary reads" in unsure
     sure = told([sheet("4X4_50", 49)] * 6, Markers("6X6_250", 0.16))
     assert sure == "4X4_50 reads 1 marker in 6 of 6 frames (id 49); the recording says 6X6_250"
 
@@ -104,22 +104,22 @@ def test_the_smallest_dictionary_that_has_all_ids() -> None:
 def test_a_mirrored_image() -> None:
     mirrored = [np.ascontiguousarray(image[:, ::-1]) for image in frames()]
     said = told(mirrored)
-    assert said.startswith("the image is mirrored: flipped left to right, 4X4_50 reads ")
+    assert said.startswith("the image is mirrored: once flipped left to right, 4X4_50 reads ")
     assert "the recording says" not in said
     both = told(mirrored, Markers("6X6_250", 0.16))
-    assert both.startswith("the image is mirrored: flipped left to right, 4X4_50 reads ")
+    assert both.startswith("the image is mirrored: once flipped left to right, 4X4_50 reads ")
     assert both.endswith("; the recording says 6X6_250")
 
 
 def test_a_negative() -> None:
     said = told([255 - image for image in frames("6X6_50")], Markers("6X6_250", 0.16))
-    assert said.startswith("the markers are white on black: with black and white exchanged, 6X6_250 reads ")
+    assert said.startswith("the markers are white on black: once inverted, 6X6_250 reads ")
 
 
 FAULTS: dict[str, Callable[[Image], object]] = {
     "too dark: 99 % of a frame's pixels are below": lambda image: image * 0.04,
     "over-exposed: [0-9]+% of a frame's pixels are saturated": lambda image: image * 6.0,
-    "without contrast: nearly all grey levels are between": lambda image: image * 0.04 + 110,
+    "lacks contrast: nearly all grey levels are between": lambda image: image * 0.04 + 110,
     "blurred, by the lens or by motion": lambda image: cv2.GaussianBlur(image, (0, 0), 4.0),
     "blurred, by the lens or by (?=motion)": lambda image: cv2.blur(image, (17, 1)),
 }
@@ -136,7 +136,7 @@ def test_what_is_wrong_with_the_image(sentence: str, spoil: Callable[[Image], ob
 
 def test_an_unknown_dictionary() -> None:
     said = told(frames(CUSTOM))
-    assert "frames hold black squares with a pattern inside that no dictionary known here reads" in said
+    assert "frames hold black squares with a pattern inside that no known dictionary reads" in said
 
 
 def test_a_room_without_markers() -> None:
@@ -236,12 +236,14 @@ def test_a_real_photograph() -> None:
     expected = "6X6_250 reads 6 markers in 1 of 1 frame (ids 23, 40, 62, 98, 124, ...); the recording says 4X4_50"
     assert told([image]) == expected
     assert diagnose([image], Markers("6X6_250", 0.16), CAMERA) == []
-    assert told([image[:, ::-1].copy()]).startswith("the image is mirrored: flipped left to right, 6X6_250 reads 6")
+    assert told([image[:, ::-1].copy()]).startswith(
+        "the image is mirrored: once flipped left to right, 6X6_250 reads 6"
+    )
     assert told([255 - image]).startswith("the markers are white on black")
 
 
 @pytest.mark.parametrize("name", ["choriginal.jpg", "img_00.jpg", "chocclusion_original.jpg", "gboriginal.png"])
 def test_other_real_photographs(name: str) -> None:
     said = told([photograph(name)])
-    known = "no dictionary known here reads" if name == "gboriginal.png" else "6X6_50 reads"
+    known = "no known dictionary reads" if name == "gboriginal.png" else "6X6_50 reads"
     assert known in said

@@ -81,8 +81,8 @@ def test_opencvs_own_example() -> None:
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("4X4_500", r"no '4X4_500'; the nearest is 4X4_50; a custom one is written custom\["),
-        ("tags", "expected one of 4X4_100, .*, ARUCO_ORIGINAL; a custom one"),
+        ("4X4_500", r"no '4X4_500'; the nearest is 4X4_50; write a custom one as custom\["),
+        ("tags", "expected one of 4X4_100, .*, ARUCO_ORIGINAL; write a custom one"),
         ("custom[count=30]", "expected count and either size or base"),
         ("custom[size=4]", "expected count and either size or base"),
         ("custom[count=30,size=4,base=4X4_50]", "expected count and either size or base"),
@@ -93,7 +93,7 @@ def test_opencvs_own_example() -> None:
         ("custom[count=5,size=4,seed=-1]", "seed: found '-1'"),
         ("custom[base=4X4_50,count=50]", "count: found 50, expected more than the base's"),
         ("custom[base=4X4_5,count=50]", "the nearest is 4X4_50"),
-        ("custom[count=600,size=3]", "found no 600 markers of 3x3 bits that differ"),
+        ("custom[count=600,size=3]", "could not generate 600 markers of 3x3 bits that differ"),
         ("nowhere.yml", "nowhere.yml: there is no such file"),
     ],
 )
@@ -105,9 +105,9 @@ def test_a_name_that_means_nothing(name: str, sentence: str) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "found no YAML, XML or JSON"),
-        ("some words", "found no YAML, XML or JSON"),
-        ('{"nmarkers": 3', "found no YAML, XML or JSON"),
+        ("", "not YAML, XML or JSON"),
+        ("some words", "not YAML, XML or JSON"),
+        ('{"nmarkers": 3', "not YAML, XML or JSON"),
         ('%YAML:1.0\nmarkersize: 2\nmarker_0: "0110"\n', "nmarkers: found no whole number"),
         ("%YAML:1.0\nnmarkers: 1\nmarkersize: two\n", "markersize: found no whole number"),
         ('%YAML:1.0\nnmarkers: 2\nmarkersize: 2\nmarker_0: "0110"\n', "marker_1: found '', expected 4 characters"),

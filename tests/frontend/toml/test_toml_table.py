@@ -67,7 +67,7 @@ NOT_TOML = {
     "a = 1\nb = = 2\n": "f.toml, line 2: not valid TOML at column 5: Invalid value; expected a TOML file.",
     "a = 1\nb = [2,\n": "f.toml, line 2: not valid TOML at its end: Invalid value; expected a TOML file.",
     "a = 1" + "0" * 5000: "f.toml: not valid TOML: Exceeds the limit (4300 digits) for integer string conversion",
-    "a = " + "[" * 2000: "f.toml: found tables or lists that are hundreds deep in one another, expected a few.",
+    "a = " + "[" * 2000: "f.toml: found tables or lists nested hundreds deep, expected a few levels.",
 }
 
 

@@ -79,7 +79,7 @@ def test_bursts_of_messages_pass() -> None:
 @pytest.mark.parametrize(("bits", "begin"), [(8, 250), (16, 65000), (32, 2**32 - 700)])
 def test_a_counter_that_wraps_is_refused_with_its_width(bits: int, begin: int) -> None:
     wrapped = (np.rint(driven()) + begin) % 2**bits
-    said = f"counter of {bits} bits wrapped, say counter_bits = {bits}"
+    said = f"counter of {bits} bits wrapped, set counter_bits = {bits}"
     with pytest.raises(InputError, match=said) as refused:
         wheels(wrapped).check()
     row, wheel = (int(index) for index in np.argwhere(np.abs(np.diff(wrapped, axis=0)) > 2 ** (bits - 1))[0])
@@ -97,7 +97,7 @@ def test_a_wrap_no_faster_than_a_wheel_can_be_is_seen_all_the_same() -> None:
     encoder = Encoder(2.3e-6, 2.3e-6, 0.7, 0.01)
     t = np.arange(200.0) / 10
     counts = np.rint(np.stack((30e3 * t, 31e3 * t), axis=-1)) % 2**16
-    with pytest.raises(InputError, match="say counter_bits = 16"):
+    with pytest.raises(InputError, match="set counter_bits = 16"):
         Wheels(Ticks(t, counts), encoder).check()
     Wheels(Ticks(t, unwrap(counts, 16)), encoder).check()
 
@@ -105,7 +105,7 @@ def test_a_wrap_no_faster_than_a_wheel_can_be_is_seen_all_the_same() -> None:
 def test_a_reset_is_refused() -> None:
     far = np.rint(driven()) + 40000
     far[70:] -= far[70]
-    with pytest.raises(InputError, match=r"between readings 69 and 70, .* left wheel.* it looks like a reset"):
+    with pytest.raises(InputError, match=r"between readings 69 and 70, .* left wheel.* this looks like a reset"):
         wheels(far).check()
 
 
@@ -113,7 +113,7 @@ def test_a_reset_soon_after_the_start_is_seen_all_the_same() -> None:
     """0.3 m in 0.05 s are 6 m/s, which max_speed = 20 lets pass."""
     counts = np.rint(np.stack((300 * T, 310 * T), axis=-1))
     counts[20:] -= counts[20]
-    with pytest.raises(InputError, match=r"between readings 19 and 20, .* it looks like a reset"):
+    with pytest.raises(InputError, match=r"between readings 19 and 20, .* this looks like a reset"):
         wheels(counts, max_speed=20.0).check()
 
 
@@ -139,7 +139,7 @@ def test_odometry_that_was_set_back_is_refused() -> None:
     way = poses(driven())
     Track(T, way, TrackNoise()).check()
     way[80:] -= way[80]
-    found = r"between readings 79 and 80, .* expected at most max_speed = 5 m/s: odometry that was set back"
+    found = r"between readings 79 and 80, .* expected at most max_speed = 5 m/s: an odometry reset"
     with pytest.raises(InputError, match=found):
         Track(T, way, TrackNoise()).check()
 
@@ -231,5 +231,5 @@ def test_a_reset_soon_after_the_start() -> None:
     """Both wheels are back at nothing from five steps away: at a speed that is possible, and yet no wheel did that."""
     counts = 50.0 * np.concatenate((np.arange(6), np.arange(20)))[:, None] * np.ones(2)
     t: Array = np.arange(len(counts)) / 50.0
-    with pytest.raises(InputError, match=r"between readings 5 and 6.*from 250 to 0.*it looks like a reset"):
+    with pytest.raises(InputError, match=r"between readings 5 and 6.*from 250 to 0.*this looks like a reset"):
         check_counts(t, counts, np.full(2, 1e-4), MAX_SPEED, "ticks.csv")

@@ -1,4 +1,4 @@
-"""EKF-SLAM that linearises each sighting again where its update ended, and once more, until it has iterated enough.
+"""EKF-SLAM that relinearises each sighting's update at its result, a given number of times.
 
 Iterating is Gauss-Newton on the posterior (Bell and Cathey 1993, The iterated Kalman filter update as a Gauss-Newton
 method, IEEE Transactions on Automatic Control 38(2)); with one iteration it is the EKF.
@@ -13,25 +13,25 @@ from slamduel.backends import api
 
 @dataclass(frozen=True)
 class Options:
-    """How often to iterate."""
+    """Number of iterations."""
 
     iterations: int = api.option(3, "Gauss-Newton iterations of each sighting's update", minimum=1)
 
 
 class IteratedEkf:
-    """Iterated EKF: a sighting's update is linearised again where it ended."""
+    """Iterated EKF: each sighting's update is relinearised at its result."""
 
     def __init__(self, prior: api.Prior, options: Options, rng: np.random.Generator) -> None:
         known = prior.map or api.Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
         self.options, self.ids = options, known.ids.tolist()
         self.mean = np.concatenate((prior.pose, known.xy.ravel()))
-        self.cov = np.zeros((len(self.mean), len(self.mean)))  # a map held fixed keeps its zeros: nothing moves it
+        self.cov = np.zeros((len(self.mean), len(self.mean)))  # a fixed map keeps zero covariance, and so does not move
         self.cov[:3, :3] = prior.cov
         if known.cov is not None:
             self.cov[3:, 3:] = known.cov
 
     def step(self, step: api.Step) -> api.Pose:
-        """Move, then take the sightings one by one."""
+        """Predicts, then processes the sightings one by one."""
         if step.odometry is not None:
             G = np.eye(len(self.mean))
             G[:3, :3], V = api.compose_jacobians(self.mean[:3], step.odometry.delta)
@@ -46,7 +46,7 @@ class IteratedEkf:
         return self.mean[:3].copy()
 
     def update(self, j: int, z: api.Array, R: api.Array) -> None:
-        """Fold in a sighting of the landmark at rows j, j + 1 of the state."""
+        """Corrects by a sighting of the landmark at rows j, j + 1 of the state."""
         at, known = self.iterate(self.mean, j, z, R)
         for _ in range(self.options.iterations - 1):
             at, known = self.iterate(at, j, z, R)
@@ -54,7 +54,7 @@ class IteratedEkf:
         self.mean[2] = api.wrap(at[2])
 
     def iterate(self, at: api.Array, j: int, z: api.Array, R: api.Array) -> tuple[api.Array, api.Array]:
-        """x + K (z - h(at) - H (x - at)) and K H, with h and H of ArUco EKF SLAM, eqs (12) and (14), taken at `at`."""
+        """x + K (z - h(at) - H (x - at)) and K H, with h and H of ArUco EKF SLAM, eqs (12) and (14), at `at`."""
         dx, dy = at[j : j + 2] - at[:2]
         r = np.hypot(dx, dy)
         H = np.zeros((2, len(at)))
@@ -67,7 +67,7 @@ class IteratedEkf:
         return self.mean + K @ innovation, K @ H
 
     def add(self, landmark: int, z: api.Array, R: api.Array) -> None:
-        """A new landmark, ArUco EKF SLAM, eqs (17) to (20), and its covariance with all that was there."""
+        """Adds a landmark, ArUco EKF SLAM, eqs (17) to (20), with its covariance with the whole state."""
         c, s = np.cos(z[1]), np.sin(z[1])
         by_pose, by_xy = api.act_jacobians(self.mean[:3], z[0] * np.array([c, s]))
         by_z = by_xy @ np.array([[c, -z[0] * s], [s, z[0] * c]])
@@ -81,12 +81,12 @@ class IteratedEkf:
         return api.Belief(self.mean[:3].copy(), self.cov[:3, :3].copy())
 
     def map(self) -> api.Map:
-        """The landmarks in the order they were met."""
+        """The landmarks in order of first sighting."""
         cov = self.cov[3:, 3:].copy()
         return api.Map(np.array(self.ids, np.int64), self.mean[3:].reshape(-1, 2).copy(), cov if cov.any() else None)
 
     def finish(self) -> api.Solution | None:
-        """None: a filter does not look back."""
+        """None: a filter does not smooth."""
         return None
 
 

@@ -1,9 +1,9 @@
-"""What goes wrong on real robots and no covariance admits: mishaps that befall a simulated log once it is made.
+"""Faults of real robots that no stated covariance covers, applied to a simulated log.
 
-The truth of such a log tells the error of every sighting, z - h(truth), and of every motion, delta - between(truth): it
-is taken off, made larger and put back, so that the log of before is found in the one after. What the log states of its
-noise stays as it was. Each kind of mishap draws from a generator of its own: one of them changes nothing of the others,
-and a larger share of lost sightings loses those that a smaller one does, and more.
+The ground truth gives the error of every sighting, z - h(truth), and of every motion, delta - between(truth): it is
+subtracted, scaled and added again, so that the clean log's errors reappear in the faulty one. The stated noise does not
+change. Each kind of fault draws from a generator of its own: none affects the others, and a larger share of lost
+sightings includes those of a smaller one.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -24,38 +24,36 @@ Bools = NDArray[np.bool_]
 Column = TypeVar("Column", Array, Ints)
 
 TRACK = 0.5
-"""m between the wheels of which one slips."""
+"""m between the wheels, one of which slips."""
 
 
 @dataclass(frozen=True)
-class Mishaps:
-    """What befalls a log, by default nothing; a simulated world's options inherit it."""
+class Faults:
+    """Faults applied to a log, by default none; a simulated world's options inherit it."""
 
-    sensor_scale: float = option(1.0, "sd of a sighting's errors, of the stated sd", minimum=0.0, maximum=1000.0)
-    odometry_scale: float = option(1.0, "sd of the odometry's errors, of the stated sd", minimum=0.0, maximum=1000.0)
+    sensor_scale: float = option(1.0, "sd of a sighting's errors, in stated sd", minimum=0.0, maximum=1000.0)
+    odometry_scale: float = option(1.0, "sd of the odometry's errors, in stated sd", minimum=0.0, maximum=1000.0)
     tails: float | None = option(
         None,
-        "degrees of freedom of errors that are Student's t, of the covariance they had; none: normal",
+        "degrees of freedom of Student-t errors with unchanged covariance; not given: normal",
         minimum=2.1,
         maximum=1e6,
     )
-    slip: float = option(0.0, "wheel slips a metre, which no noise states", minimum=0.0, maximum=5.0)
-    missing: float = option(0.0, "share of the sightings that are lost", minimum=0.0, maximum=1.0)
+    slip: float = option(0.0, "wheel slips per metre, not covered by the stated noise", minimum=0.0, maximum=5.0)
+    missing: float = option(0.0, "share of lost sightings", minimum=0.0, maximum=1.0)
     gap: float = option(
         0.0, "share of the steps, in the middle of the log, without sightings", minimum=0.0, maximum=1.0
     )
-    wrong_ids: float = option(0.0, "share of the sightings taken for another landmark's", minimum=0.0, maximum=0.5)
-    clutter: float = option(0.0, "false sightings a step, on the average", minimum=0.0, maximum=100.0)
+    wrong_ids: float = option(0.0, "share of sightings with another landmark's id", minimum=0.0, maximum=0.5)
+    clutter: float = option(0.0, "mean number of false sightings per step", minimum=0.0, maximum=100.0)
     clutter_ids: str = option(
-        "unknown", "ids of false sightings: unknown, or a new one each", choices=("unknown", "nobody")
+        "unknown", "ids of false sightings: unknown, or a new id each (nobody)", choices=("unknown", "nobody")
     )
-    jitter: float = option(
-        0.0, "time by which the sightings of a step are off its moment, sd in s", minimum=0.0, maximum=60.0
-    )
+    jitter: float = option(0.0, "error of the time of a step's sightings, sd in s", minimum=0.0, maximum=60.0)
 
 
 class _Draws(NamedTuple):
-    """A generator for each kind; which is whose depends on the order alone."""
+    """One generator per kind of fault, assigned by order."""
 
     motions: np.random.Generator
     slips: np.random.Generator
@@ -66,63 +64,61 @@ class _Draws(NamedTuple):
     clutter: np.random.Generator
 
 
-def befallen(dataset: Dataset, mishaps: Mishaps, rng: np.random.Generator) -> Dataset:
-    """The simulated `dataset` after all `mishaps`; the very same where there are none, and every sighting has a range.
+def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> Dataset:
+    """Applies the faults to the simulated `dataset`; without any, it is returned unchanged if all ranges are positive.
 
-    Its truth must have a pose a step, and the map. The new truth's `assigned` has the true ids where some have changed
-    or sightings are made up, whose true id is UNKNOWN. A sighting whose error leaves no range is lost, however small
-    the mishaps. The log's notes have what was asked for, and counts, under "mishaps".
+    Its ground truth must have a pose per step, and the map. The new one's `assigned` has the true ids if some have
+    changed or sightings are false, whose true id is UNKNOWN. A sighting whose error makes its range zero or negative is
+    lost, even without faults. The log's notes have the options, and counts, under "faults".
     """
-    wanted = {
-        field.name: value for field in fields(Mishaps) if (value := getattr(mishaps, field.name)) != field.default
-    }
+    wanted = {field.name: value for field in fields(Faults) if (value := getattr(faults, field.name)) != field.default}
     log, truth = dataset
     if not wanted and (log.z[:, 0] > 0).all():
         return dataset
     if truth is None or truth.map is None or len(truth.t) != len(log):
-        raise ValueError("mishaps befall logs whose truth is known at every step")
+        raise ValueError("faults need the true pose of every step")
     draws, counts = _Draws(*rng.spawn(len(_Draws._fields))), dict[str, int]()
     view = log.z
     if wanted.keys() & {"odometry_scale", "tails"}:
-        log = _off(log, truth, mishaps.odometry_scale, mishaps.tails, draws.motions)
-    if mishaps.slip:
-        log, counts["slips"] = _slipped(log, truth, mishaps.slip, draws.slips)
+        log = _off(log, truth, faults.odometry_scale, faults.tails, draws.motions)
+    if faults.slip:
+        log, counts["slips"] = _slipped(log, truth, faults.slip, draws.slips)
     if wanted.keys() & {"sensor_scale", "tails", "jitter"}:
-        log = _missed(log, truth, mishaps, draws)
-    if mishaps.wrong_ids:
-        log, truth = swapped(log, truth, mishaps.wrong_ids, draws.ids)
+        log = _missed(log, truth, faults, draws)
+    if faults.wrong_ids:
+        log, truth = swapped(log, truth, faults.wrong_ids, draws.ids)
         assert truth is not None
-    kept = (draws.missing.uniform(size=len(log.ids)) >= mishaps.missing) & (log.z[:, 0] > 0)
-    false = _clutter(log, view, mishaps.clutter, draws.clutter)
-    blind = _gap(len(log), mishaps.gap)
+    kept = (draws.missing.uniform(size=len(log.ids)) >= faults.missing) & (log.z[:, 0] > 0)
+    false = _clutter(log, view, faults.clutter, draws.clutter)
+    blind = _gap(len(log), faults.gap)
     kept, false = kept & ~blind[log.sighting_step], false.only(~blind[false.step])
-    if mishaps.clutter:
+    if faults.clutter:
         counts["false sightings"] = len(false.step)
     if not kept.all():
         counts["sightings lost"] = int((~kept).sum())
-    log, truth = _merged(log, truth, kept, false, mishaps.clutter_ids)
-    return Dataset(replace(log, notes={**log.notes, "mishaps": wanted | counts}), truth)
+    log, truth = _merged(log, truth, kept, false, faults.clutter_ids)
+    return Dataset(replace(log, notes={**log.notes, "faults": wanted | counts}), truth)
 
 
 def _scale(scale: float, tails: float | None, rows: int, rng: np.random.Generator) -> Array:
-    """(rows,) what normal errors are multiplied with: a t is normal over the root of a chi-square of its own."""
+    """(rows,) factors on normal errors: a t is normal over the root of a chi-square of its own."""
     if tails is None:
         return np.full(rows, scale)
     return scale * np.sqrt((tails - 2) / rng.chisquare(tails, rows))
 
 
 def _off(log: Log, truth: Truth, scale: float, tails: float | None, rng: np.random.Generator) -> Log:
-    """With larger errors in its odometry."""
+    """The log with larger errors in its odometry."""
     right = between(truth.poses[:-1], truth.poses[1:])
     error = difference(log.delta[1:], right)
     return _with_motions(log, right + error * _scale(scale, tails, len(right), rng)[:, None])
 
 
 def _slipped(log: Log, truth: Truth, rate: float, rng: np.random.Generator) -> tuple[Log, int]:
-    """With slips in its odometry, a Poisson process along the true path of `rate` a metre; and how many.
+    """The log with slips in its odometry, a Poisson process of `rate` per metre along the true path; and their number.
 
-    A wheel that spins or skids over some metres reads so much more or less than it rolled, and the robot that is
-    TRACK wide seems to have gone half of that and to have turned. How many metres, `wheeled_robot.slipped` says.
+    A wheel that spins or skids over some metres reads that much more or less than it rolled; a robot TRACK wide appears
+    to have moved half of that and to have turned. The lengths are from `wheeled_robot.slipped`.
     """
     way = np.concatenate(([0.0], np.cumsum(hypot(*np.diff(truth.poses[:, :2], axis=0).T))))
     slips = int(rng.poisson(rate * way[-1]))
@@ -135,10 +131,10 @@ def _slipped(log: Log, truth: Truth, rate: float, rng: np.random.Generator) -> t
     return _with_motions(log, delta[1:]), slips
 
 
-def _missed(log: Log, truth: Truth, mishaps: Mishaps, draws: _Draws) -> Log:
-    """With larger errors in its sightings, and those of a step taken at another moment, which they share.
+def _missed(log: Log, truth: Truth, faults: Faults, draws: _Draws) -> Log:
+    """The log with larger errors in its sightings, those of a step taken with a common time error.
 
-    Between steps the robot is taken to move straight and evenly.
+    Between steps the robot is assumed to move straight and evenly.
     """
     assert truth.map is not None
     ids = log.ids if truth.assigned is None else truth.assigned
@@ -147,18 +143,18 @@ def _missed(log: Log, truth: Truth, mishaps: Mishaps, draws: _Draws) -> Log:
     poses = truth.poses
     right = sighted_from(poses[step], xy)
     error = difference(log.z, right)
-    if mishaps.jitter:
-        moments = log.t + mishaps.jitter * draws.moments.standard_normal(len(log))
+    if faults.jitter:
+        moments = log.t + faults.jitter * draws.moments.standard_normal(len(log))
         columns = (*poses.T[:2], np.unwrap(poses[:, 2]))
         poses = np.stack([np.interp(moments, log.t, column) for column in columns], axis=-1)
         right = sighted_from(poses[step], xy)
-    z = right + error * _scale(mishaps.sensor_scale, mishaps.tails, len(ids), draws.sightings)[:, None]
+    z = right + error * _scale(faults.sensor_scale, faults.tails, len(ids), draws.sightings)[:, None]
     z[:, 1] = wrap(z[:, 1])
     return replace(log, z=_frozen(np.where(row[:, None] >= 0, z, log.z)))
 
 
 def _gap(steps: int, share: float) -> Bools:
-    """(steps,) whether a step is in the gap: so many of them, in the middle."""
+    """(steps,) mask of the gap: that share of the steps, in the middle."""
     blind = np.zeros(steps, bool)
     wide = round(share * steps)
     first = (steps - wide) // 2
@@ -167,21 +163,21 @@ def _gap(steps: int, share: float) -> Bools:
 
 
 class _False(NamedTuple):
-    """Sightings of what is not there."""
+    """False sightings."""
 
     step: Ints  # (m,) sorted
     z: Array  # (m, 2)
     cov: Array  # (m, 2, 2)
 
     def only(self, which: Bools) -> "_False":
-        """Those of them."""
+        """A subset of them."""
         return _False(self.step[which], self.z[which], self.cov[which])
 
 
 def _clutter(log: Log, view: Array, rate: float, rng: np.random.Generator) -> _False:
-    """A Poisson number a step, of the mean `rate`, anywhere in the field of view: the ranges and bearings of `view`.
+    """A Poisson number per step, of mean `rate`, anywhere in the field of view: the ranges and bearings of `view`.
 
-    The places are uniform in the plane; each has the covariance of the sighting that comes nearest to its range.
+    The positions are uniform in the plane; each has the covariance of the sighting with the nearest range.
     """
     ranged = view[:, 0] > 0
     view, cov = view[ranged], log.z_cov[ranged]
@@ -198,7 +194,7 @@ def _clutter(log: Log, view: Array, rate: float, rng: np.random.Generator) -> _F
 
 
 def _merged(log: Log, truth: Truth, kept: Bools, false: _False, naming: str) -> tuple[Log, Truth]:
-    """The log with the sightings `kept`, and the false ones, which stand among them in the order of their bearing."""
+    """The log with the sightings `kept` and the false ones, in the order of their bearing."""
     if kept.all() and not len(false.step):
         return log, truth
     m = len(false.step)
@@ -222,7 +218,7 @@ def _merged(log: Log, truth: Truth, kept: Bools, false: _False, naming: str) -> 
 
 
 def _with_motions(log: Log, delta: Array) -> Log:
-    """With these motions (n - 1, 3), not yet wrapped."""
+    """The log with these motions (n - 1, 3), not wrapped yet."""
     moved = np.concatenate((log.delta[:1], delta))
     moved[1:, 2] = wrap(moved[1:, 2])
     return replace(log, delta=_frozen(moved))

@@ -1,4 +1,4 @@
-"""Mishaps: each does what it says, to the amount it says, and nothing else."""
+"""Faults: each does what it says, to the amount it says, and nothing else."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from slamduel.bench.plan.spec import read_options
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.worlds.circle import Options, circle
-from slamduel.datasets.worlds.mishaps import TRACK, Mishaps, befallen
+from slamduel.datasets.worlds.faults import TRACK, Faults, with_faults
 from slamduel.frontend.check import problems
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import UNKNOWN, Dataset
@@ -29,10 +29,10 @@ def clean() -> Dataset:
     return circle(Options(), generator("circle", 0))
 
 
-def after(clean: Dataset, draw: np.random.Generator | None = None, **mishaps: Any) -> Dataset:
-    made = befallen(clean, Mishaps(**mishaps), draw or np.random.default_rng(0))
+def after(clean: Dataset, draw: np.random.Generator | None = None, **faults: Any) -> Dataset:
+    made = with_faults(clean, Faults(**faults), draw or np.random.default_rng(0))
     assert not list(problems(made.log))
-    assert made.log.notes["mishaps"].items() >= mishaps.items()
+    assert made.log.notes["faults"].items() >= faults.items()
     truth, _ = known(made)
     assert truth.assigned is None or truth.assigned.shape == made.log.ids.shape
     return made
@@ -45,10 +45,10 @@ def same(one: Dataset, other: Dataset, *columns: str) -> None:
 
 def test_by_default_nothing_happens(clean: Dataset) -> None:
     rng = np.random.default_rng(0)
-    assert befallen(clean, Mishaps(), rng) is clean
-    assert befallen(clean, Options(steps=7), rng) is clean
+    assert with_faults(clean, Faults(), rng) is clean
+    assert with_faults(clean, Options(steps=7), rng) is clean
     assert rng.uniform() == np.random.default_rng(0).uniform()
-    assert "mishaps" not in clean.log.notes
+    assert "faults" not in clean.log.notes
 
 
 def test_a_world_s_options_are_these_and_its_own(clean: Dataset) -> None:
@@ -86,7 +86,7 @@ def test_tails_are_student_s_with_the_covariance_that_is_stated(clean: Dataset, 
 
 def test_an_error_that_leaves_no_range_is_a_lost_sighting(clean: Dataset) -> None:
     made = after(clean, sensor_scale=30.0)
-    lost = made.log.notes["mishaps"]["sightings lost"]
+    lost = made.log.notes["faults"]["sightings lost"]
     truth, landmarks = known(clean)
     right = seen(truth.poses[clean.log.sighting_step], landmarks.xy[clean.log.ids])[:, 0]
     assert lost == (right + 30 * errors(clean).sightings[:, 0] <= 0).sum() == len(clean.log.ids) - len(made.log.ids) > 0
@@ -96,7 +96,7 @@ def test_slips_come_so_often_a_metre_and_look_like_a_wheel_s(clean: Dataset) -> 
     made = after(clean, slip=0.2)
     same(made, clean, "t", "delta_cov", *SENSORS)
     way = np.hypot(*np.diff(known(clean)[0].poses[:, :2], axis=0).T).sum()
-    slips = made.log.notes["mishaps"]["slips"]
+    slips = made.log.notes["faults"]["slips"]
     assert RARE < poisson.cdf(slips, 0.2 * way) < 1 - RARE
     off = (errors(made).motions - errors(clean).motions)[(made.log.delta[1:] != clean.log.delta[1:]).any(axis=1)]
     assert 0.8 * slips < len(off) <= slips
@@ -114,7 +114,7 @@ def test_a_share_of_the_sightings_is_lost_and_a_larger_one_loses_more_of_the_sam
         same(made, clean, *MOTIONS)
         lost = len(clean.log.ids) - len(made.log.ids)
         assert RARE < binom.cdf(lost, len(clean.log.ids), share) < 1 - RARE
-        assert lost == made.log.notes["mishaps"]["sightings lost"]
+        assert lost == made.log.notes["faults"]["sightings lost"]
     rows = [
         set(zip(made.log.sighting_step, made.log.ids, made.log.z[:, 0], strict=True)) for made in (many, few, clean)
     ]
@@ -144,7 +144,7 @@ def test_clutter_is_of_nothing_and_anywhere_in_view(clean: Dataset, ids: str) ->
     made = after(clean, clutter=0.5, **naming)
     same(made, clean, *MOTIONS)
     false = ~np.isin(made.log.ids, clean.log.ids)
-    assert false.sum() == made.log.notes["mishaps"]["false sightings"]
+    assert false.sum() == made.log.notes["faults"]["false sightings"]
     assert RARE < poisson.cdf(false.sum(), 0.5 * len(clean.log)) < 1 - RARE
     np.testing.assert_array_equal(known(made)[0].assigned, np.where(false, UNKNOWN, made.log.ids))
     if ids == "unknown":
@@ -187,7 +187,7 @@ def test_jitter_takes_a_step_s_sightings_at_another_moment() -> None:
     assert np.abs(left).max() < (0.25 * np.abs(moments).max()) ** 2 / (2 * 2.0) + 0.25 * 0.025 / 8
 
 
-def test_one_mishap_changes_nothing_of_another(clean: Dataset) -> None:
+def test_one_fault_changes_nothing_of_another(clean: Dataset) -> None:
     scaled, fewer = after(clean, sensor_scale=2.0), after(clean, missing=0.3)
     both = after(clean, sensor_scale=2.0, missing=0.3)
     same(both, fewer, "ids", "sighting_first", "z_cov")
@@ -221,14 +221,14 @@ def test_the_log_goes_to_its_folder_and_back(clean: Dataset, tmp_path: Path) -> 
     found = log_folder.read(tmp_path / "log")
     assert found.log.digest == made.log.digest
     np.testing.assert_array_equal(known(found)[0].assigned, known(made)[0].assigned)
-    assert found.log.notes["mishaps"] == made.log.notes["mishaps"]
+    assert found.log.notes["faults"] == made.log.notes["faults"]
 
 
 def test_without_the_truth_there_is_no_error_to_scale(clean: Dataset) -> None:
     truth, _ = known(clean)
     for unknown in (None, truth._replace(map=None), truth._replace(t=truth.t[1:], poses=truth.poses[1:])):
-        with pytest.raises(ValueError, match="truth is known at every step"):
-            befallen(Dataset(clean.log, unknown), Mishaps(missing=0.1), np.random.default_rng(0))
+        with pytest.raises(ValueError, match="true pose of every step"):
+            with_faults(Dataset(clean.log, unknown), Faults(missing=0.1), np.random.default_rng(0))
 
 
 def test_a_log_without_sightings_stays_without(clean: Dataset) -> None:
@@ -243,7 +243,7 @@ def test_a_sighting_without_a_range_is_lost_even_where_nothing_was_asked_for() -
     blurred = Options(sighting=5.0)
     made = circle(blurred, generator("circle", 0))
     assert not list(problems(made.log))
-    lost = made.log.notes["mishaps"]["sightings lost"]
+    lost = made.log.notes["faults"]["sightings lost"]
     assert lost > 100
     assert len(made.log.ids) + lost == len(circle(Options(), generator("circle", 0)).log.ids)
     cluttered = circle(replace(blurred, clutter=1.0), generator("circle", 0))
