@@ -11,13 +11,12 @@ from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.factors import Log, Truth
 from ...frontend.se2 import Array, Ints
 from ..drawing.axes import legend
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import exhibit
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import report_figure
 from ..drawing.svg import INK
 from ..words.numerals import plain
 from ..words.styles import COLOURS
-from .sightings import AMBIGUOUS, Sightings, in_log
-from .true_sightings import TrueErrors
+from .sightings import AMBIGUOUS, Sightings, TrueErrors, in_log
 
 HEIGHT = 180
 """Points."""
@@ -39,7 +38,7 @@ def range_bins(ranges: Array, most: int = 10) -> Array:
     return np.arange(int(top / width) + 2.0) * width
 
 
-def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[Exhibit]:
+def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[ReportFigure]:
     """How far, when and where: for recordings with any sighting."""
     yield _ranges(sightings, max_range)
     yield _raster(sightings, t)
@@ -47,7 +46,7 @@ def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[E
     yield _fit(sightings)
 
 
-def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[Exhibit]:
+def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[ReportFigure]:
     """Errors against the truth, in the log; for recordings where any is known."""
     s = in_log(sightings)
     at, errors = true.known[sightings.kept], true.errors[sightings.kept[true.known]]
@@ -59,7 +58,7 @@ def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[Exhibit]:
     yield _errors("bearing-error", "Bearing error against range", "measured - true bearing, degrees", z, *degrees)
 
 
-def path_figure(log: Log, truth: Truth | None) -> Exhibit:
+def path_figure(log: Log, truth: Truth | None) -> ReportFigure:
     """Where the robot was by its own odometry alone, and where it was."""
     reckoned = dead_reckoned(log)
 
@@ -77,10 +76,10 @@ def path_figure(log: Log, truth: Truth | None) -> Exhibit:
         legend(figure, axes, 3)
 
     caption = "The odometry alone, from the prior's pose (dot): how it drifts is what the markers are for."
-    return _exhibit("path", "The way by odometry", caption, draw, 1.25 * HEIGHT)
+    return _figure("path", "The way by odometry", caption, draw, 1.25 * HEIGHT)
 
 
-def _ranges(sightings: Sightings, max_range: float) -> Exhibit:
+def _ranges(sightings: Sightings, max_range: float) -> ReportFigure:
     edges = range_bins(sightings.z[:, 0], 24)
     kept, far = sightings.z[sightings.kept, 0], sightings.z[~sightings.kept, 0]
 
@@ -96,10 +95,10 @@ def _ranges(sightings: Sightings, max_range: float) -> Exhibit:
             legend(figure, axes, 2)
 
     caption = f"Bars are {plain(float(edges[1]))} m wide."
-    return _exhibit("ranges", "How far away", caption, draw)
+    return _figure("ranges", "How far away", caption, draw)
 
 
-def _raster(sightings: Sightings, t: Array) -> Exhibit:
+def _raster(sightings: Sightings, t: Array) -> ReportFigure:
     names = np.unique(sightings.ids)
     start = t[0]
     gap = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
@@ -123,7 +122,7 @@ def _raster(sightings: Sightings, t: Array) -> Exhibit:
         axes.grid(visible=False, axis="y")
 
     height = float(np.clip(60 + 8 * len(names), HEIGHT, 2 * HEIGHT))
-    return _exhibit(
+    return _figure(
         "raster", "When each marker was seen", "A row is a marker; a gap is a time it was not found.", draw, height
     )
 
@@ -136,7 +135,7 @@ def _runs(frames: Ints) -> list[tuple[int, int]]:
     return list(zip(frames[np.r_[0, cuts + 1]].tolist(), frames[np.r_[cuts, len(frames) - 1]].tolist(), strict=True))
 
 
-def _places(sightings: Sightings, max_range: float) -> Exhibit:
+def _places(sightings: Sightings, max_range: float) -> ReportFigure:
     every = _every(len(sightings.ids))
     z, kept = sightings.z[::every], sightings.kept[::every]
     ahead, left = z[:, 0] * np.cos(z[:, 1]), z[:, 0] * np.sin(z[:, 1])
@@ -153,10 +152,10 @@ def _places(sightings: Sightings, max_range: float) -> Exhibit:
         axes.set_ylabel("ahead, m")
 
     caption = f"From above, the robot at the triangle looking up; dashed: {max_range:g} m, the farthest that is kept."
-    return _exhibit("places", "Where from the robot", caption + _thinned(every), draw, 1.25 * HEIGHT)
+    return _figure("places", "Where from the robot", caption + _thinned(every), draw, 1.25 * HEIGHT)
 
 
-def _fit(sightings: Sightings) -> Exhibit:
+def _fit(sightings: Sightings) -> ReportFigure:
     every = _every(len(sightings.ids))
     doubtful = sightings.ambiguity[::every] > AMBIGUOUS
     ranges, error = sightings.z[::every, 0], sightings.error[::every]
@@ -176,10 +175,10 @@ def _fit(sightings: Sightings) -> Exhibit:
         "How far the corners are from where the marker's pose puts them. Ambiguous: two poses fit almost alike; range "
         "and bearing hardly suffer."
     )
-    return _exhibit("fit", "How well the corners fit", caption + _thinned(every), draw)
+    return _figure("fit", "How well the corners fit", caption + _thinned(every), draw)
 
 
-def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array) -> Exhibit:
+def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array) -> ReportFigure:
     every = _every(len(errors))
     edges = range_bins(z[:, 0])
     place = np.digitize(z[:, 0], edges) - 1
@@ -202,7 +201,7 @@ def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array
         axes.set_ylabel(unit)
 
     caption = "Band: two standard deviations, as the log states them. Line: the mean error."
-    return _exhibit(name, title, caption + _thinned(every), draw)
+    return _figure(name, title, caption + _thinned(every), draw)
 
 
 def _dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
@@ -223,5 +222,7 @@ def _thinned(every: int) -> str:
     return "" if every == 1 else f" One of {every} is drawn."
 
 
-def _exhibit(name: str, title: str, caption: str, draw: Callable[[Figure], None], height: float = HEIGHT) -> Exhibit:
-    return exhibit(f"detection-{name}", title, caption, height, draw)._replace(name=name)
+def _figure(
+    name: str, title: str, caption: str, draw: Callable[[Figure], None], height: float = HEIGHT
+) -> ReportFigure:
+    return report_figure(f"detection-{name}", title, caption, height, draw)._replace(name=name)

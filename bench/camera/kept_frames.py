@@ -33,7 +33,7 @@ class Picture(NamedTuple):
 
 
 @dataclass
-class Contact:
+class ContactSheet:
     """Chooses as frames go by.
 
     Of every stretch of the recording it keeps at most four: the frame with the most markers, that with the fewest,
@@ -123,3 +123,27 @@ def _spread(candidates: list[Picture], count: int) -> list[Picture]:
 
 
 _NOT_DRAWN: Image = np.zeros((0, 0, 3), np.uint8)
+
+
+MOST = 12
+
+
+@dataclass
+class EmptyFrames:
+    """At most `MOST` of them, spread over the recording however long it is."""
+
+    images: list[Image] = field(default_factory=list[Image])
+    _every: int = 1
+    _seen: int = 0
+
+    def observe(self, seen: Seen) -> None:
+        """Keep the frame's image if it is one of every so many."""
+        if seen.sightings or seen.frame.image is None:
+            return
+        if self._seen % self._every == 0:
+            if len(self.images) == MOST:
+                self.images = self.images[::2]
+                self._every *= 2
+            if self._seen % self._every == 0:
+                self.images.append(seen.frame.image)
+        self._seen += 1

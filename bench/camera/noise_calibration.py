@@ -8,8 +8,7 @@ import numpy as np
 from ...frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from ...frontend.markers.noise_fit import Propagated, Slope, fit_propagated, fit_slope, squares
 from ...frontend.se2 import Array
-from .sightings import Sightings, in_log
-from .true_sightings import TrueErrors
+from .sightings import Sightings, TrueErrors, in_log
 
 CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
 """What the corners alone make of a sighting's covariance, at the scale 1."""

@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...frontend.factors import Truth
 from ...frontend.markers.noise import Noise
 from ...frontend.markers.pipeline import Seen
 from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import difference, rows_of, sighted_from
 
 AMBIGUOUS = 0.05
 """From here on a marker's two poses cannot be told apart: the likelihood of the other over the better one's."""
@@ -155,3 +157,20 @@ def markers(sightings: Sightings, t: Array) -> Iterator[Marker]:
             float(sightings.error[mine].mean()),
             float((sightings.ambiguity[mine] > AMBIGUOUS).mean()),
         )
+
+
+class TrueErrors(NamedTuple):
+    """How far sightings are off, of those whose marker and pose are known."""
+
+    known: NDArray[np.bool_]  # (s,) of all sightings
+    errors: Array  # (m, 2) measured minus true range (m) and bearing (rad)
+
+
+def true_errors(sightings: Sightings, t: Array, truth: Truth) -> TrueErrors:
+    """The errors of `sightings` in frames at `t` (n,), with `truth` at those of these times that it covers."""
+    if truth.map is None:
+        return TrueErrors(np.zeros(len(sightings.ids), bool), np.zeros((0, 2)))
+    pose, place = rows_of(truth.t, t)[sightings.frame], rows_of(truth.map.ids, sightings.ids)
+    known = (pose >= 0) & (place >= 0)
+    right = sighted_from(truth.poses[pose[known]], truth.map.xy[place[known]])
+    return TrueErrors(known, difference(sightings.z[known], right))

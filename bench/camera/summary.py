@@ -8,8 +8,7 @@ import numpy as np
 from ...frontend.factors import Log, Truth
 from ..words.numerals import counted, listed, number
 from .noise_calibration import HONEST, Calibration, RangeBin
-from .sightings import Detection, Marker, Sightings, in_log, markers, per_frame
-from .true_sightings import TrueErrors
+from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame
 
 NOISES = ("stated", "proportional", "propagated")
 """In the order of a range bin's NEES; the last two only where they were fitted."""

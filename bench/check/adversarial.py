@@ -30,12 +30,12 @@ from ...backends.api import Diverged
 from ...frontend import se2
 from ...frontend.factors import Map, RangeBearing
 from ...frontend.se2 import Array, Ints
-from ..measure.misfit import cost
+from ..measure.misfit import misfit
 from ..plan.reference import reference
 from .adversarial_logs import Adversary
 from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, Trial, stays_near
-from .log_recipe import Journey, journey
-from .small_logs import around, dead_reckoned
+from .log_recipe import made_log
+from .small_logs import Drive, around, dead_reckoned
 
 DIGITS = 1e-9
 """The share of the coordinates' size that rounding and iterations stopped early may add up to."""
@@ -56,7 +56,7 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
     Raises Failed with one; GaveUp where the backend raised Diverged and the log allows for that; and whatever else the
     backend raises.
     """
-    log = adversary.journey.log
+    log = adversary.made.log
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # an overflow shows in the answer, or is none
@@ -79,7 +79,7 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
 
 def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[Array, Array]:
     """How far (n,) m and (n,) rad an estimate may be off the batch answer at each step."""
-    log, cov = adversary.journey.log, answer.cov
+    log, cov = adversary.made.log, answer.cov
     built = candidate.builder
     if built.forgets or built.linear or not uses_sightings(ordinary(candidate)):
         cov = answer.reckoned
@@ -97,7 +97,7 @@ def uses_sightings(trial: Trial) -> bool:
     return any(np.abs(path - plain).max() > ROUNDING for path in trial.paths.values())
 
 
-_ORDINARY = journey(np.random.default_rng(31), around(30))
+_ORDINARY = made_log(np.random.default_rng(31), around(30))
 
 
 @lru_cache(maxsize=1)
@@ -109,21 +109,21 @@ def ordinary(candidate: Candidate) -> Trial:
 @cache
 def batch_answer(adversary: Adversary) -> Answer:
     """The answer that every backend is held to; the optimum is kept in the user's cache."""
-    made = adversary.journey
+    made = adversary.made
     found = reference(made.log)
     along, batch = made, False
     if found is not None and found.map is not None and _fits(made, found.poses, found.map):
-        along, batch = Journey(made.log, found.poses, found.map), True
+        along, batch = Drive(made.log, found.poses, found.map), True
     return Answer(along.path, filtered(along), filtered(along, blind=True), batch)
 
 
-def _fits(made: Journey, path: Array, landmarks: Map) -> bool:
+def _fits(made: Drive, path: Array, landmarks: Map) -> bool:
     """Whether J is no larger than that of the truth: if it is, the optimum is elsewhere."""
-    here, there = cost(made.log, path, landmarks), cost(made.log, made.path, made.map)
+    here, there = misfit(made.log, path, landmarks), misfit(made.log, made.path, made.map)
     return here is not None and there is not None and here.total <= there.total + ROUNDING
 
 
-def filtered(made: Journey, *, blind: bool = False) -> Array:
+def filtered(made: Drive, *, blind: bool = False) -> Array:
     """The pose covariances (n, 3, 3) of a Kalman filter along `made`, its noises grown by what is of second order.
 
     `blind`: it takes no sightings.

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .log_recipe import Journey, journey
-from .small_logs import CIRCLE, IDS, MOTION_SD, RING, SIGHTING_SD, around
+from .log_recipe import made_log
+from .small_logs import CIRCLE, IDS, MOTION_SD, RING, SIGHTING_SD, Drive, around
 
 NO_BEARING = "what stands at the robot itself has no bearing, and no derivative of one"
 NOT_LINEAR = "the uncertainty spans more than any linearisation holds for"
@@ -27,19 +27,19 @@ class Adversary:
 
     name: str
     title: str  # what is hard about it
-    make: Callable[[np.random.Generator], Journey]
+    make: Callable[[np.random.Generator], Drive]
     may_end: str = ""  # why a sound method may give up with a named reason; "": it must not
     planted: float = 0.0  # how many standard deviations off an error is that was put in on purpose
 
     @cached_property
-    def journey(self) -> Journey:
+    def made(self) -> Drive:
         """The log and its truth."""
         return self.make(np.random.default_rng(zlib.crc32(self.name.encode())))
 
 
 def _log(name: str, title: str, *, may_end: str = "", planted: float = 0.0, **how: Any) -> Adversary:
     """A row that `journey` makes with `how`."""
-    return Adversary(name, title, lambda rng: journey(rng, **how), may_end, planted)
+    return Adversary(name, title, lambda rng: made_log(rng, **how), may_end, planted)
 
 
 def _straight(steps: int, length: float = 0.2) -> Any:
@@ -81,11 +81,11 @@ def _circle(steps: int, radius: float) -> Any:
     return np.tile([radius * np.sin(turn), radius * (1 - np.cos(turn)), turn], (steps - 1, 1))
 
 
-def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Journey]:
+def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Drive]:
     """An exact log of a landmark straight behind, its bearing at every step this one to the last bit."""
 
-    def make(rng: np.random.Generator) -> Journey:
-        made = journey(rng, _straight(60), start=(0, 0, 0), xy=[(-2.0, 0.0), (30.0, 0.0)], reach=40.0, errors=0.0)
+    def make(rng: np.random.Generator) -> Drive:
+        made = made_log(rng, _straight(60), start=(0, 0, 0), xy=[(-2.0, 0.0), (30.0, 0.0)], reach=40.0, errors=0.0)
         z = made.log.z.copy()
         z[made.log.ids == IDS[0], 1] = bearing
         return made._replace(log=_changed(made, z=z))
@@ -93,21 +93,21 @@ def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Journey]:
     return make
 
 
-def _with_outlier(rng: np.random.Generator) -> Journey:
-    made = journey(rng)
+def _with_outlier(rng: np.random.Generator) -> Drive:
+    made = made_log(rng)
     z = made.log.z.copy()
     z[len(z) // 2] += 50 * SIGHTING_SD[0] * np.array([1.0, 0.0])
     return made._replace(log=_changed(made, z=z))
 
 
-def _with_slip(rng: np.random.Generator) -> Journey:
-    made = journey(rng)
+def _with_slip(rng: np.random.Generator) -> Drive:
+    made = made_log(rng)
     delta = made.log.delta.copy()
     delta[30, 0] += 50 * MOTION_SD[0]
     return made._replace(log=_changed(made, delta=delta))
 
 
-def _changed(made: Journey, **columns: Any) -> Any:
+def _changed(made: Drive, **columns: Any) -> Any:
     """The log with other columns, which nobody can write to."""
     for column in columns.values():
         column.flags.writeable = False

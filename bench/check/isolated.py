@@ -20,7 +20,7 @@ from .suite import Check, Outcome, chosen, examine
 
 
 @dataclass(frozen=True)
-class Task:
+class CheckTask:
     """What one process is to do."""
 
     backend: str  # its name
@@ -38,7 +38,7 @@ def examined(backend: str, options: Any, checks: Sequence[Check], limit_s: float
             diary = Path(folder) / str(len(left))
             diary.touch()
             names = tuple(check.name for check in left)
-            (ended,) = execute(run, [Task(backend, options, names, diary, limit_s)], workers=1)
+            (ended,) = execute(run, [CheckTask(backend, options, names, diary, limit_s)], workers=1)
             outcomes, begun = _read(diary)
             yield from outcomes
             left = left[len(outcomes) :]
@@ -49,7 +49,7 @@ def examined(backend: str, options: Any, checks: Sequence[Check], limit_s: float
                 del left[0]
 
 
-def run(task: Task) -> None:
+def run(task: CheckTask) -> None:
     """What the process does."""
     candidate = Candidate(backends.find(task.backend), task.options)
     with task.diary.open("ab") as diary:

@@ -1,25 +1,15 @@
 """A log made on the spot of a robot whose motions, world, eyes and errors are all given outright."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...frontend import se2
 from ...frontend.factors import Log, Map, Prior
 from ...frontend.se2 import Array, Ints
-from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, around
+from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, Drive, around
 
 
-class Journey(NamedTuple):
-    """A log and where the robot and the landmarks that it is about really were."""
-
-    log: Log
-    path: Array  # (n, 3)
-    map: Map
-
-
-def journey(
+def made_log(
     rng: np.random.Generator,
     motions: Array | None = None,
     *,
@@ -36,7 +26,7 @@ def journey(
     start_errors: float = 1.0,
     t: ArrayLike | None = None,
     known_sd: float | None = None,
-) -> Journey:
+) -> Drive:
     """The log of a robot that makes `motions` (n - 1, 3), sixty steps of a circle by default, from about `start` (3,).
 
     Landmark `ids[i]` at `xy[i]` (L, 2) is sighted at step k where it is within `reach` (m) and `sees`, which broadcasts
@@ -87,7 +77,7 @@ def journey(
         z,
         z_cov,
     )
-    return Journey(log, path, Map(ids, places, None))
+    return Drive(log, path, Map(ids, places, None))
 
 
 def _correlated(sd: Array, correlation: float) -> tuple[Array, Array]:

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..record.cell_table import CellTable
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import FEWEST
 from ..words.columns import about
 from ..words.numerals import counted, listed
 from .crossing import crossing
-from .found import FIGURES, Found, Verdict, nothing
+from .finding import FIGURES, Finding, Verdict, nothing
 from .median import exponents, median
 from .ratio import alike, less
 from .side import Untestable, numbered, parameters, selected, side
@@ -28,7 +28,7 @@ from .words import remarks
 HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Cannot be told", "holds": "Holds"}
 """What an answer begins with; the worst first."""
 
-KINDS: Mapping[str, Callable[..., Found]] = {
+KINDS: Mapping[str, Callable[..., Finding]] = {
     "value": median, "less": less, "alike": alike, "grows": exponents, "crosses": crossing,
 }  # fmt: skip
 """How each kind of claim is tested: given the claim and its sides."""
@@ -41,7 +41,7 @@ class Part(NamedTuple):
     """What was found for one value of a claim's `each`."""
 
     value: Any
-    found: Found
+    found: Finding
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _answer(claim: Claim, worst: Part, parts: tuple[Part, ...]) -> Answer:
     return Answer(claim, found.verdict, sentence, figures, waiting, parts)
 
 
-def _found(claim: Claim, value: Any, table: CellTable) -> Found:
+def _found(claim: Claim, value: Any, table: CellTable) -> Finding:
     """As `_tested`; where that value cannot be tested, why."""
     try:
         return _tested(claim, value, table)
@@ -114,7 +114,7 @@ def _sides(claim: Claim) -> list[Mapping[str, Any]]:
     return [claim.first] if claim.kind in ("value", "grows") else [claim.first, claim.second]
 
 
-def _tested(claim: Claim, value: Any, table: CellTable) -> Found:
+def _tested(claim: Claim, value: Any, table: CellTable) -> Finding:
     """What is found for this value of `each`; it stays open as long as cells are waiting that it is to be told by."""
     where = {**claim.where, claim.each: value} if claim.each else claim.where
     rows = [selected(table, own, where) for own in _sides(claim)]

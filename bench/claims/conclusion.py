@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 from ..words.numerals import counted
 from .answer import Answer, Part
-from .found import FIGURES, Verdict
+from .finding import FIGURES, Verdict
 
 SAYS = {
     "yes": ("Reproduced", "The answer is yes"),

@@ -5,15 +5,15 @@ from math import inf, isinf, isnan, nan
 import numpy as np
 
 from ...frontend.se2 import Array, Ints
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import FEWEST, SAME, Estimate, estimate, log_ratios
 from ..words.numerals import counted, number, plain
-from .found import Found, Verdict, margin, nothing
+from .finding import Finding, Verdict, margin, nothing
 from .side import Rows, Side, Untestable, pairs
 from .words import bounds, interval
 
 
-def crossing(claim: Claim, first: Side, second: Side) -> Found:
+def crossing(claim: Claim, first: Side, second: Side) -> Finding:
     """The median of the logs' crossings within the bounds; without a bound, within the values that the study has.
 
     On each log the ratio is interpolated in log-log. What a log does not tell is left open: a crossing outside of the
@@ -38,7 +38,7 @@ def crossing(claim: Claim, first: Side, second: Side) -> Found:
     with np.errstate(divide="ignore"):
         room = margin(*(float(np.log(end)) for end in (low, high, max(least, 0), most)))
     said = _said(x, at, low, high, n)
-    return Found(verdict, at, low, high, n, room, said, _wanted(claim, verdict), lost=both.lost, remarks=_remarks(d))
+    return Finding(verdict, at, low, high, n, room, said, _wanted(claim, verdict), lost=both.lost, remarks=_remarks(d))
 
 
 def _wanted(claim: Claim, verdict: Verdict) -> str:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from ...frontend.se2 import Array
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import Estimate, estimate
 from ..words.numerals import plain
-from .found import Found, held, margin, nothing
+from .finding import Finding, held, margin, nothing
 from .side import Side, Untestable
 from .words import bounds, exponent, interval, sized
 
@@ -14,7 +14,7 @@ FEWEST_PLACES = 3
 """Values of a parameter from which on a power of it can be told from a step."""
 
 
-def median(claim: Claim, side: Side) -> Found:
+def median(claim: Claim, side: Side) -> Finding:
     """The median of the measure within the bounds.
 
     An error's failed cell is infinite. A failed cell of what is no error, a NEES or a time, might have had any value:
@@ -27,7 +27,7 @@ def median(claim: Claim, side: Side) -> Found:
     return _held(claim, found, said, bounds(claim.low, claim.high, side.measure))
 
 
-def exponents(claim: Claim, side: Side) -> Found:
+def exponents(claim: Claim, side: Side) -> Finding:
     """The median exponent b of measure ~ x^b, by least squares on each log, within the bounds.
 
     A log where an error's cell failed has an infinite exponent where that is at large x, one of minus infinity where
@@ -62,6 +62,6 @@ def cautious(values: Array) -> Estimate:
     return Estimate(known.value, low.low, high.high, len(values))
 
 
-def _held(claim: Claim, found: Estimate, words: str, wanted: str) -> Found:
+def _held(claim: Claim, found: Estimate, words: str, wanted: str) -> Finding:
     ends = found.low, found.high, claim.low, claim.high
-    return Found(held(*ends), *found, margin(*ends), words, wanted)
+    return Finding(held(*ends), *found, margin(*ends), words, wanted)

@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ...frontend.se2 import Array
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import LEVEL, Shift, exponential, log_ratios, shift
 from ..verdict.walsh import MOST
 from ..words.numerals import factor, larger
-from .found import Found, held, margin, nothing
+from .finding import Finding, held, margin, nothing
 from .median import cautious
 from .side import Side, Untestable, pairs
 from .words import ratio, sized, tested
 
 
-def less(claim: Claim, first: Side, second: Side) -> Found:
+def less(claim: Claim, first: Side, second: Side) -> Finding:
     """The second's measure is more than `claim.low` times the first's: by the interval of the ratio and by the test.
 
     The interval is that of Hodges and Lehmann, the test Wilcoxon's of signed ranks, both two-sided at 5 %, so that at
@@ -42,7 +42,7 @@ def less(claim: Claim, first: Side, second: Side) -> Found:
     )
 
 
-def alike(claim: Claim, first: Side, second: Side) -> Found:
+def alike(claim: Claim, first: Side, second: Side) -> Finding:
     """The ratio's whole interval is within the bounds.
 
     Those are two one-sided tests (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15(6), 1987), each at
@@ -76,7 +76,7 @@ class _Ratios(NamedTuple):
         low, high = (shift(np.where(unknown, end, self.d), against) for end in (-np.inf, np.inf))
         return low, high
 
-    def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Found:
+    def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Finding:
         """The figures, from the interval of d; verdict and bounds are yet to come."""
         medians = tuple(cautious(values).value for values in (self.first, self.second))
         one, other = (sized(value, measure) for value, measure in zip(medians, self.measures, strict=True))
@@ -85,7 +85,7 @@ class _Ratios(NamedTuple):
         said = f"{one} against {other}"
         if not np.isnan(low):
             said += f", {ratio(start, end, fine=fine)}"
-        return Found("open", at, start, end, n, 0.0, f"{said} ({tested(n, p)})", "", medians=medians, lost=self.lost)
+        return Finding("open", at, start, end, n, 0.0, f"{said} ({tested(n, p)})", "", medians=medians, lost=self.lost)
 
 
 def _paired(first: Side, second: Side) -> _Ratios | None:

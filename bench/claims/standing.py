@@ -19,7 +19,7 @@ NAMED = 4
 """Values of a parameter that are told one by one."""
 
 
-class Told(NamedTuple):
+class FailureGroup(NamedTuple):
     """Cells that ended in the same way, for the same reason but for its numbers."""
 
     status: str
@@ -37,7 +37,7 @@ class Standing(NamedTuple):
     """Of all cells of the study as it stands."""
 
     counts: dict[str, int]  # by status, those that there are
-    told: Sequence[Told]  # every reason, failures first, the most frequent first
+    told: Sequence[FailureGroup]  # every reason, failures first, the most frequent first
 
     @property
     def cells(self) -> int:
@@ -64,7 +64,7 @@ def standing(table: CellTable) -> Standing:
     for row in np.flatnonzero(worth).tolist():
         alike.setdefault((statuses[row], _without_numbers(reasons[row] or "")), []).append(row)
     told = [
-        Told(status, reasons[rows[0]] or "no reason given", len(rows), _where(table, rows))
+        FailureGroup(status, reasons[rows[0]] or "no reason given", len(rows), _where(table, rows))
         for (status, _), rows in alike.items()
     ]
     told.sort(key=lambda one: (not one.failed, one.status == "done", -one.n))

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ...frontend.errors import InputError, Interrupted
-from ..engine.engine import Tally, Wanted, run
+from ..engine.engine import RunRequest, Tally, run
 from ..plan.values import count
 from ..record.schema import FILE
 from ..record.store import Store
@@ -58,14 +58,14 @@ def main(namespace: argparse.Namespace) -> int:
         return 0
     study = study_file.read(namespace.study, full=namespace.full)
     out = namespace.out or Path("results") / study.name
-    wanted = Wanted(choice(study, namespace.only), namespace.limit, namespace.retry)
+    request = RunRequest(choice(study, namespace.only), namespace.limit, namespace.retry)
     if namespace.dry_run:
-        _estimate(console, study, out, wanted, namespace)
+        _estimate(console, study, out, request, namespace)
         return 0
     again = [Path(sys.argv[0]).name, *sys.argv[1:]]
     try:
         with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
-            tally = run(study, out, executor, wanted, about(study, out, again), screen)
+            tally = run(study, out, executor, request, about(study, out, again), screen)
     except KeyboardInterrupt:
         raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
     return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
@@ -90,7 +90,7 @@ def _list(console: Console) -> None:
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
-def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespace: argparse.Namespace) -> None:
+def _estimate(console: Console, study: Study, out: Path, request: RunRequest, namespace: argparse.Namespace) -> None:
     """Tell what there is to do, and do nothing of it."""
     from ..study.estimate import estimate
 
@@ -101,7 +101,7 @@ def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespa
         if store is not None:
             refuse_another(study, out, store.about())
         executor = stack.enter_context(contextlib.closing(_executor(namespace, study, console.print)))
-        found = estimate(study, store, executor, wanted)
+        found = estimate(study, store, executor, request)
         head, *rows = found.table()
         table = Table(*head, box=box.SIMPLE_HEAD)
         for column in table.columns[2:]:

@@ -9,12 +9,11 @@ from rich.table import Table
 
 from ...datasets.recordings.recording import open_recording
 from ...datasets.recordings.robot import read_robot
-from ..camera.detect import Wishes, detect
-from ..camera.folder import check_place
+from ..camera.detect import DetectRequest, detect
+from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml
 from ..camera.preview import Preview
 from ..camera.progress import Progress
-from ..camera.report import PAGE
 from ..camera.summary import Findings, as_json, headline, left_out_words
 from ..plan.values import positive
 from ..words.console import plain, screen_console
@@ -54,9 +53,9 @@ def main(namespace: argparse.Namespace) -> int:
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
     console = screen_console(quiet=namespace.quiet or namespace.json)
-    wishes = Wishes(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
+    request = DetectRequest(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
     with Progress(console, opened.length) as progress:
-        findings = detect(opened.recording, opened.truth, wishes, progress.advance)
+        findings = detect(opened.recording, opened.truth, request, progress.advance)
     if namespace.json:
         print(json.dumps(as_json(findings, str(out)), indent=2))
         return 0

@@ -37,7 +37,7 @@ def executor(
     if jobs is not None and kind in ("here", "dask"):
         raise InputError(f"--jobs {jobs}: found --executor {kind} beside it, expected local or slurm.")
     if kind == "here":
-        from ..workers.here_executor import Here
+        from ..workers.executor import Here
 
         return Here()
     if kind == "local":

@@ -41,10 +41,10 @@ def main(namespace: argparse.Namespace) -> int:
 
     console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     with Store(namespace.folder) as store:
-        choice = choose(store, namespace.dataset, namespace.backend, namespace.seed)
-        default = f"replay-{choice.cells[0].dataset.slug}-{choice.seed}.html"
+        request = choose(store, namespace.dataset, namespace.backend, namespace.seed)
+        default = f"replay-{request.cells[0].dataset.slug}-{request.seed}.html"
         out: list[Path] = namespace.out or [namespace.folder / default]
-        shown = replay(store, choice, namespace.frames, os.cpu_count() or 1)
+        shown = replay(store, request, namespace.frames, os.cpu_count() or 1)
     console.print(
         f"{shown.dataset}, seed {shown.seed}: {counted(len(shown.parts), 'backend')}, "
         f"{len(shown.frames):,} of {counted(len(shown.log.log), 'step')} shown"
@@ -52,8 +52,8 @@ def main(namespace: argparse.Namespace) -> int:
     for part in shown.parts:
         if part.remark:
             console.print(f"{part.label}: {part.remark}")
-    if namespace.dataset is None and choice.others:
-        console.print(f"--dataset shows another: {listed(list(choice.others))}")
+    if namespace.dataset is None and request.others:
+        console.print(f"--dataset shows another: {listed(list(request.others))}")
 
     from ..replay.view import view
 

@@ -70,7 +70,7 @@ def main(namespace: argparse.Namespace) -> int:
 
     subject = Subject(label, dataset, drawn, back, found)
     if place.suffix.lower() == ".html":
-        from ..logs.page import write_page
+        from ..logs.show import write_page
 
         write_page(place, subject)
     else:

@@ -36,7 +36,7 @@ class Plot(NamedTuple):
     timed: bool = False  # x is the time since the log began (s), or the step, as in every other timed plot of the log
 
 
-class Exhibit(NamedTuple):
+class ReportFigure(NamedTuple):
     """A figure with its words."""
 
     name: str  # of its file

@@ -1,4 +1,4 @@
-"""A figure made into an exhibit: drawn once for the page, and again for print whenever that is asked for."""
+"""A figure made into an figure: drawn once for the page, and again for print whenever that is asked for."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array
 from ..words.styles import Look
-from .figure import Axis, Curve, Exhibit, Plot
+from .figure import Axis, Curve, Plot, ReportFigure
 from .svg import Draw, drawn, printed
 
 WIDTH = 252
@@ -23,7 +23,7 @@ def of(look: Look) -> str:
     return f"of-{look.place}"
 
 
-def exhibit(
+def report_figure(
     name: str,
     title: str,
     caption: str,
@@ -34,11 +34,11 @@ def exhibit(
     curves: Sequence[Curve] = (),
     timed: bool = False,
     width: float = WIDTH,
-) -> Exhibit:
+) -> ReportFigure:
     """The figure that `draw` makes, with what a page needs to know of its axes where there are `curves` on them."""
     svg, figure = drawn(name, width, height, draw)
     plot = _plot(figure, width, height, curves, timed) if curves else None
-    return Exhibit(name, title, caption, svg, group, plot, partial(printed, width, height, draw))
+    return ReportFigure(name, title, caption, svg, group, plot, partial(printed, width, height, draw))
 
 
 def curve(

@@ -68,7 +68,7 @@ def everything(cell: PlannedCell) -> bool:
     return True
 
 
-class Wanted(NamedTuple):
+class RunRequest(NamedTuple):
     """The cells to be run now."""
 
     chosen: Callable[[PlannedCell], bool] = everything
@@ -88,7 +88,7 @@ About = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 """From the facts that a record has, those to be kept now; InputError where the record is of something else."""
 
 
-def run(work: Work, folder: Path, executor: Executor, wanted: Wanted, about: About, watcher: Watcher) -> Tally:
+def run(work: Work, folder: Path, executor: Executor, request: RunRequest, about: About, watcher: Watcher) -> Tally:
     """Run the cells of `work` into the record in `folder`, or those that it has no result of.
 
     InputError where the folder cannot be used, or where a log cannot be made that must be there. A record in which no
@@ -97,7 +97,7 @@ def run(work: Work, folder: Path, executor: Executor, wanted: Wanted, about: Abo
     with claimed(folder):
         try:
             with Store(folder, writing=True) as store:
-                return _Engine(work, store, executor, watcher).run(wanted, about)
+                return _Engine(work, store, executor, watcher).run(request, about)
         except BaseException:
             _discard_unless_begun(folder)
             raise
@@ -110,17 +110,17 @@ class _Engine:
     executor: Executor
     watcher: Watcher
 
-    def run(self, wanted: Wanted, about: About) -> Tally:
+    def run(self, request: RunRequest, about: About) -> Tally:
         work, store = self.work, self.store
         store.put_about(_facts(work, self.executor) | dict(about(store.about())))
         self.logs = KnownLogs(store, work)
         self.log_keys = [self.logs.key(cell) for cell in work.cells]
         self.statuses = store.statuses(arrays=work.keep)
         self._look(cell for cell in work.cells if self.logs.is_doubtful(cell))
-        todo = self._todo(wanted)
+        todo = self._todo(request)
         while absent := [cell for cell in self._lacking(todo) if not self.logs.is_at_hand(cell)]:
             self._look(absent)
-            todo = self._todo(wanted)  # where a log is another than it was, more is to be run
+            todo = self._todo(request)  # where a log is another than it was, more is to be run
         self.watcher.running([work.cells[k] for k in todo], self._ended(), self.executor.slots, store.cells())
         for place in todo:
             self._keep_unmade(place)
@@ -175,7 +175,7 @@ class _Engine:
         cell, log = self.work.cells[place], self.logs.known.get(self.log_keys[place])
         return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.work.oracle)
 
-    def _todo(self, wanted: Wanted) -> list[int]:
+    def _todo(self, request: RunRequest) -> list[int]:
         """The places of the cells that are to be run now, in an order that is shuffled but always the same.
 
         Cells of one key have one result: it is computed once.
@@ -183,11 +183,11 @@ class _Engine:
         places: dict[Any, int] = {}
         for place, (cell, key) in enumerate(zip(self.work.cells, self.keys, strict=True)):
             status = self._status(place)
-            if wanted.chosen(cell) and (status is None or (wanted.retry and status in FAILED)):
+            if request.chosen(cell) and (status is None or (request.retry and status in FAILED)):
                 places.setdefault(key or place, place)
         todo = list(places.values())
         random.Random(0).shuffle(todo)
-        return todo[: wanted.limit]
+        return todo[: request.limit]
 
     def _batches(self, places: Sequence[int]) -> list[Batch]:
         """Cells of the same log together, as far as there are batches enough for every slot."""

@@ -7,7 +7,7 @@ from typing import Any
 from ..words.numerals import counted, listed, number, plain
 from .landmark_places import Astray
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
-from .stated_noise import Honesty, Measured
+from .stated_noise import Measured, NoiseCheck
 
 TRUE_ENOUGH = (0.8, 1.25)
 """Typical error over the stated one between which the noise counts as stated rightly."""
@@ -55,9 +55,12 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
         yield "not in one place", _astray(known.astray)
     if known.sightings is not None and known.measured is not None:
         against = ["against each landmark's median place"] if known.medians else []
-        yield "sightings against truth", _joined([*against, *_honest(known.sightings), _measured(known.measured)])
+        yield (
+            "sightings against truth",
+            _joined([*against, *_noise_checked(known.sightings), _measured(known.measured)]),
+        )
     if known.odometry is not None:
-        yield "odometry against truth", _joined(_honest(known.odometry))
+        yield "odometry against truth", _joined(_noise_checked(known.odometry))
 
 
 def _duration(seconds: float) -> str:
@@ -209,7 +212,7 @@ def _astray(astray: Astray) -> str:
     return f"{named} ({counted(astray.sightings, 'sighting')}, {about} about): {'does it' if one else 'do they'} move?"
 
 
-def _honest(honest: Honesty) -> Iterator[str]:
+def _noise_checked(honest: NoiseCheck) -> Iterator[str]:
     low, high = TRUE_ENOUGH
     times = f"{number(honest.scale)} times"
     if low <= honest.scale <= high:

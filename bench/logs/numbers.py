@@ -14,7 +14,7 @@ from ..measure.times import numbered
 from .landmark_places import Astray, judge, strays
 from .revisits import Returns, loops, way
 from .shown_path import Shown
-from .stated_noise import Honesty, Measured, honesty, measured
+from .stated_noise import Measured, NoiseCheck, measured, noise_check
 
 GAP = 5.0
 """Median times from step to step that make a gap."""
@@ -123,8 +123,8 @@ class Known(NamedTuple):
     kind: str  # truth, reference or "" where no path is known
     steps: int  # with a known pose
     landmarks: int  # with a known place
-    sightings: Honesty | None  # with truth alone, as the next
-    odometry: Honesty | None
+    sightings: NoiseCheck | None  # with truth alone, as the next
+    odometry: NoiseCheck | None
     measured: Measured | None  # the sightings' noise
     medians: bool  # whether both are against landmarks' median places, as their true ones are not known
     astray: Astray | None  # by a known path, where the landmarks' places are not
@@ -268,8 +268,8 @@ def _known(dataset: Dataset, drawn: Shown) -> Known:
         "" if path is None else path.kind,
         0 if path is None else len(path.t),
         0 if truth is None or truth.map is None else len(truth.map.ids),
-        None if at_sightings is None else honesty(at_sightings, log.z_cov[at_sightings.row]),
-        None if at_odometry is None else honesty(at_odometry, log.delta_cov[at_odometry.row]),
+        None if at_sightings is None else noise_check(at_sightings, log.z_cov[at_sightings.row]),
+        None if at_odometry is None else noise_check(at_odometry, log.delta_cov[at_odometry.row]),
         None if at_sightings is None else measured(at_sightings),
         at_sightings is not None and len(at_sightings.row) > 0 and drawn.places is not None,
         strays(drawn.places),

@@ -18,7 +18,7 @@ ROBUST = 1.4826
 """A normal standard deviation over the median of absolute values."""
 
 
-class Honesty(NamedTuple):
+class NoiseCheck(NamedTuple):
     """Normalised squared errors e' C^-1 e of one kind of measurement."""
 
     checked: int
@@ -28,7 +28,7 @@ class Honesty(NamedTuple):
     scale: float  # by how much the typical error is larger than stated: sqrt(median / chi-square's median)
 
 
-def honesty(errors: Errors, cov: Array) -> Honesty | None:
+def noise_check(errors: Errors, cov: Array) -> NoiseCheck | None:
     """What `errors` say of the covariances stated for them, `cov` (m, k, k); None without any."""
     if not len(errors.row):
         return None
@@ -36,7 +36,7 @@ def honesty(errors: Errors, cov: Array) -> Honesty | None:
     squares = np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
     median = float(np.median(squares))
     far = float((squares > FAR[k]).mean())
-    return Honesty(len(squares), float(squares.mean()) / k, median, far, float(np.sqrt(median / MEDIAN[k])))
+    return NoiseCheck(len(squares), float(squares.mean()) / k, median, far, float(np.sqrt(median / MEDIAN[k])))
 
 
 class Measured(NamedTuple):

@@ -15,7 +15,7 @@ from ...frontend.se2 import Array, between
 from ...frontend.truth_errors import difference, rows_of
 
 
-class Cost(NamedTuple):
+class Misfit(NamedTuple):
     """J by its terms."""
 
     prior: float
@@ -29,11 +29,11 @@ class Cost(NamedTuple):
         return sum(self)
 
 
-TERMS = Cost._fields
+TERMS = Misfit._fields
 """The names of the terms."""
 
 
-def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
+def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
     """J of `path` (n, 3) and `landmarks` on `log`; None where the map lacks a landmark that was sighted or given.
 
     A given map with covariance is a part of the prior.
@@ -45,7 +45,7 @@ def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
     if sighted is None:
         return None
     step = log.loop_step
-    return Cost(
+    return Misfit(
         prior=_prior(log, path, landmarks),
         odometry=_squared(difference(between(path[:-1], path[1:]), log.delta[1:]), log.delta_cov[1:]),
         sightings=float(sighted.sum()),

@@ -13,7 +13,7 @@ from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
 from .metrics import covariances, nees
-from .misfit import Cost, cost
+from .misfit import Misfit, misfit
 from .times import length
 
 FEW = 0.9
@@ -112,7 +112,7 @@ def _measured_from(truth: Truth | None) -> dict[str, Any]:
     return {"surveyed": int(surveyed)} | ({"reference": truth.words} if truth is not None and truth.words else {})
 
 
-def _fit_columns(fit: Cost, total: str) -> dict[str, Any]:
+def _fit_columns(fit: Misfit, total: str) -> dict[str, Any]:
     """J by its terms, and their sum by that name; no term of loops where none is closed."""
     terms = {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
     return {"cost_j": fit.total, total: fit.total} | terms
@@ -132,13 +132,13 @@ def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
     return row
 
 
-def _fit(log: Log, outcome: Outcome) -> Cost | None:
+def _fit(log: Log, outcome: Outcome) -> Misfit | None:
     """J of the final, else the online, path and map; None where it is not defined."""
     path, landmarks = outcome.online, outcome.map
     if outcome.solution is not None:
         path, landmarks = outcome.solution.path, outcome.solution.map
     try:
-        return None if path is None else cost(log, path, landmarks)
+        return None if path is None else misfit(log, path, landmarks)
     except Diverged:  # a landmark at a robot's very place has no bearing
         return None
 

@@ -1,23 +1,57 @@
-"""What a result depends on beside its input: the code that made it, and the versions of the libraries that it uses.
+"""What a module's source says that it imports, wherever in it that stands, and which files it may read."""
 
-A module's fingerprint is over its own source, that of every module of its own package and of this one that it imports,
-theirs in turn, the files beside these that they name, and the versions of the libraries that any of them imports. So a
-change to one backend changes the fingerprints of what uses that backend, and no others.
-
-Imports are read from the source: at the top of a module, inside a function, or by a literal name in a call, as in
-`import_module("scipy.linalg")`. A name that is looked up in a table, as the registries do, is not followed: which
-backend a cell has is in its key.
-"""
-
+import ast
 import functools
 import hashlib
 import platform
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterator, Sequence
 from importlib import util
 from pathlib import Path
+from typing import NamedTuple
 
-from .imports import NONE, Imports, imports
 from .library_version import is_library, located, version
+
+_CALLED = re.compile(rb"""\(\s*["'](\.{0,2}[A-Za-z_][\w.]*)["']""")
+"""A literal name as a call's first argument, as in `import_module(".ekf", __package__)`."""
+
+_TEXT = re.compile(rb"""["']([\w./-]{2,100})["']""")
+
+
+class Imports(NamedTuple):
+    """Names as they stand in the source: relative ones begin with dots."""
+
+    modules: tuple[tuple[str, tuple[str, ...]], ...]  # `from x import y, z` is (x, (y, z)), `import x` is (x, ())
+    called: frozenset[str]  # dotted names that a call is handed first
+    texts: frozenset[str]  # what may be the name of a file
+
+
+NONE = Imports((), frozenset(), frozenset())
+
+
+@functools.cache
+def imports(source: bytes) -> Imports:
+    """Of a module; what is imported for the type checker alone is not. SyntaxError where it is no Python."""
+    modules = tuple(_modules(ast.parse(source).body))
+    called = frozenset(found.decode() for found in _CALLED.findall(source) if b"." in found)
+    return Imports(modules, called, frozenset(found.decode() for found in _TEXT.findall(source)))
+
+
+def _modules(body: Sequence[ast.AST]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Statements alone are walked through: an import is one, and most of a tree is expressions."""
+    for node in body:
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, ()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or ""), tuple(alias.name for alias in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from _modules(node.orelse)
+        else:
+            for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+                inner = getattr(node, name, None)
+                if isinstance(inner, list):  # that of a lambda is an expression
+                    yield from _modules(inner)
+
 
 PACKAGE = __name__.partition(".")[0]
 

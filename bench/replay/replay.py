@@ -63,7 +63,7 @@ class Replay(NamedTuple):
         return truth.kind if truth is not None and len(truth.t) else ""
 
 
-class Choice(NamedTuple):
+class ReplayRequest(NamedTuple):
     """The cells of one log."""
 
     work: Work
@@ -73,7 +73,7 @@ class Choice(NamedTuple):
     rows: dict[tuple[str, str, str, str, int], Row]  # the record's, by the cell's key
 
 
-def choose(store: Store, dataset: str | None, names: str | None, seed: int | None) -> Choice:
+def choose(store: Store, dataset: str | None, names: str | None, seed: int | None) -> ReplayRequest:
     """The cells to show: of the named dataset, else of the first; of all backends where none is named.
 
     InputError, which says what there is, for a name or a seed that the run has not.
@@ -94,59 +94,61 @@ def choose(store: Store, dataset: str | None, names: str | None, seed: int | Non
         raise InputError(f"--seed {seed}: this run has no such log of {chosen.label}, expected {there}.")
     shown = [_cell(cells, backend, seed) for backend in dict.fromkeys(wanted)]
     others = [other.label for other in datasets if other != chosen]
-    return Choice(work, [cell for cell in shown if cell is not None], seed, others, rows)
+    return ReplayRequest(work, [cell for cell in shown if cell is not None], seed, others, rows)
 
 
-def replay(store: Store, choice: Choice, frames: int, workers: int) -> Replay:
+def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> Replay:
     """Make the log again and drive every backend through it, at most `frames` steps shown.
 
     InputError where the log cannot be made, or is no longer the one of the record.
     """
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         path = Path(scratch) / "log.npz"
-        log = _log(store, choice, path)
+        log = _log(store, request, path)
         n = len(log.log)
         shown = np.unique(np.linspace(0, n - 1, min(frames, n)).round().astype(np.int64))
-        look = looks(cell.cell.backend.label for cell in choice.work.cells)
-        parts = list(_parts(store, choice, path, shown, workers))
-    labels = [cell.backend.label for cell in choice.cells]
+        look = looks(cell.cell.backend.label for cell in request.work.cells)
+        parts = list(_parts(store, request, path, shown, workers))
+    labels = [cell.backend.label for cell in request.cells]
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
-    return Replay(choice.cells[0].dataset.label, choice.seed, log, shown, dead_reckoned(log.log), named)
+    return Replay(request.cells[0].dataset.label, request.seed, log, shown, dead_reckoned(log.log), named)
 
 
-def _log(store: Store, choice: Choice, path: Path) -> Dataset:
+def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
     """The log of the cells, its archive at `path`: the one that is kept beside the record, else made again.
 
     InputError where it is another than the recorded one.
     """
-    cell = choice.cells[0]
-    dataset, given = cell.dataset, choice.work.map
+    cell = request.cells[0]
+    dataset, given = cell.dataset, request.work.map
     of = next(planned.log for planned in store.planned() if planned.key == cell.key)
     before = store.logs().get(of)
     made = None if before is None else LogFiles(store.folder).read(dataset.name, before)
     if made is None:
-        known = None if given is None else given.of(dataset, choice.seed)
+        known = None if given is None else given.of(dataset, request.seed)
         made = prepared(dataset.name, dataset.options, log_seed(cell), known)
     if before is not None and made.log.digest != before.digest:
         raise InputError(
-            f"{store.folder}: {dataset.label}, seed {choice.seed}, is another log now than when this was run: its "
+            f"{store.folder}: {dataset.label}, seed {request.seed}, is another log now than when this was run: its "
             f"digest is {made.log.digest[:12]}, expected {before.digest[:12]}; run it into a new folder to replay it."
         )
     archive.save(path, made)
     return made
 
 
-def _parts(store: Store, choice: Choice, path: Path, frames: Ints, workers: int) -> Iterator[tuple[Course, Array, str]]:
+def _parts(
+    store: Store, request: ReplayRequest, path: Path, frames: Ints, workers: int
+) -> Iterator[tuple[Course, Array, str]]:
     """Course, recorded step times and remark of every cell, in order."""
-    able = [cell for cell in choice.cells if cell.backend.builder is not None]
-    jobs = [job_of(choice.work, PlannedCell(cell, {})) for cell in able]
+    able = [cell for cell in request.cells if cell.backend.builder is not None]
+    jobs = [job_of(request.work, PlannedCell(cell, {})) for cell in able]
     tasks = [replay_cell.ReplayTask(job, path, frames) for job in jobs]
     courses: dict[Cell, Course] = {}
-    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=choice.work.timeout_s):
+    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=request.work.timeout_s):
         courses[able[ended.task]] = ended.value or _none("took too long" if ended.death == "timeout" else ended.death)
-    for cell in choice.cells:
+    for cell in request.cells:
         course = courses.get(cell) or _none(cell.backend.missing)
-        row = choice.rows.get(cell.key)
+        row = request.rows.get(cell.key)
         arrays = {} if row is None else store.arrays(row, ("online", "final", "step_ns"))
         step_us = arrays["step_ns"] / 1e3 if "step_ns" in arrays else np.full(int(frames[-1]) + 1, np.nan)
         yield course, step_us, "; ".join(_remarks(course, row, arrays, len(frames)))

@@ -8,18 +8,17 @@ from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array, wrap
 from ..drawing.axes import fitted, stretches
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
-from ..verdict.medians import Typical, typical
 from ..verdict.ranking import PATHS
 from ..verdict.statistics import FEWEST, Comparison
-from ..verdict.summary import Line
+from ..verdict.summary import Line, Typical, typical
 from ..words.names import tags
 from ..words.numerals import number
 from ..words.styles import Look
-from .drawn_log import Scene, Trace
+from .drawn_log import DrawnLog, Trace
 from .time_curves import Series, along
 
 STRETCHES = 100
@@ -34,20 +33,20 @@ def bars(found: Iterable[Typical]) -> str:
     return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (min(counts) < FEWEST)
 
 
-def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+def by_log(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, Look]) -> ReportFigure | None:
     """None where no backend ran on two logs."""
     shown = [line for line in lines if any(column in line.values for column in PATHS.values())]
-    shown.sort(key=lambda line: scene.order.index(line.backend))
+    shown.sort(key=lambda line: log.order.index(line.backend))
     if not any(line.values[column].n > 1 for line in shown for column in PATHS.values() if column in line.values):
         return None
-    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    what = "distance from reference" if log.kind == "reference" else "ATE"
     drawn = [
         (k + 0.12 + (0.12 if column == "final_ate_m" else -0.12) * (len(having) - 1), line, column)
         for k, line in enumerate(shown)
         for having in [[column for column in PATHS.values() if column in line.values]]
         for column in having
     ]
-    runs = scene.logs == 1
+    runs = log.logs == 1
     errors = {
         (line.backend, column): [value for _, value in line.runs(column)] if runs else [*line.by_log(column).values()]
         for _, line, column in drawn
@@ -84,7 +83,7 @@ def by_log(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         for values in [[error for error in errors[line.backend, column] if np.isfinite(error)]]
     ]
     title = f"{what[0].upper()}{what[1:]} by {'run' if runs else 'log'}"
-    return exhibit(name, title, caption, height(names), draw, curves=curves)
+    return report_figure(name, title, caption, height(names), draw, curves=curves)
 
 
 def _lost(line: Line) -> str:
@@ -94,7 +93,7 @@ def _lost(line: Line) -> str:
 
 def pairs(
     name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
-) -> Iterator[Exhibit]:
+) -> Iterator[ReportFigure]:
     """The most accurate backend against every other one, for each path on which there are intervals.
 
     One that it has a single other one on is no figure, but a sentence below that of the other path.
@@ -135,7 +134,7 @@ def _over(best: str, c: Comparison) -> Comparison:
 
 def _pairs(
     name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look], said: str
-) -> Exhibit:
+) -> ReportFigure:
     called = tags(looks)
 
     def draw(figure: Figure) -> None:
@@ -156,45 +155,45 @@ def _pairs(
     caption += " Open: not told apart." * any(not c.holds for c in against) + said
     curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
     title = f"Errors relative to {called[best]}'s, {path} path"
-    return exhibit(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)
+    return report_figure(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)
 
 
-def errors(name: str, scene: Scene) -> Exhibit | None:
+def errors(name: str, log: DrawnLog) -> ReportFigure | None:
     """Of position, along the log."""
 
     def squared(error: Array) -> Array:
         return (error[:, :2] ** 2).sum(axis=1)
 
-    where = "distance from reference" if scene.kind == "reference" else "position error"
+    where = "distance from reference" if log.kind == "reference" else "position error"
     caption = "Root mean square over short stretches, after alignment."
-    return _errors(name, scene, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
+    return _errors(name, log, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
 
 
-def headings(name: str, scene: Scene) -> Exhibit | None:
+def headings(name: str, log: DrawnLog) -> ReportFigure | None:
     """Errors of heading along the log; None where nobody knows the true one."""
 
     def squared(error: Array) -> Array:
         return np.degrees(wrap(error[:, 2])) ** 2
 
     caption = "Root mean square over short stretches, after alignment."
-    if scene.kind != "truth":
+    if log.kind != "truth":
         return None
-    return _errors(name, scene, "Heading error along the log", "heading error, degrees", caption, squared)
+    return _errors(name, log, "Heading error along the log", "heading error, degrees", caption, squared)
 
 
 def _errors(
-    name: str, scene: Scene, title: str, unit: str, caption: str, squared: Callable[[Array], Array]
-) -> Exhibit | None:
-    paths = {"aligned": False} if scene.kind == "reference" else {"aligned": False, "final_aligned": True}
+    name: str, log: DrawnLog, title: str, unit: str, caption: str, squared: Callable[[Array], Array]
+) -> ReportFigure | None:
+    paths = {"aligned": False} if log.kind == "reference" else {"aligned": False, "final_aligned": True}
     series = [
-        _mean(trace, squared(trace.arrays[path] - scene.known["poses"]), final)
-        for trace in scene.traces
+        _mean(trace, squared(trace.arrays[path] - log.known["poses"]), final)
+        for trace in log.traces
         for path, final in paths.items()
         if path in trace.arrays
     ]
     if any(one.final for one in series):
         caption += " Thin, with dots: final path."
-    return along(name, scene, title, unit, caption, series, group="accuracy")
+    return along(name, log, title, unit, caption, series, group="accuracy")
 
 
 def _mean(trace: Trace, squared: Array, final: bool) -> Series:

@@ -10,7 +10,7 @@ from ...frontend.se2 import Array, act, rotation
 from ..drawing.figure import Curve
 from ..drawing.figure_maker import curve
 from ..words.styles import BASELINE
-from .drawn_log import Scene, Trace
+from .drawn_log import DrawnLog, Trace
 
 ELLIPSE_95 = float(np.sqrt(chdtri(2, 0.05)))
 """Half axes of a 95 % ellipse of two coordinates, in standard deviations."""
@@ -56,12 +56,12 @@ class Frame(NamedTuple):
         return self.high - self.low
 
 
-def panels(scene: Scene) -> list[Panel]:
+def panels(log: DrawnLog) -> list[Panel]:
     """Of every backend that has a path."""
-    return [panel for trace in scene.traces if (panel := _panel(scene, trace)) is not None]
+    return [panel for trace in log.traces if (panel := _panel(log, trace)) is not None]
 
 
-def _panel(scene: Scene, trace: Trace) -> Panel | None:
+def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
     """None for a backend without any path."""
     a = trace.arrays
     online, final = (a.get(name, a.get(plain)) for name, plain in (("aligned", "online"), ("final_aligned", "final")))
@@ -72,8 +72,8 @@ def _panel(scene: Scene, trace: Trace) -> Panel | None:
     landmarks = act(motion, a.get(f"{prefix}map_xy", np.zeros((0, 2))).reshape(-1, 2))
     nearest = online if online is not None else final
     error = None
-    if scene.known and nearest is not None and nearest.shape == scene.known["poses"].shape:
-        error = float(np.sqrt(((nearest - scene.known["poses"])[:, :2] ** 2).sum(axis=1).mean()))
+    if log.known and nearest is not None and nearest.shape == log.known["poses"].shape:
+        error = float(np.sqrt(((nearest - log.known["poses"])[:, :2] ** 2).sum(axis=1).mean()))
     t = a["t"][a["at"]] if "at" in a else a["t"]
     return Panel(
         trace,
@@ -113,10 +113,10 @@ def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
     return np.column_stack((centres, half[:, 1], half[:, 0], angle))
 
 
-def framed(scene: Scene, panels: Sequence[Panel]) -> Frame:
+def framed(log: DrawnLog, panels: Sequence[Panel]) -> Frame:
     """The known path and map with some room; with nothing known, where the middle 98 % of all paths are."""
-    if scene.known:
-        points = np.concatenate((scene.known["poses"][:, :2], scene.known.get("xy", np.zeros((0, 2)))))
+    if log.known:
+        points = np.concatenate((log.known["poses"][:, :2], log.known.get("xy", np.zeros((0, 2)))))
         low, high = points.min(axis=0), points.max(axis=0)
     else:
         able = [p for p in panels if p.trace.label != BASELINE] or panels

@@ -4,12 +4,12 @@ import numpy as np
 from scipy.special import chdtri
 
 from ..drawing.axes import stretches
-from ..drawing.figure import Exhibit
+from ..drawing.figure import ReportFigure
 from ..verdict.bands import averaged, flagged
 from ..words.names import tags
-from ..words.numerals import listed
+from ..words.numerals import listed, number
 from ..words.styles import BASELINE
-from .drawn_log import Scene
+from .drawn_log import DrawnLog, Trace
 from .time_curves import Band, Series, along
 
 STRETCHES = 100
@@ -21,17 +21,17 @@ MOST = 30.0
 """Values above have nothing to do with the errors: how far above is said, and what is near 1 can be seen."""
 
 
-def nees(name: str, scene: Scene) -> Exhibit | None:
+def nees(name: str, log: DrawnLog) -> ReportFigure | None:
     """Its mean over independent logs where there are several, else that of the run that is drawn; None without any."""
-    return _over_logs(name, scene) or _along(name, scene)
+    return _over_logs(name, log) or _along(name, log)
 
 
-def _over_logs(name: str, scene: Scene) -> Exhibit | None:
-    found = {label: mean for label, runs in scene.nees.items() if (mean := averaged(runs)) is not None}
+def _over_logs(name: str, log: DrawnLog) -> ReportFigure | None:
+    found = {label: mean for label, runs in log.nees.items() if (mean := averaged(runs)) is not None}
     if not found:
         return None
     series: list[Series] = []
-    look = {trace.label: trace.look for trace in scene.traces}
+    look = {trace.label: trace.look for trace in log.traces}
     for label, mean in found.items():
         if label in look:
             t, value = stretches(mean.t, mean.mean, STRETCHES)
@@ -49,14 +49,14 @@ def _over_logs(name: str, scene: Scene) -> Exhibit | None:
         caption += f" Outside more than half of the time, {word}: {listed(names)}." if names else ""
     title, unit = "NEES over the logs", "mean NEES / 3"
     return along(
-        name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=Band(t, low, high)
+        name, log, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=Band(t, low, high)
     )
 
 
-def _along(name: str, scene: Scene) -> Exhibit | None:
+def _along(name: str, log: DrawnLog) -> ReportFigure | None:
     series = [
         Series(trace.label, trace.look, *stretches(a["t"][a["at"]], a["nees"] / 3, STRETCHES))
-        for trace in scene.traces
+        for trace in log.traces
         if {"at", "nees"} <= (a := trace.arrays).keys() and np.isfinite(a["nees"]).any()
     ]
     caption = (
@@ -64,18 +64,18 @@ def _along(name: str, scene: Scene) -> Exhibit | None:
         "No band: errors along one run are not independent."
     )
     title, unit = "NEES along the log", "NEES / 3"
-    return along(name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST)
+    return along(name, log, title, unit, caption, series, group="consistency", level=1.0, most=MOST)
 
 
-def nis(name: str, scene: Scene) -> Exhibit | None:
+def nis(name: str, log: DrawnLog) -> ReportFigure | None:
     """Innovations beside what each backend expected of them; needs no known path.
 
     None where no backend tells, or with a single log: scatter alone would be seen.
     """
-    shown = {trace.label: scene.nis[trace.label] for trace in scene.traces if len(scene.nis.get(trace.label, ())) > 1}
+    shown = {trace.label: log.nis[trace.label] for trace in log.traces if len(log.nis.get(trace.label, ())) > 1}
     if not shown:
         return None
-    look = {trace.label: trace.look for trace in scene.traces}
+    look = {trace.label: trace.look for trace in log.traces}
     end = max(float(t[-1]) for runs in shown.values() for t, _, _ in runs if len(t))
     edges = np.linspace(0, end, NIS_STRETCHES + 1)
     series: list[Series] = []
@@ -92,11 +92,53 @@ def nis(name: str, scene: Scene) -> Exhibit | None:
         f"{max(map(len, shown.values()))} independent logs. 1 is right; above, sightings were worse than their stated "
         "noise, below, better. Grey: where 95 % lie if all is right."
     )
-    without = [label for label in look if label not in scene.nis and label != BASELINE]
+    without = [label for label in look if label not in log.nis and label != BASELINE]
     if without:
         called = tags(look)
         caption += f" {listed([called[label] for label in without])} {'gives' if len(without) == 1 else 'give'} no NIS."
     title, unit = "NIS over the logs", "NIS / degrees of freedom"
     return along(
-        name, scene, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=bands[0], start=0.0
+        name, log, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=bands[0], start=0.0
     )
+
+
+STRETCHES = 100
+
+
+def effective(name: str, log: DrawnLog) -> ReportFigure | None:
+    """How many particles carry the weight."""
+    caption = "1 / sum of squared weights: low where few particles carry all. "
+    return _particles(name, log, "n_eff", "Effective particles", caption)
+
+
+def ancestors(name: str, log: DrawnLog) -> ReportFigure | None:
+    """How many histories are left."""
+    caption = (
+        "Starting particles with descendants left: at 1, all share one early path. The belief is the spread of what "
+        "is left, so that few ancestors make it too sure. "
+    )
+    return _particles(name, log, "ancestors", "Ancestors left", caption)
+
+
+def _particles(name: str, log: DrawnLog, array: str, title: str, caption: str) -> ReportFigure | None:
+    having = [
+        trace
+        for trace in log.traces
+        if array in (a := trace.arrays) and np.isfinite(a[array]).any() and (a[array] > 0).any()
+    ]
+    if not having:
+        return None
+    series = [
+        Series(trace.label, trace.look, *stretches(trace.arrays["t"], trace.arrays[array].astype(float), STRETCHES))
+        for trace in having
+    ]
+    called = tags(trace.label for trace in log.traces)
+    counts = [f"{called[trace.label]} {number(_count(trace))}" for trace in having]
+    caption += f"Particles in all: {listed(counts)}."
+    return along(name, log, title, title.lower(), caption, series, group="inside")
+
+
+def _count(trace: Trace) -> float:
+    """How many particles it has: as many are effective while their weights are the same, and begin a history."""
+    a = trace.arrays
+    return float(np.round(max(np.nanmax(a[name]) for name in ("n_eff", "ancestors") if name in a)))

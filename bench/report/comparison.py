@@ -12,7 +12,7 @@ from rich.text import Text
 from ..drawing.page import rendered
 from ..verdict import changes as judged
 from ..verdict.changes import FEW, GAIN, GONE, NEW, QUANTITIES, REGRESSION, Change, by_how_much, summary
-from ..verdict.pairing import Facing, facing, side
+from ..verdict.pairing import PairedRuns, paired_runs, side
 from ..words.names import called
 from ..words.numerals import listed, number
 
@@ -20,7 +20,7 @@ from ..words.numerals import listed, number
 class Comparison:
     """Compares the results of two folders; a notebook or a script reads its changes, or shows it."""
 
-    def __init__(self, found: Facing, least: float | None = None) -> None:
+    def __init__(self, found: PairedRuns, least: float | None = None) -> None:
         """`least`: the smallest share that counts as a change, for every quantity its own where None."""
         self.found, self.least = found, least
         self.changes: Sequence[Change] = judged.changes(found, least)
@@ -57,7 +57,7 @@ def compare(
 
     `least` is the smallest share that counts as a change. InputError where they cannot be compared.
     """
-    found = facing(side(Path(old)), side(Path(new)), any_machine=any_machine, any_log=any_log)
+    found = paired_runs(side(Path(old)), side(Path(new)), any_machine=any_machine, any_log=any_log)
     return Comparison(found, least)
 
 
@@ -65,7 +65,7 @@ SIGNS = {REGRESSION: "🔴 ", GAIN: "🟢 "}
 STYLES = {REGRESSION: "bold red", GAIN: "green", FEW: "yellow", NEW: "cyan", GONE: "cyan"}
 
 
-def markdown(found: Facing, told: list[Change], least: float | None) -> str:
+def markdown(found: PairedRuns, told: list[Change], least: float | None) -> str:
     """For a pull request: a line, what has changed, and the rest in fold-outs."""
     first = [change for change in told if _striking(change)]
     said = summary(told)
@@ -108,7 +108,7 @@ def table(told: list[Change]) -> Table | None:
     return grid
 
 
-def document(found: Facing, told: list[Change], least: float | None) -> dict[str, Any]:
+def document(found: PairedRuns, told: list[Change], least: float | None) -> dict[str, Any]:
     """For a program."""
     return {
         "status": int(judged.regressed(told)),

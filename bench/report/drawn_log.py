@@ -1,7 +1,7 @@
 """What the figures of a dataset show: the known path, and a run along it of every backend that has one."""
 
+import math
 from collections.abc import Mapping, Sequence
-from math import log
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ class Trace(NamedTuple):
     arrays: Mapping[str, Any]  # as in the record
 
 
-class Scene(NamedTuple):
+class DrawnLog(NamedTuple):
     """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians."""
 
     kind: str  # "truth", "reference" or "" where no path is known
@@ -52,14 +52,16 @@ class Scene(NamedTuple):
         return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
 
 
-def scene(store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]) -> Scene | None:
-    """The scene of a dataset's lines; None where no cell is done."""
+def drawn_log(
+    store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]
+) -> DrawnLog | None:
+    """The log of a dataset's lines; None where no cell is done."""
     done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
     if not done:
         return None
     seed, typical = _drawn(done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
-    return Scene(
+    return DrawnLog(
         kind=lines[0].truth_kind,
         seed=seed,
         known=store.truth(shown[0][1]),
@@ -95,7 +97,7 @@ def _off(cells: Sequence[tuple[Line, Row]]) -> float:
         column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
         error = row.columns[column]
         if line.backend != BASELINE and error and line.values[column].median > 0:
-            total += abs(log(error / line.values[column].median))
+            total += abs(math.log(error / line.values[column].median))
     return total
 
 

@@ -9,18 +9,17 @@ from matplotlib.figure import Figure
 
 from ...backends.api import COMPILED_HERE
 from ..drawing.axes import fitted, logarithmic
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.labels import Point, name_points
 from ..drawing.svg import INK
 from ..verdict.implementations import foreign
-from ..verdict.medians import Typical, typical
-from ..verdict.summary import Line
+from ..verdict.summary import Line, Typical, typical
 from ..words.names import tags
 from ..words.numerals import listed
 from ..words.styles import Look
 from .accuracy_figures import bars
-from .drawn_log import Scene
+from .drawn_log import DrawnLog
 
 HEIGHT = 200
 
@@ -43,14 +42,14 @@ class _Choice(NamedTuple):
     ringed: bool  # not compiled here, where others are
 
 
-def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, Look]) -> Exhibit | None:
+def pareto(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, Look]) -> ReportFigure | None:
     """None where there are no two to choose from."""
     choices = list(_choices(lines, looks))
     choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
     if len({choice.label for choice in choices}) < 2:
         return None
     called = tags(choice.label for choice in choices)
-    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    what = "distance from reference" if log.kind == "reference" else "ATE"
     both = len({choice.final for choice in choices}) > 1
 
     def draw(figure: Figure) -> None:
@@ -82,7 +81,7 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
 
     fronts = _fronts(choices)
-    caption = "Lower left is better. " * (scene.kind == "truth")
+    caption = "Lower left is better. " * (log.kind == "truth")
     if fronts:
         caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
     if any(choice.error.n > 1 for choice in choices):
@@ -100,7 +99,9 @@ def pareto(name: str, scene: Scene, lines: Sequence[Line], looks: Mapping[str, L
         curve(choice.label, np.array([choice.us]), np.array([choice.error.value]), final=choice.final)
         for choice in choices
     ]
-    return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves)
+    return report_figure(
+        name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves
+    )
 
 
 def _ringed(lines: Sequence[Line], choices: Sequence[_Choice]) -> str:

@@ -48,11 +48,11 @@ def _write_figures(folder: Path, section: Section, forms: Sequence[str]) -> None
     from ..drawing.svg import alone  # matplotlib: a run should not wait for it before it begins
 
     folder.mkdir(exist_ok=True)
-    for exhibit in (*section.panels, *section.exhibits):
-        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
-        if exhibit.printed is not None:
+    for figure in (*section.panels, *section.figures):
+        write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
+        if figure.printed is not None:
             for form in forms:
-                write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))
+                write_whole(folder / f"{figure.name}.{form}", figure.printed(form))
 
 
 def _write_tables(folder: Path, section: Section) -> None:

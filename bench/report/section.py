@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..drawing.figure import GROUPS, Exhibit
+from ..drawing.figure import GROUPS, ReportFigure
 from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
@@ -14,9 +14,8 @@ from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
-from .drawn_log import Scene, scene
-from .pairs_table import pairs_table
-from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table
+from .drawn_log import DrawnLog, drawn_log
+from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table, pairs_table
 
 
 class Failure(NamedTuple):
@@ -48,19 +47,19 @@ class Section(NamedTuple):
     fit: Table  # J by its terms
     fit_note: str
     inner: Table  # particles and gates
-    scene: Scene | None
-    panels: Sequence[Exhibit]  # the paths
-    exhibits: Sequence[Exhibit]
+    log: DrawnLog | None
+    panels: Sequence[ReportFigure]  # the paths
+    figures: Sequence[ReportFigure]
     failures: Sequence[Failure]
 
     @property
-    def groups(self) -> dict[str, list[Exhibit]]:
+    def groups(self) -> dict[str, list[ReportFigure]]:
         """The figures by what they are about, in the order in which a report shows them.
 
         Those of accuracy over time are beside those of consistency; the others stand by themselves, first.
         """
-        timed = [e for e in self.exhibits if e.group == "accuracy" and e.plot is not None and e.plot.timed]
-        by_group = {group: [e for e in self.exhibits if e.group == group and e not in timed] for group in GROUPS}
+        timed = [e for e in self.figures if e.group == "accuracy" and e.plot is not None and e.plot.timed]
+        by_group = {group: [e for e in self.figures if e.group == group and e not in timed] for group in GROUPS}
         return by_group | {"consistency": timed + by_group["consistency"]}
 
 
@@ -74,10 +73,10 @@ def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
 
 
 def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
-    from .figures import exhibits
-    from .trajectories import trajectories
+    from .figures import report_figures
+    from .path_figures import trajectories
 
-    shown = scene(store, found, look, run["folders"])
+    shown = drawn_log(store, found, look, run["folders"])
     ruling = verdict(found)
     known, slug = representative(found), run["folders"][found[0].dataset]
     return Section(
@@ -97,9 +96,9 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         fit=fit_table(found),
         fit_note=_fit_note(found),
         inner=inner_table(found),
-        scene=shown,
+        log=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
-        exhibits=exhibits(slug, shown, found, look, ruling.comparisons) if shown else [],
+        figures=report_figures(slug, shown, found, look, ruling.comparisons) if shown else [],
         failures=[failure for line in found for failure in _failures(line)],
     )
 
@@ -120,7 +119,7 @@ def _seeds(rows: Sequence[Row]) -> str:
     return f"seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
 
 
-def _facts(found: Sequence[Line], shown: Scene | None) -> str:
+def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:
     """What the log is, in a line."""
     first = {name: value for line in reversed(found) for name, value in line.values.items()}
     said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]

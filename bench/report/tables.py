@@ -1,17 +1,20 @@
 """The report's tables: a small one that answers most questions, those of its details, and one of every cell."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 
 from ..drawing.table import Entry, Table, TableRow
 from ..record.schema import Row, label
+from ..verdict.accuracy import between
 from ..verdict.consistency import belief_word
-from ..verdict.medians import Typical, typical
-from ..verdict.ranking import contest, ordered, standing
-from ..verdict.statistics import FEWEST
-from ..verdict.summary import Line, logs, representative
+from ..verdict.ranking import ordered, ranking, standing
+from ..verdict.statistics import FEWEST, Comparison
+from ..verdict.summary import Line, Typical, logs, representative, typical
+from ..verdict.verdict import Verdict
 from ..words.columns import about
 from ..words.names import called
 from ..words.numerals import counted, number
+from ..words.report_columns import PAIRS
 
 WHOSE = "implementation"
 """The column of words that stands before those of numbers wherever costs are compared."""
@@ -189,7 +192,7 @@ def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
 
 def _best(lines: Sequence[Line], name: str) -> list[str]:
     """Those that none is more accurate than for sure; [] where nothing is tested, or nobody is beaten."""
-    found = contest(lines, name)
+    found = ranking(lines, name)
     if found is None or found.logs < FEWEST:
         return []
     beaten = {c.second for c in found.comparisons if c.first == found.lines[0].backend and standing(c) == "better"}
@@ -243,3 +246,43 @@ def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
 def _marks(lines: Sequence[Line]) -> str:
     failed = "; a failure counts as ∞" * any(line.failed and line.done for line in lines)
     return failed + "; * timed while other cells ran beside it" * (not all(line.alone for line in lines))
+
+
+WORDS = {
+    "better": "closer",
+    "worse": "further off",
+    "alike": "alike",
+    "open": "cannot be told apart",
+    "unproven": "not borne out by the test",
+    "few": "too few logs",
+}
+
+
+def pairs_table(found: Verdict) -> Table:
+    """A row a comparison, in the order of the verdict's; those with dead reckoning are corrected among themselves."""
+    rows = [
+        TableRow(c.first, [Entry(c.second), Entry(about(column).heading), *_entries(c)])
+        for column, comparisons in found.comparisons.items()
+        for c in comparisons
+    ]
+    caption = (
+        "Every pair on the same logs: how many times the first one's error the second one's is, and its 95 % interval; "
+        "those with dead reckoning are corrected among themselves"
+    )
+    return Table(PAIRS, rows, caption)
+
+
+def _entries(c: Comparison) -> list[Entry]:
+    tested = c.n >= FEWEST
+    ends = f"{number(c.low)}\N{EN DASH}{number(c.high)}" if tested else ""
+    return [
+        Entry("" if isnan(c.ratio) else number(c.ratio), note=ends, value=None if isnan(c.ratio) else c.ratio),
+        Entry(WORDS[standing(c)], note=between(c) if tested and standing(c) == "open" else ""),
+        Entry(_p(c.adjusted) if tested else "", value=c.adjusted if tested else None),
+        Entry(f"{c.effect:.2f}" if tested else "", value=c.effect if tested else None),
+        Entry(f"{c.closer} of {c.n}", value=c.closer),
+    ]
+
+
+def _p(p: float) -> str:
+    return "<0.0001" if p < 1e-4 else f"{p:.2g}"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...frontend.errors import InputError
-from ..engine.engine import Wanted, Watcher
+from ..engine.engine import RunRequest, Watcher
 from ..engine.engine import run as run_cells
 from ..engine.log_files import FOLDER as LOGS
 from ..plan.plan import Plan
@@ -40,7 +40,7 @@ def run(
         }
         return {**facts, **known}  # a run that goes on is what it was started as
 
-    run_cells(work_of(plan), folder, executor, Wanted(retry=retry), about, watcher)
+    run_cells(work_of(plan), folder, executor, RunRequest(retry=retry), about, watcher)
     with Store(folder) as store:
         export(store)
 

@@ -12,9 +12,8 @@ from rich.padding import Padding
 from rich.table import Table
 
 from ..verdict.implementations import sentence
-from ..verdict.medians import typical
 from ..verdict.statistics import FEWEST
-from ..verdict.summary import Line, logs
+from ..verdict.summary import Line, logs, typical
 from ..verdict.verdict import Verdict, verdict
 from ..words.console import plain, watched, wrapped
 from ..words.names import called
@@ -58,7 +57,7 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
     found = by_dataset(lines)
     for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
         console.print(table)
-        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *_programs(mine), *mishaps(mine)]
+        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *_programs(mine), *failures(mine)]
         if watched(console):
             console.print(_folded(said), highlight=False)
         for heading, text in () if watched(console) else said:
@@ -90,7 +89,7 @@ def _programs(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
         yield "costs", said
 
 
-def mishaps(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
+def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
     """What did not go as it should, on one dataset: cells that are not done, by backend, and logs that show nothing."""
     rows = [row.columns for line in lines for row in line.rows]
     if rows and all(row["status"] == "skipped" for row in rows):

@@ -8,8 +8,7 @@ from ...frontend.nearest import nearest
 from ...frontend.toml.table import TomlTable, is_number, shown
 from ..words.columns import CELLS, METRICS
 from .blocks import Combination
-from .claim import Claim
-from .study import Figure
+from .study import Claim, Figure
 
 COLUMNS = (*CELLS, *METRICS)
 MEASURES = tuple(column.name for column in COLUMNS if column.kind.is_measured)

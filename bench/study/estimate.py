@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from ..engine.engine import Wanted, batch_of
+from ..engine.engine import RunRequest, batch_of
 from ..engine.key import log_key, log_seed, made_once, result_key
 from ..engine.log_files import LogFiles
 from ..measure.status import FAILED
@@ -63,7 +63,7 @@ class Estimate:
     def sentences(self) -> list[str]:
         """How many cells, how long, and of what nothing is known."""
         done = sum(share.done for share in self.shares)
-        alone = f", {self.alone:,} of them alone on their machine since their times are wanted" if self.alone else ""
+        alone = f", {self.alone:,} of them alone on their machine since their times are request" if self.alone else ""
         said = [f"{self.cells:,} cells, {done:,} done, {self.todo:,} to be run now{alone}."]
         if not self.todo:
             return said
@@ -90,18 +90,18 @@ class Estimate:
 
 
 def estimate(
-    study: Study, store: Store | None, executor: Executor, wanted: Wanted, budget_s: float = BUDGET_S
+    study: Study, store: Store | None, executor: Executor, request: RunRequest, budget_s: float = BUDGET_S
 ) -> Estimate:
-    """How long the cells that are wanted of the study will take with as many slots as the executor has.
+    """How long the cells that are request of the study will take with as many slots as the executor has.
 
     A cell takes as long as the store's of the same variants did on average, else as those of the same names, else as
     some that the executor is given now, at random and one at a time, until `budget_s` is over. Nothing is written but
     to the cache of logs that are costly to make.
     """
-    done = _done(study, store, wanted)
-    todo = [cell for cell, is_done in zip(study.cells, done, strict=True) if not is_done and wanted.chosen(cell)]
+    done = _done(study, store, request)
+    todo = [cell for cell, is_done in zip(study.cells, done, strict=True) if not is_done and request.chosen(cell)]
     random.Random(0).shuffle(todo)
-    todo = todo[: wanted.limit]
+    todo = todo[: request.limit]
     seconds = {} if store is None else store.seconds()
     names = {_names(pair) for pair in seconds}
     new = [cell for cell in todo if _names(_pair(cell)) not in names]
@@ -138,7 +138,7 @@ def _names(pair: Pair) -> tuple[str, str]:
     return pair[0], pair[2]
 
 
-def _done(study: Study, store: Store | None, wanted: Wanted) -> list[bool]:
+def _done(study: Study, store: Store | None, request: RunRequest) -> list[bool]:
     """Whether each cell has ended, and is not to be run again."""
     if store is None:
         return [False] * len(study.cells)
@@ -152,7 +152,7 @@ def _done(study: Study, store: Store | None, wanted: Wanted) -> list[bool]:
             known[place] = logs.get(made_of, made_of)
         log = known[place]
         key = log if isinstance(log, str) else result_key(cell.cell, log, timed=cell.timed, oracle=study.oracle)
-        done.append(key in statuses and not (wanted.retry and wanted.chosen(cell) and statuses[key] in FAILED))
+        done.append(key in statuses and not (request.retry and request.chosen(cell) and statuses[key] in FAILED))
     return done
 
 

@@ -75,9 +75,8 @@ from ...frontend.toml.table import TomlTable, shown
 from ..words.columns import about
 from .blocks import combinations
 from .checks import check_claim, check_figure
-from .claim import Claim
 from .sizes import sized
-from .study import Figure, Study
+from .study import Claim, Figure, Study
 
 FORMAT = (__doc__ or "").partition("\n\n")[2]
 """The format, for `bench ablate --help`."""

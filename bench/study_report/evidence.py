@@ -2,28 +2,29 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...backends import registry as backends
+from ...datasets import registry as datasets
 from ...frontend.errors import InputError
 from ..claims import answer as claim_answer
 from ..claims.answer import Answer
 from ..claims.conclusion import Conclusion, conclude
 from ..claims.curves import Medians, medians
-from ..claims.found import Verdict
+from ..claims.finding import Verdict
 from ..claims.standing import Standing, standing
-from ..drawing.figure import Exhibit
+from ..drawing.figure import ReportFigure
 from ..record.cell_table import CellTable
 from ..record.store import Store
 from ..study import file as study_file
 from ..study.study import Study
 from ..words.columns import about
 from ..words.numerals import counted
-from .option_words import option_words
 
 SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}
 """By verdict: of a claim, and of the study."""
@@ -39,7 +40,7 @@ MOST_TELLING = 3
 """Claims that a page with many studies has room for, of each."""
 
 
-class Finding(NamedTuple):
+class ClaimSummary(NamedTuple):
     """What became of a claim, in the parts in which a page sets it."""
 
     verdict: Verdict
@@ -75,12 +76,12 @@ class Evidence:
         return head, f"{', '.join(said)}."
 
     @property
-    def findings(self) -> Sequence[Finding]:
+    def findings(self) -> Sequence[ClaimSummary]:
         """Every claim with what it was found to be, in the file's order."""
-        return [Finding(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
+        return [ClaimSummary(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
 
     @property
-    def most_telling(self) -> Sequence[Finding]:
+    def most_telling(self) -> Sequence[ClaimSummary]:
         """What a reader has to see: all claims that do not hold, and of the others the first ones."""
         others = [found for found in self.findings if found.verdict != "holds"]
         held = [found for found in self.findings if found.verdict == "holds"]
@@ -97,12 +98,12 @@ class Evidence:
         return [medians(figure, self.table) for figure in self.study.figures]
 
     @cached_property
-    def exhibits(self) -> Sequence[Exhibit]:
+    def report_figures(self) -> Sequence[ReportFigure]:
         """The figures."""
         from .figure import study_figure  # matplotlib
 
         backends = self.table.values("backend", np.arange(len(self.table)))
-        drawn: list[Exhibit] = []
+        drawn: list[ReportFigure] = []
         for k, found in enumerate(self.medians, 1):
             x = option_words(found.figure.x, self.table)
             one = study_figure(f"{self.study.name}-{k}", found, backends, self.answers, x)
@@ -143,3 +144,30 @@ def evidence(folder: Path) -> Evidence:
         table = store.table(list(dict.fromkeys([*columns, "seconds", "timing_alone"])))
     conclusion = conclude([claim_answer.answer(claim, table) for claim in study.claims], study.finding)
     return Evidence(folder, study, words, table, conclusion)
+
+
+LONGEST = 84
+"""Letters that an axis has room for, in two lines."""
+
+
+def option_words(parameter: str, table: CellTable) -> str:
+    """With its unit, where somebody of the study has an option of that name and its help is short; else the name."""
+    name = parameter.rpartition(".")[2]
+    plain = name.replace("_", " ")
+    having = np.flatnonzero(table.columns[parameter] != None)  # noqa: E711 - of each element
+    if not len(having) or parameter in ("dataset", "backend", "seed"):
+        return plain
+    for column, registry in (("dataset", datasets), ("backend", backends)):
+        summary = _summary(registry, str(table.columns[column][having[0]]).partition("[")[0], name)
+        if summary and ":" not in summary:  # what stands after it tells the default, or one choice from another
+            said = summary if plain in summary else f"{summary} ({plain})"
+            return said if len(said) <= LONGEST else plain
+    return plain
+
+
+def _summary(registry: Any, who: str, name: str) -> str:
+    """The first half of an option's help; "" where those that come along have no such one."""
+    if who not in registry.BUILTIN:
+        return ""
+    options = {field.name: field for field in fields(registry.find(who).options)}
+    return options[name].metadata["summary"].partition(";")[0] if name in options else ""

@@ -14,8 +14,8 @@ from ...frontend.se2 import Array
 from ..claims.answer import Answer
 from ..claims.curves import Medians, Place
 from ..drawing.axes import logarithmic, short
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import exhibit
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import report_figure
 from ..verdict.statistics import FEWEST
 from ..words.columns import about
 from ..words.numerals import TIMES, counted, plain
@@ -46,7 +46,7 @@ TIGHT = 0.07
 """Of the axis: how near two marks on it may be."""
 
 
-def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: Iterable[Answer], x: str) -> Exhibit:
+def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: Iterable[Answer], x: str) -> ReportFigure:
     """The figure drawn; `x` is what its axis is called."""
     looks, drawn = line_looks(found, backends), marks(found, answers)
     measure = about(found.figure.y)
@@ -55,7 +55,7 @@ def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: It
     title = found.figure.title or f"{plain[:1].upper()}{plain[1:]}"
     if not found.numeric:
         height = rows_height(found)
-        return exhibit(
+        return report_figure(
             name, title, _caption(found, drawn), height, lambda c: draw_rows(c, found, looks, drawn, y), width=WIDTH
         )
 
@@ -67,7 +67,7 @@ def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: It
     slopes = drawn.slopes if found.figure.log == "xy" else {}
     named = {by: _lines(found.called[by], slopes.get(by)) for by in found.bys}
     height = max(HEIGHT, 60 + 10 * sum(len(lines) for lines in named.values()))
-    return exhibit(name, title, _caption(found, drawn), height, draw, width=WIDTH)
+    return report_figure(name, title, _caption(found, drawn), height, draw, width=WIDTH)
 
 
 def _draw_lines(

@@ -92,8 +92,8 @@ def _write_figures(found: Evidence, forms: Sequence[str]) -> None:
 
     folder = found.folder / FIGURES
     folder.mkdir(exist_ok=True)
-    for exhibit in found.exhibits:
-        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
+    for figure in found.figures:
+        write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
         for form in forms:
-            assert exhibit.printed is not None
-            write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))
+            assert figure.printed is not None
+            write_whole(folder / f"{figure.name}.{form}", figure.printed(form))

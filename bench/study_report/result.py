@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from ..claims.answer import Answer
-from ..engine.engine import Wanted
+from ..engine.engine import RunRequest
 from ..engine.engine import run as run_cells
 from ..run.result import Result
 from ..study import file as study_file
@@ -58,12 +58,12 @@ def study(
     """
     found = study_file.read(str(file), full=full)
     folder = Path(out) if out is not None else Path("results") / found.name
-    wanted = Wanted(choice(found, only), limit, retry)
+    request = RunRequest(choice(found, only), limit, retry)
     command = ["bench", "ablate", str(file), "--out", str(folder), *["--full"] * full]
     with (
         StudyScreen(screen_console(quiet=quiet)) as screen,
         contextlib.closing(Local(jobs or os.cpu_count() or 1)) as executor,
     ):
-        run_cells(found, folder, executor, wanted, about(found, folder, command), screen)
+        run_cells(found, folder, executor, request, about(found, folder, command), screen)
     write(folder)
     return StudyResult(folder)

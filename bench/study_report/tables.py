@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from ..claims.answer import Answer
 from ..claims.curves import Medians, Place, worded
 from ..drawing.table import Entry
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import FEWEST
 from ..words.columns import about
 from ..words.numerals import number

@@ -6,7 +6,7 @@ from math import inf, isinf
 import numpy as np
 
 from ..words.numerals import chance, counted, factor, larger, listed, number, times
-from .ranking import Contest, needed, standing
+from .ranking import Ranking, needed, standing
 from .statistics import FEWEST, Comparison
 
 LEAST = 1.0005
@@ -16,7 +16,7 @@ SHOWN = 3
 """Comparisons that a sentence spells out; of more it tells the ends, and the table of pairs has all."""
 
 
-def claims(found: Contest, what: str, where: str, *, again: bool = False) -> list[str]:
+def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> list[str]:
     """The sentences on one measure, the most important first; `what` is "online path", `where` the dataset's name.
 
     Where there are too few logs to test anything, what was measured, and no more; `again`: that has been said before.
@@ -130,12 +130,12 @@ def unborne(pairs: Sequence[Comparison], family: int) -> str:
     return f"the test does not bear it out (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
 
 
-def _only(found: Contest, what: str, on: str) -> str:
+def _only(found: Ranking, what: str, on: str) -> str:
     (line,) = found.lines
     return f"{line.backend} alone has an estimate of the {what} {on}: median error {_errors(found)[line.backend]}."
 
 
-def _baseline(found: Contest, what: str) -> list[str]:
+def _baseline(found: Ranking, what: str) -> list[str]:
     """Who does not beat dead reckoning; by how much the best does, where all do."""
     tested = [c for c in found.baseline if standing(c) != "few"]
     beaten = [c for c in tested if standing(c) == "better"]
@@ -152,7 +152,7 @@ def _baseline(found: Contest, what: str) -> list[str]:
     return [f"{who} dead reckoning, {best.first} {by(best)} closer."]
 
 
-def _measured(found: Contest, what: str, where: str, *, again: bool) -> str:
+def _measured(found: Ranking, what: str, where: str, *, again: bool) -> str:
     """Medians alone: there are too few logs to test anything."""
     each = ", ".join(f"{name} {error}" for name, error in _errors(found).items())
     if again:
@@ -163,7 +163,7 @@ def _measured(found: Contest, what: str, where: str, *, again: bool) -> str:
     return f"{little}; measured, median error of the {what}: {each}."
 
 
-def _errors(found: Contest) -> dict[str, str]:
+def _errors(found: Ranking) -> dict[str, str]:
     medians = {
         line.backend: float(np.median([value for _, value in line.runs(found.column)] if found.logs == 1 else values))
         for line in found.lines
@@ -172,7 +172,7 @@ def _errors(found: Contest) -> dict[str, str]:
     return {name: f"{number(value)} m" if value < inf else "failed" for name, value in medians.items()}
 
 
-def _repeats(found: Contest) -> list[str]:
+def _repeats(found: Ranking) -> list[str]:
     """On a single log, how far a backend's own randomness moves it, and who lies outside of that."""
     if found.logs != 1:
         return []

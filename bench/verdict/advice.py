@@ -8,7 +8,7 @@ from ..words.numerals import counted, factor, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
 from .consistency import belief_word
-from .ranking import ESTIMATES, PATHS, Contest, standing
+from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line
 
@@ -37,7 +37,7 @@ class Use(NamedTuple):
     why: str  # a sentence
 
 
-def advice(purpose: str, found: Contest) -> Use:
+def advice(purpose: str, found: Ranking) -> Use:
     """Whom to use, from these in turn, a step left out where nobody passes it:
 
     those that cannot be told apart from the best, and are for sure better than dead reckoning, else that itself, but
@@ -107,7 +107,7 @@ def _amount(column: str, line: Line) -> str:
     return f"{number(mine)} µs a step" + (f" (p99 {number(slow.median)})" if slow else "")
 
 
-def _too_few(found: Contest) -> str:
+def _too_few(found: Ranking) -> str:
     if found.logs > 1:
         return f"{found.logs} logs are too few to tell, {FEWEST} at least (--seeds)."
     return (
@@ -117,7 +117,7 @@ def _too_few(found: Contest) -> str:
     )
 
 
-def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
+def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
     """Against the one that the reader would take instead: the best, or where that is the chosen one the next."""
     if rival is None:
         return f"the only one that gives the {ESTIMATES[found.column]}"

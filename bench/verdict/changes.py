@@ -13,7 +13,7 @@ import numpy as np
 from ..measure.status import FAILED
 from ..record.schema import Row
 from ..words.numerals import chance, counted, listed, number
-from .pairing import Facing, Pair
+from .pairing import Pair, PairedRuns
 from .ranking import ROUNDING
 from .statistics import FEWEST, LEVEL, Comparison, compare, holm
 
@@ -84,7 +84,7 @@ class _Found(NamedTuple):
     same: str  # SAME or ROUNDED where it is on every log, else ""
 
 
-def changes(found: Facing, least: float | None = None) -> list[Change]:
+def changes(found: PairedRuns, least: float | None = None) -> list[Change]:
     """Everything that can be compared, the worst first; `least` is the share that counts, else each quantity's own."""
     measured = [
         one for pair in found.pairs for quantity in QUANTITIES if (one := _found(pair, quantity, least, found.rounding))

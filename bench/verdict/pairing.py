@@ -47,7 +47,7 @@ class Pair(NamedTuple):
     by_log: bool  # whether both had the same logs, to the last bit
 
 
-class Facing(NamedTuple):
+class PairedRuns(NamedTuple):
     """What there is to compare."""
 
     old: Side
@@ -67,7 +67,7 @@ def side(folder: Path) -> Side:
         return Side(folder, store.run(), found)
 
 
-def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = False) -> Facing:
+def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = False) -> PairedRuns:
     """The two runs' cells in pairs; InputError where they have none in common."""
     notes: list[str] = []
     common = [key for key in new.lines if key in old.lines]
@@ -102,7 +102,7 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
     notes += [f"{name}: timed side by side with other cells in one run alone." for name in _sided(pairs, any_machine)]
     if not any(pair.cells for pair in pairs):
         raise InputError(f"{new.folder}: no cell ran on the same log as in {old.folder}; --any-log compares by seed.")
-    return Facing(
+    return PairedRuns(
         old,
         new,
         pairs,

@@ -28,7 +28,7 @@ ESTIMATES = {
 """Which estimate each of these is the error of."""
 
 
-class Contest(NamedTuple):
+class Ranking(NamedTuple):
     """The backends that have a measure, the best first.
 
     Those that were told the truth do not compete. Dead reckoning is what everybody has to beat: it is no competitor,
@@ -61,7 +61,7 @@ class Contest(NamedTuple):
         return [best, *(line for line in near if line.backend not in beaten)]
 
 
-def contest(lines: Sequence[Line], column: str) -> Contest | None:
+def ranking(lines: Sequence[Line], column: str) -> Ranking | None:
     """None where no competitor has the column.
 
     The best is the one that nobody, or the fewest, are better than for sure; of these the one with the lowest median.
@@ -87,7 +87,7 @@ def contest(lines: Sequence[Line], column: str) -> Contest | None:
     )
     adjusted = holm([c.p for c in against])
     against = [c._replace(adjusted=float(p)) for c, p in zip(against, adjusted, strict=True)]
-    return Contest(column, entered, errors, found, against, logs(lines))
+    return Ranking(column, entered, errors, found, against, logs(lines))
 
 
 def _beaten(found: Sequence[Comparison]) -> list[str]:
@@ -128,7 +128,7 @@ def ordered(lines: Sequence[Line]) -> list[Line]:
     known = representative(lines)
     if known.truth_kind == "truth" or known.surveyed:
         for k, column in enumerate((PATHS if known.truth_kind == "truth" else MAPS).values()):
-            found = contest(lines, column)
+            found = ranking(lines, column)
             for j, line in enumerate(found.lines if found else ()):
                 place.setdefault(line.backend, (k, j))
     return sorted(lines, key=lambda line: (line.backend == BASELINE, place.get(line.backend, (len(ESTIMATES), 0))))

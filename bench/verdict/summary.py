@@ -3,10 +3,13 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..measure.status import FAILED
 from ..record.schema import Row, label
 from ..words.columns import about
 from ..words.names import called
+from .statistics import FEWEST, estimate
 
 
 class Spread(NamedTuple):
@@ -131,3 +134,22 @@ def spread(values: Sequence[Any]) -> Spread:
     ranked = sorted(values)
     middle = (ranked[(len(ranked) - 1) // 2] + ranked[len(ranked) // 2]) / 2
     return Spread(float(middle), ranked[0], ranked[-1], len(ranked))
+
+
+class Typical(NamedTuple):
+    """Of a column, over logs."""
+
+    value: float  # the median; infinite where half of the cells have failed
+    low: float
+    high: float
+    n: int  # logs
+    interval: bool  # whether low and high are the ends of a 95 % interval, or of the range that was measured
+
+
+def typical(line: Line, column: str) -> Typical:
+    """Of a column in which the line has a value. On a single log, the median and range of the runs on it."""
+    by_log = line.by_log(column)
+    values = list(by_log.values()) if len(by_log) > 1 else [value for _, value in line.runs(column)]
+    if len(by_log) >= FEWEST:
+        return Typical(*estimate(values), interval=True)
+    return Typical(float(np.median(values)), min(values), max(values), len(by_log), interval=False)

@@ -8,7 +8,7 @@ from ..words.styles import BASELINE
 from .accuracy import claims
 from .advice import SAME_COST, Use, advice, unnamed
 from .consistency import belief_sentences
-from .ranking import ESTIMATES, MAPS, PATHS, Contest, contest, ordered
+from .ranking import ESTIMATES, MAPS, PATHS, Ranking, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, logs, representative
 
@@ -41,20 +41,20 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     if not any(line.done for line in lines):
         return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
     measures = PATHS if kind == "truth" else MAPS if known.surveyed else {}
-    contests = {purpose: found for purpose, column in measures.items() if (found := contest(lines, column))}
+    rankings = {purpose: found for purpose, column in measures.items() if (found := ranking(lines, column))}
     said: list[str] = []
     if kind == "reference":
         said.append(f"{name}: no verdict on accuracy of paths. {_REFERENCE.format(known.reference)}")
         said[0] += _SURVEYED * known.surveyed
     elif not measures:
         said.append(f"{name}: no verdict on accuracy. There is no known path to hold the estimates against.")
-    elif not contests:
+    elif not rankings:
         said.append(f"{name}: no backend that competes gave a path.")
-    for k, found in enumerate(contests.values()):
+    for k, found in enumerate(rankings.values()):
         said += claims(found, ESTIMATES[found.column], name, again=k > 0)
-    comparisons = {found.column: [*found.comparisons, *found.baseline] for found in contests.values()}
+    comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
     sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures, *_told(lines)]
-    return Verdict(basis, _uses(lines, contests), sentences, comparisons)
+    return Verdict(basis, _uses(lines, rankings), sentences, comparisons)
 
 
 def _known(line: Line) -> str:
@@ -65,17 +65,17 @@ def _known(line: Line) -> str:
     return "neither path nor landmarks are known"
 
 
-def _uses(lines: Sequence[Line], contests: Mapping[str, Contest]) -> list[Use]:
+def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
     """By purpose; where the path is not known, nobody, and what they cost.
 
     Maps are those smoothed at the end, with one or none the online ones.
     """
     if representative(lines).truth_kind == "truth":
-        return [advice(purpose, found) for purpose, found in contests.items()]
+        return [advice(purpose, found) for purpose, found in rankings.items()]
     uses = [unnamed(purpose, lines) for purpose in PATHS]
-    found = contests.get("map")
+    found = rankings.get("map")
     if found is None or len(found.lines) == 1:
-        found = contests.get("online", found)
+        found = rankings.get("online", found)
     return [*uses, advice("map", found)] if found else uses
 
 

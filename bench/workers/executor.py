@@ -3,7 +3,7 @@
 from collections.abc import Generator, Sequence
 from typing import Protocol
 
-from .batch import Batch, Finished
+from .batch import Batch, Finished, Logs, work
 
 
 class Executor(Protocol):
@@ -27,3 +27,20 @@ class Executor(Protocol):
     def close(self) -> None:
         """End its workers."""
         ...
+
+
+class Here:
+    """No limit on a cell's time is kept, and what a backend does to the process it does to the study."""
+
+    name = "here"
+    slots = 1
+
+    def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:  # noqa: ARG002 - it always is
+        """Each job as it ends."""
+        logs = Logs()
+        for batch in batches:
+            for finished in work(batch, logs):
+                yield finished._replace(alone=True)
+
+    def close(self) -> None:
+        """Nothing is left to end."""

@@ -31,10 +31,10 @@ AHEAD = 2
 """Batches in a worker's hands, so that it never waits for whoever takes the results in."""
 
 
-MOST_CREWS = 8
+MOST_POOLS = 8
 """Backends whose processes are kept when cells run alone: each holds its libraries and its last few logs."""
 
-Crew = list[PoolWorker]
+Workers = list[PoolWorker]
 
 
 class Local:
@@ -44,7 +44,7 @@ class Local:
 
     def __init__(self, workers: int) -> None:
         self.slots = workers
-        self._crews: dict[str, Crew] = {}  # by backend where cells run alone, else under ""
+        self._pools: dict[str, Workers] = {}  # by backend where cells run alone, else under ""
         self._calls = 0
         self._finish: Finalize | None = None
 
@@ -55,41 +55,41 @@ class Local:
         """
         if self._finish is None:
             self._folder = Path(tempfile.mkdtemp(prefix="slamduel-"))
-            self._finish = Finalize(self, _finish, (self._crews, self._folder), exitpriority=1)  # at exit at the latest
+            self._finish = Finalize(self, _finish, (self._pools, self._folder), exitpriority=1)  # at exit at the latest
         self._calls += 1
         if not any(batch.jobs for batch in batches):
-            yield from self._work(BatchQueue(batches), self._crew(""), max(self.slots, os.cpu_count() or 1), AHEAD)
+            yield from self._work(BatchQueue(batches), self._pool(""), max(self.slots, os.cpu_count() or 1), AHEAD)
         elif alone or self.slots == 1:
-            _end(self._crew(""))
+            _end(self._pool(""))
             for batch in _single(batches):
-                crew = self._crew(batch.jobs[0][1].backend)
-                for finished in self._work(BatchQueue([batch]), crew, 1, 1):
+                workers = self._pool(batch.jobs[0][1].backend)
+                for finished in self._work(BatchQueue([batch]), workers, 1, 1):
                     yield finished._replace(alone=True)
         else:
-            yield from self._work(BatchQueue(batches), self._crew(""), self.slots, AHEAD)
+            yield from self._work(BatchQueue(batches), self._pool(""), self.slots, AHEAD)
 
-    def _crew(self, name: str) -> Crew:
+    def _pool(self, name: str) -> Workers:
         """The processes under that name; the name used longest ago loses its own where there are too many."""
-        self._crews[name] = self._crews.pop(name, [])
-        while len(self._crews) > MOST_CREWS:
-            _end(self._crews.pop(next(iter(self._crews))))
-        return self._crews[name]
+        self._pools[name] = self._pools.pop(name, [])
+        while len(self._pools) > MOST_POOLS:
+            _end(self._pools.pop(next(iter(self._pools))))
+        return self._pools[name]
 
-    def _work(self, queue: BatchQueue, crew: Crew, most: int, ahead: int) -> Generator[Finished]:
+    def _work(self, queue: BatchQueue, workers: Workers, most: int, ahead: int) -> Generator[Finished]:
         """Each job of the queue as it ends, done by at most so many processes."""
-        _end(crew, keep=most)
+        _end(workers, keep=most)
         try:
             while True:
-                self._hand_out(queue, crew, most, ahead)
-                busy = [worker for worker in crew if worker.batches]
+                self._hand_out(queue, workers, most, ahead)
+                busy = [worker for worker in workers if worker.batches]
                 if not busy:
                     return
                 for worker in _ready(busy):
-                    yield from self._heard(worker, queue, crew)
+                    yield from self._heard(worker, queue, workers)
         finally:
-            for worker in list(crew):
+            for worker in list(workers):
                 if worker.batches:
-                    _dismiss(worker, crew)
+                    _dismiss(worker, workers)
 
     def close(self) -> None:
         """End every worker."""
@@ -97,30 +97,30 @@ class Local:
             self._finish()
             self._finish = None
 
-    def _hand_out(self, queue: BatchQueue, crew: Crew, most: int, ahead: int) -> None:
+    def _hand_out(self, queue: BatchQueue, workers: Workers, most: int, ahead: int) -> None:
         """Give every worker something to do, and where there is plenty something for when it has done that."""
-        for worker in [worker for worker in crew if not worker.batches]:
+        for worker in [worker for worker in workers if not worker.batches]:
             if worker.done >= MOST_JOBS or (queue.doubts and not worker.fresh):
-                _dismiss(worker, crew)
-        while len(crew) < most and len(queue) > sum(not worker.batches for worker in crew):
-            crew.append(PoolWorker(self._folder))
+                _dismiss(worker, workers)
+        while len(workers) < most and len(queue) > sum(not worker.batches for worker in workers):
+            workers.append(PoolWorker(self._folder))
         for depth in range(ahead):
-            for worker in crew:
-                plenty = not depth or len(queue) > len(crew)
+            for worker in workers:
+                plenty = not depth or len(queue) > len(workers)
                 if worker.batches <= depth and worker.done < MOST_JOBS and plenty:
-                    others = {log for other in crew if other is not worker for log in other.logs}
+                    others = {log for other in workers if other is not worker for log in other.logs}
                     batch = queue.take(reversed(worker.logs), others, fresh=worker.fresh)
                     if batch is not None:
                         worker.give(self._calls, batch)
 
-    def _heard(self, worker: PoolWorker, queue: BatchQueue, crew: Crew) -> Iterator[Finished]:
+    def _heard(self, worker: PoolWorker, queue: BatchQueue, workers: Workers) -> Iterator[Finished]:
         """The worker's next result, or the result of its death or its silence."""
         if not worker.process.pipe.poll():
             if time.monotonic() >= worker.deadline:
                 limit = worker.doing().timeout_s
                 late = Result("timeout", f"was not finished after {limit:g} s of wall time and was stopped")
                 ended = list(worker.failed(late))
-                _give_up(worker, queue, crew, worker.rest())
+                _give_up(worker, queue, workers, worker.rest())
                 yield from ended
             return
         try:
@@ -128,33 +128,33 @@ class Local:
         except (EOFError, OSError):
             ended = list(worker.failed(Result("error", worker.process.death())))
             tried_again = queue.try_again(worker.doing())
-            _give_up(worker, queue, crew, worker.rest())
+            _give_up(worker, queue, workers, worker.rest())
             yield from [] if tried_again else ended
             return
         if finished is None:
             return
         if finished.result.status == "error" and finished.log is not None:
             used = worker.done > 1
-            _give_up(worker, queue, crew, worker.left())
+            _give_up(worker, queue, workers, worker.left())
             if used and queue.try_again(replace(finished.batch, jobs=finished.batch.jobs[:1])):
                 return
         yield finished
 
 
-def _give_up(worker: PoolWorker, queue: BatchQueue, crew: Crew, rest: Sequence[Batch]) -> None:
+def _give_up(worker: PoolWorker, queue: BatchQueue, workers: Workers, rest: Sequence[Batch]) -> None:
     """End the worker and let others do the rest."""
     queue.put_back(reversed(rest))
-    _dismiss(worker, crew)
+    _dismiss(worker, workers)
 
 
-def _dismiss(worker: PoolWorker, crew: Crew) -> None:
-    crew.remove(worker)
+def _dismiss(worker: PoolWorker, workers: Workers) -> None:
+    workers.remove(worker)
     worker.process.kill()
 
 
-def _end(crew: Crew, keep: int = 0) -> None:
-    while len(crew) > keep:
-        crew.pop().process.kill()
+def _end(workers: Workers, keep: int = 0) -> None:
+    while len(workers) > keep:
+        workers.pop().process.kill()
 
 
 def _single(batches: Sequence[Batch]) -> Iterator[Batch]:
@@ -174,8 +174,8 @@ def _ready(busy: Sequence[PoolWorker]) -> list[PoolWorker]:
     return [w for w in busy if now >= w.deadline or any(channel in ready for channel in w.process.channels)]
 
 
-def _finish(crews: dict[str, Crew], folder: Path) -> None:
+def _finish(pools: dict[str, Workers], folder: Path) -> None:
     """End all; without it, who ends without `close` would wait for them for ever."""
-    for crew in crews.values():
-        _end(crew)
+    for workers in pools.values():
+        _end(workers)
     shutil.rmtree(folder, ignore_errors=True)

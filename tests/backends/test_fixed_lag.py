@@ -12,7 +12,7 @@ from slamduel.backends.api import Diverged
 from slamduel.backends.registry import find
 from slamduel.backends.window import fixed_lag
 from slamduel.backends.window.fixed_lag import FixedLag, Options
-from slamduel.bench.measure.misfit import cost
+from slamduel.bench.measure.misfit import misfit
 from slamduel.frontend.factors import Log, Odometry
 from slamduel.frontend.se2 import Array
 
@@ -91,7 +91,7 @@ def test_with_a_lag_longer_than_the_log_it_ends_where_smoothing_all_of_it_does(
         smoother.step(step)
     backend, _ = run(log, lag=1e9, final_checks=50)
     found, best = backend.finish(), smoother.finish()
-    one, other = cost(log, found.path, found.map), cost(log, best.path, best.map)
+    one, other = misfit(log, found.path, found.map), misfit(log, best.path, best.map)
     assert one is not None
     assert other is not None
     assert one.total == pytest.approx(other.total, rel=1e-9, abs=1e-9)

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.bench.camera.empty_frames import MOST, EmptyFrames
-from slamduel.bench.camera.kept_frames import PICTURES, STRETCHES, Contact, sheet
+from slamduel.bench.camera.kept_frames import MOST, PICTURES, STRETCHES, ContactSheet, EmptyFrames, sheet
 from slamduel.bench.camera.preview import Preview
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.markers.pipeline import Frame, Seen, build_log
@@ -60,7 +59,7 @@ def seen_of(number: int, kept: int, rejected: int) -> Seen:
 
 @pytest.mark.parametrize("frames", [1, 5, 12, 100, 1000])
 def test_the_contact_sheet_is_spread_and_varied(frames: int) -> None:
-    contact = Contact()
+    contact = ContactSheet()
     for k in range(frames):
         contact.observe(seen_of(k, 0 if k % 50 == 20 else 1 + k % 3, int(k % 70 == 30)))
         assert len(contact) <= 4 * STRETCHES
@@ -79,7 +78,7 @@ def test_the_contact_sheet_is_spread_and_varied(frames: int) -> None:
 
 
 def test_outlines_are_where_the_corners_are() -> None:
-    contact = Contact()
+    contact = ContactSheet()
     contact.observe(seen_of(0, 1, 0))
     (chosen,) = contact.pictures()
     corners = (sighting(0, 1.0, 0.0).corners + 0.5) * 1.5 - 0.5  # 320 px become 480

@@ -19,8 +19,7 @@ from slamduel.bench.plan.plan import Cell
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record import fingerprint as code
 from slamduel.bench.record import library_version
-from slamduel.bench.record.fingerprint import closure, fingerprint, source
-from slamduel.bench.record.imports import imports
+from slamduel.bench.record.fingerprint import closure, fingerprint, imports, source
 from slamduel.bench.record.store import Known
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.registry import Source

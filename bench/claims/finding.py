@@ -10,7 +10,7 @@ FIGURES = ("estimate", "low", "high", "n", "p", "medians")
 """The numbers of what was found."""
 
 
-class Found(NamedTuple):
+class Finding(NamedTuple):
     """Of one claim, or of one value of its `each`."""
 
     verdict: Verdict
@@ -42,6 +42,6 @@ def margin(low: float, high: float, least: float, most: float) -> float:
     return min((end - bound for end, bound in ((low, least), (-high, -most)) if not isinf(bound)), default=inf)
 
 
-def nothing(reason: str) -> Found:
+def nothing(reason: str) -> Finding:
     """Where no cell has an answer, for that reason."""
-    return Found("open", nan, nan, nan, 0, -inf, reason, "")
+    return Finding("open", nan, nan, nan, 0, -inf, reason, "")
