@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from ...datasets.recordings import frames_folder, video
@@ -21,7 +20,7 @@ from ...frontend.markers.board import Board, View, find_corners, read_board
 from ...frontend.markers.charuco import MODELS, Calibration, calibrate
 from ..camera.calibration_picture import write_picture
 from ..drawing.picture import KINDS
-from ..words.console import plain, screen_console
+from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import counted, listed
 
 CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")
@@ -121,10 +120,9 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
     first: tuple[str, tuple[int, int]] | None = None
     sources = [_source(place) for place in places]
     total = sum(source.length for source in sources)
-    columns = (TextColumn("looking for the board"), BarColumn(), MofNCompleteColumn())
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        for name, image in progress.track(chain.from_iterable(source.images for source in sources), total=total):
+    with ProgressBar(console, "looking for the board", total) as bar:
+        for name, image in chain.from_iterable(source.images for source in sources):
+            bar.update(advance=1)
             if image is None:
                 left_out["cannot be read as an image"].append(name)
                 continue

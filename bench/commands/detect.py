@@ -13,10 +13,9 @@ from ..camera.detect import DetectRequest, detect
 from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml
 from ..camera.preview import Preview
-from ..camera.progress import Progress
 from ..camera.summary import Findings, as_json, headline, left_out_words
 from ..plan.values import positive
-from ..words.console import plain, screen_console
+from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import number
 
 
@@ -54,8 +53,12 @@ def main(namespace: argparse.Namespace) -> int:
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
     console = screen_console(quiet=namespace.quiet or namespace.json)
     request = DetectRequest(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
-    with Progress(console, opened.length) as progress:
-        findings = detect(opened.recording, opened.truth, request, progress.advance)
+    with ProgressBar(console, "frames", opened.length) as bar:
+
+        def advance(markers: int) -> None:
+            bar.update(advance=1, note=f"{markers:,} markers")
+
+        findings = detect(opened.recording, opened.truth, request, advance)
     if namespace.json:
         print(json.dumps(as_json(findings, str(out)), indent=2))
         return 0

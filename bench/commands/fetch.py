@@ -2,19 +2,16 @@
 
 import argparse
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
 from ...datasets.published import installed
 from ...datasets.published.catalogue import PUBLISHED, place
-from ...datasets.published.download import Watch
 from ...datasets.published.fetch import fetch, take
 from ...frontend.errors import InputError
+from ..words.console import ProgressBar
 
 MEGA = 1e6
 
@@ -50,7 +47,11 @@ def main(namespace: argparse.Namespace) -> int:
             if namespace.source is not None:
                 arrival = take(name, namespace.source)
             else:
-                with _bar(quiet=namespace.quiet) as watch:
+                with ProgressBar(Console(quiet=namespace.quiet, stderr=True), "", of_bytes=True) as bar:
+
+                    def watch(url: str, at: int, total: int | None, bar: ProgressBar = bar) -> None:
+                        bar.update(description=url.rstrip("/").rpartition("/")[2][-40:], completed=at, total=total)
+
                     arrival = fetch(name, watch, url=namespace.url, again=namespace.again)
         except InputError as error:
             print(f"bench: {error}", file=sys.stderr)
@@ -127,18 +128,3 @@ def _listed() -> Table:
 
 def _megabytes(name: str) -> str:
     return f"{installed.size(name) / MEGA:.1f} MB"
-
-
-@contextmanager
-def _bar(*, quiet: bool) -> Generator[Watch]:
-    """Shows on stderr what arrives, where that is a terminal."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bars:
-        task = bars.add_task("", visible=False)
-
-        def watch(url: str, at: int, total: int | None) -> None:
-            file = url.rstrip("/").rpartition("/")[2][-40:]
-            bars.update(task, description=file, completed=at, total=total, visible=True)
-
-        yield watch

@@ -1,15 +1,17 @@
 """`bench render DATASET --as FORMATS --out FOLDER`: a rendered drive as recordings, with the truth beside them."""
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
-from rich.progress import track
 
 from ...datasets.cache import generator
 from ...frontend.errors import InputError
 from ..plan.spec import DatasetVariant, dataset_variants
+from ..words.console import ProgressBar
 
 RENDERED = "aruco-room"
 
@@ -56,9 +58,14 @@ def main(namespace: argparse.Namespace) -> int:
     places = {out: formats[0]} if len(formats) == 1 else {out / name: name for name in formats}
     console = Console(highlight=False, soft_wrap=True, quiet=namespace.quiet)
     recording, truth = record(variant.options, generator(variant.name, namespace.seed))
-    hidden = not console.is_terminal
-    frames = track(recording.frames, "rendering", len(truth.t), console=console, transient=True, disable=hidden)
-    write(places, replace(recording, frames=frames), truth)
+    with ProgressBar(console, "rendering", len(truth.t)) as bar:
+
+        def frames() -> Iterator[Any]:
+            for frame in recording.frames:
+                yield frame
+                bar.update(advance=1)
+
+        write(places, replace(recording, frames=frames()), truth)
     for folder, name in places.items():
         console.print(f"{FORMATS[name]}: {folder}", markup=False)
     return 0

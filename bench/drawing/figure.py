@@ -1,14 +1,14 @@
-"""A figure of a report with its words, and what its page needs to know to answer a pointer."""
+"""A figure of a report with its caption, and the plot data that its page's script needs."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 GROUPS = ("accuracy", "consistency", "cost", "inside")
-"""What a figure is about, in the order in which a report shows them."""
+"""the subjects of figures, in the order in which a report shows them"""
 
 
 class Axis(NamedTuple):
-    """One of a plot's two."""
+    """An axis of a plot."""
 
     name: str  # with its unit
     low: float
@@ -22,12 +22,12 @@ class Curve(NamedTuple):
     label: str  # of the backend, as in tables
     x: Sequence[float]
     y: Sequence[float]
-    t: Sequence[float] = ()  # s since the log began of each point, where x is no time
+    t: Sequence[float] = ()  # s since the log began of each point, where x is not time
     final: bool = False  # of the path smoothed at the end
 
 
 class Plot(NamedTuple):
-    """Where the axes stand in the picture, and what is drawn on them."""
+    """The position of the axes in the picture, and what is drawn on them."""
 
     box: tuple[float, float, float, float]  # left, top, right, bottom, in the units of the picture's viewBox
     x: Axis
@@ -37,12 +37,12 @@ class Plot(NamedTuple):
 
 
 class ReportFigure(NamedTuple):
-    """A figure with its words."""
+    """A figure with its title and caption."""
 
     name: str  # of its file
     title: str
     caption: str
-    svg: str  # with stand-in colours; what belongs to one backend is in groups of the class of-K, K its place in looks
+    svg: str  # with stand-in colours; a backend's elements are in groups of the class of-K, K its place in looks
     group: str = "accuracy"
     plot: Plot | None = None
     printed: Callable[[str], bytes] | None = (

@@ -1,4 +1,4 @@
-"""A table for a paper: LaTeX with booktabs and nothing else, one column wide where it can be."""
+"""Writes a table for a paper: LaTeX with booktabs and nothing else, one column wide where possible."""
 
 import re
 from collections.abc import Sequence
@@ -7,13 +7,13 @@ from ..words.column import Column
 from .table import Entry, Table
 
 COLUMN = 241
-"""Points; a column of a two-column paper, 85 mm."""
+"""points; a column of a two-column paper, 85 mm"""
 
 LETTER, SMALL, GAP = 4.1, 3.6, 4.0
-"""Points that a letter of \\footnotesize, one of \\scriptsize and the space between columns take, about."""
+"""points of a letter of \\footnotesize, of one of \\scriptsize, and of the space between columns, roughly"""
 
 LONGEST = 8
-"""Letters of a heading on one line."""
+"""letters of a heading on one line"""
 
 _LETTERS = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "#": r"\#", "$": r"\$", "%": r"\%", "&": r"\&", "_": r"\_",
@@ -26,7 +26,7 @@ _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def latex(table: Table, caption: str, label: str) -> str:
-    """A floating table; \\usepackage{booktabs} and, for a quotation mark, T1 fonts are all that it needs.
+    """Writes a floating table; it needs \\usepackage{booktabs} and, for quotation marks, T1 fonts.
 
     It spans both columns (table*) where one has no room for it. Empty entries are dashes.
     """
@@ -51,7 +51,7 @@ def latex(table: Table, caption: str, label: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Text that LaTeX sets as it is; a power of ten is one."""
+    """Escapes text for LaTeX; powers of ten become exponents."""
     parts = re.split("\N{MULTIPLICATION SIGN}10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", " ".join(text.split()))
     said = ["".join(_LETTERS.get(letter, letter) for letter in part) for part in parts[::2]]
     powers = [rf"$\times10^{{{power.translate(_RAISED)}}}$" for power in parts[1::2]]
@@ -63,13 +63,13 @@ def _across(table: Table) -> range:
 
 
 def _heading(column: Column) -> list[str]:
-    """A line for what is long, and one for the unit."""
+    """Splits a long heading into lines, the unit on its own."""
     words = column.heading.split(" ", 1) if len(column.heading) > LONGEST else [column.heading]
     return [*words, *[f"({column.kind.unit})"] * bool(column.kind.unit)]
 
 
 def _cell(entry: Entry) -> str:
-    """What is smaller stands below."""
+    """Sets an entry, its note and word below."""
     if not entry.text:
         return "--"
     text = escaped(entry.text)
@@ -77,14 +77,14 @@ def _cell(entry: Entry) -> str:
 
 
 def _below(text: str, small: Sequence[str]) -> str:
-    """`\\shortstack` needs no package."""
+    """Stacks small lines below the text; `\\shortstack` needs no package."""
     lines = [text, *(rf"\scriptsize {escaped(part)}" for part in small if part)]
     stack = r" \\ ".join(lines)
     return text if len(lines) == 1 else rf"\shortstack[r]{{{stack}}}"
 
 
 def _width(table: Table) -> float:
-    """Points, about."""
+    """Estimates the table's width in points."""
     width = LETTER * max(len("backend"), *(len(row.backend) for row in table.rows)) if table.rows else 0.0
     for k, column in enumerate(table.headings):
         entries = [row.entries[k] for row in table.rows]

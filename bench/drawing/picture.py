@@ -1,4 +1,4 @@
-"""A figure as a file of its own, and the plain style that the figures share."""
+"""Writes a figure as a file, in the plain style that all figures share."""
 
 import os
 from collections.abc import Generator, Mapping
@@ -10,7 +10,7 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 KINDS = (".png", ".svg", ".pdf")
-"""What a picture's name may end in: its format."""
+"""formats, by the ending of a picture's name"""
 
 PLAIN: Mapping[str, Any] = {
     "axes.spines.top": False,
@@ -18,7 +18,7 @@ PLAIN: Mapping[str, Any] = {
     "axes.linewidth": 0.6,
     "text.parse_math": False,  # a label may hold dollar signs
 }
-"""The style of every figure, in a file or on a page."""
+"""the style of every figure, in a file or on a page"""
 
 GRID: Mapping[str, Any] = {
     "axes.grid": True,
@@ -26,7 +26,7 @@ GRID: Mapping[str, Any] = {
     "grid.color": "#e6e6e6",
     "grid.linewidth": 0.6,
 }
-"""The style of those with a grid."""
+"""the style of those with a grid"""
 
 _STYLE: dict[str, Any] = {**PLAIN, "font.size": 9, "axes.titlesize": 10, "axes.titlelocation": "left"}
 _DATE = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -34,9 +34,9 @@ _DATE = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 @contextmanager
 def picture(path: Path, size: tuple[float, float], more: Mapping[str, Any] | None = None) -> Generator[Figure]:
-    """A figure of `size` (inches) to draw on, which is put in the file at `path` at the end, whole or not at all.
+    """Yields a figure of `size` (inches) to draw on, then writes it to `path`, whole or not at all.
 
-    The suffix of `path`, one of KINDS, says in which format; `more` is added to the style.
+    The suffix of `path`, one of KINDS, is the format; `more` is added to the style.
     """
     kind = path.suffix.lower()
     beside = path.with_name(f".{path.name}.part")

@@ -1,6 +1,6 @@
-"""A log in numbers: its way, times, sightings, landmarks, returns, sensor and stated noise; quick at 10^6 steps.
+"""Describes a log in numbers: path, times, sightings, landmarks, returns, sensor and stated noise.
 
-Lengths are in m, angles in rad, times in s. What a log does not have is None.
+Lengths are in m, angles in rad, times in s. What a log does not have is None. It is quick at 10^6 steps.
 """
 
 from typing import NamedTuple
@@ -17,17 +17,17 @@ from .shown_path import Shown
 from .stated_noise import Measured, NoiseCheck, measured, noise_check
 
 GAP = 5.0
-"""Median times from step to step that make a gap."""
+"""multiple of the median time between steps that makes a gap"""
 
 SIGHT = 0.99
-"""Share of the bearings that the field of view holds."""
+"""share of the bearings that the field of view holds"""
 
 ROUND = 1e-6
-"""Relative; standard deviations that differ by less are one."""
+"""relative; standard deviations that differ by less are equal"""
 
 
 class Way(NamedTuple):
-    """How the robot drove."""
+    """The robot's path."""
 
     steps: int
     odometry_m: float
@@ -38,7 +38,7 @@ class Way(NamedTuple):
 
 
 class Times(NamedTuple):
-    """When its steps are; of a log whose steps are timed and not merely numbered."""
+    """The times of the steps of a log that is timed."""
 
     duration: float
     median: float  # from step to step
@@ -47,7 +47,7 @@ class Times(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """How many sightings there are."""
+    """The number of sightings."""
 
     sightings: int
     unknown: int  # without the id of a landmark
@@ -63,7 +63,7 @@ class Seen(NamedTuple):
 
 
 class Landmarks(NamedTuple):
-    """How often each landmark is sighted."""
+    """The number of sightings of each landmark."""
 
     landmarks: int
     least: int
@@ -73,7 +73,7 @@ class Landmarks(NamedTuple):
 
 
 class Back(NamedTuple):
-    """How the log comes back to where it was."""
+    """The log's returns to places."""
 
     loops: int  # times
     after_m: float | None  # way without a landmark that makes its next sighting a return
@@ -85,7 +85,7 @@ class Back(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """Where landmarks are sighted."""
+    """The sensor's range and field of view."""
 
     range_least: float
     range_median: float
@@ -118,7 +118,7 @@ class Noise(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known beside the factors, and how the log holds up against it."""
+    """What is known beside the factors, and the log's agreement with it."""
 
     kind: str  # truth, reference or "" where no path is known
     steps: int  # with a known pose
@@ -126,14 +126,14 @@ class Known(NamedTuple):
     sightings: NoiseCheck | None  # with truth alone, as the next
     odometry: NoiseCheck | None
     measured: Measured | None  # the sightings' noise
-    medians: bool  # whether both are against landmarks' median places, as their true ones are not known
+    medians: bool  # both are against landmarks' median places, as true ones are unknown
     astray: Astray | None  # by a known path, where the landmarks' places are not
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length
 
 
 class Numbers(NamedTuple):
-    """All of them."""
+    """All numbers of a log."""
 
     way: Way
     times: Times | None
@@ -146,7 +146,7 @@ class Numbers(NamedTuple):
 
 
 def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
-    """The numbers of a log; `drawn` is its path, `found` its returns."""
+    """Computes the numbers of a log; `drawn` is its path, `found` its returns."""
     log = dataset.log
     return Numbers(
         _way(log, drawn),
@@ -161,7 +161,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
 
 
 def times(log: Log) -> Times | None:
-    """None for a log of one step, and for one that numbers its steps."""
+    """Returns the times; None for a log of one step, and for one that numbers its steps."""
     if len(log) < 2 or numbered(log.t):
         return None
     apart = np.diff(log.t)
@@ -170,7 +170,7 @@ def times(log: Log) -> Times | None:
 
 
 def empty_runs(log: Log) -> Ints:
-    """(m, 2) the first and last step of every run of steps without a sighting."""
+    """Returns (m, 2) the first and last step of every run of steps without a sighting."""
     empty = np.concatenate(([False], np.diff(log.sighting_first) == 0, [False]))
     change = np.flatnonzero(np.diff(empty))
     return np.column_stack((change[::2], change[1::2] - 1))
@@ -226,7 +226,7 @@ def _back(log: Log, found: Returns) -> Back:
 
 
 def _sensor(z: Array) -> Sensor:
-    """The field of view is the shortest arc that holds SIGHT of the bearings, found by sliding along them in order."""
+    """Finds range and field of view, the shortest arc that holds SIGHT of the bearings."""
     bearings = np.sort(z[:, 1])
     inside = int(np.ceil(SIGHT * len(bearings)))
     on = np.concatenate((bearings, bearings + 2 * np.pi))

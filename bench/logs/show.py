@@ -1,4 +1,4 @@
-"""A log's picture and numbers for Python and for a notebook, where it shows itself: what `bench show` shows."""
+"""A log's picture and numbers, for Python, for notebooks and as an HTML page: `slamduel.show`."""
 
 import base64
 import tempfile
@@ -17,18 +17,18 @@ from .shown_path import shown
 
 
 class LogPicture:
-    """The picture of a log; `numbers` has what is in it, in m, rad and s."""
+    """The picture of a log; `numbers` has its content, in m, rad and s."""
 
     def __init__(self, subject: Subject) -> None:
         self._subject = subject
 
     @property
     def numbers(self) -> Numbers:
-        """What `bench show --json` prints."""
+        """Returns what `bench show --json` prints."""
         return self._subject.numbers
 
     def save(self, path: Path | str) -> None:
-        """Write the picture to a .png, .svg or .pdf file, whole or not at all."""
+        """Writes the picture to a .png, .svg or .pdf file, whole or not at all."""
         write_picture(Path(path), self._subject)
 
     def __repr__(self) -> str:
@@ -45,7 +45,7 @@ class LogPicture:
 
 
 def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | None = None) -> LogPicture:
-    """The picture of a log: one that Python holds, a name with its options, or a path.
+    """Makes the picture of a log: one that Python holds, a name with its options, or a path.
 
     Without a true path it is drawn along the batch optimum if the log is not too large for that, or with `solve`.
     SlamduelError, with a sentence, for what cannot be used.
@@ -64,7 +64,7 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
 
 
 def write_page(path: Path, subject: Subject) -> None:
-    """Write it, whole or not at all."""
+    """Writes the picture and numbers as one HTML page that needs no network, whole or not at all."""
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder) / "log.png"
         write_picture(picture, subject)

@@ -1,8 +1,8 @@
-"""J_GraphSLAM of the survey: how badly a path and a map fit a log's factors.
+"""Computes J, the misfit of a path and a map to a log's factors: J_GraphSLAM of the survey.
 
     J = |x0 - prior|^2 + sum |x_t - g(u_t, x_t-1)|^2 + sum |z - h(m, x_t)|^2
 
-each term a squared Mahalanobis distance in the factor's own covariance. The batch optimum has the least J there is.
+each term a squared Mahalanobis distance in the factor's own covariance. The batch optimum has the least J.
 """
 
 from typing import NamedTuple
@@ -30,11 +30,11 @@ class Misfit(NamedTuple):
 
 
 TERMS = Misfit._fields
-"""The names of the terms."""
+"""the names of the terms"""
 
 
 def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
-    """J of `path` (n, 3) and `landmarks` on `log`; None where the map lacks a landmark that was sighted or given.
+    """Computes J of `path` (n, 3) and `landmarks`; None where a landmark that was sighted or given is not mapped.
 
     A given map with covariance is a part of the prior.
     """
@@ -54,7 +54,7 @@ def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
 
 
 def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
-    """The squared Mahalanobis distance (s,) of each of the log's sightings with an id; None where one is not mapped."""
+    """Computes the squared Mahalanobis distance (s,) of each sighting with an id; None where one is not mapped."""
     seen = log.ids != UNKNOWN
     row = rows_of(landmarks.ids, log.ids[seen])
     if (row < 0).any():
@@ -75,12 +75,12 @@ def _prior(log: Log, path: Array, landmarks: Map) -> float:
 
 
 def _squared(error: Array, cov: Array) -> float:
-    """Sum of e' C^-1 e over rows."""
+    """Sums e' C^-1 e over rows."""
     return float(_each_squared(error, cov).sum())
 
 
 def _each_squared(error: Array, cov: Array) -> Array:
-    """(n,) e' C^-1 e of every row."""
+    """Computes e' C^-1 e (n,) of every row."""
     if not len(error):
         return np.zeros(0)
     return np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])

@@ -1,4 +1,4 @@
-"""How a cell ends: the statuses that count as the worst."""
+"""The statuses of a cell."""
 
 FAILED = ("diverged", "timeout", "error")
-"""Ways for a cell to end that count as the worst there is."""
+"""statuses that count as the worst error"""

@@ -1,4 +1,4 @@
-"""Reads back from a record the work that it was made by, so that a cell of it can be run once more."""
+"""Restores a record's work, so that a cell of it can be run once more."""
 
 import functools
 
@@ -11,7 +11,7 @@ from .work import PlannedCell, Work, work_of
 
 
 def recorded(store: Store) -> Work:
-    """The work of the run or study in `store`. InputError where a name in it is no longer known."""
+    """Restores the work of the run or study in `store`; InputError for a name that is no longer known."""
     about = store.about()
     planned = store.planned()
     if not planned:

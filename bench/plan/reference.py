@@ -1,8 +1,8 @@
-"""The batch optimum of a log whose truth nobody knows: what the online estimates can be measured from, and no truth.
+"""Computes the batch optimum of a log without ground truth, a reference for online estimates.
 
 It is a maximum-likelihood estimate from the same factors that every backend gets, so smoothers come close to it by
-construction, and no verdict on accuracy is drawn from it. Where sightings do not fit the others, as wrong ids do not,
-they must not rule it: the optimum is then that of a Cauchy loss, and says so.
+construction, and no verdict on accuracy is drawn from it. Where outliers such as wrong ids would rule it, the optimum
+is that of a Cauchy loss, and says so.
 """
 
 import contextlib
@@ -23,35 +23,32 @@ from ..measure.metrics import align
 from ..measure.misfit import misfits
 
 MEDIAN = 1.386
-"""Of chi-square with 2 degrees of freedom."""
+"""median of chi-square with 2 degrees of freedom"""
 
 FAR = 18.42
-"""Beyond this chi-square with 2 degrees of freedom has one part in 10,000."""
+"""chi-square with 2 degrees of freedom exceeds it once in 10,000"""
 
 MANY = 5e-3
-"""Share of sightings beyond FAR from which on they rule the optimum: fifty times what a right noise has there."""
+"""share of sightings beyond FAR from which on they rule the optimum: fifty times what correct noise has there"""
 
 FEWEST = 3
-"""Landmarks by which two maps can be laid over one another."""
+"""landmarks needed to align two maps"""
 
 
 class Outliers(NamedTuple):
-    """The sightings that do not fit an optimum."""
+    """The number of sightings that do not fit an optimum."""
 
     found: int
     of: int
 
     @property
     def many(self) -> bool:
-        """Whether there are more of them than chance would have."""
+        """True if there are more of them than chance explains."""
         return self.found > max(2, MANY * self.of)
 
 
 def reference(log: Log) -> Truth | None:
-    """The optimum of J by `graph`, which another solver's confirm (`tests/backends/test_graph.py`); None where none is.
-
-    Kept in the user's cache by the log's digest.
-    """
+    """Finds the optimum of J by `graph`; None where there is none. Kept in the user's cache by the log's digest."""
     entry = cache.folder() / f"reference-{_key(log)}.npz"
     with contextlib.suppress(InputError):
         return archive.load(entry).truth
@@ -64,9 +61,9 @@ def reference(log: Log) -> Truth | None:
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:
-    """What there is to measure estimates from: `truth` where it has a path, else a reference for the path.
+    """Returns what estimates are measured from: `truth` where it has a path, else a reference.
 
-    Landmarks whose true places are known keep them beside a reference path, moved as a whole to where that has them.
+    Landmarks whose true places are known keep these beside a reference path, aligned as a whole with its map.
     """
     if truth is not None and len(truth.t):
         return truth
@@ -79,9 +76,9 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
 
 
 def outliers(log: Log, solution: Solution) -> Outliers:
-    """How many sightings of `log` do not fit its optimum.
+    """Counts the sightings of `log` that do not fit its optimum, relative to the typical misfit.
 
-    A noise that is stated too small makes all of them fit badly, and is none: what is far is so beside the typical one.
+    A stated noise that is too small makes all of them fit badly, and makes no outlier.
     """
     squared = misfits(log, solution.path, solution.map)
     if squared is None or not len(squared):
@@ -91,7 +88,7 @@ def outliers(log: Log, solution: Solution) -> Outliers:
 
 
 def _beside(places: Map, onto: Map) -> Map:
-    """The landmarks turned and moved, all as one, to lie where `onto` has those that it knows too."""
+    """Aligns all landmarks, as one, with those that `onto` has too."""
     _, mine, theirs = np.intersect1d(places.ids, onto.ids, return_indices=True)
     if len(mine) < FEWEST:
         return places
@@ -125,7 +122,7 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
 
 
 def _key(log: Log) -> str:
-    """What the optimum depends on: the factors, the code that finds it and the library it uses."""
+    """Returns the cache key: the factors, the code that finds the optimum and the library it uses."""
     total = hashlib.sha256(f"{log.digest} numba {metadata.version('numba')}\n".encode())
     for file in [Path(__file__), *sorted(Path(backends.__file__).parent.rglob("*.py"))]:
         total.update(file.read_bytes())

@@ -1,4 +1,4 @@
-"""Cells to be run, and how: a run's plan or a study, as the engine takes it."""
+"""The cells to be run and their limits, as the engine takes them from a run's plan or a study."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,16 +9,16 @@ from .plan import Cell, Plan
 
 
 class PlannedCell(NamedTuple):
-    """One backend on one log, and its place in the plan."""
+    """A cell with its parameters."""
 
     cell: Cell
-    parameters: Mapping[str, Any]  # dataset, backend, seed and what a study sweeps; None: it has no such option
+    parameters: Mapping[str, Any]  # dataset, backend, seed and swept options; None: it has no such option
     timed: bool = False  # it must run alone on its machine
 
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What the engine runs."""
+    """Everything that the engine runs."""
 
     cells: tuple[PlannedCell, ...]
     keep: bool  # paths and other arrays go into the record, too
@@ -26,11 +26,11 @@ class Work:
     timeout_s: float  # a cell, or the making of a log
     memory_mb: int  # a cell
     map: GivenMap | None = None  # goes into the prior of every log
-    logs_first: bool = False  # every log is made before any cell runs, and one that cannot be made ends it all
+    logs_first: bool = False  # every log is made before any cell runs; one that cannot be made ends the run
 
 
 def work_of(plan: Plan) -> Work:
-    """A run for the engine."""
+    """Converts a run's plan for the engine."""
     cells = ((c, {"dataset": c.dataset.label, "backend": c.backend.label, "seed": c.seed}) for c in plan.cells())
     return Work(
         cells=tuple(PlannedCell(*cell) for cell in cells),

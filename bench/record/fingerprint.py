@@ -1,4 +1,13 @@
-"""What a module's source says that it imports, wherever in it that stands, and which files it may read."""
+"""Fingerprints the code that a result depends on: a module, all that it imports, and library versions.
+
+A module's fingerprint is over its own source, that of every module of its own package and of this one that it imports,
+directly or not, the files beside these that they name, and the versions of the libraries that any of them imports. So a
+change to one backend changes the fingerprints of what uses that backend, and no others.
+
+Imports are read from the source: at the top of a module, inside a function, or by a literal name in a call, as in
+`import_module("scipy.linalg")`. A name that is looked up in a table, as the registries do, is not followed: which
+backend a cell has is in its key.
+"""
 
 import ast
 import functools
@@ -13,17 +22,17 @@ from typing import NamedTuple
 from .library_version import is_library, located, version
 
 _CALLED = re.compile(rb"""\(\s*["'](\.{0,2}[A-Za-z_][\w.]*)["']""")
-"""A literal name as a call's first argument, as in `import_module(".ekf", __package__)`."""
+"""a literal name as a call's first argument, as in `import_module(".ekf", __package__)`"""
 
 _TEXT = re.compile(rb"""["']([\w./-]{2,100})["']""")
 
 
 class Imports(NamedTuple):
-    """Names as they stand in the source: relative ones begin with dots."""
+    """Names as written in a module's source: relative ones begin with dots."""
 
     modules: tuple[tuple[str, tuple[str, ...]], ...]  # `from x import y, z` is (x, (y, z)), `import x` is (x, ())
-    called: frozenset[str]  # dotted names that a call is handed first
-    texts: frozenset[str]  # what may be the name of a file
+    called: frozenset[str]  # dotted names that are the first argument of a call
+    texts: frozenset[str]  # possible names of files
 
 
 NONE = Imports((), frozenset(), frozenset())
@@ -31,14 +40,14 @@ NONE = Imports((), frozenset(), frozenset())
 
 @functools.cache
 def imports(source: bytes) -> Imports:
-    """Of a module; what is imported for the type checker alone is not. SyntaxError where it is no Python."""
+    """Lists a module's imports, those for the type checker left out; SyntaxError where it is not Python."""
     modules = tuple(_modules(ast.parse(source).body))
     called = frozenset(found.decode() for found in _CALLED.findall(source) if b"." in found)
     return Imports(modules, called, frozenset(found.decode() for found in _TEXT.findall(source)))
 
 
 def _modules(body: Sequence[ast.AST]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Statements alone are walked through: an import is one, and most of a tree is expressions."""
+    """Walks through statements alone: an import is one, and most of a tree is expressions."""
     for node in body:
         if isinstance(node, ast.Import):
             yield from ((alias.name, ()) for alias in node.names)
@@ -58,7 +67,7 @@ PACKAGE = __name__.partition(".")[0]
 
 @functools.cache
 def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
-    """sha256 of all the code that the module of that full name runs, but for the modules `beyond`.
+    """Returns the sha256 of all code that the named module runs, except the modules `beyond`.
 
     A module that cannot be found has a fingerprint, too: that of nothing.
     """
@@ -72,9 +81,9 @@ def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
 
 
 def closure(module: str, beyond: Collection[str] = frozenset()) -> tuple[dict[str, Path], set[str]]:
-    """The files of the module's code, and the libraries that it uses by their top-level names.
+    """Finds the files of the module's code, and its libraries by their top-level names.
 
-    The modules `beyond` are not among them, nor is what none but these import.
+    The modules `beyond` are left out, and with them what none but these import.
     """
     home = module.partition(".")[0]
     own = {PACKAGE, home}
@@ -102,7 +111,7 @@ def closure(module: str, beyond: Collection[str] = frozenset()) -> tuple[dict[st
 
 @functools.cache
 def read(path: Path) -> bytes:
-    """The content of a file; none where it is gone by now."""
+    """Reads a file; b"" where it no longer exists."""
     try:
         return path.read_bytes()
     except OSError:
@@ -111,7 +120,7 @@ def read(path: Path) -> bytes:
 
 @functools.cache
 def source(name: str) -> Path | None:
-    """The file of the module of that full name; None where there is none, or it is Python's own."""
+    """Finds the file of the named module; None where there is none, or it is Python's own."""
     package, _, last = name.rpartition(".")
     if not package:
         spec = located(name)
@@ -125,7 +134,7 @@ def source(name: str) -> Path | None:
 
 @functools.cache
 def folder_of(package: str) -> Path | None:
-    """Where the package's modules are; nothing is imported to find that out."""
+    """Finds the folder of the package's modules, without importing anything."""
     outer, _, last = package.rpartition(".")
     if not outer:
         spec = located(package)
@@ -136,7 +145,7 @@ def folder_of(package: str) -> Path | None:
 
 
 def _parents(name: str) -> Iterator[str]:
-    """The packages that Python runs before the module; this one's outermost runs nothing."""
+    """Yields the packages that Python runs before the module; this one's outermost runs nothing."""
     parts = name.split(".")
     for k in range(1 + (parts[0] == PACKAGE), len(parts)):
         yield ".".join(parts[:k])
@@ -150,7 +159,7 @@ def _imports(path: Path) -> Imports:
 
 
 def _imported(name: str, path: Path, found: Imports) -> Iterator[str]:
-    """Full names of what the module imports; `from x import y` is x, and x.y where that is a module."""
+    """Yields full names of what the module imports; `from x import y` is x, and x.y where that is a module."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     for module, names in (*found.modules, *((called, ()) for called in found.called)):
         try:
@@ -162,7 +171,7 @@ def _imported(name: str, path: Path, found: Imports) -> Iterator[str]:
 
 
 def _beside(folder: Path, texts: Collection[str]) -> Iterator[Path]:
-    """The files of a package that lie beside a module and are named in it, or are in a folder that is."""
+    """Yields the files of a package that lie beside a module and are named in it, or are in a folder that is."""
     if not (folder / "__init__.py").is_file():
         return
     for text in texts:

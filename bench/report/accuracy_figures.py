@@ -22,11 +22,11 @@ from .drawn_log import DrawnLog, Trace
 from .time_curves import Series, along
 
 STRETCHES = 100
-"""Of a log, each drawn as one point."""
+"""of a log, each drawn as one point"""
 
 
 def bars(found: Iterable[Typical]) -> str:
-    """What the ends of these stand for."""
+    """Names the ends of these bars."""
     counts = {one.n for one in found if one.n > 1}
     if not counts or max(counts) < FEWEST:
         return "range"
@@ -34,7 +34,7 @@ def bars(found: Iterable[Typical]) -> str:
 
 
 def by_log(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, Look]) -> ReportFigure | None:
-    """None where no backend ran on two logs."""
+    """Draws every log's error; None where no backend ran on two logs."""
     shown = [line for line in lines if any(column in line.values for column in PATHS.values())]
     shown.sort(key=lambda line: log.order.index(line.backend))
     if not any(line.values[column].n > 1 for line in shown for column in PATHS.values() if column in line.values):
@@ -94,9 +94,9 @@ def _lost(line: Line) -> str:
 def pairs(
     name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
 ) -> Iterator[ReportFigure]:
-    """The most accurate backend against every other one, for each path on which there are intervals.
+    """Draws the most accurate backend against the others, for each path with intervals.
 
-    One that it has a single other one on is no figure, but a sentence below that of the other path.
+    A single comparison is no figure, but a sentence in the caption of the other path's.
     """
     found: dict[str, tuple[str, Sequence[Comparison]]] = {}
     for path, column in PATHS.items():
@@ -125,7 +125,7 @@ def _said(path: str, called: Mapping[str, str], c: Comparison) -> str:
 
 
 def _over(best: str, c: Comparison) -> Comparison:
-    """The comparison with `best` first; an end of its interval may be nothing, or infinite, where runs failed."""
+    """Turns the comparison so that `best` is first; an end of its interval may be 0 or infinite, where runs failed."""
     if c.first == best:
         return c
     low, high = (1 / end if end else np.inf for end in (c.high, c.low))
@@ -159,7 +159,7 @@ def _pairs(
 
 
 def errors(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Of position, along the log."""
+    """Draws position errors along the log."""
 
     def squared(error: Array) -> Array:
         return (error[:, :2] ** 2).sum(axis=1)
@@ -170,7 +170,7 @@ def errors(name: str, log: DrawnLog) -> ReportFigure | None:
 
 
 def headings(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Errors of heading along the log; None where nobody knows the true one."""
+    """Draws heading errors along the log; None without ground truth."""
 
     def squared(error: Array) -> Array:
         return np.degrees(wrap(error[:, 2])) ** 2

@@ -1,4 +1,4 @@
-"""What a backend's panel of paths holds: its paths and map in the frame of the known path, and ellipses of belief."""
+"""Prepares each backend's panel of paths: path and map in the frame of the known path, and ellipses."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,13 +13,13 @@ from ..words.styles import BASELINE
 from .drawn_log import DrawnLog, Trace
 
 ELLIPSE_95 = float(np.sqrt(chdtri(2, 0.05)))
-"""Half axes of a 95 % ellipse of two coordinates, in standard deviations."""
+"""half axes of a 95 % ellipse of two coordinates, in standard deviations"""
 
 POSES, LANDMARKS = 8, 40
-"""The most ellipses that a panel has."""
+"""the most ellipses that a panel has"""
 
 MOST_POINTS = 300
-"""Of a path, that a page is told."""
+"""points of a path in a page's plot data"""
 
 
 class Panel(NamedTuple):
@@ -35,7 +35,7 @@ class Panel(NamedTuple):
 
     @property
     def curves(self) -> list[Curve]:
-        """Its paths, as a page is told."""
+        """Returns its paths as plot data."""
         paths = {False: self.online, True: self.final}
         return [
             curve(self.trace.label, *path.T, t=self.t, final=final, most=MOST_POINTS)
@@ -45,24 +45,24 @@ class Panel(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What every panel shows of the plane."""
+    """The part of the plane that every panel shows."""
 
     low: Array  # (2,)
     high: Array  # (2,)
 
     @property
     def size(self) -> Array:
-        """(2,) m."""
+        """Returns its size (2,), m."""
         return self.high - self.low
 
 
 def panels(log: DrawnLog) -> list[Panel]:
-    """Of every backend that has a path."""
+    """Prepares a panel for every backend that has a path."""
     return [panel for trace in log.traces if (panel := _panel(log, trace)) is not None]
 
 
 def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
-    """None for a backend without any path."""
+    """Prepares a panel; None for a backend without any path."""
     a = trace.arrays
     online, final = (a.get(name, a.get(plain)) for name, plain in (("aligned", "online"), ("final_aligned", "final")))
     if online is None and final is None:
@@ -105,7 +105,7 @@ def _map_ellipses(a: Any, prefix: str, landmarks: Array, motion: Array) -> Array
 
 
 def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
-    """(k, 5), turned with the alignment."""
+    """Returns ellipses (k, 5), turned with the alignment."""
     turn = rotation(motion[2])[:2, :2]
     values, vectors = np.linalg.eigh(turn @ covs @ turn.T)
     half = ELLIPSE_95 * np.sqrt(np.maximum(values, 0))
@@ -114,7 +114,7 @@ def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
 
 
 def framed(log: DrawnLog, panels: Sequence[Panel]) -> Frame:
-    """The known path and map with some room; with nothing known, where the middle 98 % of all paths are."""
+    """Frames the known path and map with some room; with nothing known, the middle 98 % of all paths."""
     if log.known:
         points = np.concatenate((log.known["poses"][:, :2], log.known.get("xy", np.zeros((0, 2)))))
         low, high = points.min(axis=0), points.max(axis=0)

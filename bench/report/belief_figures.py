@@ -1,4 +1,4 @@
-"""Figures of beliefs beside their errors: NEES and NIS along a run, over their degrees of freedom."""
+"""Figures of consistency, NEES and NIS over their degrees of freedom, and of particles."""
 
 import numpy as np
 from scipy.special import chdtri
@@ -15,14 +15,14 @@ from .time_curves import Band, Series, along
 STRETCHES = 100
 
 NIS_STRETCHES = 50
-"""Of all logs together."""
+"""of all logs together"""
 
 MOST = 30.0
-"""Values above have nothing to do with the errors: how far above is said, and what is near 1 can be seen."""
+"""values above are unrelated to the errors: the caption says how far above, and what is near 1 stays visible"""
 
 
 def nees(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Its mean over independent logs where there are several, else that of the run that is drawn; None without any."""
+    """Draws mean NEES over independent logs, else that of the drawn run; None without any."""
     return _over_logs(name, log) or _along(name, log)
 
 
@@ -40,8 +40,8 @@ def _over_logs(name: str, log: DrawnLog) -> ReportFigure | None:
     t, low = stretches(widest.t, widest.low, STRETCHES)
     _, high = stretches(widest.t, widest.high, STRETCHES)
     caption = (
-        f"Mean over {widest.n.max()} independent logs. 1 is right, above is overconfident, below cautious. "
-        "Grey: where 95 % of means lie if the belief is right."
+        f"Mean over {widest.n.max()} independent logs. 1 is consistent, above is overconfident, below cautious. "
+        "Grey: where 95 % of a consistent filter's means lie."
     )
     called = tags(look)
     for word in ("overconfident", "cautious"):
@@ -60,7 +60,7 @@ def _along(name: str, log: DrawnLog) -> ReportFigure | None:
         if {"at", "nees"} <= (a := trace.arrays).keys() and np.isfinite(a["nees"]).any()
     ]
     caption = (
-        "Mean over short stretches. 1 is right, above is overconfident, below cautious. "
+        "Mean over short stretches. 1 is consistent, above is overconfident, below cautious. "
         "No band: errors along one run are not independent."
     )
     title, unit = "NEES along the log", "NEES / 3"
@@ -68,9 +68,9 @@ def _along(name: str, log: DrawnLog) -> ReportFigure | None:
 
 
 def nis(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Innovations beside what each backend expected of them; needs no known path.
+    """Draws innovations relative to their expected covariance; needs no known path.
 
-    None where no backend tells, or with a single log: scatter alone would be seen.
+    None where no backend reports them, or with a single log: only scatter would show.
     """
     shown = {trace.label: log.nis[trace.label] for trace in log.traces if len(log.nis.get(trace.label, ())) > 1}
     if not shown:
@@ -89,8 +89,8 @@ def nis(name: str, log: DrawnLog) -> ReportFigure | None:
         bands.append(Band(middle, *(chdtri(counts[seen], p) / counts[seen] for p in (0.975, 0.025))))
     caption = (
         "Squared innovations over what was expected, over short stretches of "
-        f"{max(map(len, shown.values()))} independent logs. 1 is right; above, sightings were worse than their stated "
-        "noise, below, better. Grey: where 95 % lie if all is right."
+        f"{max(map(len, shown.values()))} independent logs. 1 is consistent; above, sightings were worse than their "
+        "stated noise, below, better. Grey: where 95 % of a consistent filter's lie."
     )
     without = [label for label in look if label not in log.nis and label != BASELINE]
     if without:
@@ -102,20 +102,17 @@ def nis(name: str, log: DrawnLog) -> ReportFigure | None:
     )
 
 
-STRETCHES = 100
-
-
 def effective(name: str, log: DrawnLog) -> ReportFigure | None:
-    """How many particles carry the weight."""
+    """Draws the effective number of particles."""
     caption = "1 / sum of squared weights: low where few particles carry all. "
     return _particles(name, log, "n_eff", "Effective particles", caption)
 
 
 def ancestors(name: str, log: DrawnLog) -> ReportFigure | None:
-    """How many histories are left."""
+    """Draws the number of surviving ancestors."""
     caption = (
-        "Starting particles with descendants left: at 1, all share one early path. The belief is the spread of what "
-        "is left, so that few ancestors make it too sure. "
+        "Starting particles with descendants left: at 1, all share one early path. The belief is their spread, so few "
+        "ancestors make it overconfident. "
     )
     return _particles(name, log, "ancestors", "Ancestors left", caption)
 
@@ -139,6 +136,6 @@ def _particles(name: str, log: DrawnLog, array: str, title: str, caption: str) -
 
 
 def _count(trace: Trace) -> float:
-    """How many particles it has: as many are effective while their weights are the same, and begin a history."""
+    """Returns its number of particles: as many are effective and ancestors at first."""
     a = trace.arrays
     return float(np.round(max(np.nanmax(a[name]) for name in ("n_eff", "ancestors") if name in a)))

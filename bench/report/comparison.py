@@ -1,4 +1,4 @@
-"""A comparison of two runs as a pull request, a terminal and a program read it."""
+"""A comparison of two runs as Markdown, as a table for the terminal, as JSON, and for Python."""
 
 import math
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ STYLES = {REGRESSION: "bold red", GAIN: "green", FEW: "yellow", NEW: "cyan", GON
 
 
 def markdown(found: PairedRuns, told: list[Change], least: float | None) -> str:
-    """For a pull request: a line, what has changed, and the rest in fold-outs."""
+    """Writes Markdown for a pull request: a line, the changes, and the rest in fold-outs."""
     first = [change for change in told if _striking(change)]
     said = summary(told)
     page = {
@@ -88,7 +88,7 @@ def markdown(found: PairedRuns, told: list[Change], least: float | None) -> str:
 
 
 def table(told: list[Change]) -> Table | None:
-    """For the terminal: what has changed by as much as counts; None if nothing has."""
+    """Makes a table for the terminal of what has changed by more than the least that counts; None if nothing has."""
     striking = [change for change in told if _striking(change)]
     if not striking:
         return None
@@ -109,7 +109,7 @@ def table(told: list[Change]) -> Table | None:
 
 
 def document(found: PairedRuns, told: list[Change], least: float | None) -> dict[str, Any]:
-    """For a program."""
+    """Returns the comparison as JSON takes it."""
     return {
         "status": int(judged.regressed(told)),
         "summary": summary(told),
@@ -123,16 +123,16 @@ def document(found: PairedRuns, told: list[Change], least: float | None) -> dict
 
 
 def method(least: float | None) -> str:
-    """How it was compared, in words."""
+    """Describes the method of comparison."""
     counts = listed(
         [f"{100 * (q.least if least is None else least):g} % in {q.words.split(',')[0]}" for q in QUANTITIES]
     )
     return (
         "Old and new are medians over the logs that both ran on; the change is the typical one, log by log. It is a "
         "regression or a gain where the Wilcoxon signed-rank test, after Holm's correction over all comparisons of its "
-        "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval leaves no change out, and it "
-        f"is as large as counts: {counts}. A backend without randomness on factors that are the same to "
-        "the last bit needs no test: where there are too few logs for one, what changed is called so on these "
+        "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval excludes no change, and it "
+        f"is at least as large as counts: {counts}. A backend without randomness on factors that are the same to "
+        "the last bit needs no test: where there are too few logs for one, changes hold for these "
         "logs. NEES is compared by how far it is from 1, as a factor. A failure counts as worse "
         "than any error. A cell that was done and now fails or is skipped, "
         "or has no error or NEES any more, is a regression whatever the statistics."
@@ -140,12 +140,12 @@ def method(least: float | None) -> str:
 
 
 def shown(change: Change, value: float) -> str:
-    """A median, or how many failed; "" where there is none."""
+    """Writes a median, or how many failed; "" where there is none."""
     if change.kind == "failures":
         return f"{value:.0f}"
     return "" if math.isnan(value) else "failed" if math.isinf(value) else number(value)
 
 
 def _striking(change: Change) -> bool:
-    """Whether a reader wants to see it first."""
+    """Returns True for changes to be shown first."""
     return change.verdict in (REGRESSION, GAIN, NEW, GONE) or (change.verdict == FEW and change.beyond)

@@ -1,4 +1,4 @@
-"""Figures of CPU time: along a run, over all of a run's steps, and as the log or the map grows."""
+"""Figures of CPU time: along a run, over all of a run's steps, and against the growing log or map."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -24,14 +24,14 @@ from .time_curves import HEIGHT, Series, along
 STRETCHES = 60
 
 SHORTEST_US = 0.1
-"""µs; costs are drawn from here on: below it a step is lost in the clock's own noise."""
+"""µs; lower costs are drawn at it: a step below it is lost in the clock's noise"""
 
 FAR = 20
-"""Times the slowest step; the time between steps is not drawn where it is longer."""
+"""times the slowest step; the time between steps is not drawn where it is longer"""
 
 
 def over_time(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Means of stretches, and the slowest step of each."""
+    """Draws means of stretches, and the slowest step of each."""
     series: list[Series] = []
     for trace in _timed(log):
         t, us = trace.arrays["t"], _us(trace)
@@ -44,7 +44,7 @@ def over_time(name: str, log: DrawnLog) -> ReportFigure | None:
 
 
 def spread(name: str, log: DrawnLog) -> ReportFigure | None:
-    """How much steps differ."""
+    """Draws the distribution of the steps' costs."""
     timed = _timed(log)
     if not timed:
         return None
@@ -81,7 +81,7 @@ def spread(name: str, log: DrawnLog) -> ReportFigure | None:
         curve(trace.label, np.percentile(_us(trace), (50, 99, 100)), np.full(3, k + 0.12))
         for k, trace in enumerate(timed)
     ]
-    return report_figure(name, "What a step costs", caption, height(names), draw, group="cost", curves=curves)
+    return report_figure(name, "CPU time of a step", caption, height(names), draw, group="cost", curves=curves)
 
 
 class _Growth(NamedTuple):
@@ -92,7 +92,7 @@ class _Growth(NamedTuple):
 
 
 def growth(name: str, log: DrawnLog, lines: Sequence[Line], along: str) -> ReportFigure | None:
-    """Against the step's number, or against landmarks known, `along` being steps or landmarks; both logarithmic.
+    """Draws costs against steps or landmarks known, as `along` says; both logarithmic.
 
     None where there is no power to be seen: each fit is flat, or there is none.
     """
@@ -154,7 +154,7 @@ def _sizes(trace: Trace, along: str) -> Ints | None:
 
 
 def _highest(t: Array, values: Array, count: int) -> Array:
-    """(count,) the highest value in each of `axes.stretches`; NaN where it has none."""
+    """Returns (count,) the highest value in each of `axes.stretches`; NaN where it has none."""
     edges = np.linspace(t[0], t[-1], count + 1)
     place = np.clip(np.searchsorted(edges, t, "right") - 1, 0, count - 1)
     highest = np.full(count, -np.inf)
@@ -175,7 +175,7 @@ def _beside(log: DrawnLog) -> str:
 
 
 def _interval(log: DrawnLog, trace: Trace) -> float | None:
-    """µs from step to step, the median; None where the log has no real times."""
+    """Returns the median µs from step to step; None where the log has no real times."""
     if log.lengths.get(log.seed) is None:
         return None
     return float(np.median(np.diff(trace.arrays["t"]))) * 1e6

@@ -1,4 +1,4 @@
-"""What the figures of a dataset show: the known path, and a run along it of every backend that has one."""
+"""Chooses the log that a dataset's figures show: the known path, and every backend's run along it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -32,21 +32,21 @@ class DrawnLog(NamedTuple):
     known: Mapping[str, Any]  # the log's arrays: t, poses, ids, xy; empty where no path is known
     traces: Sequence[Trace]
     missing: Sequence[str]  # the backends that have no cell to draw
-    lengths: Mapping[int, float | None]  # s that each seed's log covers; None where its times are no times
+    lengths: Mapping[int, float | None]  # s that each seed's log covers; None where it is not timed
     order: Sequence[str] = ()  # the backends, the lowest median error first
     nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
     nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
     logs: int = 1  # different ones that the dataset has
-    typical: bool = False  # whether the log was chosen among several by its errors
+    typical: bool = False  # the log was chosen among several by its errors
 
     @property
     def clock(self) -> str:
-        """What its times are, as an axis names them."""
+        """Returns the label of the time axis."""
         return "step" if self.lengths.get(self.seed) is None else "time, s"
 
     @property
     def which(self) -> str:
-        """Which of the logs is drawn; "" where there is one."""
+        """Says which of the logs is drawn; "" where there is one."""
         if self.logs == 1:
             return ""
         return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
@@ -55,7 +55,7 @@ class DrawnLog(NamedTuple):
 def drawn_log(
     store: Store, lines: Sequence[Line], looks: Mapping[str, Look], slugs: Mapping[str, str]
 ) -> DrawnLog | None:
-    """The log of a dataset's lines; None where no cell is done."""
+    """Chooses the log of a dataset's lines; None where no cell is done."""
     done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
     if not done:
         return None
@@ -80,7 +80,7 @@ def drawn_log(
 
 
 def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
-    """The seed that is drawn, and whether its errors say that it is."""
+    """Returns the seed that is drawn, and True if errors chose it."""
     by_seed: dict[int, list[tuple[Line, Row]]] = {}
     for line, row in done:
         by_seed.setdefault(row.columns["seed"], []).append((line, row))
@@ -91,7 +91,7 @@ def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
 
 
 def _off(cells: Sequence[tuple[Line, Row]]) -> float:
-    """How far the cells' errors are from their backends' medians: the sum of the ratios' logarithms, without signs."""
+    """Returns the distance of the cells' errors from their medians: the sum of absolute log ratios."""
     total = 0.0
     for line, row in cells:
         column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
@@ -108,7 +108,7 @@ def _error(line: Line) -> tuple[int, float]:
 
 
 def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
-    """Of each log's first run that has it: several on one log are not independent."""
+    """Reads NEES of each log's first run that has it: several on one log are not independent."""
     by_log: dict[str, tuple[Array, Array]] = {}
     for row in line.rows:
         if row.columns["nees"] is not None and row.columns["digest"] not in by_log:
@@ -119,7 +119,7 @@ def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
 
 
 def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:
-    """Of each log's first run that has it: s since the log began, NIS and its degrees of freedom, where it has any."""
+    """Reads NIS of each log's first run that has it: s since the log began, NIS and degrees of freedom."""
     by_log: dict[str, tuple[Array, Array, Array]] = {}
     for row in line.rows:
         if row.columns["nis"] is not None and row.columns["digest"] not in by_log:

@@ -1,4 +1,4 @@
-"""The figures of a dataset, in the order in which a report shows them."""
+"""Makes a dataset's figures, in the order in which a report shows them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -6,7 +6,7 @@ from ..drawing.figure import ReportFigure
 from ..verdict.statistics import Comparison
 from ..verdict.summary import Line
 from ..words.styles import Look
-from . import accuracy_figures, belief_figures, cpu_figures, particle_figures
+from . import accuracy_figures, belief_figures, cpu_figures
 from .drawn_log import DrawnLog
 from .pareto import pareto
 from .path_figures import overlay
@@ -19,7 +19,7 @@ def report_figures(
     looks: Mapping[str, Look],
     comparisons: Mapping[str, Sequence[Comparison]] | None = None,
 ) -> list[ReportFigure]:
-    """Those for which a dataset has what they show; `name` begins their files'. `comparisons` are the verdict's."""
+    """Makes those for which there is data; `name` begins their files' names. `comparisons` are the verdict's."""
     return [made for made in _made(name, log, lines, looks, comparisons or {}) if made is not None]
 
 
@@ -43,5 +43,5 @@ def _made(
     yield cpu_figures.over_time(f"{name}-cost-along", log)
     yield cpu_figures.growth(f"{name}-growth-steps", log, lines, "steps")
     yield cpu_figures.growth(f"{name}-growth-landmarks", log, lines, "landmarks")
-    yield particle_figures.effective(f"{name}-effective", log)
-    yield particle_figures.ancestors(f"{name}-ancestors", log)
+    yield belief_figures.effective(f"{name}-effective", log)
+    yield belief_figures.ancestors(f"{name}-ancestors", log)

@@ -1,4 +1,4 @@
-"""What accuracy costs: every backend's error against its CPU time, and the front that no other one is before."""
+"""Draws accuracy against cost: every backend's error and CPU time, and the Pareto front."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -24,11 +24,11 @@ from .drawn_log import DrawnLog
 HEIGHT = 200
 
 NAMED = 7
-"""The most points that have their names beside them: those of the fronts, and the most accurate of the others."""
+"""the most points with names: those of the fronts, and the most accurate of the others"""
 
 
 RING: dict[str, Any] = {"markersize": 11, "markerfacecolor": "none", "markeredgewidth": 0.8}
-"""Round the points of what is not compiled here."""
+"""rings around the points of what is not compiled here"""
 
 
 class _Choice(NamedTuple):
@@ -43,7 +43,7 @@ class _Choice(NamedTuple):
 
 
 def pareto(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, Look]) -> ReportFigure | None:
-    """None where there are no two to choose from."""
+    """Draws the figure; None with fewer than two backends."""
     choices = list(_choices(lines, looks))
     choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
     if len({choice.label for choice in choices}) < 2:
@@ -105,7 +105,7 @@ def pareto(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, 
 
 
 def _ringed(lines: Sequence[Line], choices: Sequence[_Choice]) -> str:
-    """What the ringed ones are."""
+    """Names the ringed ones."""
     ringed = {choice.label for choice in choices if choice.ringed}
     kinds = dict.fromkeys(line.implementation for line in lines if line.backend in ringed)
     return f"{listed(list(kinds))}; the others are {COMPILED_HERE}"
@@ -133,7 +133,7 @@ def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -
 
 
 def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
-    """Those that none is before, of online paths and of final ones, where there are several; the cheapest first."""
+    """Returns the Pareto fronts of online and of final paths, the cheapest first; none with a single point."""
     fronts: dict[bool, list[_Choice]] = {}
     for final in (False, True):
         front = [choice for choice in choices if choice.final == final and not any(_before(c, choice) for c in choices)]
@@ -143,6 +143,6 @@ def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
 
 
 def _before(one: _Choice, other: _Choice) -> bool:
-    """Whether `one` is cheaper and more accurate, for the same kind of path."""
+    """Returns True if `one` is cheaper and more accurate, for the same kind of path."""
     a, b = (one.us, one.error.value), (other.us, other.error.value)
     return one.final == other.final and a != b and a[0] <= b[0] and a[1] <= b[1]

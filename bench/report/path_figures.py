@@ -1,4 +1,4 @@
-"""The paths: a panel a backend, all over the same known path and cut to the same frame."""
+"""Figures of paths: one panel per backend over the same known path, and all in one."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -19,20 +19,20 @@ from .aligned_paths import Frame, Panel, framed, panels
 from .drawn_log import DrawnLog
 
 PANEL = 200
-"""Points that a panel is wide: four stand beside each other on a page, and their letters are to be read."""
+"""points that a panel is wide: four fit side by side on a page and stay legible"""
 
 TITLE = 34
-"""Characters that fit above a panel."""
+"""characters that fit above a panel"""
 
 TITLE_ROW = 11
-"""Points that a line of it is high."""
+"""points that a line of it is high"""
 
 VISIBLE = 0.012
-"""Ellipses are left out where their longer half axis is a smaller share of the frame."""
+"""ellipses are left out where their longer half axis is a smaller share of the frame"""
 
 
 def trajectories(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
-    """A panel for each backend that has a path; its caption says what the frame cuts off."""
+    """Draws a panel for each backend that has a path; its caption says what the frame cuts off."""
     every = panels(log)
     if not every:
         return
@@ -50,7 +50,7 @@ def trajectories(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
 
 
 def tall(frame: Frame, width: float) -> float:
-    """Points that a picture of the frame is high, without what is above it."""
+    """Returns the points that a picture of the frame is high, without what is above it."""
     return 34 + (width - 36) * float(np.clip(frame.size[1] / frame.size[0], 0.35, 1.3))
 
 
@@ -60,7 +60,7 @@ def _cut(panel: Panel, frame: Frame) -> str:
 
 
 def beyond(frame: Frame, *paths: Array | None) -> float:
-    """How far the paths (n, 2) leave the frame, m; nothing, or less, where they do not."""
+    """Returns how far the paths (n, 2) leave the frame, m; 0 or less where they do not."""
     return max(float(np.maximum(frame.low - path, path - frame.high).max()) for path in paths if path is not None)
 
 
@@ -81,7 +81,7 @@ def _draw(figure: Figure, log: DrawnLog, panel: Panel, frame: Frame) -> None:
 
 
 def plane(figure: Figure, log: DrawnLog, frame: Frame) -> Axes:
-    """Axes over the frame, with what is known drawn on them."""
+    """Makes axes over the frame, with what is known drawn on them."""
     axes = figure.subplots()
     axes.set_aspect("equal")
     axes.set_xlim(frame.low[0], frame.high[0])
@@ -96,7 +96,7 @@ def plane(figure: Figure, log: DrawnLog, frame: Frame) -> Axes:
 
 
 def _title(log: DrawnLog, panel: Panel) -> str:
-    """Name and error, on two lines where one has no room."""
+    """Returns name and error, on two lines where one has no room."""
     title = short(panel.trace.label, TITLE - 2)
     if panel.error is not None:
         error = f"{number(panel.error)} m " + ("from reference" if log.kind == "reference" else "ATE")
@@ -115,7 +115,7 @@ def _draw_ellipses(axes: Axes, panel: Panel, frame: Frame) -> None:
 
 
 def overlay(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Online paths, and final ones of backends that have no other. None where there are no two."""
+    """Draws online paths, and final ones of backends without; None with fewer than two."""
     every = panels(log)
     if len(every) < 2:
         return None

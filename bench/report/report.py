@@ -1,4 +1,4 @@
-"""A run's report: report.html, one file that needs no network, and report.md with its figures and tables beside it."""
+"""Writes a run's report: report.html, one file that needs no network, and report.md with figures and tables."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -14,13 +14,13 @@ from .section import Section, sections
 from .tables import cells_table, paper_table
 
 FIGURES, TABLES = "figures", "tables"
-"""Folders beside the page."""
+"""folders beside the page"""
 
 
 def write_report(store: Store, figures: Sequence[str] = ()) -> None:
-    """Write report.html, report.md, figures/ and tables/ into the record's folder, each file all or nothing.
+    """Writes report.html, report.md, figures/ and tables/ into the record's folder, each file whole or not at all.
 
-    `figures` are further forms that every figure is to be there in: "pdf", "png" (300 dpi).
+    `figures` are further formats of every figure: "pdf", "png" (300 dpi).
     """
     run, rows = store.run(), list(store.cells())
     parts, look = sections(store)
@@ -56,7 +56,7 @@ def _write_figures(folder: Path, section: Section, forms: Sequence[str]) -> None
 
 
 def _write_tables(folder: Path, section: Section) -> None:
-    """Those that have a row, for LaTeX."""
+    """Writes those that have a row, for LaTeX."""
     folder.mkdir(exist_ok=True)
     tables = {
         "main": section.accuracy,
@@ -75,13 +75,13 @@ def _write_tables(folder: Path, section: Section) -> None:
 
 
 def _purposes(parts: Sequence[Section]) -> dict[str, str]:
-    """Heading by purpose, of those that any section has a use for."""
+    """Returns headings by purpose, of those that any section has a recommendation for."""
     named = {use.purpose for part in parts for use in part.verdict.uses}
     return {purpose: heading for purpose, heading in PURPOSES.items() if purpose in named}
 
 
 def _counts(rows: Sequence[Row], planned: int) -> str:
-    """How many cells ended how, how many of those planned have not been run, and what a cell is."""
+    """Counts cells by status, with those not run yet, and defines a cell."""
     statuses = [row.columns["status"] for row in rows]
     counts = {status: statuses.count(status) for status in sorted(statuses)}
     counts |= {"not run yet": planned - len(rows)} if planned > len(rows) else {}
@@ -90,7 +90,7 @@ def _counts(rows: Sequence[Row], planned: int) -> str:
 
 
 def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    """(log, digest), each once; one that is the same for all seeds has no seed."""
+    """Lists (log, digest), each once; without a seed where it is the same for all."""
     by_log: dict[str, dict[int, str]] = {}
     for row in rows:
         c = row.columns

@@ -1,4 +1,4 @@
-"""What a report says of one dataset: verdict, tables, figures, and what failed."""
+"""A report's section on one dataset: verdict, tables, figures, and what failed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -29,20 +29,20 @@ class Failure(NamedTuple):
 
 
 class Section(NamedTuple):
-    """All on one dataset."""
+    """A report's section on one dataset."""
 
     dataset: str  # label
-    name: str  # what people call it
+    name: str  # display name
     anchor: str
     kind: str  # "truth", "reference" or ""
-    places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
+    places: str  # source of the known landmarks' places, if any: "truth" or "reference"
     verdict: Verdict
     facts: str
     accuracy: Table  # the small one that answers most questions
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
     cost: Table  # of a step, and of the log
-    cost_note: str  # whose programs are compared, where they are of several
+    cost_note: str  # the programs that are compared, if several
     growth: Table  # of a step, along the log
     fit: Table  # J by its terms
     fit_note: str
@@ -54,7 +54,7 @@ class Section(NamedTuple):
 
     @property
     def groups(self) -> dict[str, list[ReportFigure]]:
-        """The figures by what they are about, in the order in which a report shows them.
+        """Groups the figures by subject, in the order in which a report shows them.
 
         Those of accuracy over time are beside those of consistency; the others stand by themselves, first.
         """
@@ -64,7 +64,7 @@ class Section(NamedTuple):
 
 
 def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
-    """What there is to say of each dataset, and how each backend looks in all of it."""
+    """Makes a section for each dataset, and the backends' looks in all of them."""
     run = store.run()
     found = lines(store.cells(), run.get("implementations"))
     look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
@@ -120,7 +120,7 @@ def _seeds(rows: Sequence[Row]) -> str:
 
 
 def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:
-    """What the log is, in a line."""
+    """Describes the log in a line."""
     first = {name: value for line in reversed(found) for name, value in line.values.items()}
     said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]
     length = shown and shown.lengths.get(shown.seed)
@@ -130,7 +130,7 @@ def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:
 
 
 def _fit_note(found: Sequence[Line]) -> str:
-    """What J is to be held against: its size were all stated noise true; and why that of an online path is large."""
+    """Explains J: its size with true noise, and why that of an online path is large."""
     numbers = {
         (3 * (c["steps"] - 1), 2 * (c["sightings"] - c["ignored"]))
         for c in (row.columns for line in found for row in line.rows)
@@ -142,6 +142,6 @@ def _fit_note(found: Sequence[Line]) -> str:
         said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings at the true "
         said += "path and map; an optimum has less."
     if any("j_online" in line.values for line in found):
-        said += " A filter's online path jumps where a sighting corrects it, and no odometry has reported the jump: "
-        said += "its J is large by nature, and no fault."
+        said += " A filter's online path jumps where a sighting corrects it, and odometry does not explain the jump: "
+        said += "its large J is no defect."
     return said

@@ -1,4 +1,4 @@
-"""Curves over the time since a log began, over steps where it has no times."""
+"""Draws curves over the time since a log began, over steps where it is not timed."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,11 +18,11 @@ from ..words.styles import Look
 from .drawn_log import DrawnLog
 
 HEIGHT = 165
-"""Points, without the legend."""
+"""points, without the legend"""
 
 
 class Series(NamedTuple):
-    """A backend's."""
+    """A backend's curve."""
 
     label: str
     look: Look
@@ -34,7 +34,7 @@ class Series(NamedTuple):
 
 
 class Band(NamedTuple):
-    """Where values should be."""
+    """The band in which values should be."""
 
     t: Array
     low: Array
@@ -55,10 +55,10 @@ def along(
     band: Band | None = None,
     start: float | None = None,
 ) -> ReportFigure | None:
-    """The figure; None without any series.
+    """Draws the curves; None without any.
 
-    `start` is when the log began, if not with the first of the series. `level` is where values should be. Those above
-    `most` are left out, and told of, where that leaves something to see.
+    `start` is when the log began, if not with the first of the series. `level` is where values should be. Values above
+    `most` are left out and listed in the caption, unless nothing would be left.
     """
     series = [one for one in series if len(one.t)]
     if not series:

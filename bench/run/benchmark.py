@@ -1,4 +1,4 @@
-"""A whole run, from words to a folder with its report: what `bench run` and `slamduel.run` both do."""
+"""A whole run, from its settings to a folder with its report: what `bench run` and `slamduel.run` do."""
 
 import contextlib
 import shlex
@@ -25,7 +25,7 @@ DEFAULTS: dict[str, Any] = {
     "map_fixed": False,
     "oracle": False,
 }
-"""What a run is when nothing is said."""
+"""the settings of a run where nothing is given"""
 
 
 def benchmark(
@@ -37,9 +37,9 @@ def benchmark(
     *,
     retry: bool = False,
 ) -> Plan:
-    """Run what `given` says, and DEFAULTS where it says nothing, into `out`; or go on with the run that is in there.
+    """Runs what `given` and DEFAULTS say into `out`, or continues the run that is in there.
 
-    InputError where that run is another one than what is asked for.
+    InputError where that run has other settings than those given.
     """
     plan = planned(given, out)
     try:
@@ -55,7 +55,7 @@ def benchmark(
 
 
 def planned(given: Mapping[str, Any], out: Path) -> Plan:
-    """The plan of the run in `out`, else what `given` and DEFAULTS say. InputError as for `benchmark`."""
+    """Returns the plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
     plan = recorded_plan(out)
     if plan is None:
         plan = Plan.from_words(DEFAULTS | dict(given))
@@ -67,14 +67,14 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
 
 
 def begun(out: Path) -> bool:
-    """Whether `out` holds a run to go on with."""
+    """Returns True if `out` holds a run to continue."""
     with contextlib.suppress(InputError):
         return recorded_plan(out) is not None
     return False
 
 
 def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> None:
-    """InputError where `out` holds a run of another plan than the one asked for."""
+    """Raises InputError where `out` holds a run with other settings than those given."""
     recorded = plan.words()
     asked = Plan.from_words(recorded | {"map_digest": None} | dict(given)).words()
     for name, value in asked.items():

@@ -1,4 +1,4 @@
-"""How long a run still takes, by what its cells have taken so far: they differ by dataset and by backend."""
+"""Shows a run's progress: tables that fill up and the time left; without a terminal, a line per cell."""
 
 import time
 from collections import Counter
@@ -23,11 +23,11 @@ from ..words.numerals import counted
 from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
 
 Kind = tuple[str, str]
-"""A cell's dataset and backend, by their labels."""
+"""a cell's dataset and backend, by their labels"""
 
 
 class Pace:
-    """The seconds of wall time that cells took, by kind, and the kinds of those that are still to come."""
+    """Estimates the time left from the wall time of the cells so far, by dataset and backend."""
 
     def __init__(self, kinds: Iterable[Kind], workers: int) -> None:
         self._left = list(kinds)
@@ -35,14 +35,14 @@ class Pace:
         self._taken: dict[Kind, list[float]] = {}
 
     def took(self, kind: Kind, seconds: float) -> None:
-        """One of that kind has ended."""
+        """Counts a cell of that kind."""
         self._left.remove(kind)
         self._taken.setdefault(kind, []).append(seconds)
 
     def left(self) -> float | None:
-        """s until the last one ends, counted from when the latest ended; None before any has.
+        """Returns the s until the last cell ends, from when the latest ended; None before any has.
 
-        Cells that run side by side share the time, but it is never less than what the longest takes.
+        Parallel cells share the time, but it is never less than that of the longest.
         """
         if not self._taken:
             return None
@@ -53,10 +53,10 @@ class Pace:
 
 
 def _guess(known: Mapping[Kind, float], kind: Kind) -> float:
-    """The mean of its own kind, else what others suggest, and at last the mean of all.
+    """Guesses a kind's time: its own mean, else from ratios, at last the mean of all.
 
-    As this backend is to another one on another dataset, so it is on this one; where no other two tell, the mean of
-    those that share its dataset or its backend.
+    As this backend is to another one on another dataset, so it is on this one; without two such, the mean of those that
+    share its dataset or its backend.
     """
     if kind in known:
         return known[kind]
@@ -71,7 +71,7 @@ def _guess(known: Mapping[Kind, float], kind: Kind) -> float:
 
 
 def words(seconds: float) -> str:
-    """A time that is left, no finer than it is known."""
+    """Writes the time left, no finer than it is known."""
     if seconds < 10:
         return "some seconds left"
     if seconds < 90:
@@ -80,13 +80,13 @@ def words(seconds: float) -> str:
 
 
 AGAIN_S = 30.0
-"""s between two lines that tell the time left."""
+"""s between two lines that report the time left"""
 
 REFRESHED = 1.0
-"""Times a second that the terminal is drawn: each takes some milliseconds of a core from what is measured."""
+"""redraws per second: each takes some milliseconds of a core from what is measured"""
 
 BAR = 24
-"""Columns of the bar, where there is room."""
+"""columns of the bar, where there is room"""
 
 
 class Screen:
@@ -115,23 +115,23 @@ class Screen:
         self._live.stop()
 
     def looking(self, logs: int) -> None:
-        """So many logs are to be made: from now on there is something to see."""
+        """Announces the making of so many logs; the screen starts."""
         if watched(self._console) and not self._console.quiet:
             self._live.start()
         if logs:
             self._stage, self._done, self._total = "preparing logs", 0, logs
 
     def looked(self, name: str) -> None:
-        """One is ready."""
+        """Counts a log."""
         del name
         self._done += 1
 
     def say(self, sentence: str) -> None:
-        """Print a remark for the user."""
+        """Prints a remark for the user."""
         self._console.print(plain(sentence), highlight=False, soft_wrap=True)
 
     def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
-        """These cells are to be run; `recorded` have a result already."""
+        """Announces the cells to be run; `recorded` have a result already."""
         if done:
             self._console.print(
                 f"{counted(done, 'cell')} in the record already, {len(cells)} to be run", highlight=False
@@ -147,7 +147,7 @@ class Screen:
         self._draw()
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
-        """One has ended; on a terminal it is said at once, and once, where it did not go well, elsewhere always."""
+        """Counts a cell; prints it, on a terminal only if it did not go well, each message once."""
         self._rows.append(Row({**dict.fromkeys((*COLUMNS, *MORE)), **row}, ""))
         self._done += 1
         self._latest = time.monotonic()
@@ -161,7 +161,7 @@ class Screen:
         self._draw()
 
     def reporting(self) -> None:
-        """All have; the report is written."""
+        """Announces the report."""
         self._stage, self._done, self._total = "writing the report", 0, 0
 
     def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
@@ -181,20 +181,20 @@ class Screen:
         )
 
     def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
-        """Say once that a log shows nothing: its backends are not worth waiting for."""
+        """Warns once about a log without sightings."""
         if row["status"] == "done" and unseen([row["sightings"]]) and dataset not in self._warned:
             self._warned.add(dataset)
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 
     def _left(self) -> str | None:
-        """The time left, in words; None before it can be told, and when nothing is."""
+        """Returns the time left, in words; None before the first cell has ended, and at the end."""
         left = self._pace.left()
         if left is None or self._done == self._total:
             return None
         return words(max(0.0, left - (time.monotonic() - self._latest)))
 
     def _draw(self) -> None:
-        """Work the tables out anew: where they are too tall to be written over, a line a dataset, or nothing."""
+        """Recomputes the tables; where they are too tall, one line per dataset, or none."""
         if not self._live.is_started:
             return
         found = {(line.dataset, line.backend): line for line in lines(self._rows)}
@@ -205,7 +205,7 @@ class Screen:
                 return
 
     def _compact(self, every: Sequence[Line]) -> Table:
-        """A line a dataset."""
+        """Makes a table with one line per dataset."""
         shown = Table(box=box.SIMPLE_HEAD, collapse_padding=True)
         room = max(8, (self._console.width - 34) // 2)
         shown.add_column("dataset", no_wrap=True, overflow="ellipsis", max_width=room)
@@ -225,7 +225,7 @@ class Screen:
         return shown
 
     def _renderable(self) -> RenderableType:
-        """The tables, and below them how far it is."""
+        """Returns the tables, and below them the progress."""
         parts = [self._stage]
         if self._total:
             parts.append(f"{self._done} of {self._total}")

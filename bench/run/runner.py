@@ -25,9 +25,9 @@ __all__ = ["LOGS", "recorded_plan", "run"]
 def run(
     plan: Plan, folder: Path, executor: Executor, command: Sequence[str], watcher: Watcher, *, retry: bool = False
 ) -> None:
-    """Run the plan's cells into `folder`, or those that its record still lacks; then write the folder's files.
+    """Runs the plan's cells into `folder`, or those that its record lacks; then writes the folder's files.
 
-    InputError where a log cannot be had or the folder not be used; nothing is left behind then that was not there.
+    InputError where a log cannot be made or the folder cannot be used; nothing new is left behind then.
     """
 
     def about(known: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -38,7 +38,7 @@ def run(
             "command": shlex.join(command),
             "map": None if plan.map is None else plan.map.words(),
         }
-        return {**facts, **known}  # a run that goes on is what it was started as
+        return {**facts, **known}  # a continued run keeps its first facts
 
     run_cells(work_of(plan), folder, executor, RunRequest(retry=retry), about, watcher)
     with Store(folder) as store:
@@ -46,7 +46,7 @@ def run(
 
 
 def recorded_plan(folder: Path) -> Plan | None:
-    """The plan of the run in `folder`; None where it holds none. InputError where it holds something else."""
+    """Reads the plan of the run in `folder`; None where it holds none, InputError where it holds something else."""
     if (folder / FILE).is_file():
         with contextlib.suppress(Empty), Store(folder) as store:
             known = store.about()

@@ -1,4 +1,4 @@
-"""What a run comes to, in the terminal: a table a dataset, which backend to use, and what went wrong."""
+"""Prints a run's results: one table per dataset, which backend to use, and what went wrong."""
 
 import io
 import math
@@ -20,27 +20,27 @@ from ..words.names import called
 from ..words.numerals import counted
 
 LOST = 1e6
-"""m, or NEES, from which on a figure is shown by its order."""
+"""m, or NEES, from which on only the order of magnitude is shown"""
 
 LABEL = (18, 28, 60)
-"""Columns that a backend's label may take before it is wrapped: below NARROW, below MEDIUM, and beyond."""
+"""columns of a backend's label before it is wrapped: below NARROW, below MEDIUM, and beyond"""
 
 NARROW, MEDIUM = 70, 100
 
 FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")
-"""Columns that are left out where there is no room; before intervals are, the first three, and `done` where all is."""
+"""Columns that are left out where there is no room; before intervals are, the first three, and `done` if all are."""
 
 STATUS_STYLE = {"done": "green", "skipped": "magenta"}  # others are red; yellow cannot be read on white
 
 PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}
-"""What is before the backend that a verdict names, by purpose."""
+"""headings of recommendations, by purpose"""
 
 PURPOSE = 11
-"""Columns of the longest, and of what mishaps are headed by."""
+"""columns of the headings"""
 
 
 def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
-    """The lines of each dataset, by its label."""
+    """Groups the lines by dataset label."""
     found: dict[str, list[Line]] = {}
     for line in lines:
         found.setdefault(line.dataset, []).append(line)
@@ -48,12 +48,12 @@ def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
 
 
 def verdicts(lines: Sequence[Line]) -> dict[str, Verdict]:
-    """The verdict on each dataset, by its label."""
+    """Returns the verdict on each dataset, by its label."""
     return {dataset: verdict(mine) for dataset, mine in by_dataset(lines).items()}
 
 
 def conclude(console: Console, lines: Sequence[Line]) -> None:
-    """Print what the run came to, dataset by dataset."""
+    """Prints the results, dataset by dataset."""
     found = by_dataset(lines)
     for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
         console.print(table)
@@ -66,7 +66,7 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
 
 
 def _folded(said: Sequence[tuple[str, str]]) -> Padding:
-    """Headings beside what they are about."""
+    """Lays out headings beside their texts."""
     shown = Table.grid(padding=(0, 2))
     shown.add_column(no_wrap=True, style="dim", min_width=PURPOSE)
     shown.add_column()
@@ -76,7 +76,7 @@ def _folded(said: Sequence[tuple[str, str]]) -> Padding:
 
 
 def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
-    """What to use for which purpose, and why; where nothing is named, the verdict's first sentence."""
+    """Yields the recommendations; where there are none, the verdict's first sentence."""
     for use in found.uses:
         yield PURPOSES.get(use.purpose, use.purpose), f"{use.backend}: {use.why}" if use.backend else use.why
     if not found.uses and found.sentences:
@@ -84,13 +84,13 @@ def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
 
 
 def _programs(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    """Whose programs the costs are of, where they are of several."""
+    """Yields the programs whose costs are compared, if several."""
     if said := sentence(lines):
         yield "costs", said
 
 
 def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    """What did not go as it should, on one dataset: cells that are not done, by backend, and logs that show nothing."""
+    """Yields what went wrong on one dataset: cells not done, by backend, and logs without sightings."""
     rows = [row.columns for line in lines for row in line.rows]
     if rows and all(row["status"] == "skipped" for row in rows):
         yield "nothing run", f"all of {counted(len(rows), 'cell')} were skipped, so there is nothing to compare"
@@ -106,25 +106,25 @@ def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
         yield "remark", NO_SIGHTING
 
 
-NO_SIGHTING = "there is no sighting in it, and without any every backend gives dead reckoning"
+NO_SIGHTING = "there is no sighting in it, so every backend gives dead reckoning"
 
 
 def unseen(sightings: Sequence[int | None]) -> bool:
-    """Whether no log has a sighting, by the column of that name."""
+    """Returns True if no log has a sighting, by the column of that name."""
     return bool(sightings) and not any(sightings)
 
 
 def status(lines: Sequence[Line]) -> int:
-    """A run's exit status: 0 where something was done and nothing failed. All skipped is no comparison: 1."""
+    """Returns a run's exit status: 0 where something was done and nothing failed; 1 also if all were skipped."""
     ends = [row.columns["status"] for line in lines for row in line.rows]
     return 0 if "done" in ends and set(ends) <= {"done", "skipped"} else 1
 
 
 def tables(lines: Sequence[Line], width: int, planned: Mapping[tuple[str, str], int] | None = None) -> list[Table]:
-    """The run at a glance, a table a dataset, with the columns that there is room for.
+    """Makes one table per dataset, with the columns that fit into `width`.
 
-    Medians over the logs, and their 95 % intervals from FEWEST logs on, else ranges over the cells. While the run goes
-    on, `planned` are its cells by dataset and backend; then there are no intervals yet.
+    Medians over the logs, and their 95 % intervals from FEWEST logs on, else ranges over the cells. During a run,
+    `planned` are its cells by dataset and backend; then there are no intervals yet.
     """
     groups = by_dataset(lines)
     names = called(list(groups))
@@ -153,21 +153,21 @@ class _Form(NamedTuple):
 
 
 def _forms(width: int, with_ranges: Sequence[int]) -> Iterator[_Form]:
-    """The richest first; `with_ranges` are how many columns may go before ranges do."""
+    """Yields forms, the richest first; `with_ranges` are how many columns may go before ranges do."""
     label = min(LABEL[(width >= NARROW) + (width >= MEDIUM)], max(8, width - 28))
     yield from (_Form(FIRST_TO_GO[:k], True, label) for k in with_ranges)
     yield from (_Form(FIRST_TO_GO[:k], False, label) for k in range(len(FIRST_TO_GO) + 1))
 
 
 class _Entry(NamedTuple):
-    """A median, and what is in brackets after it where there is room."""
+    """A median, and what follows in brackets where there is room."""
 
     text: str
     ends: str = ""
 
 
 def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[str, _Entry]:
-    """A line's entries by heading; the map's where it is held against true places."""
+    """Returns a line's entries by heading; the map's where true places are known."""
     v = line.values
     spreads = {
         "ATE, m": ("ate_m",),
@@ -190,7 +190,7 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
 
 
 def _ends(line: Line, column: str, *, final: bool) -> tuple[float, float, float]:
-    """The column's median and the ends of its interval, or range; NaN ends where there is but one value."""
+    """Returns the column's median and the ends of its interval, or range; NaN ends for a single value."""
     value = line.values[column]
     median, low, high = typical(line, column)[:3] if final else (value.median, value.low, value.high)
     return (median, low, high) if low < high else (median, math.nan, math.nan)
@@ -213,7 +213,7 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
     for line, row in zip(lines, texts, strict=True):
         shown.add_row(plain(wrapped(line.backend, form.label)) + " \N{DAGGER}" * line.told, *row)
     notes = ["* timed while other cells ran beside it"] * ("p99" in headings and not all(line.alone for line in lines))
-    notes += ["\N{DAGGER} was told the truth (--oracle)"] * any(line.told for line in lines)
+    notes += ["\N{DAGGER} was given the ground truth (--oracle)"] * any(line.told for line in lines)
     if notes:
         shown.caption, shown.caption_justify = "\n".join(notes), "left"
     return shown
@@ -224,7 +224,7 @@ def _whole(value: float) -> str:
 
 
 def _metres(median: float, low: float, high: float) -> _Entry:
-    """To a millimetre, or to a thousandth where that is coarser; what is lost altogether by its order alone."""
+    """Writes metres to a millimetre, or to a thousandth where that is coarser; beyond LOST the order of magnitude."""
     highest = median if math.isnan(high) else high
     if math.isinf(median):
         return _Entry("failed")

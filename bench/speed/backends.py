@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ...frontend.errors import InputError
 from ...frontend.files import write_whole
 from ..plan.spec import BackendVariant, backend_variants
-from ..words.console import plain
+from ..words.console import ProgressBar, plain
 from ..workers.tasks import execute
 from .mrpt import built
 from .process import Extent, Process, Subject, lost, measure
@@ -154,14 +153,11 @@ def _executed(
     function: Callable[[T], list[Row]], tasks: Sequence[T], console: Console
 ) -> Iterator[tuple[T, list[Row], str]]:
     """Each task with its rows, or with why its process died, one process at a time."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        shown = progress.add_task("timing", total=len(tasks))
+    with ProgressBar(console, "timing", len(tasks)) as bar:
         for ended in execute(function, tasks, workers=1, timeout_s=OVERDUE):
             said = f"it took longer than {OVERDUE:g} s" if ended.death == "timeout" else ended.death
             console.print(f"[dim]timed {plain(str(tasks[ended.task]))}[/]", highlight=False)
-            progress.advance(shown)
+            bar.update(advance=1)
             yield tasks[ended.task], [] if said else ended.value, said
 
 

@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ...frontend.errors import InputError
 from ...frontend.files import write_whole
+from ..words.console import ProgressBar
 from .corner_tables import Row, accuracy_table, as_csv, cost_table, misreading_table
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
 
@@ -53,24 +53,21 @@ def _extent(namespace: argparse.Namespace) -> Extent:
 def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
     """Every study in turn, each table printed as soon as it is there."""
     rows: list[Row] = []
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(compact=True))
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        task = progress.add_task("timing", total=steps(extent))
+    with ProgressBar(console, "timing", steps(extent)) as bar:
 
         def advance() -> None:
-            progress.advance(task)
+            bar.update(advance=1)
 
         costs = list(study.costs(extent.timed, advance))
         console.print(cost_table(costs))
         rows += costs
         for name, distances, streak in (("placements", STILL, 0.0), ("moving", MOVING, STREAK)):
-            progress.update(task, description=name)
+            bar.update(description=name)
             found = [study.accuracy(distance, streak, extent.placements, advance) for distance in distances]
             console.print(accuracy_table([row for at in found for row in at]))
             rows += [row for at in found for row in at]
         if extent.clutter + extent.crowded:
-            progress.update(task, description="wrong ids")
+            bar.update(description="wrong ids")
             misread = list(study.misreadings(extent, advance))
             console.print(misreading_table(misread))
             rows += misread

@@ -98,7 +98,7 @@ class Evidence:
         return [medians(figure, self.table) for figure in self.study.figures]
 
     @cached_property
-    def report_figures(self) -> Sequence[ReportFigure]:
+    def figures(self) -> Sequence[ReportFigure]:
         """The figures."""
         from .figure import study_figure  # matplotlib
 

@@ -1,4 +1,4 @@
-"""What can be said of the backends on a dataset: who is more accurate, is it real, who is consistent, the cost."""
+"""The verdict on a dataset's backends: accuracy with its significance, consistency, cost."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -13,17 +13,17 @@ from .statistics import Comparison
 from .summary import Line, logs, representative
 
 MOST = 6
-"""Backends whose cost a sentence names."""
+"""backends whose cost a sentence names"""
 
 _REFERENCE = (
-    "Nobody knows where the robot was; errors here are distances from a reference, {} of the same factors, which "
+    "There is no ground truth for the path; errors here are distances from a reference, {} of the same factors, which "
     "smoothers come close to by construction."
 )
 _SURVEYED = " The landmarks' places are known: the map's error is one, all landmarks aligned by themselves."
 
 
 class Verdict(NamedTuple):
-    """What can be said of the backends on a dataset."""
+    """The verdict on the backends of one dataset."""
 
     basis: str  # what it rests on: how many logs, and what is known of them
     uses: Sequence[Use]
@@ -32,7 +32,7 @@ class Verdict(NamedTuple):
 
 
 def verdict(lines: Sequence[Line]) -> Verdict:
-    """The verdict on one dataset."""
+    """Judges one dataset."""
     lines = ordered(lines)
     known = representative(lines)
     name, kind = known.name, known.truth_kind
@@ -47,9 +47,9 @@ def verdict(lines: Sequence[Line]) -> Verdict:
         said.append(f"{name}: no verdict on accuracy of paths. {_REFERENCE.format(known.reference)}")
         said[0] += _SURVEYED * known.surveyed
     elif not measures:
-        said.append(f"{name}: no verdict on accuracy. There is no known path to hold the estimates against.")
+        said.append(f"{name}: no verdict on accuracy. There is no known path to compare the estimates with.")
     elif not rankings:
-        said.append(f"{name}: no backend that competes gave a path.")
+        said.append(f"{name}: no ranked backend gave a path.")
     for k, found in enumerate(rankings.values()):
         said += claims(found, ESTIMATES[found.column], name, again=k > 0)
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
@@ -66,7 +66,7 @@ def _known(line: Line) -> str:
 
 
 def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
-    """By purpose; where the path is not known, nobody, and what they cost.
+    """Recommends by purpose; where the path is not known, nobody, with the costs.
 
     Maps are those smoothed at the end, with one or none the online ones.
     """
@@ -80,7 +80,7 @@ def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
 
 
 def _cost(lines: Sequence[Line]) -> list[str]:
-    """CPU time for the whole log: the one figure that filters, smoothers and batch methods have in common."""
+    """States CPU time for the whole log: the one cost that filters, smoothers and batch methods share."""
     found = sorted(
         (line.values["cpu_s"].median, line.backend + "*" * (not line.alone))
         for line in lines
@@ -100,7 +100,7 @@ def _cost(lines: Sequence[Line]) -> list[str]:
 
 
 def _not_done(lines: Sequence[Line]) -> list[str]:
-    """Whose cells ended in another way than they should; failures are the worst there is, and skipped cells absent."""
+    """Lists cells that are not done: failures count as the worst, skipped cells as absent."""
     failed = [
         f"{line.backend} failed on {line.failed} of {counted(len(line.rows), 'cell')} ({_ways(line)})"
         for line in lines
@@ -120,4 +120,4 @@ def _ways(line: Line) -> str:
 
 def _told(lines: Sequence[Line]) -> list[str]:
     names = [line.backend for line in lines if line.told]
-    return [f"Not compared: {listed(names)} (was told the truth)."] if names else []
+    return [f"Not compared: {listed(names)} (was given the ground truth)."] if names else []

@@ -1,4 +1,4 @@
-"""The averages of every two of many numbers, by rank: Walsh's, of which Hodges and Lehmann's estimates are made."""
+"""Walsh averages, the means of every two of many numbers, by rank; Hodges and Lehmann's estimates use them."""
 
 from collections.abc import Sequence
 
@@ -8,14 +8,14 @@ from ...frontend.errors import InputError
 from ...frontend.se2 import Array
 
 MOST = 2_000
-"""Numbers of which all averages are worked out: two million of these."""
+"""numbers of which all averages are computed: two million of these"""
 
 
 def ranked(d: Array, ranks: Sequence[int]) -> list[float]:
-    """Those of these ranks, from 0 on, among the n (n + 1) / 2 averages of every two of d (n,) and of each with itself.
+    """Returns the Walsh averages of d (n,) with these ranks, from 0 on; there are n (n + 1) / 2.
 
-    Of one that is infinite and one that is minus infinite, half count as either: on no ratio do their ranks differ.
-    InputError for more than MOST.
+    Of averages of infinity and minus infinity, half count as either: on no ratio do their ranks differ. InputError for
+    more than MOST.
     """
     if len(d) > MOST:
         raise InputError(f"found {len(d):,} logs on which two backends are to be compared, expected at most {MOST:,}.")
@@ -24,7 +24,7 @@ def ranked(d: Array, ranks: Sequence[int]) -> list[float]:
 
 
 def _sorted(d: Array) -> Array:
-    """All of them."""
+    """Sorts all of them."""
     one, other = np.triu_indices(len(d))
     with np.errstate(invalid="ignore"):
         found = np.sort((d[one] + d[other]) / 2)

@@ -1,6 +1,6 @@
-"""The table of columns: those of cells.csv and those of metrics.csv.
+"""The table of columns: those of cells.csv, of metrics.csv and of a report's tables.
 
-All that is known of a column is its entry here. A new one is an entry at the end of METRICS, and the code in
+A column's entry here is the only place that describes it. A new one is an entry at the end of METRICS, and the code in
 bench/measure that computes its value.
 """
 
@@ -146,7 +146,7 @@ CELLS = (
         "timing_alone", "alone", COUNT, "0: other cells ran at the same time, so times are marked * and less exact."
     ),
 )
-"""The columns of cells.csv, in order. Other tools read them: they stay as they are."""
+"""The columns of cells.csv, in order; other tools read them, so they stay as they are."""
 
 ONLINE = (
     Column("align_x_m", "alignment x", METRES, "Translation of the path before its ATE is taken, along x."),
@@ -182,11 +182,11 @@ ONLINE = (
         "Share of landmarks whose NEES is below the 95 % point of chi-square, 5.99.",
     ),
 )
-"""Those columns of metrics.csv that there are of the online path and map, and again of the final ones."""
+"""The columns of metrics.csv that exist for the online path and map, and again for the final ones."""
 
 
 def _final() -> Iterator[Column]:
-    """Those of the final path and map. A particle filter's final map has the covariance given one particle's path."""
+    """Yields those of the final path and map; a particle filter's map covariance is given one particle's path."""
     starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_"
     online = (column for start in starts for column in (*CELLS, *ONLINE) if column.name.startswith(start))
     for column in online:
@@ -291,5 +291,5 @@ COLUMNS = {column.name: column for column in (*CELLS, *METRICS, *REPORT)}
 
 
 def about(name: str) -> Column:
-    """The column of that name; of one that only another version of slamduel knows, a plain number."""
+    """Returns the column of that name; a plain number where only another version of slamduel knows it."""
     return COLUMNS.get(name) or Column(name, name.replace("_", " "), NUMBER, "")

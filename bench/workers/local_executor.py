@@ -1,8 +1,8 @@
-"""Runs cells in processes of this machine: each does many, is watched meanwhile, and is replaced when it goes wrong.
+"""Runs cells in worker processes of this machine, which are watched, reused and replaced.
 
-A process's earlier jobs must not show in a result. So an error in one that has done other jobs, and every death, is
-tried once more by a new process before it is believed. Where cells run alone, to be timed, each backend has a process
-of its own: threads or patches that a plug-in leaves behind cannot reach the others.
+A process's earlier jobs must not affect a result: an error in a used process, and every death, is retried once in a new
+one. Cells that run alone, for timing, have processes per backend: threads or patches that a plug-in leaves behind
+cannot reach the others.
 """
 
 import os
@@ -21,24 +21,23 @@ from .batch_queue import BatchQueue
 from .pool_worker import PoolWorker
 
 MOST_JOBS = 500
-"""That a process does before it is replaced: what leaks does not add up, and a new one costs no more than a few jobs.
-"""
+"""jobs of a process before it is replaced: leaks do not add up, and a new one costs no more than a few jobs"""
 
 MOST_WAIT_S = 3600.0
-"""Between two looks at the clock: the system refuses to wait for weeks at once."""
+"""s between two looks at the clock: the system refuses to wait for weeks at once"""
 
 AHEAD = 2
-"""Batches in a worker's hands, so that it never waits for whoever takes the results in."""
+"""batches handed to a worker, so that it never waits for its results to be read"""
 
 
 MOST_POOLS = 8
-"""Backends whose processes are kept when cells run alone: each holds its libraries and its last few logs."""
+"""backends whose processes are kept when cells run alone: each holds its libraries and its last few logs"""
 
 Workers = list[PoolWorker]
 
 
 class Local:
-    """A pool of `workers` processes, forked from one server. One thread at a time may use it; others have their own."""
+    """A pool of `workers` processes, forked from one server. Not for several threads at once."""
 
     name = "local"
 
@@ -49,7 +48,7 @@ class Local:
         self._finish: Finalize | None = None
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
-        """Each job as it ends; `alone`, as always with one slot: nothing else runs meanwhile, the caller included.
+        """Yields each job as it ends; `alone`, as with one slot: nothing else runs meanwhile, the caller included.
 
         Where there are no jobs, only logs to be made, every core is used.
         """
@@ -69,14 +68,14 @@ class Local:
             yield from self._work(BatchQueue(batches), self._pool(""), self.slots, AHEAD)
 
     def _pool(self, name: str) -> Workers:
-        """The processes under that name; the name used longest ago loses its own where there are too many."""
+        """Returns the pool of that name; beyond MOST_POOLS the one used longest ago ends."""
         self._pools[name] = self._pools.pop(name, [])
         while len(self._pools) > MOST_POOLS:
             _end(self._pools.pop(next(iter(self._pools))))
         return self._pools[name]
 
     def _work(self, queue: BatchQueue, workers: Workers, most: int, ahead: int) -> Generator[Finished]:
-        """Each job of the queue as it ends, done by at most so many processes."""
+        """Yields each job of the queue as it ends, done by at most so many processes."""
         _end(workers, keep=most)
         try:
             while True:
@@ -92,13 +91,13 @@ class Local:
                     _dismiss(worker, workers)
 
     def close(self) -> None:
-        """End every worker."""
+        """Ends every worker."""
         if self._finish is not None:
             self._finish()
             self._finish = None
 
     def _hand_out(self, queue: BatchQueue, workers: Workers, most: int, ahead: int) -> None:
-        """Give every worker something to do, and where there is plenty something for when it has done that."""
+        """Gives every worker a batch, and the next one in advance where there is plenty."""
         for worker in [worker for worker in workers if not worker.batches]:
             if worker.done >= MOST_JOBS or (queue.doubts and not worker.fresh):
                 _dismiss(worker, workers)
@@ -114,7 +113,7 @@ class Local:
                         worker.give(self._calls, batch)
 
     def _heard(self, worker: PoolWorker, queue: BatchQueue, workers: Workers) -> Iterator[Finished]:
-        """The worker's next result, or the result of its death or its silence."""
+        """Yields the worker's next result, or that of its death or timeout."""
         if not worker.process.pipe.poll():
             if time.monotonic() >= worker.deadline:
                 limit = worker.doing().timeout_s
@@ -142,7 +141,7 @@ class Local:
 
 
 def _give_up(worker: PoolWorker, queue: BatchQueue, workers: Workers, rest: Sequence[Batch]) -> None:
-    """End the worker and let others do the rest."""
+    """Ends the worker and queues its remaining batches."""
     queue.put_back(reversed(rest))
     _dismiss(worker, workers)
 
@@ -158,7 +157,7 @@ def _end(workers: Workers, keep: int = 0) -> None:
 
 
 def _single(batches: Sequence[Batch]) -> Iterator[Batch]:
-    """Each job a batch of its own: it is handed out once the one before has been taken in."""
+    """Makes each job a batch of its own, handed out once the one before has ended."""
     for batch in batches:
         if not batch.jobs:
             yield batch
@@ -167,7 +166,7 @@ def _single(batches: Sequence[Batch]) -> Iterator[Batch]:
 
 
 def _ready(busy: Sequence[PoolWorker]) -> list[PoolWorker]:
-    """Wait until one of them has something to say, is dead, or overdue; those."""
+    """Waits until workers have something to read, are dead or overdue; returns these."""
     patience = max(0.0, min(MOST_WAIT_S, *(worker.deadline - time.monotonic() for worker in busy)))
     ready = wait([channel for worker in busy for channel in worker.process.channels], patience)
     now = time.monotonic()
@@ -175,7 +174,7 @@ def _ready(busy: Sequence[PoolWorker]) -> list[PoolWorker]:
 
 
 def _finish(pools: dict[str, Workers], folder: Path) -> None:
-    """End all; without it, who ends without `close` would wait for them for ever."""
+    """Ends all at exit, which would otherwise wait for them for ever."""
     for workers in pools.values():
         _end(workers)
     shutil.rmtree(folder, ignore_errors=True)

@@ -19,7 +19,7 @@ from slamduel.bench.logs.landmark_places import judge
 from slamduel.bench.logs.numbers import Numbers, numbers
 from slamduel.bench.logs.revisits import returns
 from slamduel.bench.logs.shown_path import from_pose, shown
-from slamduel.bench.logs.stated_noise import NoiseCheck
+from slamduel.bench.logs.stated_noise import NoiseCheck, noise_check
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
