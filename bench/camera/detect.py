@@ -1,4 +1,4 @@
-"""From an opened recording to its log with a report: what `bench detect` does."""
+"""Makes an opened recording into a log with a report: what `bench detect` does."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
@@ -23,12 +23,11 @@ from .summary import Findings, hardly_any
 
 NOISE = "noise.toml"
 
-JUDGED = 1000
-"""Sightings, the first ones, that tell whether the markers' stated side can be."""
+JUDGED = 1000  # number of first sightings by which the markers' stated side is checked
 
 
 class DetectRequest(NamedTuple):
-    """What is asked of a detection."""
+    """The options of a detection."""
 
     source: str  # the recording, as the user named it
     out: Path
@@ -40,10 +39,10 @@ class DetectRequest(NamedTuple):
 def detect(
     recording: Recording, truth: Truth | None, request: DetectRequest, advance: Callable[[int], None]
 ) -> Findings:
-    """Go through the recording, write its log and report to `request.out`, and tell what was found.
+    """Detects the markers of a recording and writes its log and report to `request.out`.
 
     `advance` is called at every frame with the number of markers found so far. InputError where no frame can be used,
-    where the noise is to be calibrated and no truth is known, and where something cannot be written.
+    where the noise is to be calibrated without a truth, and where something cannot be written.
     """
     if request.calibrate_noise and (truth is None or truth.map is None or not len(truth.t)):
         raise InputError(

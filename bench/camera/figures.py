@@ -1,4 +1,4 @@
-"""Figures of a detection report: where and when markers were seen, how well they fit, and how the encoders went."""
+"""Draws the figures of a detection report: sightings over range, time and place, errors, and odometry."""
 
 from collections.abc import Callable, Iterator
 
@@ -18,20 +18,15 @@ from ..words.numerals import plain
 from ..words.styles import COLOURS
 from .sightings import AMBIGUOUS, Sightings, TrueErrors, in_log
 
-HEIGHT = 180
-"""Points."""
-
-MOST_POINTS = 1500
-"""Drawn in a figure; of more, every n-th."""
-
-LEAST_BIN = 5
-"""Sightings; a range bin with fewer shows no mean."""
+HEIGHT = 180  # points
+MOST_POINTS = 1500  # points drawn in a figure; of more, every n-th
+LEAST_BIN = 5  # sightings; a range bin with fewer shows no mean
 
 KEPT, FAR = COLOURS[2], COLOURS[1]
 
 
 def range_bins(ranges: Array, most: int = 10) -> Array:
-    """Edges (k + 1,) of at most `most` bins of round width from 0 to beyond the farthest of `ranges`."""
+    """Returns edges (k + 1,) of at most `most` bins of round width from 0 to beyond the farthest of `ranges`."""
     top = float(ranges.max()) if len(ranges) else 1.0
     width = next(w for w in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, np.inf) if top / w < most)
     width = width if np.isfinite(width) else top / (most - 1)
@@ -39,7 +34,7 @@ def range_bins(ranges: Array, most: int = 10) -> Array:
 
 
 def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[ReportFigure]:
-    """How far, when and where: for recordings with any sighting."""
+    """Draws sightings over range, time and place, for recordings with any."""
     yield _ranges(sightings, max_range)
     yield _raster(sightings, t)
     yield _places(sightings, max_range)
@@ -47,7 +42,7 @@ def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[R
 
 
 def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[ReportFigure]:
-    """Errors against the truth, in the log; for recordings where any is known."""
+    """Draws the errors of the log's sightings against the truth, where any is known."""
     s = in_log(sightings)
     at, errors = true.known[sightings.kept], true.errors[sightings.kept[true.known]]
     z, sd = s.z[at], np.sqrt(np.diagonal(s.cov[at], axis1=1, axis2=2))
@@ -59,7 +54,7 @@ def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[ReportFigur
 
 
 def path_figure(log: Log, truth: Truth | None) -> ReportFigure:
-    """Where the robot was by its own odometry alone, and where it was."""
+    """Draws the path by odometry alone, and the known one."""
     reckoned = dead_reckoned(log)
 
     def draw(figure: Figure) -> None:
@@ -75,8 +70,8 @@ def path_figure(log: Log, truth: Truth | None) -> ReportFigure:
         axes.set_ylabel("y, m")
         legend(figure, axes, 3)
 
-    caption = "The odometry alone, from the prior's pose (dot): how it drifts is what the markers are for."
-    return _figure("path", "The way by odometry", caption, draw, 1.25 * HEIGHT)
+    caption = "The odometry alone, from the prior's pose (dot): the markers correct its drift."
+    return _figure("path", "Path by odometry", caption, draw, 1.25 * HEIGHT)
 
 
 def _ranges(sightings: Sightings, max_range: float) -> ReportFigure:
@@ -95,7 +90,7 @@ def _ranges(sightings: Sightings, max_range: float) -> ReportFigure:
             legend(figure, axes, 2)
 
     caption = f"Bars are {plain(float(edges[1]))} m wide."
-    return _figure("ranges", "How far away", caption, draw)
+    return _figure("ranges", "Ranges of the markers", caption, draw)
 
 
 def _raster(sightings: Sightings, t: Array) -> ReportFigure:
@@ -123,12 +118,12 @@ def _raster(sightings: Sightings, t: Array) -> ReportFigure:
 
     height = float(np.clip(60 + 8 * len(names), HEIGHT, 2 * HEIGHT))
     return _figure(
-        "raster", "When each marker was seen", "A row is a marker; a gap is a time it was not found.", draw, height
+        "raster", "When each marker was seen", "One row per marker; a gap is a time without a detection.", draw, height
     )
 
 
 def _runs(frames: Ints) -> list[tuple[int, int]]:
-    """The first and last of each run of consecutive numbers in `frames`."""
+    """Returns the first and last of each run of consecutive numbers in `frames`."""
     if not len(frames):
         return []
     cuts = np.flatnonzero(np.diff(frames) > 1)
@@ -152,7 +147,7 @@ def _places(sightings: Sightings, max_range: float) -> ReportFigure:
         axes.set_ylabel("ahead, m")
 
     caption = f"From above, the robot at the triangle looking up; dashed: {max_range:g} m, the farthest that is kept."
-    return _figure("places", "Where from the robot", caption + _thinned(every), draw, 1.25 * HEIGHT)
+    return _figure("places", "Places relative to the robot", caption + _thinned(every), draw, 1.25 * HEIGHT)
 
 
 def _fit(sightings: Sightings) -> ReportFigure:
@@ -172,10 +167,10 @@ def _fit(sightings: Sightings) -> ReportFigure:
         legend(figure, axes, 2)
 
     caption = (
-        "How far the corners are from where the marker's pose puts them. Ambiguous: two poses fit almost alike; range "
-        "and bearing hardly suffer."
+        "Distance of the corners from their places by the marker's pose. Ambiguous: two poses fit almost equally; range "
+        "and bearing are hardly affected."
     )
-    return _figure("fit", "How well the corners fit", caption + _thinned(every), draw)
+    return _figure("fit", "Reprojection error of the corners", caption + _thinned(every), draw)
 
 
 def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array) -> ReportFigure:
@@ -209,7 +204,7 @@ def _dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
 
 
 def _inside(axes: Axes, errors: Array, sd: Array) -> None:
-    """Limits that a single outlier does not stretch."""
+    """Sets limits that ignore single outliers."""
     reach = 1.15 * max(float(np.quantile(np.abs(errors), 0.995)), 2 * float(np.median(sd)))
     axes.set_ylim(-reach, reach)
 

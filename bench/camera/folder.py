@@ -1,4 +1,4 @@
-"""The folder a detection leaves: a log with its report, there whole or not at all."""
+"""Writes the folder of a detection: the log, detection.html, one page that needs no network, and contact.png."""
 
 import base64
 import os
@@ -16,12 +16,11 @@ from .noise_calibration import HONEST, toml
 from .summary import Findings, headline, left_out, marker_rows
 
 LOG = frozenset({"log.toml", "odometry.csv", "sightings.csv", "truth.tum", "landmarks.csv"})
-OURS = LOG | {"detection.html", "contact.png", "noise.toml"}
-"""What a detection writes; nothing else may be in a folder that is replaced."""
+OURS = LOG | {"detection.html", "contact.png", "noise.toml"}  # of a detection; a replaced folder may have nothing else
 
 
 def check_place(out: Path) -> None:
-    """InputError where `out` is neither new, nor empty, nor the folder of an earlier detection with nothing added."""
+    """Raises InputError unless `out` is new, empty, or the folder of an earlier detection with nothing added."""
     if out.is_symlink():
         raise InputError(f"--out {out}: is a link, expected the folder itself, or a new place.")
     if not out.exists():
@@ -37,9 +36,9 @@ def check_place(out: Path) -> None:
 
 
 def write_folder(out: Path, write: Callable[[Path], None]) -> None:
-    """Have `write` make a folder beside `out` and put it in its place; InputError where that cannot be done.
+    """Has `write` make a folder beside `out` and puts it in place; InputError where that is not possible.
 
-    What an earlier detection left there goes only once the new is whole.
+    The folder of an earlier detection is removed only once the new one is complete.
     """
     check_place(out)
     place = out.absolute()
@@ -62,7 +61,7 @@ PAGE, SHEET = "detection.html", "contact.png"
 
 
 def write_detection_report(folder: Path, out: Path, findings: Findings, pictures: Sequence[Picture]) -> None:
-    """Write both into `folder`, where log.toml is already; the page calls the log by `out`, where it will be."""
+    """Writes the page and contact sheet into `folder`, beside log.toml; the page calls the log by `out`."""
     from .figures import path_figure, seen_figures, true_figures
 
     f = findings

@@ -1,4 +1,4 @@
-"""The noise models fitted to a recording whose truth is known, and how true the stated noise is, by range."""
+"""Fits the noise models to a recording with ground truth, and checks the stated noise by range."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,10 +11,9 @@ from ...frontend.se2 import Array
 from .sightings import Sightings, TrueErrors, in_log
 
 CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
-"""What the corners alone make of a sighting's covariance, at the scale 1."""
+"""the covariance from the corners alone, at the scale 1"""
 
-HONEST = (0.8, 1.2)
-"""NEES of (range, bearing), over its two degrees of freedom, that pass for 1, which is exact."""
+HONEST = (0.8, 1.2)  # NEES of (range, bearing), over its two degrees of freedom, that counts as consistent
 
 
 class RangeBin(NamedTuple):
@@ -40,18 +39,18 @@ class Calibration(NamedTuple):
     corner_sd: float  # px, of a corner, root mean square, as fitted
     proportional: ProportionalNoise
     propagated: PropagatedNoise
-    likelier: str  # the model under which these errors are the likelier
+    likelier: str  # the model with the higher likelihood
     bins: list[RangeBin]  # of the sightings that neither fit set aside; nees: stated, proportional, propagated
 
 
 def known_in_log(sightings: Sightings, true: TrueErrors) -> tuple[Sightings, Array]:
-    """The m sightings in the log whose errors are known, and these, (m, 2)."""
+    """Returns the m sightings in the log with known errors, and these, (m, 2)."""
     both = sightings._replace(kept=sightings.kept & true.known)
     return in_log(both), true.errors[sightings.kept[true.known]]
 
 
 def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibration:
-    """Fit both models to the sightings in the log; `edges` (k + 1,), m, are those of the range bins.
+    """Fits both models to the sightings in the log; `edges` (k + 1,), m, are those of the range bins.
 
     InputError where too few sightings have an error.
     """
@@ -78,7 +77,7 @@ def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibrati
 
 
 def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) -> list[RangeBin]:
-    """The errors (n, 2) of the measurements z (n, 2) by range; `covs` are the noises to hold them against.
+    """Tabulates errors (n, 2) of measurements z (n, 2) by range; `covs` are the noises to compare with.
 
     Bins without a sighting are left out; `edges` (k + 1,), m.
     """
@@ -98,7 +97,7 @@ def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) ->
 
 
 def toml(calibration: Calibration) -> str:
-    """The [noise] of a robot.toml: the likelier model in force, the other commented out beside it."""
+    """Writes the [noise] of a robot.toml: the likelier model, the other commented out beside it."""
     c = calibration
     sections = {
         "proportional": (

@@ -36,8 +36,7 @@ from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, Trial, stays
 from .log_recipe import made_log
 from .small_logs import Drive, around, dead_reckoned
 
-DIGITS = 1e-9
-"""share of the coordinates' size that rounding and early-stopped iterations may add up to"""
+DIGITS = 1e-9  # share of the coordinates' size that rounding and early-stopped iterations may add up to
 
 
 class Answer(NamedTuple):

@@ -12,10 +12,8 @@ from ...frontend.factors import Log, Prior
 from ...frontend.se2 import Array
 from .small_logs import dead_reckoned
 
-SIGMAS = 6.0
-"""standard deviations that an estimate may be off: a sound backend exceeds it once in a billion steps"""
-ROUNDING = 1e-6
-"""m and rad that rounding and early-stopped iterations may add up to in some tens of metres"""
+SIGMAS = 6.0  # standard deviations that an estimate may be off: a sound backend exceeds it once in a billion steps
+ROUNDING = 1e-6  # m and rad that rounding and early-stopped iterations may add up to in some tens of metres
 
 
 class Failed(Exception):

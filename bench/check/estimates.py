@@ -11,10 +11,8 @@ from ...frontend.se2 import Array
 from .candidate import ROUNDING, Candidate, Failed, NotApplicable, spread, stays_near
 from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_map
 
-TINY = 1e-3
-"""noise of exact logs, in units of the usual: filters may differ in its second order"""
-BIAS = np.array([0.01, 0.0, 0.008])
-"""an odometry error within its stated noise at every step, that adds up to a turn of 0.4 rad in 50 steps"""
+TINY = 1e-3  # noise of exact logs, in units of the usual: filters may differ in its second order
+BIAS = np.array([0.01, 0.0, 0.008])  # of odometry, within its stated noise, adds up to a turn of 0.4 rad in 50 steps
 
 
 def it_starts_at_the_prior(candidate: Candidate) -> str:

@@ -21,12 +21,10 @@ IDS = np.array([7, 10**12, 0, 41, 3_000_000_000, 12, 11, 5, 900, 2, 10**9, 77], 
 """Landmark ids as real logs have them: neither sorted, nor small, nor consecutive."""
 RING = np.array([[np.cos(a), np.sin(a)] for a in 2 * np.pi * np.arange(12) / 12]) * np.array([[6.0], [2.5]] * 6)
 """(12, 2) landmarks, m, every other one inside and outside a circle of 4 m radius about the origin"""
-CIRCLE = np.array([0.3, 0.0, 0.075])
-"""the motion of a step along that circle; 84 of them go round"""
+CIRCLE = np.array([0.3, 0.0, 0.075])  # the motion of a step along that circle; 84 of them go round
 CIRCLE_START = np.array([4.0, 0.0, np.pi / 2])
 
-INDOORS = 5.0
-"""m, the sensor's range in every direction"""
+INDOORS = 5.0  # m, the sensor's range in every direction
 
 
 class Drive(NamedTuple):

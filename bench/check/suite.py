@@ -69,7 +69,7 @@ def chosen(only: Collection[str]) -> tuple[Check, ...]:
 
 
 def check(backend: Builder | str, options: Any = None, checks: Iterable[Check] = QUICK) -> list[Outcome]:
-    """Run `checks` on a backend in this very process, one outcome each; a plug-in's own tests can call it.
+    """Runs `checks` on a backend in this process, one outcome each; a plug-in's own tests can call it.
 
     `backend` is a builder, made with `options` or its defaults, or a name as on the command line. `checks=CHECKS` has
     the adversarial logs, too: tens of seconds. A backend that does not return is not stopped.

@@ -1,4 +1,4 @@
-"""Claims on the ratio of two sides, paired by log: that one is smaller, or that they are alike."""
+"""Tests claims on the ratio of two sides, paired by log: that one is smaller, or that they are alike."""
 
 from math import log
 from typing import NamedTuple
@@ -10,18 +10,18 @@ from ..study.study import Claim
 from ..verdict.statistics import LEVEL, Shift, exponential, log_ratios, shift
 from ..verdict.walsh import MOST
 from ..words.numerals import factor, larger
-from .finding import Finding, held, margin, nothing
+from .finding import Finding, judged, margin, nothing
 from .median import cautious
 from .side import Side, Untestable, pairs
 from .words import ratio, sized, tested
 
 
 def less(claim: Claim, first: Side, second: Side) -> Finding:
-    """The second's measure is more than `claim.low` times the first's: by the interval of the ratio and by the test.
+    """Tests that the second's measure is more than `claim.low` times the first's: by interval and by test.
 
-    The interval is that of Hodges and Lehmann, the test Wilcoxon's of signed ranks, both two-sided at 5 %, so that at
-    the bound itself one claim in 40 holds wrongly. An error's failed cell is infinite, and as bad as another one. Of
-    what is no error, the ratio on a log with a failed cell might be any: it counts against whatever is to be said.
+    The interval is that of Hodges and Lehmann, the test Wilcoxon's signed-rank test, both two-sided at 5 %, so that at
+    the bound itself one claim in 40 holds wrongly. An error's failed cell is infinite, and as bad as another one. For
+    another measure the ratio on a log with a failed cell might be any: it counts against the verdict.
     """
     found = _paired(first, second)
     if found is None:
@@ -29,11 +29,11 @@ def less(claim: Claim, first: Side, second: Side) -> Finding:
     bound = log(claim.low)
     cautious_one, bold_one = found.shifts(bound)
     low, high = cautious_one.low, bold_one.high
-    verdict = held(low, high, bound, np.inf)
+    verdict = judged(low, high, bound, np.inf)
     p = bold_one.p if verdict == "fails" else cautious_one.p
     remarks: tuple[str, ...] = ()
     if verdict != "open" and not (p < LEVEL and low != bound):
-        verdict, remarks = "open", ("the signed-rank test does not bear it out",)
+        verdict, remarks = "open", ("the signed-rank test does not support it",)
     wanted = f"at most {larger(1 / claim.low)} more" if claim.low < 1 else f"at least {factor(claim.low)} times"
     if claim.low == 1:
         wanted = "" if verdict == "holds" else "less"
@@ -43,10 +43,10 @@ def less(claim: Claim, first: Side, second: Side) -> Finding:
 
 
 def alike(claim: Claim, first: Side, second: Side) -> Finding:
-    """The ratio's whole interval is within the bounds.
+    """Tests that the ratio's whole interval is within the bounds.
 
     Those are two one-sided tests (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15(6), 1987), each at
-    2.5 %. A log on which both sides failed says nothing for it: its ratio might be any.
+    2.5 %. A log on which both sides failed is no evidence: its ratio might be any.
     """
     found = _paired(first, second)
     if found is None:
@@ -56,7 +56,7 @@ def alike(claim: Claim, first: Side, second: Side) -> Finding:
     ends = one.low, other.high, log(claim.low), log(claim.high)
     wanted = "the same" if claim.low == claim.high else f"within {larger(claim.high)}"
     return found.told(one.low, other.high, None, fine=False)._replace(
-        verdict=held(*ends), margin=margin(*ends), wanted=wanted
+        verdict=judged(*ends), margin=margin(*ends), wanted=wanted
     )
 
 
@@ -68,7 +68,7 @@ class _Ratios(NamedTuple):
     lost: int
 
     def shifts(self, against: float) -> tuple[Shift, Shift]:
-        """With what is unknown at the low end, and at the high one."""
+        """Estimates the shift with unknown values at the low end, and at the high one."""
         unknown = np.isnan(self.d)
         if not unknown.any():
             found = shift(self.d, against)
@@ -77,7 +77,7 @@ class _Ratios(NamedTuple):
         return low, high
 
     def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Finding:
-        """The figures, from the interval of d; verdict and bounds are yet to come."""
+        """Makes the finding's figures from the interval of d; verdict and bounds are still missing."""
         medians = tuple(cautious(values).value for values in (self.first, self.second))
         one, other = (sized(value, measure) for value, measure in zip(medians, self.measures, strict=True))
         at, start, end = (exponential(value) for value in (shift(self.d[~np.isnan(self.d)]).value, low, high))
@@ -89,7 +89,7 @@ class _Ratios(NamedTuple):
 
 
 def _paired(first: Side, second: Side) -> _Ratios | None:
-    """None without a log that both ran on; Untestable with more than MOST."""
+    """Pairs the sides; None without a log that both ran on, Untestable with more than MOST."""
     both = pairs(first, second)
     if not both.first.size:
         return None

@@ -1,4 +1,4 @@
-"""`bench ablate`: a study, from its question to its answer."""
+"""`bench ablate`: runs a study, from its question to its answer."""
 
 import argparse
 import contextlib
@@ -29,29 +29,29 @@ from . import executors
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = (
-        "Without STUDY: the studies that come along. A study that was stopped goes on with the same command;\n"
-        "what has a result is not run again as long as log, backend, options and code are the same.\n"
-        "Exit status 0: every claim holds, or nothing is claimed; 1: not so, or cells failed.\n\n"
+        "Without STUDY: lists the packaged studies. The same command continues a study that was stopped;\n"
+        "what has a result is not run again while log, backend, options and code stay the same.\n"
+        "Exit status 0: every claim holds, or nothing is claimed; 1: a claim does not hold, or cells failed.\n\n"
         f"A study file:\n\n{study_file.FORMAT}"
     )
-    parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of one that comes along")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where it goes (default results/NAME)")
+    parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of a packaged one")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where results go (default results/NAME)")
     parser.add_argument("--full", action="store_true", help="the study's full size instead of the quick one")
-    parser.add_argument("--dry-run", action="store_true", help="tell how many cells there are, and how long they take")
+    parser.add_argument("--dry-run", action="store_true", help="print how many cells there are, and how long they take")
     parser.add_argument(
-        "--only", action="append", default=[], metavar="NAME=VALUE", help="run the cells with that parameter alone"
+        "--only", action="append", default=[], metavar="NAME=VALUE", help="run only the cells with that parameter"
     )
-    parser.add_argument("--limit", type=count, metavar="N", help="run at most so many cells now")
-    parser.add_argument("--retry", action="store_true", help="run cells again that failed")
+    parser.add_argument("--limit", type=count, metavar="N", help="run at most N cells now")
+    parser.add_argument("--retry", action="store_true", help="run failed cells again")
     executors.arguments(parser, jobs="local: processes (default one a core); slurm: jobs (default 4)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Run the study; 0 where every claim holds, 1 where one does not or cells failed."""
+    """Runs the study; 0 where every claim holds, 1 where one does not or cells failed."""
     console = screen_console(quiet=namespace.quiet)
     if namespace.study is None:
         _list(console)
@@ -67,7 +67,7 @@ def main(namespace: argparse.Namespace) -> int:
         with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
             tally = run(study, out, executor, request, about(study, out, again), screen)
     except KeyboardInterrupt:
-        raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
+        raise Interrupted(f"{shlex.join(again)} continues from here") from None
     return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
 
 
@@ -77,21 +77,21 @@ def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], 
 
 
 def _list(console: Console) -> None:
-    """The studies that come along, with their questions."""
+    """Lists the packaged studies, with their questions."""
     for name in study_file.packaged():
         study, full = (study_file.read(name, full=size) for size in (False, True))
         cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
         console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
     for sentence in (
         "",
-        "bench ablate NAME runs one in its quick size, in one to three minutes on two cores or so; --dry-run tells.",
+        "bench ablate NAME runs one in its quick size, in one to three minutes on two cores; --dry-run estimates it.",
         f"Copy and change them: {study_file.PACKAGED}",
     ):
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
 def _estimate(console: Console, study: Study, out: Path, request: RunRequest, namespace: argparse.Namespace) -> None:
-    """Tell what there is to do, and do nothing of it."""
+    """Prints what there is to do, and does none of it."""
     from ..study.estimate import estimate
 
     with contextlib.ExitStack() as stack:
@@ -114,7 +114,7 @@ def _estimate(console: Console, study: Study, out: Path, request: RunRequest, na
 
 
 def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly: bool) -> int:
-    """Print the answer and write the report."""
+    """Prints the answer and writes the report."""
     from ..study_report.evidence import evidence
     from ..study_report.report import write
 
@@ -129,8 +129,8 @@ def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly
 
 
 def _left(tally: Tally, *, partly: bool) -> Sequence[str]:
-    """What failed and what has not run; `partly`: some of it was not asked for."""
+    """Says what failed and what has not run; `partly`: some of it was not requested."""
     said = [f"{counted(tally.failed, 'cell')} failed; --retry runs them again."] * bool(tally.failed)
     waiting = tally.cells - tally.done
-    goes_on = "without --only and --limit all of them are run" if partly else "the same command goes on"
+    goes_on = "without --only and --limit all of them are run" if partly else "the same command continues"
     return [*said, *[f"{counted(waiting, 'cell')} of {tally.cells} wait; {goes_on}."] * bool(waiting)]

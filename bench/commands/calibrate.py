@@ -1,4 +1,4 @@
-"""`bench calibrate FRAMES --board charuco[...]`: a camera's calibration from views of a ChArUco board."""
+"""`bench calibrate FRAMES --board charuco[...]`: calibrates a camera from views of a ChArUco board."""
 
 import argparse
 from collections import defaultdict
@@ -23,28 +23,21 @@ from ..drawing.picture import KINDS
 from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import counted, listed
 
-CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")
-"""What a calibration file's name may end in."""
-
-MOST_FRAMES = 60
-"""Frames taken from a video, evenly: more of them cost time and say little that is new."""
-
-STRIDE = 10
-"""Of a video that does not say how long it is, every so many-th frame."""
-
-NAMED = 3
-"""Images that are named where a reason is given for several."""
+CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")  # endings of a calibration file's name
+MOST_FRAMES = 60  # frames taken from a video, evenly: more of them cost time and add little
+STRIDE = 10  # every so many-th frame of a video of unknown length is taken
+NAMED = 3  # images that are named where a reason applies to several
 
 
 class Source(NamedTuple):
-    """Where images come from; they are read as they are asked for."""
+    """A source of images, read on demand."""
 
     length: int
     images: Iterable[tuple[str, Image | None]]  # with their names; None: cannot be read
 
 
 class Views(NamedTuple):
-    """What was found in the images."""
+    """The views found in the images."""
 
     used: list[View]
     left_out: dict[str, list[str]]  # reason -> images
@@ -52,7 +45,7 @@ class Views(NamedTuple):
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
         "Take 15 to 30 sharp pictures in which the board is large and tilted every way by 20 to 45 degrees, near all "
         "edges of the image too. Measure the printed board's squares and markers: their sides are in m. Boards printed "
@@ -80,7 +73,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Calibrate; 0 where the calibration was written."""
+    """Calibrates; 0 where the calibration was written."""
     board = read_board(namespace.board)
     _check_place("--out", namespace.out, CALIBRATIONS)
     _check_place("--camera-info", namespace.camera_info, (".yaml", ".yml"))
@@ -114,7 +107,7 @@ def _check_place(flag: str, path: Path | None, suffixes: tuple[str, ...]) -> Non
 
 
 def _views(places: list[Path], board: Board, console: Console) -> Views:
-    """The board in all images; InputError where they are of different sizes, or there is none that can be read."""
+    """Finds the board in all images; InputError for different sizes, or where none can be read."""
     used: list[View] = []
     left_out = defaultdict[str, list[str]](list)
     first: tuple[str, tuple[int, int]] | None = None
@@ -145,7 +138,7 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
 
 
 def _source(place: Path) -> Source:
-    """The images at `place`; InputError where there is nothing, or nothing of the kind."""
+    """Returns the images at `place`; InputError where there are none."""
     if not place.exists():
         raise InputError(f"{place}: is not there, expected an image, a folder of images or a video")
     if place.is_dir():
@@ -164,18 +157,16 @@ def _source(place: Path) -> Source:
 
 
 def _twin(view: View, others: list[View]) -> str | None:
-    """The one of `others` that has the very same corners: a copy adds confidence and no knowledge."""
+    """Finds the one of `others` with exactly the same corners: a copy adds confidence and no information."""
     same = (o.name for o in others if np.array_equal(o.ids, view.ids) and np.array_equal(o.corners, view.corners))
     return next(same, None)
 
 
 def _reasons(left_out: dict[str, list[str]]) -> list[str]:
-    """A phrase for each reason why images were left out."""
+    """Returns a phrase for each reason why images were left out."""
     phrases: list[str] = []
     for reason, names in left_out.items():
-        more = len(names) - NAMED
-        shown = listed([*names[:NAMED], f"{more} more"] if more > 0 else names)
-        phrases.append(f"Left out {shown}: {reason}")
+        phrases.append(f"Left out {listed(names, NAMED)}: {reason}")
     return phrases
 
 

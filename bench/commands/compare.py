@@ -1,4 +1,4 @@
-"""`bench compare OLD NEW`: regressions and gains between two runs, for people, pull requests and CI."""
+"""`bench compare OLD NEW`: lists regressions and gains between two runs, for people, pull requests and CI."""
 
 import argparse
 import json
@@ -13,7 +13,7 @@ from ..verdict.changes import regressed, rest, summary
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = "Exit status: 0 without a regression, 1 with one, 2 where the runs cannot be compared."
     parser.add_argument("old", type=Path, metavar="OLD", help="the folder that an earlier bench run left")
     parser.add_argument("new", type=Path, metavar="NEW", help="that of a later one")
@@ -28,11 +28,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--any-machine", action="store_true", help="compare times from different machines, too")
     parser.add_argument("--any-log", action="store_true", help="compare by seed where the logs are not the same")
-    parser.add_argument("--quiet", action="store_true", help="print nothing; the exit status tells")
+    parser.add_argument("--quiet", action="store_true", help="print nothing; the exit status is the result")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Compare; 1 where something has become worse, 0 where nothing has."""
+    """Compares; 1 where something has become worse, 0 where nothing has."""
     least = None if namespace.least is None else namespace.least / 100
     compared = compare(
         namespace.old, namespace.new, least=least, any_machine=namespace.any_machine, any_log=namespace.any_log

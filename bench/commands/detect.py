@@ -1,4 +1,4 @@
-"""`bench detect RECORDING --out LOG`: the markers in a recording as a log, with a report of what was found."""
+"""`bench detect RECORDING --out LOG`: makes the markers in a recording into a log with a report."""
 
 import argparse
 import json
@@ -20,7 +20,7 @@ from ..words.numerals import number
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
         "A recording is a folder with robot.toml and frames, a video or a bag; a bare bag, video or folder of frames "
         "needs --robot. camera:0 is a camera that is connected. LOG is what bench run --dataset LOG takes; a folder "
@@ -43,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Detect; 0 where a log was written, be it one without a sighting."""
+    """Detects; 0 where a log was written, even one without a sighting."""
     out: Path = namespace.out
     check_place(out)
     preview = None if namespace.preview is None else Preview(namespace.preview)
@@ -75,7 +75,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _noise_table(findings: Findings) -> Table:
-    """Errors and NEES by range, before and after."""
+    """Makes the table of errors and NEES by range, before and after."""
     title = "Errors by range, and NEES, of which 1 is exact"
     shown = Table(title=title, title_style="", title_justify="left", box=None, pad_edge=False)
     headings = (

@@ -1,4 +1,4 @@
-"""The options that say where cells run, shared by `bench run` and `bench ablate`."""
+"""The options of the executor, shared by `bench run` and `bench ablate`."""
 
 import argparse
 from collections.abc import Callable
@@ -13,7 +13,7 @@ SLURM_JOBS = 4
 
 
 def arguments(parser: argparse.ArgumentParser, jobs: str) -> None:
-    """Add --executor, --jobs and --scheduler; `jobs` is the help on the second."""
+    """Adds --executor, --jobs and --scheduler; `jobs` is the help on the second."""
     parser.add_argument(
         "--executor",
         choices=EXECUTORS,
@@ -27,9 +27,9 @@ def arguments(parser: argparse.ArgumentParser, jobs: str) -> None:
 def executor(
     namespace: argparse.Namespace, jobs: int | None, local: int, *, exclusive: bool, say: Callable[[str], None]
 ) -> Executor:
-    """The executor asked for, `local` processes by default; `exclusive`: some cells must run alone on their machine.
+    """Makes the requested executor; `exclusive`: some cells must run alone on their machine.
 
-    InputError for options that do not go together.
+    InputError for options that do not go together. `local` is the default number of processes.
     """
     kind, address = namespace.executor, namespace.scheduler
     if address is not None and kind != "dask":

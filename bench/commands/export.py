@@ -1,4 +1,4 @@
-"""`bench export`: a log, or the table of what ran on it, for other programs and for other eyes."""
+"""`bench export`: writes a log, or the table of a study's or run's cells, for other programs."""
 
 import argparse
 from pathlib import Path
@@ -12,14 +12,14 @@ from ..record.table import export_cells, holds_cells
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
         "Of a dataset: g2o: log.g2o, a graph for g2o's programs. gtsam: log-gtsam.g2o, which "
         "gtsam.readG2o reads whole, but for the prior, which it has no row for. "
         "tum: odometry.tum, the dead-reckoned path, and truth.tum where there is a truth; evo reads both. "
         "log: the folder log, of CSV files, which bench run --dataset takes. "
-        "Of the folder of a study or a run: --csv or --parquet or both, a row a cell, with what it was and all that "
-        "was measured; a study may be running meanwhile."
+        "Of the folder of a study or a run: --csv or --parquet or both, one row per cell, with its parameters and all "
+        "measurements; a study may be running meanwhile."
     )
     parser.add_argument(
         "what", metavar="DATASET|FOLDER",
@@ -39,7 +39,7 @@ DEFAULT = "g2o,tum,log"
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Write every file, or nothing at all; 0."""
+    """Writes every file, or nothing at all; 0."""
     said = _cells(namespace) if holds_cells(Path(namespace.what)) else _log(namespace)
     console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     for file, what in said:

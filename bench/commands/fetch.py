@@ -1,4 +1,4 @@
-"""`bench fetch NAME`: a published log from its publisher into the user's cache, checked; no name: what there is."""
+"""`bench fetch NAME`: downloads a published log into the user's cache and checks it; without a name, lists them."""
 
 import argparse
 import sys
@@ -17,21 +17,21 @@ MEGA = 1e6
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Names, and where else to have them from."""
+    """Adds the command's arguments."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="published logs; without any, they are listed")
     parser.add_argument(
-        "--from", dest="source", type=Path, metavar="PATH", help="install an archive, folder or file got by hand"
+        "--from", dest="source", type=Path, metavar="PATH", help="install an archive, folder or file downloaded by hand"
     )
     parser.add_argument("--url", help="download from this address instead of the publisher's (http, https or ftp)")
     parser.add_argument("--check", action="store_true", help="hash again what is here; without a name, all of it")
     parser.add_argument(
-        "--again", action="store_true", help="even if it is here already; what is here stays until then"
+        "--again", action="store_true", help="download even if it is here already; the old copy stays until then"
     )
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Do what was asked for every name, whatever becomes of the others; 2 where one failed."""
+    """Handles every name, whatever becomes of the others; 2 where one failed."""
     console = Console(quiet=namespace.quiet, highlight=False, markup=False, soft_wrap=True)
     _refuse(namespace)
     names = list(dict.fromkeys(namespace.names))
@@ -39,7 +39,7 @@ def main(namespace: argparse.Namespace) -> int:
         return _check(names, console)
     if not names:
         console.print(_listed())
-        console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one that was got by hand.")
+        console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one downloaded by hand.")
         return 0
     failed = False
     for name in names:
@@ -62,7 +62,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _refuse(namespace: argparse.Namespace) -> None:
-    """InputError for names that nobody knows and options that do not go together."""
+    """Raises InputError for unknown names and options that do not go together."""
     for name in namespace.names:
         if name not in PUBLISHED:
             raise InputError(f"bench fetch {name}: there is no such published log; there are {', '.join(PUBLISHED)}.")
@@ -75,7 +75,7 @@ def _refuse(namespace: argparse.Namespace) -> None:
 
 
 def _told(name: str, arrival: installed.Arrival | None, console: Console) -> None:
-    """What has come, and how sure it is that it is what was published."""
+    """Prints what was fetched, and how it was verified."""
     log = PUBLISHED[name]
     console.print(f"{name}: {'here already' if arrival is None else 'fetched'}, {_megabytes(name)} in {place(name)}")
     if arrival is None:
@@ -83,9 +83,7 @@ def _told(name: str, arrival: installed.Arrival | None, console: Console) -> Non
     if all(log.files.values()):
         console.print("  every file has the sha256 of the published one.")
     else:
-        console.print(
-            f"  what the publisher's sha256 would be is not known here; found and recorded in {installed.SUMS}:"
-        )
+        console.print(f"  the publisher's sha256 is not known here; found and recorded in {installed.SUMS}:")
         for file, digest in arrival.files.items():
             console.print(f"  {digest}  {file}")
     if arrival.archive is not None and log.archive is not None:
@@ -95,7 +93,7 @@ def _told(name: str, arrival: installed.Arrival | None, console: Console) -> Non
 
 
 def _check(names: list[str], console: Console) -> int:
-    """Hash again what is here of `names`, or everything; the exit status."""
+    """Hashes again what is here of `names`, or everything; returns the exit status."""
     if not names:
         names = [name for name in PUBLISHED if place(name).exists()]
         if not names:
@@ -108,7 +106,7 @@ def _check(names: list[str], console: Console) -> int:
         elif found := installed.faults(name):
             for fault in found:
                 print(f"bench: {fault}", file=sys.stderr)
-            print(f"bench: bench fetch {name} --again gets {name} anew.", file=sys.stderr)
+            print(f"bench: bench fetch {name} --again downloads {name} again.", file=sys.stderr)
             status = 2
         else:
             known = "as published" if all(PUBLISHED[name].files.values()) else "as it first arrived"

@@ -1,4 +1,4 @@
-"""`bench list`: every backend and dataset by name, with the options that go in its brackets."""
+"""`bench list`: lists every backend and dataset by name, with the options that go in its brackets."""
 
 import argparse
 import json
@@ -25,7 +25,7 @@ class Entry(NamedTuple):
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's argument."""
+    """Adds the command's argument."""
     parser.add_argument(
         "--json",
         action="store_true",
@@ -35,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Print the lists; a plug-in that cannot be imported is listed with the reason."""
+    """Prints the lists; a plug-in that cannot be imported is listed with the reason."""
     kinds = {"backends": list(_backends()), "datasets": list(_datasets())}
     if namespace.json:
         words = {kind: [_document(entry) for entry in entries] for kind, entries in kinds.items()}
@@ -73,7 +73,7 @@ def _options(cls: type) -> list[dict[str, str]]:
 
 
 def _document(entry: Entry) -> dict[str, Any]:
-    """The entry for a program; without an implementation where it is none of a backend."""
+    """Returns the entry as JSON takes it; a dataset's has no implementation."""
     return {name: value for name, value in entry._asdict().items() if value is not None}
 
 

@@ -1,4 +1,4 @@
-"""`bench render DATASET --as FORMATS --out FOLDER`: a rendered drive as recordings, with the truth beside them."""
+"""`bench render DATASET --as FORMATS --out FOLDER`: writes a rendered drive as recordings, with its truth."""
 
 import argparse
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ RENDERED = "aruco-room"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.add_argument(
         "dataset",
         nargs="?",
@@ -38,10 +38,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Render the drive once and write it in every format; 0."""
+    """Renders the drive once and writes it in every format; 0."""
     variant = _variant(namespace.dataset)
     if variant.options.outliers > 0:
-        raise InputError(f"bench render: found {variant.label}: frames are what they are, only a log has outliers.")
+        raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
     if namespace.seed < 0:
         raise InputError(f"--seed {namespace.seed}: expected a whole number, at least 0.")
 
@@ -72,7 +72,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _variant(text: str) -> DatasetVariant:
-    """The one dataset that `text` names, which has to be one of rendered frames."""
+    """Finds the one dataset that `text` names, which must be the rendered one."""
     variants = dataset_variants(text, "bench render")
     if len(variants) != 1 or variants[0].name != RENDERED:
         raise InputError(f"bench render: found {text!r}, expected {RENDERED}, the dataset whose frames are rendered.")

@@ -1,4 +1,4 @@
-"""`bench replay FOLDER`: a run shown step by step, several backends side by side, as page, film or recording."""
+"""`bench replay FOLDER`: shows a run step by step, backends side by side, as page, film or recording."""
 
 import argparse
 import os
@@ -11,12 +11,11 @@ from ...frontend.errors import InputError
 from ..record.store import Store
 from ..words.numerals import counted, listed
 
-KINDS = (".html", ".gif", ".mp4", ".rrd")
-"""What a replay's name may end in: its kind."""
+KINDS = (".html", ".gif", ".mp4", ".rrd")  # formats, by the ending of a replay's name
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.add_argument("folder", type=Path, help="the folder that bench run left")
     parser.add_argument("--dataset", metavar="NAME", help="one of the run's (default: the first)")
     parser.add_argument(
@@ -35,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Drive the backends through the log once more and write what they did; 0."""
+    """Drives the backends through the log once more and writes the replay; 0."""
     _check(namespace.out or [], namespace.frames)
     from ..replay.replay import choose, replay  # once the arguments are known to be right
 
@@ -65,7 +64,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _check(out: Sequence[Path], frames: int) -> None:
-    """InputError for what cannot be written, before anything is done."""
+    """Raises InputError for what cannot be written, before anything is done."""
     if frames < 2:
         raise InputError(f"--frames {frames}: expected a whole number, at least 2.")
     for path in out:
@@ -80,7 +79,7 @@ def _check(out: Sequence[Path], frames: int) -> None:
 
 
 def _writer(path: Path):
-    """What writes a file of that suffix; only that is imported."""
+    """Returns the writer for that suffix; only that is imported."""
     match path.suffix.lower():
         case ".html":
             from ..replay.page import write_page as write

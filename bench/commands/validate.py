@@ -1,4 +1,4 @@
-"""`bench validate`: everything that is wrong with a log, and what is legal yet odd."""
+"""`bench validate`: lists everything that is wrong with a log, and what is legal yet odd."""
 
 import argparse
 from pathlib import Path
@@ -14,12 +14,11 @@ from ..plan.load import made
 from ..plan.spec import DatasetVariant, dataset_variants
 from ..plan.values import seed
 
-SHOWN = 20
-"""Problems of a log that are printed."""
+SHOWN = 20  # problems of a log that are printed
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `bench validate`."""
+    """Adds the command's arguments."""
     parser.add_argument(
         "log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it"
     )
@@ -32,13 +31,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Print the problems and remarks of every log; 2 if one has a problem."""
+    """Prints the problems and remarks of every log; 2 if one has a problem."""
     shown = float("inf") if namespace.all else SHOWN
     return max(_found_and_validated(text, namespace.seed, shown) for text in namespace.log)
 
 
 def _found_and_validated(text: str, seed: int, shown: float) -> int:
-    """Print what there is to say of the logs that `text` names; the exit status."""
+    """Validates the logs that `text` names; returns the exit status."""
     try:
         variants = dataset_variants(text, "bench validate")
     except InputError as error:
@@ -48,7 +47,7 @@ def _found_and_validated(text: str, seed: int, shown: float) -> int:
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
-    """Print what there is to say of one log; its exit status."""
+    """Validates one log; returns its exit status."""
     place = _place(variant)
     scan, total = attempted(_scan(variant, seed)), 0
     while True:
@@ -71,7 +70,7 @@ def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
 
 
 def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:
-    """The dataset; every problem of a log's folder, the first of any other."""
+    """Yields every problem of a log's folder, the first of any other dataset; returns the dataset."""
     if variant.name == "log" and variant.options.path is not None:
         return (yield from log_folder.scan(Path(variant.options.path)))
     return made(variant, seed)

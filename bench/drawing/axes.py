@@ -12,8 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ...frontend.se2 import Array
 from ..words.numerals import plain
 
-LONGEST = 34
-"""characters of a label that a figure has room for"""
+LONGEST = 34  # characters of a label that a figure has room for
 
 
 def short(label: str, longest: int = LONGEST) -> str:

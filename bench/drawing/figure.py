@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-GROUPS = ("accuracy", "consistency", "cost", "inside")
-"""the subjects of figures, in the order in which a report shows them"""
+GROUPS = ("accuracy", "consistency", "cost", "inside")  # the subjects of figures, in the order of a report
 
 
 class Axis(NamedTuple):

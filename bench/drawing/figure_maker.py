@@ -11,11 +11,8 @@ from ..words.styles import Look
 from .figure import Axis, Curve, Plot, ReportFigure
 from .svg import Draw, drawn, printed
 
-WIDTH = 252
-"""points: a column of a two-column paper"""
-
-MOST_POINTS = 200
-"""points of a curve in a page's plot data"""
+WIDTH = 252  # points: a column of a two-column paper
+MOST_POINTS = 200  # points of a curve in a page's plot data
 
 
 def of(look: Look) -> str:

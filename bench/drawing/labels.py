@@ -12,17 +12,10 @@ from ...frontend.se2 import Array
 from .axes import short
 from .svg import lay_out
 
-SIZE = 7
-"""points, of the letters"""
-
-POINT = 4.0
-"""points, half of what a marker takes"""
-
-NEARER = 12.0
-"""square points of overlap that one point of nearness to another's marker is worth"""
-
-ON_ANOTHER = 30.0
-"""points by which a name on another's marker counts as nearer to that"""
+SIZE = 7  # points, of the letters
+POINT = 4.0  # points, half of what a marker takes
+NEARER = 12.0  # square points of overlap that one point of nearness to another's marker is worth
+ON_ANOTHER = 30.0  # points by which a name on another's marker counts as nearer to that
 
 _BOX = tuple[float, float, float, float]
 

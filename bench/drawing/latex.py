@@ -6,14 +6,9 @@ from collections.abc import Sequence
 from ..words.column import Column
 from .table import Entry, Table
 
-COLUMN = 241
-"""points; a column of a two-column paper, 85 mm"""
-
-LETTER, SMALL, GAP = 4.1, 3.6, 4.0
-"""points of a letter of \\footnotesize, of one of \\scriptsize, and of the space between columns, roughly"""
-
-LONGEST = 8
-"""letters of a heading on one line"""
+COLUMN = 241  # points; a column of a two-column paper, 85 mm
+LETTER, SMALL, GAP = 4.1, 3.6, 4.0  # points of a letter in \footnotesize, in \scriptsize, and between columns, roughly
+LONGEST = 8  # letters of a heading on one line
 
 _LETTERS = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "#": r"\#", "$": r"\$", "%": r"\%", "&": r"\&", "_": r"\_",

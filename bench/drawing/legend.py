@@ -11,11 +11,8 @@ from .axes import legend_columns
 from .figure_maker import WIDTH
 from .svg import INK
 
-ROW = 11.5
-"""points of a legend's row"""
-
-LOUD, LEGEND_ROWS = 7, 4
-"""the most backends that are drawn in full and named, and the most rows of their names"""
+ROW = 11.5  # points of a legend's row
+LOUD, LEGEND_ROWS = 7, 4  # the most backends that are drawn in full and named, and the most rows of their names
 
 FAINT = 0.28
 

@@ -18,8 +18,7 @@ from .table import Table
 
 TEMPLATES = Path(__file__).with_name("templates")
 
-PURPOSES = {"online": "Online", "final": "The path afterwards", "map": "The map"}
-"""the purposes of a backend, as headings"""
+PURPOSES = {"online": "Online", "final": "The path afterwards", "map": "The map"}  # headings
 
 GLYPHS = {
     "o": "M9 5a3 3 0 1 0 6 0a3 3 0 1 0-6 0",

@@ -9,8 +9,7 @@ from typing import Any
 from matplotlib import style
 from matplotlib.figure import Figure
 
-KINDS = (".png", ".svg", ".pdf")
-"""formats, by the ending of a picture's name"""
+KINDS = (".png", ".svg", ".pdf")  # formats, by the ending of a picture's name
 
 PLAIN: Mapping[str, Any] = {
     "axes.spines.top": False,

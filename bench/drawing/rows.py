@@ -11,17 +11,10 @@ from ..words.styles import Look
 from .axes import short
 from .figure_maker import of
 
-ROW, TALL_ROW, MARGINS = 21, 29, 34
-"""points of a row with its name beside it and above it, and of the axis below"""
-
-BESIDE = 17
-"""characters of a line of a name that fit on the left"""
-
-LONGEST = 58
-"""characters that fit above a row"""
-
-MIDDLE = 0.12
-"""where a row's data are, below the row's place"""
+ROW, TALL_ROW, MARGINS = 21, 29, 34  # points of a row with its name beside it and above it, and of the axis below
+BESIDE = 17  # characters of a line of a name that fit on the left
+LONGEST = 58  # characters that fit above a row
+MIDDLE = 0.12  # where a row's data are, below the row's place
 
 
 def rows(figure: Figure, names: Sequence[tuple[str, Look]]) -> Axes:

@@ -15,22 +15,14 @@ from matplotlib.figure import Figure
 
 from .picture import GRID, PLAIN
 
-INK, RULE, PAPER = "#010203", "#040506", "#070809"
-"""stand-ins for the colours of the page, replaced in the text"""
+INK, RULE, PAPER = "#010203", "#040506", "#070809"  # stand-ins for the page's colours, replaced in the text
 
 FONT = "system-ui, sans-serif"
 
-EDGE = 3
-"""points that stay free around a figure"""
-
-DPI = 300
-"""of a PNG for print"""
-
-Draw = Callable[[Figure], None]
-"""draws on an empty figure"""
-
-_BLUE = "#0072b2"
-"""the one colour that is too dark on a dark page, which has a `--blue` for it"""
+EDGE = 3  # points that stay free around a figure
+DPI = 300  # of a PNG for print
+Draw = Callable[[Figure], None]  # draws on an empty figure
+_BLUE = "#0072b2"  # the one colour that is too dark on a dark page, which has a --blue for it
 
 _ON_PAGE = {_BLUE: f"var(--blue,{_BLUE})", INK: "currentColor", RULE: "var(--rule)", PAPER: "var(--paper)"}
 _ALONE = {INK: "#222222", RULE: "#dddddd", PAPER: "#ffffff"}

@@ -24,11 +24,8 @@ from .key import log_seed, result_key
 from .log_files import FOLDER as LOGS
 from .logs import KnownLogs
 
-MOST_JOBS = 20
-"""jobs of a batch: no more is lost with a machine"""
-
-ROUNDS = 4
-"""batches for each slot, at least, so that the end of a study is shared evenly"""
+MOST_JOBS = 20  # jobs of a batch: no more is lost with a machine
+ROUNDS = 4  # batches for each slot, at least, so that the end of a study is shared evenly
 
 TIMING_POLICY = (
     "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
@@ -84,8 +81,7 @@ class Tally(NamedTuple):
     failed: int  # of those; with cells whose log could not be made
 
 
-About = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-"""from the facts that a record has, those to be kept now; InputError where the record is of something else"""
+About = Callable[[Mapping[str, Any]], Mapping[str, Any]]  # known facts -> facts to keep, or InputError
 
 
 def run(work: Work, folder: Path, executor: Executor, request: RunRequest, about: About, watcher: Watcher) -> Tally:

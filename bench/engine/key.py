@@ -19,17 +19,10 @@ from ..plan.plan import Cell
 from ..record.fingerprint import fingerprint
 from ..record.store import Known
 
-JUDGE = judge.__name__
-"""the module that runs and scores a cell"""
-
-REGISTRIES = frozenset({datasets.__name__, backends.__name__})
-"""modules that only look up another module, whose name is in a key"""
-
-ELSEWHERE = REGISTRIES | {cache.__name__, archive.__name__, reference.__name__}
-"""modules that affect a result only through its log and its truth, whose digests are in its key"""
-
-MAKER = cache.__name__
-"""the module that seeds a log's random generator"""
+JUDGE = judge.__name__  # the module that runs and scores a cell
+REGISTRIES = frozenset({datasets.__name__, backends.__name__})  # look up modules whose names are in a key
+ELSEWHERE = REGISTRIES | {cache.__name__, archive.__name__, reference.__name__}  # affect logs only
+MAKER = cache.__name__  # the module that seeds a log's random generator
 
 
 def log_seed(cell: Cell) -> int:
@@ -77,8 +70,7 @@ def backend_key(name: str, options: Any) -> str:
     return hashed(name, target, vars(options), code)
 
 
-_target = functools.cache(backends.target)
-"""cached: looking for plug-ins costs milliseconds"""
+_target = functools.cache(backends.target)  # cached: looking for plug-ins costs milliseconds
 
 
 def hashed(*parts: Any) -> str:

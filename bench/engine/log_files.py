@@ -21,8 +21,7 @@ from .key import hashed
 
 FOLDER = "logs"
 
-ROUNDING = 1e-6
-"""m and rad, between two batch optima of one log, and between two detections in one image"""
+ROUNDING = 1e-6  # m and rad, between two batch optima of one log, and between two detections in one image
 
 
 class LogFiles:

@@ -9,17 +9,10 @@ from .landmark_places import Astray
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
 from .stated_noise import Measured, NoiseCheck
 
-TRUE_ENOUGH = (0.8, 1.25)
-"""ratio of the typical error to the stated one within which the noise counts as stated correctly"""
-
-OUTLIERS = 0.01
-"""share of errors far out from which on they are called outliers: ten times that expected by chance"""
-
-ALL_ROUND = 5.0
-"""rad; a wider field of view has no sides"""
-
-NAMED = 12
-"""ids that are named; of more, the number of the rest"""
+TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
+OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
+ALL_ROUND = 5.0  # rad; a wider field of view has no sides
+NAMED = 12  # ids that are named; of more, the number of the rest
 
 DEGREE = "\N{DEGREE SIGN}"
 

@@ -8,14 +8,9 @@ from numpy.typing import NDArray
 from ...frontend.factors import UNKNOWN, Log, Map, Truth
 from ...frontend.se2 import Array, Ints, act
 
-LEAST = 8
-"""sightings of an id from which on their median is a place to judge by"""
-
-WIDE = 8.0
-"""an id with more than this multiple of the typical id's spread is not in one place"""
-
-BEYOND = 3.0
-"""an id is in one place within this multiple of the stated standard deviation"""
+LEAST = 8  # sightings of an id from which on their median is a place to judge by
+WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place
+BEYOND = 3.0  # an id is in one place within this multiple of the stated standard deviation
 
 
 class Places(NamedTuple):

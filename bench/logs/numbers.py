@@ -12,18 +12,13 @@ from ...frontend.se2 import Array, Ints
 from ...frontend.truth_errors import odometry_errors, sighting_errors
 from ..measure.times import numbered
 from .landmark_places import Astray, judge, strays
-from .revisits import Returns, loops, way
-from .shown_path import Shown
+from .revisits import Returns, loops, returns, way
+from .shown_path import Shown, shown
 from .stated_noise import Measured, NoiseCheck, measured, noise_check
 
-GAP = 5.0
-"""multiple of the median time between steps that makes a gap"""
-
-SIGHT = 0.99
-"""share of the bearings that the field of view holds"""
-
-ROUND = 1e-6
-"""relative; standard deviations that differ by less are equal"""
+GAP = 5.0  # multiple of the median time between steps that makes a gap
+SIGHT = 0.99  # share of the bearings that the field of view holds
+ROUND = 1e-6  # relative; standard deviations that differ by less are equal
 
 
 class Way(NamedTuple):
@@ -143,6 +138,22 @@ class Numbers(NamedTuple):
     sensor: Sensor | None
     noise: Noise
     known: Known
+
+
+class Subject(NamedTuple):
+    """A log with all that is written and drawn of it."""
+
+    label: str
+    dataset: Dataset
+    shown: Shown
+    returns: Returns
+    numbers: Numbers
+
+
+def described(label: str, dataset: Dataset, solve: bool | None) -> Subject:
+    """Describes a log; `solve` as in `shown`."""
+    drawn, found = shown(dataset, solve), returns(dataset.log)
+    return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found))
 
 
 def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:

@@ -18,22 +18,14 @@ from .stated_noise import typical
 INK = "#222222"
 FIRST, AGAIN, SOFT, EMPTY = COLOURS[0], COLOURS[1], COLOURS[4], "#f3d9cc"
 
-STRETCHES = 300
-"""of the log's time, in a curve"""
-
-COLUMNS, ROWS = 420, 150
-"""cells of the picture of returns, each coloured where any sighting falls into it"""
-
-LONG = 0.004
-"""share of the log from which on a stretch without sightings is shaded"""
+STRETCHES = 300  # of the log's time, in a curve
+COLUMNS, ROWS = 420, 150  # cells of the picture of returns, each coloured where any sighting falls into it
+LONG = 0.004  # share of the log from which on a stretch without sightings is shaded
 
 MOST_DOTS = 4_000
 
-BINS = 12
-"""of ranges, with equally many sightings each"""
-
-LEAST_BIN = 8
-"""sightings; a bin with fewer shows no error"""
+BINS = 12  # of ranges, with equally many sightings each
+LEAST_BIN = 8  # sightings; a bin with fewer shows no error
 
 
 def seen(axes: Axes, log: Log) -> None:

@@ -1,43 +1,31 @@
 """Draws a log in one picture: map, sightings over time, returns, field of view and noise."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import SubFigure
 
-from ...frontend.factors import Dataset, Log
+from ...frontend.factors import Log
 from ...frontend.se2 import Array, Ints
 from ..drawing.picture import GRID, picture
 from ..measure.times import numbered
 from .facts import headline
 from .landmark_places import judge, sighted
-from .numbers import Numbers
+from .numbers import Subject
 from .panels import FIRST, INK, SOFT, noise, returns, seen, sensor
-from .revisits import Returns
 from .shown_path import Shown
 
 ASTRAY = "#d00000"
 
-MOST_POSES, MOST_LANDMARKS, MOST_RAYS, MOST_LOOPS = 1_000_000, 4_000, 160, 400
-"""drawn of each, evenly chosen; a thinned path cuts its corners"""
-
-VECTOR = 20_000
-"""poses up to which a path is lines in a vector format, and not pixels"""
-
-CROSSINGS = 60.0
-"""crossings of the map by a path beyond which its line becomes thinner"""
-
-PIECES = 160
-"""stretches of the path with a colour of their own"""
-
-OUTSIDE = 0.002
-"""share of landmarks on either side that may lie outside the map: one outlier would shrink the rest to a dot"""
-
-WIDEST = 70
-"""letters of a line of the legend"""
+MOST_POSES, MOST_LANDMARKS, MOST_RAYS, MOST_LOOPS = 1_000_000, 4_000, 160, 400  # drawn at most, evenly
+VECTOR = 20_000  # poses up to which a path is lines in a vector format, and not pixels
+CROSSINGS = 60.0  # crossings of the map by a path beyond which its line becomes thinner
+PIECES = 160  # stretches of the path with a colour of their own
+OUTSIDE = 0.002  # share of landmarks on either side that may lie outside the map: one outlier would shrink it
+WIDEST = 70  # letters of a line of the legend
 
 _STYLE: dict[str, Any] = {
     **GRID,
@@ -49,16 +37,6 @@ _STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
 }
-
-
-class Subject(NamedTuple):
-    """The log of a picture."""
-
-    label: str
-    dataset: Dataset
-    shown: Shown
-    returns: Returns
-    numbers: Numbers
 
 
 def write_picture(path: Path, subject: Subject) -> None:

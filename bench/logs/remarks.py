@@ -11,26 +11,13 @@ from ...frontend.factors import UNKNOWN, Dataset, Log
 from ...frontend.se2 import Array
 from ...frontend.table import LARGEST
 
-GAP = 10.0
-"""a gap in time, relative to the median time between steps"""
-
-JUMP = 20.0
-"""a jump of the odometry, in standard deviations of all other steps"""
-
-NARROW = 0.1
-"""rad; bearings that are all nearer to 0 may have been divided by 57"""
-
-FAR = 1000.0
-"""m; a median range or stride beyond it may be in millimetres"""
-
-SLOW = 100.0
-"""s; a median time between steps beyond it may be in milliseconds"""
-
-SPINNING = 5.0
-"""rad/s; a median turning rate beyond it may be in degrees per second"""
-
-FEW = 10
-"""rows below which nothing is odd"""
+GAP = 10.0  # a gap in time, relative to the median time between steps
+JUMP = 20.0  # a jump of the odometry, in standard deviations of all other steps
+NARROW = 0.1  # rad; bearings that are all nearer to 0 may have been divided by 57
+FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
+SLOW = 100.0  # s; a median time between steps beyond it may be in milliseconds
+SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per second
+FEW = 10  # rows below which nothing is odd
 
 
 def remarks(dataset: Dataset) -> list[str]:

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints
 
-AWAY = 2.0
-"""median ranges of path without a landmark from which on its next sighting is a return, not sensor flicker"""
+AWAY = 2.0  # median ranges of path without a landmark from which on its next sighting is a return, not sensor flicker
 
 
 class Returns(NamedTuple):

@@ -10,10 +10,8 @@ from ...frontend.files import write_whole
 from ..drawing.page import rendered
 from ..plan.load import load
 from .facts import facts, headline, noted
-from .numbers import Numbers, numbers
-from .picture import Subject, write_picture
-from .revisits import returns
-from .shown_path import shown
+from .numbers import Numbers, Subject, described
+from .picture import write_picture
 
 
 class LogPicture:
@@ -59,8 +57,7 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
     check(dataset.log, label)
     if dataset.truth is not None:
         check_truth(dataset.log, dataset.truth, label)
-    drawn, back = shown(dataset, solve), returns(dataset.log)
-    return LogPicture(Subject(label, dataset, drawn, back, numbers(dataset, drawn, back)))
+    return LogPicture(described(label, dataset, solve))
 
 
 def write_page(path: Path, subject: Subject) -> None:

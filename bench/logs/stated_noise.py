@@ -7,15 +7,11 @@ import numpy as np
 from ...frontend.se2 import Array
 from ...frontend.truth_errors import Errors
 
-FAR = {2: 13.816, 3: 16.266}
-"""dimension -> chi-square's 99.9 % point, which one in a thousand errors exceeds if the noise is as stated"""
-
-MEDIAN = {2: 1.3863, 3: 2.3660}
-"""dimension -> the median of chi-square"""
+FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
+MEDIAN = {2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square
 
 
-ROBUST = 1.4826
-"""a normal standard deviation over the median of absolute values"""
+ROBUST = 1.4826  # a normal standard deviation over the median of absolute values
 
 
 class NoiseCheck(NamedTuple):

@@ -21,11 +21,8 @@ from .metrics import (
 )
 from .relative_error import pairs_by_path, pairs_by_time, relative_error
 
-DISTANCES = {"rpe_m": 1.0, "rpe_10m_m": 10.0, "rpe_100m_m": 100.0}
-"""m of path per relative error, by column; that of rotation goes with the first"""
-
-DURATIONS = {"rpe_1s_m": 1.0, "rpe_10s_m": 10.0}
-"""s, likewise"""
+DISTANCES = {"rpe_m": 1.0, "rpe_10m_m": 10.0, "rpe_100m_m": 100.0}  # m of path; rpe_rad goes with the first
+DURATIONS = {"rpe_1s_m": 1.0, "rpe_10s_m": 10.0}  # s, likewise
 
 
 class Accuracy(NamedTuple):
@@ -70,9 +67,7 @@ def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Int
 def map_accuracy(log: Log, truth: Truth, known: Map, found: Map) -> dict[str, Any]:
     """Compares the map with the known one, aligned by itself where no path is known in that one's frame."""
     ids = log.ids if truth.assigned is None else truth.assigned
-    row: dict[str, Any] = {
-        "landmarks_missed": missed(found, known, ids), "landmarks_spurious": spurious(found, known)
-    }
+    row: dict[str, Any] = {"landmarks_missed": missed(found, known, ids), "landmarks_spurious": spurious(found, known)}
     if not len(truth.t) or truth.places != truth.kind:
         row["map_rmse_m"] = own_map_rmse(found, known)
     elif truth.kind == "truth":

@@ -3,14 +3,9 @@
 import time
 from statistics import median
 
-READINGS = 1000
-"""of the first measurement in a process"""
-
-FEWER = 50
-"""of each later one; the machine's latest state is in the median of the last few"""
-
-LATEST = 9
-"""measurements whose median counts"""
+READINGS = 1000  # of the first measurement in a process
+FEWER = 50  # of each later one; the machine's latest state is in the median of the last few
+LATEST = 9  # measurements whose median counts
 
 
 class Clock:

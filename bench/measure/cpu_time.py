@@ -9,8 +9,7 @@ from .drive import Outcome
 from .growth import growth, mapped
 from .times import length
 
-STRETCHES = 5
-"""equal parts of a run whose mean costs are reported"""
+STRETCHES = 5  # equal parts of a run whose mean costs are reported
 
 
 def step_cost(log: Log, outcome: Outcome) -> dict[str, Any]:

@@ -21,8 +21,7 @@ from ...frontend.factors import Log, Map, Prior, Step, Truth
 from ...frontend.se2 import Array, Ints
 from .clock import CLOCK
 
-FARTHEST = 1e9
-"""m from the origin: more than any coordinates on Earth, national grids included"""
+FARTHEST = 1e9  # m from the origin: more than any coordinates on Earth, national grids included
 
 WARM_UP = 20
 """Steps that a separate backend runs through before the clock starts, so that most compilation and imports are over.

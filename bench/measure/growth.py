@@ -13,38 +13,17 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints
 
-BINS = 24
-"""at most; their edges are in geometric progression"""
-
-LEAST_STEPS = 10
-"""of a bin: one with fewer is joined with the next"""
-
-LEAST_BINS = 6
-"""fewer bins do not justify a fit of three numbers"""
-
-LEAST_SPAN = 4.0
-"""the last bin's x over the first one's: over less, an exponent cannot be distinguished from an offset"""
-
-MOST_ERROR = 0.25
-"""standard errors above it are too large for an exponent to be reported"""
-
-CONSTANT = 4.5
-"""F ratio, near the 95 % point for 1 and about 15 degrees of freedom, from which on a constant part is fitted"""
-
-NO_GROWTH = 0.15
-"""exponents below it count as no growth: ten times the steps cost 1.4 times as much"""
-
-FLOOR = 0.02
-"""relative standard deviation of a bin's mean, at least: no cost follows a power exactly"""
-
-EXPONENTS = np.linspace(-2.0, 5.0, 701)
-"""those that are tried"""
-
-ROUNDS = 4
-"""times that the weights are recomputed; residuals are relative to the fit of the round before"""
-
-HUBER = 1.345
-"""standard deviations beyond which a bin's weight falls"""
+BINS = 24  # at most; their edges are in geometric progression
+LEAST_STEPS = 10  # of a bin: one with fewer is joined with the next
+LEAST_BINS = 6  # fewer bins do not justify a fit of three numbers
+LEAST_SPAN = 4.0  # the last bin's x over the first one's: over less, an exponent cannot be distinguished from an offset
+MOST_ERROR = 0.25  # standard errors above it are too large for an exponent to be reported
+CONSTANT = 4.5  # F ratio from which on a constant part is fitted: near the 95 % point for 1 and 15 degrees of freedom
+NO_GROWTH = 0.15  # exponents below it count as no growth: ten times the steps cost 1.4 times as much
+FLOOR = 0.02  # relative standard deviation of a bin's mean, at least: no cost follows a power exactly
+EXPONENTS = np.linspace(-2.0, 5.0, 701)  # those that are tried
+ROUNDS = 4  # times that the weights are recomputed; residuals are relative to the fit of the round before
+HUBER = 1.345  # standard deviations beyond which a bin's weight falls
 
 
 class Growth(NamedTuple):

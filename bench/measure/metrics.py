@@ -11,18 +11,12 @@ from ...frontend.factors import Map
 from ...frontend.se2 import Array, Ints, act, compose, wrap
 from ...frontend.truth_errors import difference, rows_of
 
-INSIDE_95 = {2: 5.991464547107982, 3: 7.814727903251178}
-"""95 % points of chi-square, by degrees of freedom: 2 of a landmark, 3 of a pose"""
-
-ROUNDING = 1e-14
-"""ratio of a covariance's smallest to largest variance below which the smallest may be zero"""
+INSIDE_95 = {2: 5.991464547107982, 3: 7.814727903251178}  # chi-square's 95 % points of a landmark, a pose
+ROUNDING = 1e-14  # ratio of a covariance's smallest to largest variance below which the smallest may be zero
 
 
-STRAIGHT = 1e-12
-"""share of a path's extent that it may extend to the side and still be straight"""
-
-ULPS = 16
-"""rounding error of a coordinate less the mean of its column, summed in any order"""
+STRAIGHT = 1e-12  # share of a path's extent that it may extend to the side and still be straight
+ULPS = 16  # rounding error of a coordinate less the mean of its column, summed in any order
 
 
 class Alignment(NamedTuple):

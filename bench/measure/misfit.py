@@ -29,8 +29,7 @@ class Misfit(NamedTuple):
         return sum(self)
 
 
-TERMS = Misfit._fields
-"""the names of the terms"""
+TERMS = Misfit._fields  # the names of the terms
 
 
 def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:

@@ -10,8 +10,7 @@ import numpy as np
 
 from ...frontend.se2 import Array, Ints, between, wrap
 
-TOLERANCE = 0.1
-"""share of a duration by which the time between two poses may differ from it"""
+TOLERANCE = 0.1  # share of a duration by which the time between two poses may differ from it
 
 
 class RelativeError(NamedTuple):

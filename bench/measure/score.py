@@ -16,11 +16,8 @@ from .metrics import covariances, nees
 from .misfit import Misfit, misfit
 from .times import length
 
-FEW = 0.9
-"""truth at a smaller share of the steps is remarked on"""
-
-JOINT_MOST = 1_000
-"""landmarks up to which a map's joint covariance is kept: 16 MB then, as float64; 0.4 MB for 150 of them"""
+FEW = 0.9  # truth at a smaller share of the steps is remarked on
+JOINT_MOST = 1_000  # landmarks up to which a map's joint covariance is kept: 16 MB then; 0.4 MB for 150 of them
 
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
 

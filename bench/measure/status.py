@@ -1,4 +1,3 @@
 """The statuses of a cell."""
 
-FAILED = ("diverged", "timeout", "error")
-"""statuses that count as the worst error"""
+FAILED = ("diverged", "timeout", "error")  # statuses that count as the worst error

@@ -22,8 +22,7 @@ from ..words.numerals import counted
 from .landmark_file import block_diagonal, read_landmarks
 from .spec import DatasetVariant
 
-NAMED = 6
-"""cells that are named where one has to be chosen"""
+NAMED = 6  # cells that are named where one has to be chosen
 
 ARRAYS = tuple(f"{which}_{part}" for which in ("final_map", "map") for part in ("ids", "xy", "cov", "joint"))
 """the arrays of a cell's maps in a record"""

@@ -1,7 +1,7 @@
 """Reads a file of landmarks as a map to start from, such as a cell's map.csv or a log's landmarks.csv.
 
-    id,x,y                  each landmark's place, m
-    id,x,y,cxx,cxy,cyy      and each landmark's covariance, m²; blank throughout where unknown
+id,x,y                  each landmark's place, m
+id,x,y,cxx,cxy,cyy      and each landmark's covariance, m²; blank throughout where unknown
 """
 
 from pathlib import Path

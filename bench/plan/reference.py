@@ -22,17 +22,10 @@ from ...frontend.se2 import act
 from ..measure.metrics import align
 from ..measure.misfit import misfits
 
-MEDIAN = 1.386
-"""median of chi-square with 2 degrees of freedom"""
-
-FAR = 18.42
-"""chi-square with 2 degrees of freedom exceeds it once in 10,000"""
-
-MANY = 5e-3
-"""share of sightings beyond FAR from which on they rule the optimum: fifty times what correct noise has there"""
-
-FEWEST = 3
-"""landmarks needed to align two maps"""
+MEDIAN = 1.386  # median of chi-square with 2 degrees of freedom
+FAR = 18.42  # chi-square with 2 degrees of freedom exceeds it once in 10,000
+MANY = 5e-3  # share of sightings beyond FAR that rules the optimum: fifty times that of correct noise
+FEWEST = 3  # landmarks needed to align two maps
 
 
 class Outliers(NamedTuple):

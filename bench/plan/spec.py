@@ -197,13 +197,13 @@ def _help(field: Field[Any]) -> str:
 def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
     """Parses `a,"b,c"[x=1,y="2,3"]` into [("a", []), ("b,c", [("x", "1"), ("y", "2,3")])]."""
     found: list[tuple[str, list[tuple[str, str]]]] = []
-    for part in _pieces(text, flag):
+    for part in pieces(text, flag):
         quoted, rest = re.fullmatch(r'("[^"]*")?(.*)', part, re.DOTALL).groups("")  # pyright: ignore[reportOptionalMemberAccess]
         name, bracket, inside = rest.partition("[")
         if bracket and not inside.endswith("]"):
             raise InputError(f"{flag} {part}: expected the brackets to close at the end, as in name[option=value].")
         given: list[tuple[str, str]] = []
-        for pair in _pieces(inside[:-1], flag) if inside[:-1].strip() else []:
+        for pair in pieces(inside[:-1], flag) if inside[:-1].strip() else []:
             option, equals, value = pair.partition("=")
             if not equals:
                 raise InputError(f"{flag} {part}: found {pair!r}, expected option=value.")
@@ -224,7 +224,7 @@ def _unquoted(text: str, flag: str) -> str:
     return bare
 
 
-def _pieces(text: str, flag: str) -> list[str]:
+def pieces(text: str, flag: str) -> list[str]:
     """Splits `text` at the commas that are neither in brackets nor in double quotes."""
     pieces, depth, quoted = [""], 0, False
     for c in text:

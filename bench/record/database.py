@@ -6,14 +6,9 @@ from pathlib import Path
 from ...frontend.errors import InputError
 from .schema import APPLICATION, FILE, KINDS, SCHEMA, VERSION, VIEW
 
-BROKEN = (sqlite3.Error, UnicodeDecodeError)
-"""raised by a damaged file: the words of an error may be damaged, too"""
-
-DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")
-"""prefixes of the errors about a file's content; the last is a missing table or column"""
-
-FORMER = "study.sqlite"
-"""a study's record before runs and studies shared a format"""
+BROKEN = (sqlite3.Error, UnicodeDecodeError)  # raised by a damaged file: the words of an error may be damaged, too
+DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")  # prefixes; the last: missing table or column
+FORMER = "study.sqlite"  # a study's record before runs and studies shared a format
 
 
 class Empty(InputError):

@@ -22,8 +22,7 @@ STEPS = (
 )  # fmt: skip
 """The columns of steps.csv: error_m is of the aligned path; blank where not known."""
 
-COST = (*KEY, "path", *TERMS, "total")
-"""the columns of cost.csv, by terms of J: final path and map, else the online ones"""
+COST = (*KEY, "path", *TERMS, "total")  # the columns of cost.csv; path: final or online
 
 MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
 

@@ -21,8 +21,7 @@ from typing import NamedTuple
 
 from .library_version import is_library, located, version
 
-_CALLED = re.compile(rb"""\(\s*["'](\.{0,2}[A-Za-z_][\w.]*)["']""")
-"""a literal name as a call's first argument, as in `import_module(".ekf", __package__)`"""
+_CALLED = re.compile(rb"""\(\s*["'](\.{0,2}[A-Za-z_][\w.]*)["']""")  # a literal name as first argument
 
 _TEXT = re.compile(rb"""["']([\w./-]{2,100})["']""")
 

@@ -8,8 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-INSTRUCTIONS = ("sse4_2", "fma", "avx2", "avx512f")
-"""instruction sets by which numerical libraries choose code, so that last bits of results differ"""
+INSTRUCTIONS = ("sse4_2", "fma", "avx2", "avx512f")  # by which numerical libraries choose code: last bits differ
 
 PACKAGES = ("slamduel", "numpy", "scipy", "gtsam", "opencv-contrib-python-headless", "evo", "matplotlib")
 

@@ -16,34 +16,22 @@ import numpy as np
 
 from ..words.columns import CELLS, METRICS
 
-COLUMNS = tuple(column.name for column in CELLS)
-"""the columns of cells.csv, in order"""
-
-KEY = tuple(column.name for column in CELLS if column.kind.names_cell)
-"""those that name a cell"""
-
-MORE = tuple(column.name for column in METRICS)
-"""the columns of metrics.csv after those that name the cell, in order"""
-
-KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}
-"""the SQL types of both"""
-
-TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")
-"""those of both that hold no number"""
+COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
+KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell
+MORE = tuple(column.name for column in METRICS)  # the columns of metrics.csv after those that name the cell, in order
+KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}  # the SQL types of both
+TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")  # those of both that hold no number
 
 FILE = "results.sqlite"
 VERSION = 2
-APPLICATION = 0x536C6144
-"""SQLite's application_id: "SlaD"."""
+APPLICATION = 0x536C6144  # SQLite's application_id: "SlaD"
 
 MEASURED = {name: kind for name, kind in KINDS.items() if name not in (*KEY, "status", "reason")}
-"""the columns that a result fills, with their types"""
 
 ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REAL", "traceback": "TEXT"}
 """where a result came from: wall time, machine, time of recording (s since 1970), and an error's traceback"""
 
-RESULT = (*COLUMNS, *MORE, *ABOUT)
-"""the columns of a result after its key"""
+RESULT = (*COLUMNS, *MORE, *ABOUT)  # the columns of a result after its key
 
 _LAST = ", ".join(f"results.{name}" for name in (*MEASURED, *ABOUT, "key"))
 _FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log"))

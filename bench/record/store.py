@@ -22,8 +22,7 @@ from .database import BROKEN, damaged, read_only, unwritable, writable
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
 from .validity import wrong_arrays, wrong_row
 
-COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
-"""the columns of a result that a table may have, and their types"""
+COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT  # columns of a result in a table
 
 _PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
 

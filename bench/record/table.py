@@ -16,14 +16,9 @@ from .schema import COLUMNS, FILE, KINDS, MORE
 from .store import COLUMN_KINDS, Store
 from .table_files import CsvFile, ParquetFile, TableFile
 
-ROWS = 2_000
-"""rows of a table that are held at once"""
-
-NAMES = {"dataset": "TEXT", "backend": "TEXT", "seed": "INTEGER"}
-"""the parameters of every study's cells"""
-
-INNER = ("place", "parameters", "log", "traceback")
-"""columns of the view that an exported table leaves out"""
+ROWS = 2_000  # rows of a table that are held at once
+NAMES = {"dataset": "TEXT", "backend": "TEXT", "seed": "INTEGER"}  # the parameters of every study's cells
+INNER = ("place", "parameters", "log", "traceback")  # columns of the view that an exported table leaves out
 
 
 class Cells(NamedTuple):

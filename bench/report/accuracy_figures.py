@@ -21,8 +21,7 @@ from ..words.styles import Look
 from .drawn_log import DrawnLog, Trace
 from .time_curves import Series, along
 
-STRETCHES = 100
-"""of a log, each drawn as one point"""
+STRETCHES = 100  # of a log, each drawn as one point
 
 
 def bars(found: Iterable[Typical]) -> str:

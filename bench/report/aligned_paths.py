@@ -12,14 +12,9 @@ from ..drawing.figure_maker import curve
 from ..words.styles import BASELINE
 from .drawn_log import DrawnLog, Trace
 
-ELLIPSE_95 = float(np.sqrt(chdtri(2, 0.05)))
-"""half axes of a 95 % ellipse of two coordinates, in standard deviations"""
-
-POSES, LANDMARKS = 8, 40
-"""the most ellipses that a panel has"""
-
-MOST_POINTS = 300
-"""points of a path in a page's plot data"""
+ELLIPSE_95 = float(np.sqrt(chdtri(2, 0.05)))  # half axes of a 95 % ellipse of two coordinates, in standard deviations
+POSES, LANDMARKS = 8, 40  # the most ellipses that a panel has
+MOST_POINTS = 300  # points of a path in a page's plot data
 
 
 class Panel(NamedTuple):

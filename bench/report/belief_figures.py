@@ -14,11 +14,8 @@ from .time_curves import Band, Series, along
 
 STRETCHES = 100
 
-NIS_STRETCHES = 50
-"""of all logs together"""
-
-MOST = 30.0
-"""values above are unrelated to the errors: the caption says how far above, and what is near 1 stays visible"""
+NIS_STRETCHES = 50  # of all logs together
+MOST = 30.0  # values above are unrelated to the errors and left out, so that those near 1 stay visible
 
 
 def nees(name: str, log: DrawnLog) -> ReportFigure | None:

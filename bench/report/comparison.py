@@ -27,7 +27,7 @@ class Comparison:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Sentences on what was left out, or must be read with care."""
+        """Returns sentences on what was left out, or needs caution."""
         return self.found.notes
 
     @property
@@ -36,7 +36,7 @@ class Comparison:
         return judged.regressed(self.changes)
 
     def markdown(self) -> str:
-        """The comparison for a pull request."""
+        """Returns Markdown for a pull request."""
         return markdown(self.found, list(self.changes), self.least)
 
     def __repr__(self) -> str:
@@ -53,7 +53,7 @@ def compare(
     any_machine: bool = False,
     any_log: bool = False,
 ) -> Comparison:
-    """Compare the results in two folders, of runs or studies, as `bench compare` does.
+    """Compares the results in two folders, of runs or studies, as `bench compare` does.
 
     `least` is the smallest share that counts as a change. InputError where they cannot be compared.
     """

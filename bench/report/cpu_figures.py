@@ -23,11 +23,8 @@ from .time_curves import HEIGHT, Series, along
 
 STRETCHES = 60
 
-SHORTEST_US = 0.1
-"""µs; lower costs are drawn at it: a step below it is lost in the clock's noise"""
-
-FAR = 20
-"""times the slowest step; the time between steps is not drawn where it is longer"""
+SHORTEST_US = 0.1  # µs; lower costs are drawn at it: a step below it is lost in the clock's noise
+FAR = 20  # times the slowest step; the time between steps is not drawn where it is longer
 
 
 def over_time(name: str, log: DrawnLog) -> ReportFigure | None:

@@ -23,12 +23,10 @@ from .drawn_log import DrawnLog
 
 HEIGHT = 200
 
-NAMED = 7
-"""the most points with names: those of the fronts, and the most accurate of the others"""
+NAMED = 7  # the most points with names: those of the fronts, and the most accurate of the others
 
 
-RING: dict[str, Any] = {"markersize": 11, "markerfacecolor": "none", "markeredgewidth": 0.8}
-"""rings around the points of what is not compiled here"""
+RING: dict[str, Any] = {"markersize": 11, "markerfacecolor": "none", "markeredgewidth": 0.8}  # not compiled here
 
 
 class _Choice(NamedTuple):

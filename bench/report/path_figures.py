@@ -18,17 +18,10 @@ from ..words.numerals import listed, number
 from .aligned_paths import Frame, Panel, framed, panels
 from .drawn_log import DrawnLog
 
-PANEL = 200
-"""points that a panel is wide: four fit side by side on a page and stay legible"""
-
-TITLE = 34
-"""characters that fit above a panel"""
-
-TITLE_ROW = 11
-"""points that a line of it is high"""
-
-VISIBLE = 0.012
-"""ellipses are left out where their longer half axis is a smaller share of the frame"""
+PANEL = 200  # points that a panel is wide: four fit side by side on a page and stay legible
+TITLE = 34  # characters that fit above a panel
+TITLE_ROW = 11  # points that a line of it is high
+VISIBLE = 0.012  # ellipses are left out where their longer half axis is a smaller share of the frame
 
 
 def trajectories(name: str, log: DrawnLog) -> Iterator[ReportFigure]:

@@ -13,8 +13,7 @@ from ..words.columns import COLUMNS
 from .section import Section, sections
 from .tables import cells_table, paper_table
 
-FIGURES, TABLES = "figures", "tables"
-"""folders beside the page"""
+FIGURES, TABLES = "figures", "tables"  # folders beside the page
 
 
 def write_report(store: Store, figures: Sequence[str] = ()) -> None:

@@ -16,8 +16,7 @@ from ..words.names import called
 from ..words.numerals import counted, number
 from ..words.report_columns import PAIRS
 
-WHOSE = "implementation"
-"""the column of words before those of numbers wherever costs are compared"""
+WHOSE = "implementation"  # the column of words before those of numbers wherever costs are compared
 
 MAIN = (
     WHOSE, "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
@@ -48,8 +47,7 @@ CELLS = (
     "step_us_p50", "step_us_p99", "cpu_s", "peak_mb",
 )  # fmt: skip
 
-WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
-"""columns of the small table whose interval is beside the median"""
+WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}  # with an interval
 
 FROM_REFERENCE = {
     "ate_m": "online path from reference",
@@ -83,7 +81,9 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
     names = MAIN if known.truth_kind else ("landmarks", *MAIN)
     table = laid(ordered(lines), names, entry, "", headings)
     bold = any(e.best for row in table.rows for e in row.entries)
-    return table._replace(caption=f"{_basis(lines)}{'; bold: none is significantly more accurate' * bold}{_marks(lines)}")
+    return table._replace(
+        caption=f"{_basis(lines)}{'; bold: none is significantly more accurate' * bold}{_marks(lines)}"
+    )
 
 
 def paper_table(main: Table) -> Table:

@@ -17,8 +17,7 @@ from ..words.numerals import listed, number
 from ..words.styles import Look
 from .drawn_log import DrawnLog
 
-HEIGHT = 165
-"""points, without the legend"""
+HEIGHT = 165  # points, without the legend
 
 
 class Series(NamedTuple):

@@ -47,7 +47,7 @@ def benchmark(
     except KeyboardInterrupt:
         if not begun(out):
             raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None
-        raise Interrupted(f"bench run --out {shlex.quote(str(out))} goes on where this stopped") from None
+        raise Interrupted(f"bench run --out {shlex.quote(str(out))} continues from here") from None
     watcher.reporting()
     with Store(out) as store:
         write_report(store)
@@ -81,5 +81,5 @@ def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> None:
         if value != recorded[name]:
             raise InputError(
                 f"--out {out}: holds a run with {name} {recorded[name]}, found {name} {value}; expected the same, or "
-                "nothing but --out to go on with it, or another folder."
+                "nothing but --out to continue it, or another folder."
             )

@@ -22,8 +22,7 @@ from ..words.names import called
 from ..words.numerals import counted
 from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
 
-Kind = tuple[str, str]
-"""a cell's dataset and backend, by their labels"""
+Kind = tuple[str, str]  # a cell's dataset and backend, by their labels
 
 
 class Pace:
@@ -79,14 +78,9 @@ def words(seconds: float) -> str:
     return f"about {seconds / 60:.0f} min left" if seconds < 5400 else f"about {seconds / 3600:.1f} h left"
 
 
-AGAIN_S = 30.0
-"""s between two lines that report the time left"""
-
-REFRESHED = 1.0
-"""redraws per second: each takes some milliseconds of a core from what is measured"""
-
-BAR = 24
-"""columns of the bar, where there is room"""
+AGAIN_S = 30.0  # s between two lines that report the time left
+REFRESHED = 1.0  # redraws per second: each takes some milliseconds of a core from what is measured
+BAR = 24  # columns of the bar, where there is room
 
 
 class Screen:

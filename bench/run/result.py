@@ -29,14 +29,9 @@ from .progress import Screen
 from .runner import LOGS
 from .terminal import conclude, verdicts
 
-ASKER = "slamduel.run"
-"""who refuses arguments, in messages"""
-
-LONGEST = 60
-"""letters of a log's name in its folder's: no file system takes more than 255 bytes"""
-
-Named = str | Path | Log | Dataset
-"""a dataset: as on the command line, the path of a log or of a recording, or a log that Python holds"""
+ASKER = "slamduel.run"  # who refuses arguments, in messages
+LONGEST = 60  # letters of a log's name in its folder's: no file system takes more than 255 bytes
+Named = str | Path | Log | Dataset  # on the command line or as a path, or a log in memory
 
 
 class Result:
@@ -134,11 +129,11 @@ def run(
     retry: bool = False,
     quiet: bool = True,
 ) -> Result:
-    """Run backends on datasets as `bench run` does and return the results.
+    """Runs backends on datasets as `bench run` does and returns the results.
 
     `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
-    `Log`. Results go to `out`, by default results/DATE-TIME; a run that was stopped goes on where it was. The other
-    arguments are the options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
+    `Log`. Results go to `out`, by default results/DATE-TIME; a run that was stopped is continued. The other arguments
+    are the options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
     """
     folder = (
         Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")

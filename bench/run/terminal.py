@@ -19,24 +19,15 @@ from ..words.console import plain, watched, wrapped
 from ..words.names import called
 from ..words.numerals import counted
 
-LOST = 1e6
-"""m, or NEES, from which on only the order of magnitude is shown"""
-
-LABEL = (18, 28, 60)
-"""columns of a backend's label before it is wrapped: below NARROW, below MEDIUM, and beyond"""
+LOST = 1e6  # m, or NEES, from which on only the order of magnitude is shown
+LABEL = (18, 28, 60)  # columns of a backend's label before it is wrapped: below NARROW, below MEDIUM, and beyond
 
 NARROW, MEDIUM = 70, 100
 
-FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")
-"""Columns that are left out where there is no room; before intervals are, the first three, and `done` if all are."""
-
+FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")  # where space is short; three of them before intervals
 STATUS_STYLE = {"done": "green", "skipped": "magenta"}  # others are red; yellow cannot be read on white
-
-PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}
-"""headings of recommendations, by purpose"""
-
-PURPOSE = 11
-"""columns of the headings"""
+PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}  # headings of recommendations, by purpose
+PURPOSE = 11  # columns of the headings
 
 
 def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:

@@ -1,4 +1,4 @@
-"""`bench speed --frontend`: what every corner refinement costs, side by side with how good and how honest it is."""
+"""`bench speed --frontend`: cost, accuracy and consistency of every corner refinement."""
 
 import argparse
 from pathlib import Path
@@ -11,12 +11,11 @@ from ..words.console import ProgressBar
 from .corner_tables import Row, accuracy_table, as_csv, cost_table, misreading_table
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
 
-OPTIONS = ("placements", "clutter", "crowded")
-"""The study's own."""
+OPTIONS = ("placements", "clutter", "crowded")  # the study's own options
 
 
 def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
-    """Add the study's own options."""
+    """Adds the study's own options."""
     add = group.add_argument
     add("--placements", type=int, metavar="N", help=f"markers looked at for each distance ({FULL.placements})")
     add(
@@ -26,7 +25,7 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
 
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
-    """Measure and print; the files written."""
+    """Measures and prints; returns the files written."""
     extent = _extent(namespace)
     rows = _measure(Study(namespace.seed), extent, console)
     written: list[Path] = []
@@ -39,7 +38,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 
 def _extent(namespace: argparse.Namespace) -> Extent:
-    """What was asked for; InputError for a number that makes no study."""
+    """Returns the requested extent; InputError for an invalid number."""
     extent = QUICK if namespace.quick else FULL
     for flag, least in (("placements", 2), ("clutter", 0), ("crowded", 0)):
         count = getattr(namespace, flag)
@@ -51,7 +50,7 @@ def _extent(namespace: argparse.Namespace) -> Extent:
 
 
 def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
-    """Every study in turn, each table printed as soon as it is there."""
+    """Runs every study in turn, printing each table at once."""
     rows: list[Row] = []
     with ProgressBar(console, "timing", steps(extent)) as bar:
 
@@ -75,7 +74,7 @@ def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
 
 
 def _write(folder: Path, rows: list[Row]) -> list[Path]:
-    """The figures and the picture of them, in `folder`."""
+    """Writes figures and picture into `folder`."""
     from .corner_figure import write_figure
 
     folder.mkdir(parents=True, exist_ok=True)

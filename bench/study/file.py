@@ -4,13 +4,13 @@
     question   what is asked
     source     who asked or answered it before
     finding    what was found then
-    note       what a reader of the answer has to know
+    note       what a reader of the answer needs to know
     seeds      of every [[cells]] that has none of its own (1)
     first_seed likewise, the seed to count from where seeds is a number (0)
     timed      true: each cell alone on its machine
                (true where a figure or a claim is about a time)
     keep       true: paths and other arrays are stored, too (false)
-    oracle     true: backends that ask for the truth are told it (false)
+    oracle     true: backends that ask for the ground truth are given it (false)
     timeout_s, memory_mb   limits of a cell (600, 4000)
 
     [[cells]]  as many as needed; the study has the cells of all, none twice
@@ -21,14 +21,12 @@
                every value with every other
     zip        such a table of lists of equal lengths
                first with first, second with second
-    list       [{ "dataset.x" = 1, "backend.y" = 3 }, ...]
-               these and no others
     seeds      how many, or a list; where neither log nor backend draws
                random numbers one is enough, and only one is run
     first_seed the seed to count from, where seeds is a number
     timed      of these cells
 
-               Datasets x backends x grid x zip x list x seeds are cells, and
+               Datasets x backends x grid x zip x seeds are cells, and
                dataset, backend (as written), seed and x, y are their
                parameters: "dataset.x" and "backend.x" if both are swept.
                Cells of another [[cells]] have their own value of x, if any;
@@ -37,7 +35,7 @@
     [[figure]] medians of y over x with their intervals
     x          a parameter
     y          a column of cells.csv or metrics.csv
-    by         a parameter, a line each (backend; dataset where that is x)
+    by         a parameter, one line per value (backend; dataset where that is x)
     where      { parameter = value, ... }: the cells that are drawn (all)
     log        "x", "y" or "xy": which axes are logarithmic
     title, caption
@@ -46,7 +44,7 @@
     says       the sentence
     measure    a column; any selection may have another `measure`
     where      { parameter = value, ... }: of all its cells
-    each       a parameter: it has to be true for every value
+    each       a parameter: the claim has to hold for every value
 
     and one of these; {} is such a selection as `where`, bounds are above,
     below or within = [low, high]:
@@ -78,11 +76,8 @@ from .checks import check_claim, check_figure
 from .sizes import sized
 from .study import Claim, Figure, Study
 
-FORMAT = (__doc__ or "").partition("\n\n")[2]
-"""The format, for `bench ablate --help`."""
-
-PACKAGED = Path(__file__).parent / "studies"
-"""The studies that come along, each NAME.toml."""
+FORMAT = (__doc__ or "").partition("\n\n")[2]  # the format, for `bench ablate --help`
+PACKAGED = Path(__file__).parent / "studies"  # the packaged studies, each NAME.toml
 
 KEYS = (
     "title", "question", "source", "finding", "note", "seeds", "first_seed", "timed", "keep", "oracle", "timeout_s",
@@ -97,18 +92,18 @@ CLAIMS: Mapping[str, tuple[str, ...]] = {
     "alike": ("alike", "to", "by"),
     "value": ("of", *BOUNDS),
 }
-"""The kinds of claims, each told by the first of its keys where it is none of those before."""
+"""the kinds of claims, each recognised by the first of its keys where it is none of those before"""
 
 COMMON = ("says", "measure", "where", "each")
 
 
 def packaged() -> list[str]:
-    """The names of the studies that come along."""
+    """Lists the names of the packaged studies."""
     return sorted(path.stem for path in PACKAGED.glob("*.toml"))
 
 
 def read(which: str, *, full: bool) -> Study:
-    """The packaged study of that name, or the file at that path, in its quick or full size; InputError as below."""
+    """Reads the packaged study of that name, or the file at that path, in its quick or full size."""
     path = PACKAGED / f"{which}.toml" if which in packaged() else Path(which)
     try:
         text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
@@ -120,7 +115,7 @@ def read(which: str, *, full: bool) -> Study:
 
 
 def made(file: str, text: str, *, full: bool) -> Study:
-    """The study of this text; `file` is what it is called by in errors, and without its folder and ending by readers.
+    """Parses a study; `file` is its name in errors, and without its folder and ending for readers.
 
     InputError names the file, the line and the key of the first thing that is wrong, what was found and what expected.
     """
@@ -138,7 +133,7 @@ def made(file: str, text: str, *, full: bool) -> Study:
 
 
 def reread(file: str, text: str, *, full: bool) -> Study:
-    """The study of a text that was read before, without its cells: nothing is looked up that may have gone since."""
+    """Parses a text that was read before, without its cells: nothing is looked up that may no longer exist."""
     return _without_cells(_words(file, text, full=full), text, full=full)
 
 
@@ -209,7 +204,7 @@ def _claim(words: TomlTable) -> Claim:
 
 
 def _bounds(words: TomlTable, *, needed: bool) -> tuple[float, float]:
-    """Those within which the measure has to be."""
+    """Reads the bounds of a claim."""
     if not words.has("within"):
         low, high = words.number("above", -inf), words.number("below", inf)
         if needed and not (words.has("above") or words.has("below")):
@@ -233,7 +228,7 @@ def _side(words: TomlTable, key: str) -> dict[str, Any]:
 
 
 def _selection(words: TomlTable, key: str) -> dict[str, Any]:
-    """Parameter -> value."""
+    """Reads a selection: parameter -> value."""
     inside = words.table(key)
     for name, value in inside.entries.items():
         if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""All that a report says of a study, worked out from its store alone: how far it is, its numbers, its answers."""
+"""Collects a study's evidence from its record: progress, numbers, answers."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -26,31 +26,27 @@ from ..study.study import Study
 from ..words.columns import about
 from ..words.numerals import counted
 
-SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}
-"""By verdict: of a claim, and of the study."""
-
-WORDS = ("name", "text", "size", "command", "executor", "environment", "started")
-"""What the store has to know of the study."""
+SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}  # by verdict: of a claim, and of the study
+WORDS = ("name", "text", "size", "command", "executor", "environment", "started")  # required facts
 
 VERDICTS = {"holds": "holds", "fails": "fails", "open": "open", "yes": "holds", "no": "fails"}
-"""The class of each in a page."""
+"""the class of each in a page"""
 
 
-MOST_TELLING = 3
-"""Claims that a page with many studies has room for, of each."""
+MOST_TELLING = 3  # claims that a page with many studies has room for, of each
 
 
 class ClaimSummary(NamedTuple):
-    """What became of a claim, in the parts in which a page sets it."""
+    """A claim's result, in the parts in which a page shows it."""
 
     verdict: Verdict
     says: str
-    measured: str  # the numbers, the bounds, and what else a reader must know
+    measured: str  # the numbers, the bounds, and remarks
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A study as it stands."""
+    """A study's current evidence."""
 
     folder: Path
     study: Study
@@ -60,12 +56,12 @@ class Evidence:
 
     @property
     def answers(self) -> Sequence[Answer]:
-        """What became of each claim."""
+        """Returns the answer to each claim."""
         return self.conclusion.answers
 
     @property
     def answered(self) -> tuple[str, str]:
-        """What the study comes to: the words that say it, and what they are due to in few words."""
+        """Returns the conclusion, and its reason in few words."""
         head, _, why = self.conclusion.sentence.partition(": ")
         if not self.answers or self.conclusion.reproduced == "yes":
             return head, why
@@ -77,29 +73,29 @@ class Evidence:
 
     @property
     def findings(self) -> Sequence[ClaimSummary]:
-        """Every claim with what it was found to be, in the file's order."""
+        """Lists every claim with its result, in the file's order."""
         return [ClaimSummary(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
 
     @property
     def most_telling(self) -> Sequence[ClaimSummary]:
-        """What a reader has to see: all claims that do not hold, and of the others the first ones."""
+        """Lists all claims that do not hold, and of the others the first ones."""
         others = [found for found in self.findings if found.verdict != "holds"]
         held = [found for found in self.findings if found.verdict == "holds"]
         return [*others, *held[: max(MOST_TELLING - len(others), 1)]]
 
     @cached_property
     def standing(self) -> Standing:
-        """How far it is."""
+        """Returns the study's progress."""
         return standing(self.table)
 
     @cached_property
     def medians(self) -> Sequence[Medians]:
-        """The numbers of each figure."""
+        """Returns the numbers of each figure."""
         return [medians(figure, self.table) for figure in self.study.figures]
 
     @cached_property
     def figures(self) -> Sequence[ReportFigure]:
-        """The figures."""
+        """Draws the figures."""
         from .figure import study_figure  # matplotlib
 
         backends = self.table.values("backend", np.arange(len(self.table)))
@@ -112,11 +108,11 @@ class Evidence:
 
     @property
     def seconds(self) -> float:
-        """s of wall time that its cells took, one after another."""
+        """Sums the s of wall time of its cells."""
         return float(np.nansum(self.table.columns["seconds"]))
 
     def _timing(self, column: str) -> str:
-        """Of a time, whether other cells ran on the same machine meanwhile."""
+        """Says of a time whether other cells ran on the same machine meanwhile."""
         if not about(column).kind.is_time:
             return ""
         beside = self.table.columns["timing_alone"] == 0
@@ -126,12 +122,12 @@ class Evidence:
 
 
 def _measured(found: Answer) -> str:
-    """What its sentence says after what is claimed."""
+    """Returns its sentence without the claim."""
     return found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2]
 
 
 def evidence(folder: Path) -> Evidence:
-    """Of the study in the folder; InputError where there is none."""
+    """Reads the evidence of the study in the folder; InputError where there is none."""
     with Store(folder) as store:
         words = store.about()
         lacks = [name for name in WORDS if name not in words]
@@ -146,12 +142,11 @@ def evidence(folder: Path) -> Evidence:
     return Evidence(folder, study, words, table, conclusion)
 
 
-LONGEST = 84
-"""Letters that an axis has room for, in two lines."""
+LONGEST = 84  # letters that an axis has room for, in two lines
 
 
 def option_words(parameter: str, table: CellTable) -> str:
-    """With its unit, where somebody of the study has an option of that name and its help is short; else the name."""
+    """Describes a swept option with its unit, if its help is short; else returns its name."""
     name = parameter.rpartition(".")[2]
     plain = name.replace("_", " ")
     having = np.flatnonzero(table.columns[parameter] != None)  # noqa: E711 - of each element
@@ -166,7 +161,7 @@ def option_words(parameter: str, table: CellTable) -> str:
 
 
 def _summary(registry: Any, who: str, name: str) -> str:
-    """The first half of an option's help; "" where those that come along have no such one."""
+    """Returns the first half of a built-in's option help; "" where there is none."""
     if who not in registry.BUILTIN:
         return ""
     options = {field.name: field for field in fields(registry.find(who).options)}

@@ -1,4 +1,4 @@
-"""A study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
+"""Writes a study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
 
 import json
 import re
@@ -16,12 +16,11 @@ from ..words.numerals import lasting
 from .evidence import SIGNS, VERDICTS, Evidence, evidence
 from .tables import claim_grid, median_grid
 
-FIGURES = "figures"
-"""Folder beside the page."""
+FIGURES = "figures"  # folder beside the page
 
 
 def write(folder: Path, forms: Sequence[str] = ()) -> Path:
-    """Write the report of the study in `folder` as it stands into it, each file whole or not at all; where the page is.
+    """Writes the report of the study in `folder`, each file whole or not at all; returns the page's path.
 
     The figures are written as SVG and in `forms` ("png", "pdf"). InputError where there is no study in the folder.
     """
@@ -35,7 +34,7 @@ def write(folder: Path, forms: Sequence[str] = ()) -> Path:
 
 
 def filled(found: Evidence) -> dict[str, Any]:
-    """What the templates say."""
+    """Collects the values for the templates."""
     measures = dict.fromkeys([*(answer.claim.measure for answer in found.answers), *(f.y for f in found.study.figures)])
     return {
         "found": found,
@@ -52,12 +51,11 @@ def filled(found: Evidence) -> dict[str, Any]:
     }
 
 
-SIZED = re.compile(r"\bfull\s*=")
-"""What the file of a study has that is larger at full size."""
+SIZED = re.compile(r"\bfull\s*=")  # found in a study's file that has a larger full size
 
 
 def again(found: Evidence) -> Mapping[str, str]:
-    """What to type to run it again, by what it does."""
+    """Returns the commands to run it again, by what they do."""
     command = _whole(found.words["command"])
     plain = [word for word in command if word != "--full"]
     commands = {"Go on, or run what has changed": shlex.join(command)}
@@ -69,7 +67,7 @@ def again(found: Evidence) -> Mapping[str, str]:
 
 
 def _whole(command: Sequence[str]) -> list[str]:
-    """The command without what made it one of a part of the cells."""
+    """Returns the command without what restricted it to some of the cells."""
     words = iter(command)
     kept: list[str] = []
     for word in words:
@@ -81,7 +79,7 @@ def _whole(command: Sequence[str]) -> list[str]:
 
 
 def _answers(found: Evidence) -> dict[str, Any]:
-    """For answers.json: the study, how far it is, and what became of its claims."""
+    """Returns the content of answers.json: the study, its progress and its answers."""
     study = found.study
     about = {name: getattr(study, name) for name in ("name", "title", "size", "question", "source", "finding", "note")}
     return {**about, "cells": found.standing.counts, **conclusion.document(found.conclusion)}

@@ -25,12 +25,12 @@ class StudyResult(Result):
 
     @property
     def answers(self) -> Sequence[Answer]:
-        """The verdict on each claim, "holds", "fails" or "open", with a sentence."""
+        """Returns the verdict on each claim, "holds", "fails" or "open", with a sentence."""
         return evidence(self.folder).answers
 
     @property
     def conclusion(self) -> str:
-        """The study's answer in a sentence."""
+        """Returns the study's conclusion in a sentence."""
         return evidence(self.folder).conclusion.sentence
 
     def __repr__(self) -> str:
@@ -52,7 +52,7 @@ def study(
     jobs: int | None = None,
     quiet: bool = True,
 ) -> StudyResult:
-    """Run a study, a file or the name of a packaged one, as `bench ablate` does on this machine; return its results.
+    """Runs a study, a file or the name of a packaged one, as `bench ablate` on this machine; returns its results.
 
     Results go to `out`, by default results/NAME. SlamduelError, with a sentence, for anything that cannot be used.
     """

@@ -9,11 +9,8 @@ from ..words.numerals import chance, counted, factor, larger, listed, number, ti
 from .ranking import Ranking, needed, standing
 from .statistics import FEWEST, Comparison
 
-LEAST = 1.0005
-"""ratio from which on a percentage of it is not written as 0 %"""
-
-SHOWN = 3
-"""comparisons that a sentence spells out; of more only the extremes, and the table of pairs has all"""
+LEAST = 1.0005  # ratio from which on a percentage of it is not written as 0 %
+SHOWN = 3  # comparisons that a sentence spells out; of more only the extremes, and the table of pairs has all
 
 
 def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> list[str]:
@@ -146,7 +143,9 @@ def _baseline(found: Ranking, what: str) -> list[str]:
         names = [c.first for c in tested if c not in beaten]
         hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
         why = f" ({unborne(hidden, len(tested))})" if hidden and len(hidden) == len(names) else ""
-        return [f"Not significantly closer than dead reckoning's: the {what}{'s' * (len(names) > 1)} of {few(names)}{why}."]
+        return [
+            f"Not significantly closer than dead reckoning's: the {what}{'s' * (len(names) > 1)} of {few(names)}{why}."
+        ]
     best, all_of_them = beaten[0], len(beaten) == len(found.lines)
     who = "All beat" if all_of_them else f"{few([c.first for c in beaten])} beat{'s' * (len(beaten) == 1)}"
     who = "It beats" if len(found.lines) == 1 else who

@@ -12,18 +12,14 @@ from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line
 
-SAME_COST = 1.5
-"""costs whose ratio is smaller are about the same"""
-
-NEAR = 1.25
-"""errors whose ratio is significantly within this and its inverse are of the same order for a user"""
+SAME_COST = 1.5  # costs whose ratio is smaller are about the same
+NEAR = 1.25  # errors whose ratio is significantly within this and its inverse are of the same order for a user
 
 COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
 """The cost that counts: a step while the robot drives, else the CPU time of the whole log, as a method with a final
 path alone does nothing in its steps."""
 
-LISTED = 4
-"""backends whose cost is stated where none is recommended"""
+LISTED = 4  # backends whose cost is stated where none is recommended
 
 BELIEF = {"online": "nees", "final": "final_nees"}
 """The NEES that counts: an online belief says nothing of a final path, and nothing of a map as a whole."""
@@ -60,7 +56,9 @@ def advice(purpose: str, found: Ranking) -> Use:
         return Use(purpose, BASELINE, "No backend is significantly closer to the truth.")
     level = [line for line in found.level if not tested or line.backend in ahead]
     if not level:
-        return Use(purpose, "", f"{found.lines[0].backend} is not significantly closer to the truth than dead reckoning.")
+        return Use(
+            purpose, "", f"{found.lines[0].backend} is not significantly closer to the truth than dead reckoning."
+        )
     whole = [line for line in level if line.done == len(line.rows)] or level
     sure = [line for line in whole if belief_word(line, BELIEF.get(purpose, "")) != "overconfident"] or whole
     cost = {line.backend: line.values[COST[purpose]].median for line in sure if COST[purpose] in line.values}

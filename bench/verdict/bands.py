@@ -12,14 +12,9 @@ import numpy as np
 
 from ...frontend.se2 import Array
 
-DOF = 3
-"""degrees of freedom of a pose's NEES"""
-
-LEVEL = 0.05
-"""share of times outside that is expected of a consistent belief"""
-
-MOST = 0.5
-"""a belief is flagged where less than this share of the times is inside"""
+DOF = 3  # degrees of freedom of a pose's NEES
+LEVEL = 0.05  # share of times outside that is expected of a consistent belief
+MOST = 0.5  # a belief is flagged where less than this share of the times is inside
 
 
 class Averages(NamedTuple):

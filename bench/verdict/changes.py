@@ -21,8 +21,7 @@ REGRESSION, GAIN = "regression", "gain"
 NOTHING, FEW = "no difference shown", "too few logs to test"
 SAME, ROUNDED = "the same to the last bit", "the same to rounding"
 NEW, GONE = "new", "gone"
-VERDICTS = (REGRESSION, GAIN, FEW, NOTHING, ROUNDED, SAME, NEW, GONE)
-"""in order of importance"""
+VERDICTS = (REGRESSION, GAIN, FEW, NOTHING, ROUNDED, SAME, NEW, GONE)  # in order of importance
 
 
 class Quantity(NamedTuple):

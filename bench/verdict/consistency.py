@@ -13,22 +13,16 @@ OVERCONFIDENT, CAUTIOUS = 1.25, 0.7
 one error, the NEES of a consistent run is that of a single draw, with the median 0.79: a word has to begin below
 that."""
 
-CONSISTENT = (0.5, 2.0)
-"""NEES / 3 that the interval has to be within, where neither word holds"""
-
-LOST = 10.0
-"""median of NEES / 3 from which on a belief is unrelated to its error"""
-
-MOST = 4
-"""backends that a sentence names one by one"""
+CONSISTENT = (0.5, 2.0)  # NEES / 3 that the interval has to be within, where neither word holds
+LOST = 10.0  # median of NEES / 3 from which on a belief is unrelated to its error
+MOST = 4  # backends that a sentence names one by one
 
 TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT = "consistent or a little cautious", "consistent or a little overconfident"
-UNCLEAR = "it is not clear for"
-"""said where no word is clear"""
+UNCLEAR = "it is not clear for"  # said where no word is clear
 
 _NOBODY = (
-    " No belief fits this log: noise stated too small, wrong ids, moving landmarks or differing clocks would affect all "
-    "backends alike; bench show describes the log."
+    " No belief fits this log: noise stated too small, wrong ids, moving landmarks or differing clocks would affect "
+    "all backends alike; bench show describes the log."
 )
 
 
@@ -85,15 +79,15 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
         if names:
             sized = [f"{name} ({_size(found[name].nees)})" for name in names]
             is_are = "is" if len(names) == 1 else "are"
-            said.append(f"{word} {listed(sized, MOST)}" if word == UNCLEAR else f"{listed(sized, MOST)} {is_are} {word}")
+            said.append(
+                f"{word} {listed(sized, MOST)}" if word == UNCLEAR else f"{listed(sized, MOST)} {is_are} {word}"
+            )
     using = [known for name, known in found.items() if name != BASELINE]
     lost = len(using) > 1 and all(known.nees.value > LOST for known in using)
     few = [name for name, known in found.items() if known.nees.n < FEWEST]
     whose = "" if len(few) == len(found) else f"{listed(few)} " if few else ""
     thumb = f" ({whose}by a rule of thumb: an interval takes {FEWEST} logs)" * bool(few)
-    return [
-        f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}"
-    ]
+    return [f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}"]
 
 
 def _between(nees: Estimate) -> str:

@@ -13,11 +13,8 @@ from ..words.numerals import counted, listed
 from .summary import Line, lines
 
 MACHINE = ("processor", "cores", "memory_gb")
-NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")
-"""facts of a run that may differ between runs that are compared"""
-
-MEMORY = 0.02
-"""share by which the memory that a machine's kernel reports may differ"""
+NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")  # may differ
+MEMORY = 0.02  # share by which the memory that a machine's kernel reports may differ
 
 BETWEEN_PROCESSORS = 1e-6
 """Share by which a result may differ between processors and still be the same. Last bits depend on instructions; the

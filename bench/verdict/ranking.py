@@ -10,17 +10,10 @@ from ..words.styles import BASELINE
 from .statistics import LEVEL, Comparison, compare, holm
 from .summary import Line, logs, representative
 
-ALIKE = 1.01
-"""errors whose ratio is significantly within this and its inverse are alike, whatever the test says"""
-
-ROUNDING = 1e-9
-"""m below which errors are all the same, so that rounding on a log without noise decides nothing"""
-
-PATHS = {"online": "ate_m", "final": "final_ate_m"}
-"""compared where the path is known, by purpose: the path given step by step, and that smoothed at the end"""
-
-MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}
-"""compared where the landmarks' places are known and the path is not"""
+ALIKE = 1.01  # errors whose ratio is significantly within this and its inverse are alike, whatever the test says
+ROUNDING = 1e-9  # m below which errors are all the same, so that rounding on a log without noise decides nothing
+PATHS = {"online": "ate_m", "final": "final_ate_m"}  # compared where the path is known, by purpose
+MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}  # where only the landmarks are known
 
 ESTIMATES = {
     "ate_m": "online path", "final_ate_m": "final path", "map_rmse_m": "online map", "final_map_rmse_m": "final map",

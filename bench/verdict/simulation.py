@@ -19,24 +19,16 @@ from .statistics import compare, estimate
 
 COMPARISONS = 10_000
 
-SD = 0.3
-"""of the logarithm of the ratio of two backends' errors, over logs"""
-
-HARDNESS = 1.0
-"""standard deviation, over logs, of the logarithm of what all backends' errors have in common"""
-
-FAILING = 0.05
-"""share of its logs on which a backend fails where failures are planted"""
-
-BETTER = 1.2
-"""the planted ratio: the second backend's errors are 20 % larger than the first's"""
+SD = 0.3  # of the logarithm of the ratio of two backends' errors, over logs
+HARDNESS = 1.0  # standard deviation, over logs, of the logarithm of what all backends' errors have in common
+FAILING = 0.05  # share of its logs on which a backend fails where failures are planted
+BETTER = 1.2  # the planted ratio: the second backend's errors are 20 % larger than the first's
 
 COVERAGE = (0.93, 0.97)
 FALSE_CLAIMS = (0.0, 0.055)
 POWER = (0.8, 1.0)
 
-Errors = Mapping[str, Mapping[str, float]]
-"""by backend and by log"""
+Errors = Mapping[str, Mapping[str, float]]  # by backend and by log
 
 
 @dataclass(frozen=True)

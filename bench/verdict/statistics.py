@@ -18,17 +18,10 @@ import numpy as np
 from ...frontend.se2 import Array
 from .walsh import ranked
 
-FEWEST = 6
-"""logs below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %"""
-
-LEVEL = 0.05
-"""accepted share of false claims"""
-
-SAME = 1e-9
-"""errors whose logarithms differ by less are the same: rounding always points one way"""
-
-EXACT = 100
-"""logs up to which distributions are exact; beyond, the signed-rank statistic's is normal"""
+FEWEST = 6  # logs below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %
+LEVEL = 0.05  # accepted share of false claims
+SAME = 1e-9  # errors whose logarithms differ by less are the same: rounding always points one way
+EXACT = 100  # logs up to which distributions are exact; beyond, the signed-rank statistic's is normal
 
 
 class Estimate(NamedTuple):

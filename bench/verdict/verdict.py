@@ -12,8 +12,7 @@ from .ranking import ESTIMATES, MAPS, PATHS, Ranking, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, logs, representative
 
-MOST = 6
-"""backends whose cost a sentence names"""
+MOST = 6  # backends whose cost a sentence names
 
 _REFERENCE = (
     "There is no ground truth for the path; errors here are distances from a reference, {} of the same factors, which "

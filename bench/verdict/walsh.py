@@ -7,8 +7,7 @@ import numpy as np
 from ...frontend.errors import InputError
 from ...frontend.se2 import Array
 
-MOST = 2_000
-"""numbers of which all averages are computed: two million of these"""
+MOST = 2_000  # numbers of which all averages are computed: two million of these
 
 
 def ranked(d: Array, ranks: Sequence[int]) -> list[float]:

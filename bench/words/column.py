@@ -6,8 +6,7 @@ from typing import Literal, NamedTuple
 
 from .numerals import number
 
-SHORTEST_S = 0.001
-"""s; a shorter time is written as below this: a filter's finish does nothing, so its exact time means nothing"""
+SHORTEST_S = 0.001  # s; shorter times are written as below this: a filter's finish does nothing
 
 
 def _count(value: float) -> str:

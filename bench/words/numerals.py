@@ -3,8 +3,7 @@
 import math
 from collections.abc import Sequence
 
-SMALLEST, LARGEST = 1e-5, 1e7
-"""sizes between which a number is written without an exponent"""
+SMALLEST, LARGEST = 1e-5, 1e7  # sizes between which a number is written without an exponent
 
 TIMES = "\N{MULTIPLICATION SIGN}"
 _RAISED = str.maketrans("-.0123456789", "⁻·⁰¹²³⁴⁵⁶⁷⁸⁹")

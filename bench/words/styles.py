@@ -11,11 +11,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9")
 DASHES = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 2, 2, 2, 2, 2)))
 MARKERS = ("o", "s", "D", "^", "v", "P", "X")
 
-USUAL = ("ekf", "fastslam", "isam2", "graph", "fixed-lag", "invariant-ekf", "ukf")
-"""backends with a fixed look in every report"""
-
-BASELINE = "dead-reckoning"
-"""the baseline: grey, and not ranked by cost"""
+USUAL = ("ekf", "fastslam", "isam2", "graph", "fixed-lag", "invariant-ekf", "ukf")  # have fixed looks
+BASELINE = "dead-reckoning"  # the baseline: grey, and not ranked by cost
 
 
 class Look(NamedTuple):
@@ -45,5 +42,4 @@ def _look(k: int, place: int) -> Look:
     return Look(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)], place)
 
 
-GREY = Look("#8c8c8c", (0, (1, 1)), ".", 0)
-"""the baseline's"""
+GREY = Look("#8c8c8c", (0, (1, 1)), ".", 0)  # the baseline's

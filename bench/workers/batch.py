@@ -19,8 +19,7 @@ from ..plan.prepare import prepared
 
 HOST = platform.node()
 
-LOGS_KEPT = 3
-"""logs that a process keeps: cells that share a log come nearly one after another"""
+LOGS_KEPT = 3  # logs that a process keeps: cells that share a log come nearly one after another
 
 
 class KeptLog(NamedTuple):

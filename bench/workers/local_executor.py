@@ -20,18 +20,12 @@ from .batch import Batch, Finished
 from .batch_queue import BatchQueue
 from .pool_worker import PoolWorker
 
-MOST_JOBS = 500
-"""jobs of a process before it is replaced: leaks do not add up, and a new one costs no more than a few jobs"""
-
-MOST_WAIT_S = 3600.0
-"""s between two looks at the clock: the system refuses to wait for weeks at once"""
-
-AHEAD = 2
-"""batches handed to a worker, so that it never waits for its results to be read"""
+MOST_JOBS = 500  # before a process is replaced: leaks do not add up, and a new one costs no more than a few jobs
+MOST_WAIT_S = 3600.0  # s between two looks at the clock: the system refuses to wait for weeks at once
+AHEAD = 2  # batches handed to a worker, so that it never waits for its results to be read
 
 
-MOST_POOLS = 8
-"""backends whose processes are kept when cells run alone: each holds its libraries and its last few logs"""
+MOST_POOLS = 8  # backends whose processes are kept when cells run alone: each holds its libraries and its last few logs
 
 Workers = list[PoolWorker]
 

@@ -26,14 +26,9 @@ THREADS = (
     "NUMBA_NUM_THREADS",
 )
 PRELOAD = ["slamduel.bench.workers.preload"]
-PR_SET_PDEATHSIG = 1
-"""from <sys/prctl.h>"""
-
-LAST_WORDS = 300
-"""characters of a dead worker's output that are quoted"""
-
-_ONE_AT_A_TIME = threading.RLock()
-"""held while a process is started or ended: the standard library's list of children is not thread-safe"""
+PR_SET_PDEATHSIG = 1  # from <sys/prctl.h>
+LAST_WORDS = 300  # characters of a dead worker's output that are quoted
+_ONE_AT_A_TIME = threading.RLock()  # while starting or ending a process: the standard library's list is not thread-safe
 
 
 class Worker:

@@ -12,11 +12,8 @@ from ...frontend.errors import InputError
 from .dask_cluster import RESOURCE, Cluster, quieten
 from .dask_executor import Dask, to_stderr
 
-QUIET = {"dashboard": False, "dashboard_address": ":0"}
-"""of the scheduler: no dashboard, and a free port for HTTP"""
-
-QUEUE_S = 24 * 3600
-"""s for SLURM to start a first job, or the next one when all have reached their time limits"""
+QUIET = {"dashboard": False, "dashboard_address": ":0"}  # of the scheduler: no dashboard, and a free port for HTTP
+QUEUE_S = 24 * 3600  # s for SLURM to start a first job, or the next one when all have reached their time limits
 
 
 class Slurm(Dask):
