@@ -61,7 +61,6 @@ def _words(picture: Any, text: str, corners: Array, size: float) -> None:
 
 
 def _write(picture: Any, text: str, place: tuple[int, int], scale: float) -> None:
-    """Writes white on black, legible on anything."""
     (width, height), below = cv2.getTextSize(text, _FONT, scale, _weight(scale))
     x, y = place
     cv2.rectangle(picture, (x - 3, y - height - 2), (x + width + 2, y + below // 2), BLACK, cv2.FILLED)

@@ -67,7 +67,6 @@ def _image(axes: Axes, found: Calibration) -> None:
 
 
 def _errors(axes: Axes, found: Calibration) -> None:
-    """Draws one bar per view."""
     errors = [fit.error for fit in found.fits]
     rows = np.arange(len(errors))
     axes.barh(rows, errors, 0.7, color=[_BAD if fit.bad else _GOOD for fit in found.fits])

@@ -36,10 +36,7 @@ def check_place(out: Path) -> None:
 
 
 def write_folder(out: Path, write: Callable[[Path], None]) -> None:
-    """Has `write` make a folder beside `out` and puts it in place; InputError where that is not possible.
-
-    The folder of an earlier detection is removed only once the new one is complete.
-    """
+    """Has `write` make the folder beside `out`, then replaces the old one; InputError where that is impossible."""
     check_place(out)
     place = out.absolute()
     beside, former = (place.with_name(f".{place.name}.{os.getpid()}.{word}") for word in ("new", "old"))

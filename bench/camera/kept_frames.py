@@ -96,7 +96,6 @@ def encoded(image: Image, suffix: str) -> bytes:
 
 
 def _best(candidates: list[Picture]) -> list[Picture]:
-    """Returns the up to four frames that a stretch keeps, in order."""
     chosen = {one.number: one for one in (max(candidates, key=_fullness), min(candidates, key=_fullness))}
     chosen |= {one.number: one for one in [max(candidates, key=_rejections)] if one.rejected}
     chosen[candidates[0].number] = candidates[0]
@@ -112,7 +111,6 @@ def _rejections(one: Picture) -> int:
 
 
 def _spread(candidates: list[Picture], count: int) -> list[Picture]:
-    """Returns at most `count` of them, evenly."""
     if len(candidates) <= count:
         return candidates[: max(count, 0)]
     return [candidates[k] for k in np.linspace(0, len(candidates) - 1, count).round().astype(int)] if count > 0 else []

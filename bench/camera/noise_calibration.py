@@ -50,10 +50,7 @@ def known_in_log(sightings: Sightings, true: TrueErrors) -> tuple[Sightings, Arr
 
 
 def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibration:
-    """Fits both models to the sightings in the log; `edges` (k + 1,), m, are those of the range bins.
-
-    InputError where too few sightings have an error.
-    """
+    """Fits both models to the sightings in the log; `edges` (k + 1,) of range bins, m. InputError for too few."""
     seen, errors = known_in_log(sightings, true)
     by_range, by_bearing = (fit_slope(seen.z[:, axis], errors[:, axis]) for axis in (0, 1))
     corners = fit_propagated(errors, seen.corner_noise)
@@ -77,10 +74,7 @@ def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibrati
 
 
 def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) -> list[RangeBin]:
-    """Tabulates errors (n, 2) of measurements z (n, 2) by range; `covs` are the noises to compare with.
-
-    Bins without a sighting are left out; `edges` (k + 1,), m.
-    """
+    """Tabulates errors (n, 2) of measurements z (n, 2), non-empty bins of range `edges` (k + 1,), NEES by `covs`."""
     place = np.digitize(z[:, 0], edges) - 1
     normalised = [squares(errors, cov) / 2 for cov in covs]
     return [

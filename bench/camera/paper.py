@@ -4,7 +4,6 @@ Lengths are millimetres, from a page's lower left corner. Ink is filled outlines
 that no viewer shows a hairline between them.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from io import BytesIO
 from itertools import pairwise
@@ -21,6 +20,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Transform
 from numpy.typing import NDArray
 
+from ...frontend.files import write_whole
 from ...frontend.se2 import Array
 from .sheets import EDGE, FOOT, PAGES, STRIP, Placed, check_fits
 
@@ -88,9 +88,7 @@ def write_pdf(path: File, page: str, drawings: Sequence[Draw], title: str) -> No
     with style.context(["default", _STYLE]), PdfPages(made, metadata=about) as pdf:
         for draw in drawings:
             pdf.savefig(drawn(page, draw))
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_bytes(made.getvalue())
-    os.replace(beside, path)
+    write_whole(path, made.getvalue())
 
 
 def drawn(page: str, draw: Draw) -> Figure:
@@ -108,10 +106,7 @@ def drawn(page: str, draw: Draw) -> Figure:
 
 
 def outlines(black: NDArray[np.bool_]) -> list[Array]:
-    """Traces the closed outlines (n, 2) of the black cells, as (column, row) of the cells' corners.
-
-    Shapes are traced one way round and their holes the other: filled by the non-zero rule they are the cells.
-    """
+    """Traces the outlines (n, 2) of the black cells, holes the other way round: (column, row) of cell corners."""
     edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for row, column in np.argwhere(black).tolist():
         ring = [(column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1), (column, row)]
@@ -133,7 +128,6 @@ def outlines(black: NDArray[np.bool_]) -> list[Array]:
 
 
 def _ticks(x: float, y: float, width: float, height: float) -> Path:
-    """Makes the corner marks of a rectangle."""
     lines: list[tuple[float, float]] = []
     for corner_x, inwards in ((x, TICK), (x + width, -TICK)):
         for corner_y, upwards in ((y, TICK), (y + height, -TICK)):

@@ -28,13 +28,6 @@ class Preview:
         self._times: list[float] = []
         self._writer: Any = None
 
-    def check(self) -> None:
-        """InputError for a suffix without a codec and for a folder that is not there."""
-        if self._path.suffix.lower() not in CODECS:
-            raise InputError(f"--preview {self._path}: expected a name that ends in {', '.join(CODECS)}")
-        if not self._path.absolute().parent.is_dir() or self._path.is_dir():
-            raise InputError(f"--preview {self._path}: expected a file in a folder that exists")
-
     def observe(self, seen: Seen) -> None:
         """Draws and writes a frame; InputError where the video cannot be written."""
         self._times.append(seen.frame.t)

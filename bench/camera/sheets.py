@@ -1,7 +1,4 @@
-"""Lays out markers to be cut out on pages.
-
-Lengths are millimetres, from a page's lower left corner.
-"""
+"""Lays out markers to be cut out on pages; lengths are mm, from a page's lower left corner."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -75,10 +72,7 @@ def sheets(markers: Markers, names: Sequence[int]) -> list[Sheet]:
 
 
 def lay_out(made: Sequence[Sheet], page: str) -> list[list[Placed]]:
-    """Lays out the sheets in rows on as many pages of the format `page` as they need.
-
-    InputError where one is too large; it names the smallest page that is large enough.
-    """
+    """Lays out the sheets in rows on pages of the format `page`; InputError names the page for one too large."""
     width, height = PAGES[page]
     margin = max(0.0, EDGE - min(sheet.rim for sheet in made))  # the sheet's margin may be in the printer's
     for sheet in made:
@@ -104,7 +98,6 @@ def _columns(sheet: Sheet, width: float) -> int:
 
 
 def _rows(made: Sequence[Sheet], width: float) -> Iterator[list[Sheet]]:
-    """Yields rows of sheets of one size."""
     row: list[Sheet] = []
     for sheet in made:
         if row and (sheet.side != row[0].side or len(row) == _columns(row[0], width)):

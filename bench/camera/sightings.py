@@ -122,18 +122,7 @@ class Detection:
 
 def in_log(sightings: Sightings) -> Sightings:
     """Returns those of them that are in the log."""
-    s, kept = sightings, sightings.kept
-    return Sightings(
-        s.frame[kept],
-        s.ids[kept],
-        s.z[kept],
-        s.cov[kept],
-        s.corner_noise[kept],
-        s.corner_sd[kept],
-        s.error[kept],
-        s.ambiguity[kept],
-        kept[kept],
-    )
+    return Sightings(*(column[sightings.kept] for column in sightings))
 
 
 def per_frame(sightings: Sightings, frames: int) -> Ints:

@@ -122,10 +122,7 @@ def _fits(made: Drive, path: Array, landmarks: Map) -> bool:
 
 
 def filtered(made: Drive, *, blind: bool = False) -> Array:
-    """Computes pose covariances (n, 3, 3) of a Kalman filter along `made`, with noises grown by second order.
-
-    `blind`: it takes no sightings.
-    """
+    """Computes pose covariances (n, 3, 3) of a Kalman filter along `made` with grown noises; `blind`: no sightings."""
     log, place = made.log, dict(zip(made.map.ids.tolist(), made.map.xy, strict=True))
     known = log.prior.map
     slots: dict[int, int] = {}  # id -> the place of its x in the state

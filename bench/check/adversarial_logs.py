@@ -38,7 +38,6 @@ class Adversary:
 
 
 def _log(name: str, title: str, *, may_end: str = "", planted: float = 0.0, **how: Any) -> Adversary:
-    """Makes a row by `made_log` with `how`."""
     return Adversary(name, title, lambda rng: made_log(rng, **how), may_end, planted)
 
 
@@ -53,7 +52,6 @@ def _turning(steps: int, turn: float) -> Any:
 
 
 def _still(steps: int) -> Any:
-    """Returns motions (steps - 1, 3) of a robot at rest."""
     return np.zeros((steps - 1, 3))
 
 
@@ -70,13 +68,11 @@ def _field(landmarks: int, width: float) -> Any:
 
 
 def _ring(landmarks: int, radius: float, about: tuple[float, float] = (0.0, 0.0)) -> Any:
-    """Spreads landmarks (landmarks, 2) evenly on a circle."""
     angle = 2 * np.pi * np.arange(landmarks) / landmarks
     return np.array(about) + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
 
 
 def _circle(steps: int, radius: float) -> Any:
-    """Returns the motions (steps - 1, 3) of one round of a circle."""
     turn = 2 * np.pi / (steps - 1)
     return np.tile([radius * np.sin(turn), radius * (1 - np.cos(turn)), turn], (steps - 1, 1))
 

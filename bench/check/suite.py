@@ -99,7 +99,6 @@ def examine(check: Check, candidate: Candidate) -> Outcome:
 
 
 def _where(error: BaseException) -> str:
-    """Returns file and line of the innermost frame that is not numpy's own."""
     frames = traceback.extract_tb(error.__traceback__)
     frame = [f for f in frames if "numpy" not in Path(f.filename).parts][-1]
     return f"{frame.filename}:{frame.lineno}"

@@ -132,7 +132,6 @@ def _tested(claim: Claim, value: Any, table: CellTable) -> Finding:
 
 
 def _words(claim: Claim, worst: Part, parts: Sequence[Part]) -> str:
-    """Writes the claim, the figures, the bounds, and remarks."""
     found = worst.found
     said = [f"{claim.says.rstrip('.')}: "]
     if parts:

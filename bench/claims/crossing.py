@@ -48,7 +48,6 @@ def _wanted(claim: Claim, verdict: Verdict) -> str:
 
 
 def _said(x: Array, at: float, low: float, high: float, n: int) -> str:
-    """Describes where they cross, or that they do not."""
     start, end = plain(float(x[0])), plain(float(x[-1]))
     if n >= FEWEST and high <= x[0]:
         return f"they do not cross, it is less all along, from {start} on ({interval(nan, nan, n)})"

@@ -7,8 +7,7 @@ import numpy as np
 
 from ...frontend.se2 import Array
 from ..study.study import Claim
-from ..verdict.statistics import LEVEL, Shift, exponential, log_ratios, shift
-from ..verdict.walsh import MOST
+from ..verdict.statistics import LEVEL, MOST, Shift, exponential, log_ratios, shift
 from ..words.numerals import factor, larger
 from .finding import Finding, judged, margin, nothing
 from .median import cautious

@@ -63,10 +63,7 @@ class Pairs(NamedTuple):
 
 
 def pairs(first: Side, second: Side) -> Pairs:
-    """Pairs two sides by logs and values; a side without the parameter `along` is constant along it.
-
-    Untestable for negative values, which have no ratio.
-    """
+    """Pairs two sides by logs and values; one without `along` is constant. Untestable for negative values."""
     one, other = first.complete(), second.complete()
     along = one.along if other.along == [None] else other.along
     if None not in (*one.along, *other.along):

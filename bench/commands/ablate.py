@@ -37,17 +37,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "Exit status 0: every claim holds, or nothing is claimed; 1: a claim does not hold, or cells failed.\n\n"
         f"A study file:\n\n{study_file.FORMAT}"
     )
-    parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of a packaged one")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where results go (default results/NAME)")
-    parser.add_argument("--full", action="store_true", help="the study's full size instead of the quick one")
-    parser.add_argument("--dry-run", action="store_true", help="print how many cells there are, and how long they take")
-    parser.add_argument(
-        "--only", action="append", default=[], metavar="NAME=VALUE", help="run only the cells with that parameter"
-    )
-    parser.add_argument("--limit", type=count, metavar="N", help="run at most N cells now")
-    parser.add_argument("--retry", action="store_true", help="run failed cells again")
+    add = parser.add_argument
+    add("study", metavar="STUDY", nargs="?", help="a study file, or the name of a packaged one")
+    add("--out", type=Path, metavar="FOLDER", help="where results go (default results/NAME)")
+    add("--full", action="store_true", help="the study's full size instead of the quick one")
+    add("--dry-run", action="store_true", help="print how many cells there are, and how long they take")
+    add("--only", action="append", default=[], metavar="NAME=VALUE", help="run only the cells with that parameter")
+    add("--limit", type=count, metavar="N", help="run at most N cells now")
+    add("--retry", action="store_true", help="run failed cells again")
     executors.arguments(parser, jobs="local: processes (default one a core); slurm: jobs (default 4)")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -77,7 +76,6 @@ def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], 
 
 
 def _list(console: Console) -> None:
-    """Lists the packaged studies, with their questions."""
     for name in study_file.packaged():
         study, full = (study_file.read(name, full=size) for size in (False, True))
         cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
@@ -91,7 +89,6 @@ def _list(console: Console) -> None:
 
 
 def _estimate(console: Console, study: Study, out: Path, request: RunRequest, namespace: argparse.Namespace) -> None:
-    """Prints what there is to do, and does none of it."""
     from ..study.estimate import estimate
 
     with contextlib.ExitStack() as stack:
@@ -114,7 +111,6 @@ def _estimate(console: Console, study: Study, out: Path, request: RunRequest, na
 
 
 def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly: bool) -> int:
-    """Prints the answer and writes the report."""
     from ..study_report.evidence import evidence
     from ..study_report.report import write
 

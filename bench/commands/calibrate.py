@@ -20,6 +20,7 @@ from ...frontend.markers.board import Board, View, find_corners, read_board
 from ...frontend.markers.charuco import MODELS, Calibration, calibrate
 from ..camera.calibration_picture import write_picture
 from ..drawing.picture import KINDS
+from ..plan.values import check_file
 from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import counted, listed
 
@@ -51,33 +52,32 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "edges of the image too. Measure the printed board's squares and markers: their sides are in m. Boards printed "
         "with OpenCV before 4.6 with an even number of rows need legacy=true."
     )
-    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES", help="images, folders of them, or a video")
-    parser.add_argument(
+    add = parser.add_argument
+    add("frames", nargs="+", type=Path, metavar="FRAMES", help="images, folders of them, or a video")
+    add(
         "--board",
         required=True,
         metavar="BOARD",
         help="charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250], in squares and m",
     )
-    parser.add_argument(
+    add(
         "--model",
         choices=list(MODELS),
         default="5",
         help="the lens: that many coefficients, or fisheye (default 5; 8 for wide lenses)",
     )
-    parser.add_argument(
-        "--out", type=Path, default=Path("calibration.yaml"), metavar="FILE", help="default calibration.yaml"
-    )
-    parser.add_argument("--camera-info", type=Path, metavar="FILE", help="also write ROS's camera_info YAML")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="also draw coverage and errors (.png .svg .pdf)")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--out", type=Path, default=Path("calibration.yaml"), metavar="FILE", help="default calibration.yaml")
+    add("--camera-info", type=Path, metavar="FILE", help="also write ROS's camera_info YAML")
+    add("--picture", type=Path, metavar="FILE", help="also draw coverage and errors (.png .svg .pdf)")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Calibrates; 0 where the calibration was written."""
     board = read_board(namespace.board)
-    _check_place("--out", namespace.out, CALIBRATIONS)
-    _check_place("--camera-info", namespace.camera_info, (".yaml", ".yml"))
-    _check_place("--picture", namespace.picture, KINDS)
+    check_file("--out", namespace.out, CALIBRATIONS)
+    check_file("--camera-info", namespace.camera_info, (".yaml", ".yml"))
+    check_file("--picture", namespace.picture, KINDS)
     console = screen_console(quiet=namespace.quiet)
     views = _views(namespace.frames, board, console)
     reasons = _reasons(views.left_out)
@@ -95,15 +95,6 @@ def main(namespace: argparse.Namespace) -> int:
         if path is not None:
             console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
     return 0
-
-
-def _check_place(flag: str, path: Path | None, suffixes: tuple[str, ...]) -> None:
-    if path is None:
-        return
-    if path.suffix.lower() not in suffixes:
-        raise InputError(f"{flag} {path}: found a name that ends in {path.suffix!r}, expected {' '.join(suffixes)}")
-    if not path.parent.is_dir():
-        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected one that is there")
 
 
 def _views(places: list[Path], board: Board, console: Console) -> Views:
@@ -163,7 +154,6 @@ def _twin(view: View, others: list[View]) -> str | None:
 
 
 def _reasons(left_out: dict[str, list[str]]) -> list[str]:
-    """Returns a phrase for each reason why images were left out."""
     phrases: list[str] = []
     for reason, names in left_out.items():
         phrases.append(f"Left out {listed(names, NAMED)}: {reason}")

@@ -18,17 +18,16 @@ LONGEST_S = 86_400  # s; a day for one check
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument("backend", help="names as in bench run --backend, options in brackets, separated by commas")
-    parser.add_argument(
+    add = parser.add_argument
+    add("backend", help="names as in bench run --backend, options in brackets, separated by commas")
+    add(
         "--only",
         default="",
         metavar="CHECKS",
         help="contract, estimates, adversarial, or names of checks, separated by commas; default: all",
     )
-    parser.add_argument(
-        "--timeout", type=float, default=TIMEOUT_S, metavar="S", help="seconds per check; default %(default)g"
-    )
-    parser.add_argument("--quiet", action="store_true", help="print what failed, and nothing else")
+    add("--timeout", type=float, default=TIMEOUT_S, metavar="S", help="seconds per check; default %(default)g")
+    add("--quiet", action="store_true", help="print what failed, and nothing else")
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -54,7 +53,6 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _summary(variant: BackendVariant, family: str, outcomes: list[Outcome]) -> str:
-    """Counts a family's checks by outcome, in a line."""
     count = {status: sum(outcome.status == status for outcome in outcomes) for status in STYLE}
     words = {"passed": "passed", "failed": "failed", "not applicable": "not applicable"}
     if family == "adversarial":

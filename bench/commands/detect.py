@@ -12,9 +12,9 @@ from ...datasets.recordings.robot import read_robot
 from ..camera.detect import DetectRequest, detect
 from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml
-from ..camera.preview import Preview
+from ..camera.preview import CODECS, Preview
 from ..camera.summary import Findings, as_json, headline, left_out_words
-from ..plan.values import positive
+from ..plan.values import check_file, positive
 from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import number
 
@@ -26,29 +26,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "needs --robot. camera:0 is a camera that is connected. LOG is what bench run --dataset LOG takes; a folder "
         "that an earlier bench detect wrote is replaced, any other that is not empty is left alone."
     )
-    parser.add_argument("recording", help="the recording's folder, video or bag, or camera:0")
-    parser.add_argument("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
-    parser.add_argument(
-        "--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording"
-    )
-    parser.add_argument(
-        "--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)"
-    )
-    parser.add_argument("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
-    parser.add_argument(
-        "--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth"
-    )
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON, and nothing else")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add = parser.add_argument
+    add("recording", help="the recording's folder, video or bag, or camera:0")
+    add("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
+    add("--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording")
+    add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
+    add("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
+    add("--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth")
+    add("--json", action="store_true", help="print the findings as JSON, and nothing else")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Detects; 0 where a log was written, even one without a sighting."""
     out: Path = namespace.out
     check_place(out)
+    check_file("--preview", namespace.preview, tuple(CODECS))
     preview = None if namespace.preview is None else Preview(namespace.preview)
-    if preview is not None:
-        preview.check()
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
     console = screen_console(quiet=namespace.quiet or namespace.json)
@@ -75,7 +69,6 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _noise_table(findings: Findings) -> Table:
-    """Makes the table of errors and NEES by range, before and after."""
     title = "Errors by range, and NEES, of which 1 is exact"
     shown = Table(title=title, title_style="", title_justify="left", box=None, pad_edge=False)
     headings = (

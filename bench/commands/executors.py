@@ -14,23 +14,21 @@ SLURM_JOBS = 4
 
 def arguments(parser: argparse.ArgumentParser, jobs: str) -> None:
     """Adds --executor, --jobs and --scheduler; `jobs` is the help on the second."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "--executor",
         choices=EXECUTORS,
         default="local",
         help="where cells run: processes of this machine (default), this very process, a Dask cluster, SLURM's jobs",
     )
-    parser.add_argument("--jobs", type=count, metavar="N", help=jobs)
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
+    add("--jobs", type=count, metavar="N", help=jobs)
+    add("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
 
 
 def executor(
     namespace: argparse.Namespace, jobs: int | None, local: int, *, exclusive: bool, say: Callable[[str], None]
 ) -> Executor:
-    """Makes the requested executor; `exclusive`: some cells must run alone on their machine.
-
-    InputError for options that do not go together. `local` is the default number of processes.
-    """
+    """Makes the executor; `exclusive`: some cells must run alone. InputError for options that do not go together."""
     kind, address = namespace.executor, namespace.scheduler
     if address is not None and kind != "dask":
         raise InputError(f"--scheduler {address}: found --executor {kind} beside it, expected --executor dask.")

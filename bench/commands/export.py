@@ -8,6 +8,7 @@ from rich.console import Console
 from ...frontend.errors import InputError
 from ..logs.export import FORMATS, export_log, formats_of
 from ..plan.load import made, one
+from ..plan.values import seed
 from ..record.table import export_cells, holds_cells
 
 
@@ -28,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     log = parser.add_argument_group("of a dataset")
     log.add_argument("--as", dest="formats", metavar="FORMATS", help=f"{', '.join(FORMATS)} (default: {DEFAULT})")
     log.add_argument("--out", type=Path, metavar="FOLDER", help="a new folder for the files")
-    log.add_argument("--seed", type=int, help="which log, as bench run numbers them (default: 0)")
+    log.add_argument("--seed", type=seed, help="which log, as bench run numbers them (default: 0)")
     cells = parser.add_argument_group("of a study or a run")
     cells.add_argument("--csv", type=Path, metavar="FILE", help="its cells as CSV")
     cells.add_argument("--parquet", type=Path, metavar="FILE", help="its cells as Parquet; needs pyarrow")
@@ -57,13 +58,11 @@ def _log(namespace: argparse.Namespace) -> list[tuple[Path, str]]:
     out: Path | None = namespace.out
     if out is None:
         raise InputError(f"bench export {namespace.what}: expected --out FOLDER, a new folder for the files.")
-    formats, seed = formats_of(namespace.formats or DEFAULT), namespace.seed or 0
-    if seed < 0:
-        raise InputError(f"--seed {seed}: expected a whole number, at least 0.")
+    formats = formats_of(namespace.formats or DEFAULT)
     variant = one(namespace.what, "bench export")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"--out {out}: exists and is not an empty folder, expected a new one.")
-    return export_log(made(variant, seed), formats, out)
+    return export_log(made(variant, namespace.seed or 0), formats, out)
 
 
 def _cells(namespace: argparse.Namespace) -> list[tuple[Path, str]]:

@@ -18,16 +18,15 @@ MEGA = 1e6
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument("names", nargs="*", metavar="NAME", help="published logs; without any, they are listed")
-    parser.add_argument(
+    add = parser.add_argument
+    add("names", nargs="*", metavar="NAME", help="published logs; without any, they are listed")
+    add(
         "--from", dest="source", type=Path, metavar="PATH", help="install an archive, folder or file downloaded by hand"
     )
-    parser.add_argument("--url", help="download from this address instead of the publisher's (http, https or ftp)")
-    parser.add_argument("--check", action="store_true", help="hash again what is here; without a name, all of it")
-    parser.add_argument(
-        "--again", action="store_true", help="download even if it is here already; the old copy stays until then"
-    )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--url", help="download from this address instead of the publisher's (http, https or ftp)")
+    add("--check", action="store_true", help="hash again what is here; without a name, all of it")
+    add("--again", action="store_true", help="download even if it is here already; the old copy stays until then")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -75,7 +74,6 @@ def _refuse(namespace: argparse.Namespace) -> None:
 
 
 def _told(name: str, arrival: installed.Arrival | None, console: Console) -> None:
-    """Prints what was fetched, and how it was verified."""
     log = PUBLISHED[name]
     console.print(f"{name}: {'here already' if arrival is None else 'fetched'}, {_megabytes(name)} in {place(name)}")
     if arrival is None:

@@ -9,6 +9,7 @@ from rich.console import Console
 from ...frontend.errors import InputError
 from ...frontend.markers.markers import Markers, write
 from ..camera.sheets import PAGES, lay_out, sheets
+from ..plan.values import check_file
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,9 +32,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Writes the PDF; 0."""
-    for path in (namespace.out, namespace.write_dictionary):
-        if path is not None and not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder {path.parent}")
+    check_file("--out", namespace.out)
+    check_file("--write-dictionary", namespace.write_dictionary)
     say = Console(highlight=False, markup=False, soft_wrap=True).print
     if namespace.board:
         _board(namespace)
@@ -62,7 +62,6 @@ def _markers(namespace: argparse.Namespace, markers: Markers, names: list[int]) 
 
 
 def _board(namespace: argparse.Namespace) -> None:
-    """Writes the board."""
     from ...frontend.markers.board import read_board
     from ..camera import paper
 
@@ -71,7 +70,6 @@ def _board(namespace: argparse.Namespace) -> None:
 
 
 def _settings(markers: Markers) -> str:
-    """Returns the section of robot.toml for these markers."""
     own = ", ".join(f"{name} = {side:g}" for name, side in markers.sides.items())
     lines = ["for robot.toml:", "[markers]", f'dictionary = "{markers.dictionary}"', f"side = {markers.side:g}"]
     return "\n".join([*lines, f"sides = {{{own}}}"] if own else lines)

@@ -11,6 +11,7 @@ from rich.console import Console
 from ...datasets.cache import generator
 from ...frontend.errors import InputError
 from ..plan.spec import DatasetVariant, dataset_variants
+from ..plan.values import seed
 from ..words.console import ProgressBar
 
 RENDERED = "aruco-room"
@@ -18,23 +19,20 @@ RENDERED = "aruco-room"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "dataset",
         nargs="?",
         default=RENDERED,
         help="the drive, options in brackets as in bench run (default: %(default)s)",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, help="which drive, as bench run numbers them (default: %(default)s)"
-    )
-    parser.add_argument(
+    add("--seed", type=seed, default=0, help="which drive, as bench run numbers them (default: %(default)s)")
+    add(
         "--as", dest="formats", default="frames", metavar="FORMATS",
         help="frames, video (lossless), mp4, ros1, ros2, mcap, separated by commas (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
-        "--out", type=Path, required=True, help="a new folder; of several formats, each gets its own inside"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress, and nothing printed")
+    add("--out", type=Path, required=True, help="a new folder; of several formats, each gets its own inside")
+    add("--quiet", action="store_true", help="no progress, and nothing printed")
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -42,8 +40,6 @@ def main(namespace: argparse.Namespace) -> int:
     variant = _variant(namespace.dataset)
     if variant.options.outliers > 0:
         raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
-    if namespace.seed < 0:
-        raise InputError(f"--seed {namespace.seed}: expected a whole number, at least 0.")
 
     from ...datasets.recordings.write import FORMATS, write
     from ...datasets.worlds.aruco_room import record
@@ -72,7 +68,6 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _variant(text: str) -> DatasetVariant:
-    """Finds the one dataset that `text` names, which must be the rendered one."""
     variants = dataset_variants(text, "bench render")
     if len(variants) != 1 or variants[0].name != RENDERED:
         raise InputError(f"bench render: found {text!r}, expected {RENDERED}, the dataset whose frames are rendered.")

@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from ...frontend.errors import InputError
+from ..plan.values import check_file
 from ..record.store import Store
 from ..words.numerals import counted, listed
 
@@ -16,21 +17,20 @@ KINDS = (".html", ".gif", ".mp4", ".rrd")  # formats, by the ending of a replay'
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument("folder", type=Path, help="the folder that bench run left")
-    parser.add_argument("--dataset", metavar="NAME", help="one of the run's (default: the first)")
-    parser.add_argument(
-        "--backend", metavar="NAMES", help="some of the run's, separated by commas, in this order (default: all)"
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="which log (default: the first that has a result)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("folder", type=Path, help="the folder that bench run left")
+    add("--dataset", metavar="NAME", help="one of the run's (default: the first)")
+    add("--backend", metavar="NAMES", help="some of the run's, separated by commas, in this order (default: all)")
+    add("--seed", type=int, metavar="N", help="which log (default: the first that has a result)")
+    add(
         "--frames", type=int, default=300, metavar="N", help="of a longer log, N steps are shown (default: %(default)s)"
     )
-    parser.add_argument(
+    add(
         "--out", type=Path, action="append", metavar="FILE",
         help="what to write: a page that needs no network (.html), a film (.gif, .mp4) or a recording for Rerun (.rrd, "
         "with slamduel[replay]); may be given several times (default: replay-DATASET-SEED.html in the folder)",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="nothing printed")
+    add("--quiet", action="store_true", help="nothing printed")
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -64,14 +64,10 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _check(out: Sequence[Path], frames: int) -> None:
-    """Raises InputError for what cannot be written, before anything is done."""
     if frames < 2:
         raise InputError(f"--frames {frames}: expected a whole number, at least 2.")
     for path in out:
-        if path.suffix.lower() not in KINDS:
-            raise InputError(f"--out {path}: expected a name that ends in {', '.join(KINDS[:-1])} or {KINDS[-1]}.")
-        if not path.absolute().parent.is_dir() or path.is_dir():
-            raise InputError(f"--out {path}: expected a file in a folder that exists.")
+        check_file("--out", path, KINDS)
     if any(path.suffix.lower() == ".rrd" for path in out):
         from ..replay.rerun import require
 
@@ -79,7 +75,6 @@ def _check(out: Sequence[Path], frames: int) -> None:
 
 
 def _writer(path: Path):
-    """Returns the writer for that suffix; only that is imported."""
     match path.suffix.lower():
         case ".html":
             from ..replay.page import write_page as write

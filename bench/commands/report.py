@@ -14,11 +14,12 @@ FORMS = ("pdf", "png")
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument("folder", type=Path, help="the folder that bench run or bench ablate left")
-    parser.add_argument(
+    add = parser.add_argument
+    add("folder", type=Path, help="the folder that bench run or bench ablate left")
+    add(
         "--figures", type=_forms, default=(), metavar="FORMS", help="every figure in these forms, too: pdf, png or both"
     )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def _forms(text: str) -> tuple[str, ...]:

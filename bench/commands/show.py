@@ -8,13 +8,12 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from ...frontend.errors import InputError
 from ..logs.facts import facts, headline, noted
 from ..logs.numbers import Subject, described
 from ..logs.shown_path import LARGEST
 from ..plan.load import made, one
 from ..plan.spec import DatasetVariant
-from ..plan.values import seed
+from ..plan.values import check_file, seed
 from ..words.console import plain, screen_console
 from ..words.names import called
 
@@ -28,16 +27,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "without --out. A log without truth is drawn along its batch optimum, which may take half "
         "a minute the first time and is kept; a larger one along dead reckoning."
     )
-    parser.add_argument("log", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")
-    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of a dataset that is drawn (default 0)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the picture (.png .svg .pdf), or a page (.html)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("log", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")
+    add("--seed", type=seed, default=0, metavar="N", help="of a dataset that is drawn (default 0)")
+    add("--out", type=Path, metavar="FILE", help="the picture (.png .svg .pdf), or a page (.html)")
+    add(
         "--solve",
         action=argparse.BooleanOptionalAction,
         help=f"find the batch optimum where there is no truth (default: up to {LARGEST:,} steps and sightings)",
     )
-    parser.add_argument("--json", action="store_true", help="print the numbers as JSON, and nothing else")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--json", action="store_true", help="print the numbers as JSON, and nothing else")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -47,8 +47,7 @@ def main(namespace: argparse.Namespace) -> int:
         None if namespace.json else Path(f"{_file(variant, namespace.log) or variant.slug}-log.png")
     )
     place = out.resolve() if out is not None and out.is_symlink() else out  # a link stays: its target is written
-    if place is not None:
-        _check_place(place)
+    check_file("--out", place, KINDS)
     dataset = made(variant, namespace.seed)
     console = screen_console(quiet=namespace.quiet or namespace.json)
     if namespace.seed and not variant.source.seeded:
@@ -97,12 +96,3 @@ def _file(variant: DatasetVariant, given: str) -> str:
     """Returns the name of the file or folder that was given as the log, "" where a dataset was named."""
     named = given.strip().strip('"')
     return Path(named).resolve().stem if getattr(variant.options, "path", None) == named else ""
-
-
-def _check_place(out: Path) -> None:
-    if out.suffix.lower() not in KINDS:
-        raise InputError(f"--out {out}: found a name that ends in {out.suffix!r}, expected {' '.join(KINDS)}")
-    if out.is_dir():
-        raise InputError(f"--out {out}: found a folder, expected the name of a file")
-    if not out.parent.is_dir():
-        raise InputError(f"--out {out}: there is no folder {out.parent}, expected one that is there")

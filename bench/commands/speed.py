@@ -8,6 +8,7 @@ import argparse
 from pathlib import Path
 
 from ...frontend.errors import InputError
+from ..plan.values import check_file, seed
 from ..speed import backends, batch, frontend
 from ..words.console import screen_console
 
@@ -17,7 +18,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
     add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
-    add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
+    add("--seed", type=seed, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a quick look: little of everything, no reliable figures")
     add("--csv", type=Path, metavar="FILE", help="also write the figures")
     add("--out", type=Path, metavar="FOLDER", help="also write the figures and a picture of them there")
@@ -50,12 +51,7 @@ def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
             asked = "--batch times the batch solvers" if namespace.batch else asked
             asked = "--frontend times the detector" if namespace.frontend else asked
             raise InputError(f"--{name}: {asked}, which has no such option")
-    if namespace.seed < 0:
-        raise InputError(f"--seed {namespace.seed}: expected 0 or more")
-    if namespace.csv is not None and not namespace.csv.parent.is_dir():
-        raise InputError(
-            f"--csv {namespace.csv}: there is no folder {namespace.csv.parent}, expected one that is there"
-        )
+    check_file("--csv", namespace.csv)
     if namespace.out is not None and namespace.out.exists() and not namespace.out.is_dir():
         raise InputError(f"--out {namespace.out}: found a file, expected a folder or nothing")
     if namespace.out is not None:  # before an hour's measurements, not after

@@ -19,11 +19,10 @@ SHOWN = 20  # problems of a log that are printed
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
-    parser.add_argument(
-        "log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it"
-    )
-    parser.add_argument("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
-    parser.add_argument("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
+    add = parser.add_argument
+    add("log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it")
+    add("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
+    add("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
     parser.epilog = (
         "Of a log's folder every problem is found, of any other dataset the first. The exit status is 0 where there is "
         "none, else 2; remarks are about what is legal yet odd, and do not count."
@@ -37,7 +36,6 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _found_and_validated(text: str, seed: int, shown: float) -> int:
-    """Validates the logs that `text` names; returns the exit status."""
     try:
         variants = dataset_variants(text, "bench validate")
     except InputError as error:
@@ -47,7 +45,6 @@ def _found_and_validated(text: str, seed: int, shown: float) -> int:
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
-    """Validates one log; returns its exit status."""
     place = _place(variant)
     scan, total = attempted(_scan(variant, seed)), 0
     while True:

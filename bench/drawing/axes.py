@@ -21,10 +21,7 @@ def short(label: str, longest: int = LONGEST) -> str:
 
 
 def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
-    """Averages `values` (n,) over `count` equal stretches of time, at their centres.
-
-    NaN where a stretch has no value, so that a line breaks there; of a short run the values as they are.
-    """
+    """Averages `values` (n,) over `count` equal stretches of time, at their centres; NaN without a value."""
     if len(t) <= count:
         return t, values
     edges = np.linspace(t[0], t[-1], count + 1)
@@ -87,5 +84,4 @@ def legend(figure: Figure, axes: Axes, columns: int) -> None:
 
 
 def _gid(handle: Any) -> str | None:
-    """Returns the id of an artist, or of the first in a container or tuple."""
     return handle.get_gid() if isinstance(handle, Artist) else _gid(handle[0])

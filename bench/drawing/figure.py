@@ -1,7 +1,10 @@
 """A figure of a report with its caption, and the plot data that its page's script needs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import NamedTuple
+
+from ...frontend.files import write_whole
 
 GROUPS = ("accuracy", "consistency", "cost", "inside")  # the subjects of figures, in the order of a report
 
@@ -44,6 +47,15 @@ class ReportFigure(NamedTuple):
     svg: str  # with stand-in colours; a backend's elements are in groups of the class of-K, K its place in looks
     group: str = "accuracy"
     plot: Plot | None = None
-    printed: Callable[[str], bytes] | None = (
-        None  # the same figure as a file for print: of "pdf", or "png" with 300 dpi
-    )
+    printed: Callable[[str], bytes] | None = None  # makes a file for print: "pdf", or "png" with 300 dpi
+
+
+def write_figures(folder: Path, figures: Iterable[ReportFigure], forms: Sequence[str]) -> None:
+    """Writes figures as SVG, and in the formats `forms`, into `folder`, each file whole."""
+    from .svg import alone  # matplotlib: a run does not wait for it
+
+    folder.mkdir(exist_ok=True)
+    for figure in figures:
+        write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
+        for form in forms if figure.printed is not None else ():
+            write_whole(folder / f"{figure.name}.{form}", figure.printed(form))

@@ -36,10 +36,7 @@ def name_points(
     bars: Sequence[tuple[float, float, float]] = (),
     others: Sequence[Point] = (),
 ) -> None:
-    """Writes the names, not over `others` and upright `bars` (x, low, high); a line leads to a distant one.
-
-    The axes' limits and labels must be final.
-    """
+    """Writes the names, not over `others` and `bars` (x, low, high), once the axes' limits and labels are final."""
     lay_out(figure)  # so that the axes stand where they will
     scale = 72 / figure.dpi
     at = axes.transData.transform([(point.x, point.y) for point in (*points, *others)]) * scale

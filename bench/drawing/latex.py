@@ -79,7 +79,6 @@ def _below(text: str, small: Sequence[str]) -> str:
 
 
 def _width(table: Table) -> float:
-    """Estimates the table's width in points."""
     width = LETTER * max(len("backend"), *(len(row.backend) for row in table.rows)) if table.rows else 0.0
     for k, column in enumerate(table.headings):
         entries = [row.entries[k] for row in table.rows]

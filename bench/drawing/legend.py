@@ -51,10 +51,7 @@ class Key(NamedTuple):
 
 
 def named(labels: Iterable[str], order: Sequence[str], more: int = 0) -> Key:
-    """Chooses the baseline and the first of `order`, as many as a legend has room for.
-
-    `more` is how many letters come after each name.
-    """
+    """Chooses the baseline and the first of `order` that fit; `more` letters follow each name."""
     called = tags(labels)
     places = {label: place for place, label in enumerate(order)}
     ranked = sorted(called, key=lambda label: (label != BASELINE, places.get(label, len(places))))

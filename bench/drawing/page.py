@@ -47,19 +47,10 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    filters: dict[str, Any] = {
-        "md": _markdown,
-        "on_page": on_page,
-        "alone": alone,
-        "tags": tags,
-        "url": quote,
-        "dashes": _dashes,
-        "answers": answers,
-        "worded": _worded,
-        "sortable": _sortable,
-        "sentence": _sentence,
-    }
-    environment.filters.update(filters)
+    environment.filters |= {
+        "md": _markdown, "on_page": on_page, "alone": alone, "tags": tags, "url": quote, "dashes": _dashes,
+        "answers": answers, "worded": _worded, "sortable": _sortable, "sentence": _sentence,
+    }  # fmt: skip
     return environment.get_template(template).render({"glyphs": GLYPHS, "purposes": PURPOSES, **page})
 
 
@@ -107,17 +98,14 @@ def _worded(table: Table) -> list[bool]:
 
 
 def _sortable(value: float) -> str:
-    """Writes a number for the page's script; "" for NaN."""
     return "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity")
 
 
 def _sentence(text: str) -> str:
-    """Capitalises the first letter."""
     return f"{text[:1].upper()}{text[1:]}"
 
 
 def _dashes(look: Look) -> str:
-    """Writes the look's line style for SVG."""
     return "" if isinstance(look.dash, str) else " ".join(f"{length:g}" for length in look.dash[1])
 
 

@@ -80,10 +80,7 @@ def _figure(width: float, height: float, draw: Draw, more: dict[str, Any]) -> Ge
 
 
 def lay_out(figure: Figure) -> None:
-    """Gives the figure's only axes all the room that their labels and the legend above them leave.
-
-    It takes a third of the time of matplotlib's own layouts, which are made for more than one.
-    """
+    """Gives the figure's only axes all the room that labels and legend leave, in a third of matplotlib's time."""
     (axes,) = figure.axes
     room = figure.bbox.padded(-EDGE * figure.dpi / 72)
     top = sum(legend.get_window_extent().height for legend in figure.legends)

@@ -40,23 +40,18 @@ class Watcher(Protocol):
 
     def looking(self, logs: int) -> None:
         """Announces that so many logs are made first, to check results or to keep the logs."""
-        ...
 
     def looked(self, name: str) -> None:
         """Counts a log that has been made, or cannot be."""
-        ...
 
     def say(self, sentence: str) -> None:
         """Passes a remark to the user."""
-        ...
 
     def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
         """Announces the cells to be run; `done` have a result already, which are `recorded`."""
-        ...
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         """Reports a cell that ended after so much wall time, with its values by column, status and reason at least."""
-        ...
 
 
 def everything(cell: PlannedCell) -> bool:
@@ -131,7 +126,6 @@ class _Engine:
         return Tally(len(statuses), self._ended(), failed)
 
     def _lacking(self, todo: Sequence[int]) -> list[PlannedCell]:
-        """Lists the cells whose logs are needed now."""
         return list(self.work.cells) if self.work.logs_first else [self.work.cells[place] for place in todo]
 
     def _status(self, place: int) -> str | None:
@@ -172,10 +166,7 @@ class _Engine:
         return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.work.oracle)
 
     def _todo(self, request: RunRequest) -> list[int]:
-        """Returns the places of the cells to be run now, in an order that is shuffled but always the same.
-
-        Cells of one key have one result: it is computed once.
-        """
+        """Returns the places of the cells to be run, in a fixed shuffled order; one of those with the same key."""
         places: dict[Any, int] = {}
         for place, (cell, key) in enumerate(zip(self.work.cells, self.keys, strict=True)):
             status = self._status(place)
@@ -186,7 +177,6 @@ class _Engine:
         return todo[: request.limit]
 
     def _batches(self, places: Sequence[int]) -> list[Batch]:
-        """Groups cells by log, in enough batches for every slot."""
         most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
         by_log: dict[str, list[tuple[int, PlannedCell]]] = {}
         for place in places:
@@ -198,14 +188,12 @@ class _Engine:
         ]
 
     def _keep_unmade(self, place: int) -> None:
-        """Records a cell whose log could not be made."""
         cell, looked = self.work.cells[place], self.logs.lost.get(self.log_keys[place])
         if looked is not None:
             for finished in unmade(batch_of(self.work, cell, {place: cell}), looked.result, looked.seconds):
                 self._keep(finished)
 
     def _keep(self, finished: Finished) -> None:
-        """Records a result as soon as it is there."""
         assert finished.index is not None
         cell, result, of_log = self.work.cells[finished.index], finished.result, self.log_keys[finished.index]
         row: dict[str, Any] = {"status": result.status, "reason": result.reason}
@@ -232,12 +220,7 @@ class _Engine:
 
 
 def batch_of(
-    work: Work,
-    cell: PlannedCell,
-    cells: Mapping[int, PlannedCell],
-    kept: KeptLog | None = None,
-    *,
-    whole: bool = False,
+    work: Work, cell: PlannedCell, cells: Mapping[int, PlannedCell], kept: KeptLog | None = None, *, whole: bool = False
 ) -> Batch:
     """Makes a batch of cells by place, all on the log of `cell`; none to look at the log."""
     dataset = cell.cell.dataset
@@ -255,7 +238,6 @@ def job_of(work: Work, cell: PlannedCell) -> Job:
 
 
 def _facts(work: Work, executor: Executor) -> dict[str, Any]:
-    """Collects the facts that every record has."""
     backend_variants = {cell.cell.backend.label: cell.cell.backend for cell in work.cells}
     variants: dict[str, Variant] = {cell.cell.dataset.label: cell.cell.dataset for cell in work.cells}
     variants |= backend_variants
@@ -279,7 +261,6 @@ def _facts(work: Work, executor: Executor) -> dict[str, Any]:
 
 
 def _discard_unless_begun(folder: Path) -> None:
-    """Removes a record in which no cell is planned."""
     with contextlib.suppress(InputError):
         with Store(folder) as store:
             if store.planned():

@@ -79,5 +79,4 @@ def hashed(*parts: Any) -> str:
 
 
 def _digest(text: str) -> str:
-    """Hashes a text to 128 bits."""
     return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -36,10 +36,7 @@ class KnownLogs:
         return self._work.logs_first or made_once(cell.cell)
 
     def is_doubtful(self, cell: PlannedCell) -> bool:
-        """True where the cell's log must be made before any cell runs.
-
-        It is from files, which may have changed, or known by other code alone, or the work wants all logs first.
-        """
+        """True where the log must be made first: from files, made by other code, or the work wants all logs first."""
         if from_files(cell.cell) or (self.key(cell) not in self.known and _name(cell) in self._made):
             return True
         return self._work.logs_first and not self.is_at_hand(cell)

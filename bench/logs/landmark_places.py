@@ -33,10 +33,7 @@ class Astray(NamedTuple):
 
 
 def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
-    """Computes the places from `poses` (m, 3), of which step k is row `pose_at[k]`, or none for -1.
-
-    Every id counts as in one place where the path is not `known`: the path may cause the spread.
-    """
+    """Places ids from `poses` (m, 3), step k being row `pose_at[k]` or -1; none is astray if not `known`."""
     row = np.flatnonzero((log.ids != UNKNOWN) & (pose_at[log.sighting_step] >= 0))
     ids, landmark = np.unique(log.ids[row], return_inverse=True)
     points = sighted(poses[pose_at[log.sighting_step[row]]], log.z[row])

@@ -97,10 +97,7 @@ def sensor(axes: Axes, z: Array) -> None:
 
 
 def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
-    """Draws the stated noise of sightings over range, both parts in metres; with a truth the errors too.
-
-    `medians`: the truth has each landmark at the median of its sightings.
-    """
+    """Draws stated noise of sightings over range, m, and errors against a truth, with `medians` of landmarks."""
     axes.set_title("Its noise, as stated")
     if not len(log.z):
         _nothing(axes, "no sighting")
@@ -187,7 +184,6 @@ def _along(axes: Axes, log: Log) -> None:
 
 
 def _time(log: Log) -> Array:
-    """Returns the time since the first step."""
     return log.t - log.t[0]
 
 

@@ -33,10 +33,7 @@ class Shown(NamedTuple):
 
 
 def shown(dataset: Dataset, solve: bool | None) -> Shown:
-    """Chooses the true path, else the batch optimum, else dead reckoning.
-
-    `solve`: compute the optimum where there is no truth; None: where the log is small enough for it.
-    """
+    """Chooses the true path, else the batch optimum if `solve` (None: if the log is small), else dead reckoning."""
     log, truth = dataset
     if truth is None or not len(truth.t):
         truth, words = _solved(log, solve)
@@ -83,7 +80,6 @@ def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
 
 
 def _surveyed(truth: Truth | None) -> bool:
-    """Returns True if the landmarks' true places are known."""
     return truth is not None and truth.map is not None and truth.places == "truth"
 
 

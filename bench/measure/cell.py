@@ -81,7 +81,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     except MemoryError:
         return Result("error", f"needed more than the memory limit of {job.memory_mb} MB", row)
     except BaseException as error:  # a backend may raise anything at all, SystemExit included
-        return Result("error", _where(error), row, traceback=traceback.format_exc())
+        return Result("error", located(error), row, traceback=traceback.format_exc())
     held = peak.mb()
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
@@ -98,7 +98,6 @@ def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:
 
 
 def _about(log: Log) -> dict[str, Any]:
-    """Returns the columns that depend on the log alone."""
     return {
         "digest": log.digest,
         "steps": len(log),
@@ -107,7 +106,7 @@ def _about(log: Log) -> dict[str, Any]:
     }
 
 
-def _where(error: BaseException) -> str:
+def located(error: BaseException) -> str:
     """Describes an exception in a line: type, message, and the line of code that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     said = " ".join(str(error).split())

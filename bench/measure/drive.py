@@ -59,11 +59,7 @@ class Outcome:
 
 
 def drive(
-    builder: Builder,
-    options: Any,
-    log: Log,
-    generator: Callable[[], np.random.Generator],
-    truth: Truth | None = None,
+    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None = None
 ) -> Outcome:
     """Drives the backend through `log`; `generator` makes one in the same state every time it is called.
 
@@ -167,8 +163,6 @@ def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints
 
 
 class _Beliefs(NamedTuple):
-    """The beliefs after every step, as in an Outcome."""
-
     cov: Array
     nis: Array
     nis_dof: Ints

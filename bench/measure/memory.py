@@ -67,7 +67,6 @@ def _forget() -> bool:
 
 
 def _peak_mb() -> float:
-    """Returns the most memory this process has held, MB."""
     if sys.platform == "linux":  # where getrusage includes the parent's memory
         status = Path("/proc/self/status").read_bytes()
         return int(status.partition(b"VmHWM:")[2].split(maxsplit=1)[0]) / 1024

@@ -1,7 +1,4 @@
-"""Metrics of a path, a map and a belief, as pure functions.
-
-Paths are (m, 3) poses at the same m times as the truth's.
-"""
+"""Metrics of a path, a map and a belief, as pure functions; paths are (m, 3) poses at the truth's times."""
 
 from typing import NamedTuple
 

@@ -33,10 +33,7 @@ TERMS = Misfit._fields  # the names of the terms
 
 
 def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
-    """Computes J of `path` (n, 3) and `landmarks`; None where a landmark that was sighted or given is not mapped.
-
-    A given map with covariance is a part of the prior.
-    """
+    """Computes J, a given map being part of the prior; None where a sighted or given landmark is not mapped."""
     given = log.prior.map
     if given is not None and not np.isin(given.ids, landmarks.ids).all():
         return None
@@ -74,7 +71,6 @@ def _prior(log: Log, path: Array, landmarks: Map) -> float:
 
 
 def _squared(error: Array, cov: Array) -> float:
-    """Sums e' C^-1 e over rows."""
     return float(_each_squared(error, cov).sum())
 
 

@@ -55,10 +55,7 @@ def pairs_by_time(t: Array, duration: float) -> Ints:
 
 
 def relative_error(estimate: Array, truth: Array, pairs: Ints) -> RelativeError | None:
-    """Computes the error of the motions between the poses (m, 3) of the pairs (p, 2); None without any.
-
-    With the true motion Q and the estimated one P, it is Q^-1 P: its translation's length, and its rotation's angle.
-    """
+    """Computes the errors Q^-1 P of the motions of pairs (p, 2), Q the true and P the estimated one; None without."""
     if not len(pairs):
         return None
     first, second = pairs.T

@@ -66,15 +66,12 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
 
 
 class _End(NamedTuple):
-    """An estimate to score: online, or final."""
-
     path: Array | None  # (n, 3)
     cov: Array | None  # (n, 3, 3)
     map: Map
 
 
 def _ends(outcome: Outcome) -> dict[str, _End]:
-    """Returns the estimates to score, by the prefix of their columns."""
     solution = outcome.solution
     ends = {} if solution is None else {"final_": _End(solution.path, solution.cov, solution.map)}
     if solution is None or outcome.online is not None:  # a batch method has nothing online
@@ -87,7 +84,6 @@ def _prefixed(prefix: str, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _remarks(log: Log, truth: Truth | None) -> list[str]:
-    """Returns remarks on the log for the row's reason."""
     said: list[str] = []
     given = log.prior.map
     if given is not None and not np.isin(given.ids, log.ids).any():
@@ -113,7 +109,6 @@ def _fit_columns(fit: Misfit, total: str) -> dict[str, Any]:
 
 
 def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
-    """Returns the columns of particles and gates, where the backend reports them."""
     row: dict[str, Any] = {}
     effective, ancestors = (values[np.isfinite(values)] for values in (outcome.n_eff, outcome.ancestors))
     if len(effective):

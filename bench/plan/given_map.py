@@ -165,7 +165,6 @@ def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
 
 
 def _place(row: Row, slugs: Mapping[str, str]) -> Path:
-    """Returns the cell's folder in that of its run."""
     c = row.columns
     dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
     return Path(slugs[dataset], str(c["seed"]), slugs[backend])

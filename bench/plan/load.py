@@ -10,10 +10,7 @@ from .values import as_text, as_whole
 
 
 def load(name: str | Path, seed: int = 0) -> Dataset:
-    """Makes the dataset of `bench run --dataset NAME`: a name, options in brackets, or a path. InputError as there.
-
-    A `Path` is one even where a dataset has the same name.
-    """
+    """Makes the dataset of `bench run --dataset NAME`; a `Path` is one even if a dataset has its name. InputError."""
     seed = as_whole("slamduel.load: seed", seed, 0)
     if isinstance(name, Path):
         return made(dataset_at(name, "slamduel.load"), seed)

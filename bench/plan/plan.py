@@ -41,10 +41,7 @@ class Plan:
     oracle: bool = False  # backends that ask for the ground truth are given it
 
     def cells(self) -> list[Cell]:
-        """Lists all cells.
-
-        Where neither the log nor the backend is random every seed would give the same cell: it is run once.
-        """
+        """Lists all cells; one seed where neither the log nor the backend is random."""
         return [
             Cell(dataset, backend, seed)
             for dataset in self.datasets

@@ -54,10 +54,7 @@ def reference(log: Log) -> Truth | None:
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:
-    """Returns what estimates are measured from: `truth` where it has a path, else a reference.
-
-    Landmarks whose true places are known keep these beside a reference path, aligned as a whole with its map.
-    """
+    """Returns `truth` if it has a path, else a reference, aligned with true landmarks if there are any."""
     if truth is not None and len(truth.t):
         return truth
     path = reference(log)
@@ -69,10 +66,7 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
 
 
 def outliers(log: Log, solution: Solution) -> Outliers:
-    """Counts the sightings of `log` that do not fit its optimum, relative to the typical misfit.
-
-    A stated noise that is too small makes all of them fit badly, and makes no outlier.
-    """
+    """Counts the sightings that do not fit an optimum, relative to the typical misfit: noise may be misstated."""
     squared = misfits(log, solution.path, solution.map)
     if squared is None or not len(squared):
         return Outliers(0, int((log.ids != UNKNOWN).sum()))

@@ -105,10 +105,7 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
 
 
 def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVariant:
-    """Finds the dataset that reads what is at `path`; one yet to be written needs its `kind`.
-
-    InputError, in the name of the `asker`, for a path that a label cannot hold.
-    """
+    """Finds the dataset that reads `path`, of that `kind` if it is yet to be written; InputError for a quote in it."""
     text = str(path)
     if '"' in text:
         raise InputError(f"{asker}: {path}: found a double quote in the path, expected one without.")
@@ -119,7 +116,6 @@ def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVarian
 
 
 def _kind(path: str) -> str:
-    """Finds the name of the dataset that reads what is at `path`."""
     if Path(path).suffix.lower() in graph_kind.SUFFIXES and not os.path.isdir(path):
         return graph_kind.format_of(Path(path))
     return "recording" if os.path.isfile(path) or os.path.isfile(os.path.join(path, "robot.toml")) else "log"

@@ -2,7 +2,9 @@
 
 import math
 from argparse import ArgumentTypeError
+from collections.abc import Sequence
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 from ...frontend.errors import InputError
@@ -24,6 +26,18 @@ def positive(text: str) -> float:
         return as_positive("", float(text))
     except (ValueError, InputError):
         raise ArgumentTypeError(f"found {text}, expected {_POSITIVE}") from None
+
+
+def check_file(flag: str, path: Path | None, endings: Sequence[str] = ()) -> None:
+    """Raises InputError unless `path`, if any, can be a file with one of the endings in a folder that exists."""
+    if path is None:
+        return
+    if endings and path.suffix.lower() not in endings:
+        raise InputError(f"{flag} {path}: found a name that ends in {path.suffix!r}, expected {' '.join(endings)}.")
+    if path.is_dir():
+        raise InputError(f"{flag} {path}: found a folder, expected the name of a file.")
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected one that is there.")
 
 
 def as_whole(name: str, value: Any, least: int) -> int:

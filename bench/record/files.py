@@ -34,8 +34,7 @@ def export(store: Store) -> None:
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
     write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
     write_whole(
-        folder / "metrics.csv",
-        _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows)),
+        folder / "metrics.csv", _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows))
     )
     terms: list[list[Any]] = []
     for row in rows:
@@ -53,7 +52,6 @@ def export(store: Store) -> None:
 
 
 def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
-    """Returns the cell's row of cost.csv; none where its J is not defined."""
     if "cost_terms" not in arrays:
         return []
     values = arrays["cost_terms"].tolist()
@@ -98,7 +96,6 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
 
 
 def _blank(values: Array) -> list[float | None]:
-    """Converts to floats, NaN to None."""
     return [None if value != value else value for value in values.tolist()]
 
 

@@ -66,10 +66,7 @@ PACKAGE = __name__.partition(".")[0]
 
 @functools.cache
 def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
-    """Returns the sha256 of all code that the named module runs, except the modules `beyond`.
-
-    A module that cannot be found has a fingerprint, too: that of nothing.
-    """
+    """Returns the sha256 of all code that the module runs, except modules `beyond`; also for a missing module."""
     files, libraries = closure(module, beyond)
     total = hashlib.sha256(platform.python_version().encode())
     for name in sorted(files):
@@ -80,10 +77,7 @@ def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
 
 
 def closure(module: str, beyond: Collection[str] = frozenset()) -> tuple[dict[str, Path], set[str]]:
-    """Finds the files of the module's code, and its libraries by their top-level names.
-
-    The modules `beyond` are left out, and with them what none but these import.
-    """
+    """Finds the module's files and libraries, without the modules `beyond` and what only these import."""
     home = module.partition(".")[0]
     own = {PACKAGE, home}
     files: dict[str, Path] = {}

@@ -28,7 +28,6 @@ def claimed(folder: Path) -> Generator[None]:
 
 
 def _locked(folder: Path) -> int:
-    """Opens the folder's lock, which is then held by this process."""
     while True:
         try:
             lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
@@ -49,7 +48,6 @@ def _locked(folder: Path) -> int:
 
 
 def _is_at(path: Path, descriptor: int) -> bool:
-    """Returns True if the open file is the one at that path."""
     with contextlib.suppress(FileNotFoundError):
         return os.path.samestat(os.stat(path), os.fstat(descriptor))
     return False

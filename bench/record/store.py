@@ -73,10 +73,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", rows)
 
     def run(self) -> dict[str, Any]:
-        """Reads the content of run.json: the facts of the whole, with `sketches` and `truths`' digests by log.
-
-        InputError where the record has nothing yet.
-        """
+        """Reads run.json's content: facts, `sketches` and `truths`' digests by log. InputError for an empty record."""
         about = self.about()
         if "folders" not in about:
             raise InputError(f"{self.folder}: nothing of a run or a study is in it yet; expected one that was begun.")
@@ -165,10 +162,7 @@ class Store:
         return dict(self._all(f"SELECT key, status FROM results{kept}"))
 
     def put_result(self, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any]) -> bool:
-        """Writes a result unless the record has one of that key that stays; returns True if it was written.
-
-        `row` has columns of RESULT; missing ones are empty.
-        """
+        """Writes a result, columns of RESULT, unless the record has one that stays; True if it was written."""
         with self._writing() as db:
             before = db.execute("SELECT status FROM results WHERE key = ?", (key,)).fetchone()
             bare = not db.execute("SELECT 1 FROM arrays WHERE key = ?", (key,)).fetchone()
@@ -193,10 +187,7 @@ class Store:
         return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
 
     def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
-        """Writes the plan: (dataset, dataset_options, backend, options, seed, parameters, log, key) each.
-
-        Only the differences from the recorded plan are written.
-        """
+        """Writes changes of the plan: (dataset, its options, backend, its options, seed, parameters, log, key) each."""
         texts: dict[str, str] = {}
         encoded = [(*row[:5], _encoded(row[5], texts), *row[6:]) for row in rows]
         query = f"SELECT {', '.join(KEY)}, parameters, log, key FROM plan ORDER BY place"
@@ -215,10 +206,7 @@ class Store:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
     def table(self, measures: Sequence[str]) -> CellTable:
-        """Reads the cells' parameters, status, reason and digest, and these columns of COLUMN_KINDS.
-
-        A column with the name of a parameter is that parameter.
-        """
+        """Reads parameters, status, reason, digest and these columns; a parameter precedes a column of its name."""
         there = {row[1] for row in self._all("PRAGMA table_info(results)")}
         names = ["status", "reason", *(name for name in dict.fromkeys(("digest", *measures)) if name in there)]
         keys, *columns = _columns(self._all(f"SELECT key, {', '.join(names)} FROM results"), 1 + len(names))
@@ -238,10 +226,7 @@ class Store:
         return CellTable(table)
 
     def view(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
-        """Opens the view `cells`: its columns' names, the decoded `parameters`, and its rows, read one by one.
-
-        The seed is not among the parameters, since it has a column. Later writes are not seen.
-        """
+        """Opens the view `cells`: columns' names, decoded `parameters` without the seed, and rows, read one by one."""
         try:
             self._db.execute("BEGIN")
             texts = self._all("SELECT DISTINCT parameters FROM plan")
@@ -308,14 +293,12 @@ def _json(value: Any) -> str | None:
 
 
 def _keep(db: sqlite3.Connection, key: str, arrays: Mapping[str, Any]) -> None:
-    """Replaces the arrays under the key by these."""
     db.execute("DELETE FROM arrays WHERE key = ?", (key,))
     if arrays:
         db.execute("INSERT INTO arrays VALUES (?, ?)", (key, packed(arrays)))
 
 
 def _columns(rows: Sequence[Any], count: int) -> list[Sequence[Any]]:
-    """Transposes rows of so many values."""
     return list(zip(*rows, strict=True)) or [()] * count
 
 

@@ -34,10 +34,7 @@ def holds_cells(folder: Path) -> bool:
 
 
 def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[tuple[Path, str]]:
-    """Writes the cells of the study or run in `folder`, all files or none; returns each with its content.
-
-    InputError where a file cannot be written, or the cells cannot be read.
-    """
+    """Writes a folder's cells, all files or none; returns each with its content. InputError where impossible."""
     wanted = [(made, path) for made, path in ((CsvFile, csv), (ParquetFile, parquet)) if path is not None]
     for _, path in wanted:
         if path.is_dir() or path.name.startswith(FILE):  # with what SQLite keeps beside them
@@ -101,7 +98,6 @@ def _of_study(store: Store) -> Cells:
 
 
 def _kind(values: Sequence[Any]) -> str:
-    """Returns the kind of a parameter with these values."""
     types = {type(value) for value in values} - {type(None)}
     for among, found in (({bool}, "BOOLEAN"), ({int}, "INTEGER"), ({int, float}, "REAL")):
         if types and types <= among:

@@ -71,8 +71,6 @@ def run(task: ReplayTask) -> Course:
 
 
 class _Way:
-    """Collects a course."""
-
     def __init__(self, frames: Ints) -> None:
         self.frames = frames
         self.path: list[Array] = []
@@ -138,7 +136,6 @@ def _split(known: Map) -> Landmarks:
 
 
 def _tell(backend: Backend, truth: Truth) -> None:
-    """Gives the ground truth as the run did: a batch optimum is none."""
     if truth.kind == "truth" and isinstance(backend, WantsTruth):
         backend.tell(truth)
 

@@ -1,8 +1,6 @@
 """Writes a replay as a GIF or an MP4, beside its place and moved there when complete."""
 
-import contextlib
-import os
-from collections.abc import Generator, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,7 @@ import cv2
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.files import beside
+from ...frontend.files import replaced
 from .frames import INK, PAPER, RULE, SOFT, pictures
 from .view import View
 
@@ -33,13 +31,13 @@ def write_gif(path: Path, view: View) -> None:
         image.putpalette(palette.astype(np.uint8).ravel().tolist())
         images.append(image)
     ms = [round(1000 / RATE, -1)] * (len(images) - 1) + [LAST_MS]
-    with _whole(path, ".gif") as part:
+    with replaced(path, ".gif") as part:
         images[0].save(part, save_all=True, append_images=images[1:], duration=ms, loop=0, optimize=True, disposal=1)
 
 
 def write_mp4(path: Path, view: View) -> None:
     """Writes an MP4; InputError where this OpenCV has no codec for it."""
-    with _whole(path, ".mp4") as part:
+    with replaced(path, ".mp4") as part:
         for codec in CODECS:
             if _written(part, pictures(view), codec):
                 return
@@ -47,7 +45,6 @@ def write_mp4(path: Path, view: View) -> None:
 
 
 def _written(part: Path, frames: Iterable[Any], codec: str) -> bool:
-    """Returns True if this OpenCV has the codec and the film was written."""
     writer: Any = None
     try:
         for frame in frames:
@@ -61,18 +58,6 @@ def _written(part: Path, frames: Iterable[Any], codec: str) -> bool:
         if writer is not None:
             writer.release()
     return part.is_file() and part.stat().st_size > 0
-
-
-@contextlib.contextmanager
-def _whole(path: Path, suffix: str) -> Generator[Path]:
-    """Yields a place to write to, whose file replaces the one at `path` at the end."""
-    part = beside(path)
-    part = part.with_name(part.name + suffix)
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _palette(view: View) -> Any:

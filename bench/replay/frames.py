@@ -50,8 +50,6 @@ def pictures(view: View) -> Iterator[Any]:
 
 
 class _Plane:
-    """Converts metres to pixels."""
-
     def __init__(self, view: View) -> None:
         size = view.high - view.low
         self.scale = WIDTH / size[0]
@@ -145,7 +143,6 @@ def _name(strip: Any, panel: Panel) -> None:
 
 
 def _key(strip: Any, view: View, frame: int) -> None:
-    """Draws time, step, and the legend."""
     width = strip.shape[1]
     cv2.rectangle(strip, (GAP, 0), (width - GAP, 3), RULE, -1)
     done = frame / max(len(view.steps) - 1, 1)
@@ -182,10 +179,8 @@ def _dashed(xy: Array, plane: _Plane) -> Array:
 
 @cache
 def _font() -> Any:
-    """Returns OpenCV's own font."""
     return cv2.FontFace("sans")
 
 
 def _pale(colour: tuple[int, ...]) -> tuple[int, ...]:
-    """Blends a colour half way to paper."""
     return tuple((value + 255) // 2 for value in colour)

@@ -67,7 +67,6 @@ def _pairs(view: View, xy: Array) -> list[Any]:
 
 
 def _panel(view: View, panel: Panel) -> dict[str, Any]:
-    """Returns a panel's data for the script."""
     pose = _pairs(view, panel.pose[:, :2])
     degrees = np.rint(-np.degrees(panel.pose[:, 2])).astype(int).tolist()
     return {
@@ -142,7 +141,6 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
 
 
 def _line(pairs: Sequence[int | None]) -> str:
-    """Returns a line through the points, broken where one is not known."""
     d, pen = "", "M"
     for u, v in zip(pairs[::2], pairs[1::2], strict=True):
         d, pen = (d, "M") if u is None else (f"{d}{pen}{u} {v}", "L")
@@ -172,7 +170,6 @@ def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:
 
 
 def _top(view: View) -> float | None:
-    """Returns the largest error that the chart shows, of all but dead reckoning; None without errors."""
     able = [p for p in view.panels if p.label != BASELINE] or view.panels
     errors = np.concatenate([panel.error for panel in able])
     errors = errors[np.isfinite(errors)]

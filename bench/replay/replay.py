@@ -21,9 +21,8 @@ from ..engine.key import log_seed
 from ..engine.log_files import LogFiles
 from ..plan.plan import Cell
 from ..plan.prepare import prepared
-from ..plan.recorded import recorded
 from ..plan.spec import Variant, pieces
-from ..plan.work import PlannedCell, Work
+from ..plan.work import PlannedCell, Work, recorded
 from ..record.schema import Row
 from ..record.store import Store
 from ..words.numerals import listed
@@ -73,10 +72,7 @@ class ReplayRequest(NamedTuple):
 
 
 def choose(store: Store, dataset: str | None, names: str | None, seed: int | None) -> ReplayRequest:
-    """Selects the cells to show: of the named dataset, else the first; of all backends where none is named.
-
-    InputError, which lists what there is, for a name or a seed that the run does not have.
-    """
+    """Selects cells: of the named dataset, else the first, and the named backends, else all. InputError else."""
     work = recorded(store)
     rows = {row.key: row for row in store.cells()}
     datasets = list(dict.fromkeys(cell.cell.dataset for cell in work.cells))
@@ -97,10 +93,7 @@ def choose(store: Store, dataset: str | None, names: str | None, seed: int | Non
 
 
 def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> Replay:
-    """Makes the log again and drives every backend through it, at most `frames` steps shown.
-
-    InputError where the log cannot be made, or is no longer the recorded one.
-    """
+    """Repeats the cells on their log, at most `frames` steps shown; InputError where the log has changed."""
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         path = Path(scratch) / "log.npz"
         log = _log(store, request, path)
@@ -114,10 +107,7 @@ def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> R
 
 
 def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
-    """Loads or makes the log of the cells, and archives it at `path`.
-
-    InputError where it is not the recorded one.
-    """
+    """Loads or makes the cells' log and archives it at `path`; InputError where it is not the recorded one."""
     cell = request.cells[0]
     dataset, given = cell.dataset, request.work.map
     of = next(planned.log for planned in store.planned() if planned.key == cell.key)
@@ -138,7 +128,6 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
 def _parts(
     store: Store, request: ReplayRequest, path: Path, frames: Ints, workers: int
 ) -> Iterator[tuple[Course, Array, str]]:
-    """Yields course, recorded step times and remark of every cell, in order."""
     able = [cell for cell in request.cells if cell.backend.builder is not None]
     jobs = [job_of(request.work, PlannedCell(cell, {})) for cell in able]
     tasks = [replay_cell.ReplayTask(job, path, frames) for job in jobs]
@@ -154,12 +143,10 @@ def _parts(
 
 
 def _none(why: str) -> Course:
-    """Returns the course of a backend that did not run."""
     return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), list[Landmarks](), 0, False, why)
 
 
 def _remarks(course: Course, row: Row | None, arrays: dict[str, Any], frames: int) -> Iterator[str]:
-    """Yields remarks on a course and its record."""
     if course.ended:
         yield f"stops after {len(course.path)} steps: {course.ended}" if len(course.path) else course.ended
     elif course.final:
@@ -176,7 +163,6 @@ def _remarks(course: Course, row: Row | None, arrays: dict[str, Any], frames: in
 
 
 def _difference(path: Array, recorded: Array) -> str:
-    """Describes where a path leaves the recorded one."""
     both = min(len(path), len(recorded))
     apart = np.flatnonzero((path[:both] != recorded[:both]).any(axis=1))
     if not len(apart):

@@ -1,9 +1,5 @@
-"""Writes a replay as a recording for the Rerun viewer: one entity per backend, timelines `step` and `seconds`.
+"""Writes a replay for the Rerun viewer: one entity per backend. Its y points down, so every y is negated."""
 
-Rerun's plane has y pointing down, and shows no other: every y here is negated.
-"""
-
-import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -11,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.files import beside
+from ...frontend.files import replaced
 from ...frontend.se2 import Array
 from .view import Panel, View, ellipses
 
@@ -42,9 +38,8 @@ def write_rrd(path: Path, view: View) -> None:
         for what, words in (("error", "error, m"), ("nees", "NEES (1 is consistent)"), ("step", "step, µs"))
     ]
     layout = rrb.Vertical(rrb.Grid(*planes), rrb.Horizontal(*plots), row_shares=[3, 1])
-    part = beside(path)
     recording = rr.RecordingStream("slamduel")
-    try:
+    with replaced(path) as part:
         recording.save(part, default_blueprint=rrb.Blueprint(layout, collapse_panels=True))
         recording.log("known/landmarks", rr.Points2D(_turned(view.places), colors=GREY, radii=-3.0), static=True)
         recording.log(
@@ -64,13 +59,9 @@ def write_rrd(path: Path, view: View) -> None:
                     _log(rr, recording, panel, name, frame, until)
         recording.flush()
         recording.disconnect()
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: int) -> None:
-    """Logs one backend at one frame."""
     colour, known, seen = _rgb(panel), panel.maps[frame], panel.sighted[frame]
     trail = panel.trail[:until]
     recording.log(f"{name}/path", rr.LineStrips2D(_strips(trail), colors=colour))
@@ -109,7 +100,6 @@ def _turned(xy: Array) -> Array:
 
 
 def _entity(label: str) -> str:
-    """Returns the label as a part of a path."""
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in label)
 
 

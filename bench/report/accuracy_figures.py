@@ -93,10 +93,7 @@ def _lost(line: Line) -> str:
 def pairs(
     name: str, lines: Sequence[Line], looks: Mapping[str, Look], comparisons: Mapping[str, Sequence[Comparison]]
 ) -> Iterator[ReportFigure]:
-    """Draws the most accurate backend against the others, for each path with intervals.
-
-    A single comparison is no figure, but a sentence in the caption of the other path's.
-    """
+    """Draws the most accurate backend against the others on each path; a single comparison goes into a caption."""
     found: dict[str, tuple[str, Sequence[Comparison]]] = {}
     for path, column in PATHS.items():
         compared = [c for c in comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]

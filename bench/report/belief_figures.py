@@ -65,10 +65,7 @@ def _along(name: str, log: DrawnLog) -> ReportFigure | None:
 
 
 def nis(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Draws innovations relative to their expected covariance; needs no known path.
-
-    None where no backend reports them, or with a single log: only scatter would show.
-    """
+    """Draws squared innovations over their covariance; None without, or on a single log, where only scatter shows."""
     shown = {trace.label: log.nis[trace.label] for trace in log.traces if len(log.nis.get(trace.label, ())) > 1}
     if not shown:
         return None

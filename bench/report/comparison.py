@@ -46,17 +46,9 @@ class Comparison:
 
 
 def compare(
-    old: Path | str,
-    new: Path | str,
-    *,
-    least: float | None = None,
-    any_machine: bool = False,
-    any_log: bool = False,
+    old: Path | str, new: Path | str, *, least: float | None = None, any_machine: bool = False, any_log: bool = False
 ) -> Comparison:
-    """Compares the results in two folders, of runs or studies, as `bench compare` does.
-
-    `least` is the smallest share that counts as a change. InputError where they cannot be compared.
-    """
+    """Compares two folders of runs or studies as `bench compare`; `least` is the smallest share that counts."""
     found = paired_runs(side(Path(old)), side(Path(new)), any_machine=any_machine, any_log=any_log)
     return Comparison(found, least)
 
@@ -147,5 +139,4 @@ def shown(change: Change, value: float) -> str:
 
 
 def _striking(change: Change) -> bool:
-    """Returns True for changes to be shown first."""
     return change.verdict in (REGRESSION, GAIN, NEW, GONE) or (change.verdict == FEW and change.beyond)

@@ -89,10 +89,7 @@ class _Growth(NamedTuple):
 
 
 def growth(name: str, log: DrawnLog, lines: Sequence[Line], along: str) -> ReportFigure | None:
-    """Draws costs against steps or landmarks known, as `along` says; both logarithmic.
-
-    None where there is no power to be seen: each fit is flat, or there is none.
-    """
+    """Draws costs against steps or landmarks known, as `along` says, both logarithmic; None without growth."""
     powers = {line.backend: line.values[f"growth_{along}"].median for line in lines if f"growth_{along}" in line.values}
     grown = [
         _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label))

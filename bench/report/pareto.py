@@ -103,7 +103,6 @@ def pareto(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, 
 
 
 def _ringed(lines: Sequence[Line], choices: Sequence[_Choice]) -> str:
-    """Names the ringed ones."""
     ringed = {choice.label for choice in choices if choice.ringed}
     kinds = dict.fromkeys(line.implementation for line in lines if line.backend in ringed)
     return f"{listed(list(kinds))}; the others are {COMPILED_HERE}"

@@ -89,7 +89,6 @@ def plane(figure: Figure, log: DrawnLog, frame: Frame) -> Axes:
 
 
 def _title(log: DrawnLog, panel: Panel) -> str:
-    """Returns name and error, on two lines where one has no room."""
     title = short(panel.trace.label, TITLE - 2)
     if panel.error is not None:
         error = f"{number(panel.error)} m " + ("from reference" if log.kind == "reference" else "ATE")

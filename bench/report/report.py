@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ...frontend.files import write_whole
+from ..drawing.figure import write_figures
 from ..drawing.latex import latex
 from ..drawing.page import PURPOSES, rendered, script
 from ..record.schema import Row, label
@@ -17,10 +18,7 @@ FIGURES, TABLES = "figures", "tables"  # folders beside the page
 
 
 def write_report(store: Store, figures: Sequence[str] = ()) -> None:
-    """Writes report.html, report.md, figures/ and tables/ into the record's folder, each file whole or not at all.
-
-    `figures` are further formats of every figure: "pdf", "png" (300 dpi).
-    """
+    """Writes the report, each file whole, with every figure also in the formats `figures`: "pdf", "png" (300 dpi)."""
     run, rows = store.run(), list(store.cells())
     parts, look = sections(store)
     page = {
@@ -37,25 +35,13 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         "script": script("report.js"),
     }
     for section in parts:
-        _write_figures(store.folder / FIGURES, section, figures)
+        write_figures(store.folder / FIGURES, (*section.panels, *section.figures), figures)
         _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))
 
 
-def _write_figures(folder: Path, section: Section, forms: Sequence[str]) -> None:
-    from ..drawing.svg import alone  # matplotlib: a run should not wait for it before it begins
-
-    folder.mkdir(exist_ok=True)
-    for figure in (*section.panels, *section.figures):
-        write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
-        if figure.printed is not None:
-            for form in forms:
-                write_whole(folder / f"{figure.name}.{form}", figure.printed(form))
-
-
 def _write_tables(folder: Path, section: Section) -> None:
-    """Writes those that have a row, for LaTeX."""
     folder.mkdir(exist_ok=True)
     tables = {
         "main": section.accuracy,
@@ -74,7 +60,6 @@ def _write_tables(folder: Path, section: Section) -> None:
 
 
 def _purposes(parts: Sequence[Section]) -> dict[str, str]:
-    """Returns headings by purpose, of those that any section has a recommendation for."""
     named = {use.purpose for part in parts for use in part.verdict.uses}
     return {purpose: heading for purpose, heading in PURPOSES.items() if purpose in named}
 

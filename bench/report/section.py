@@ -54,10 +54,7 @@ class Section(NamedTuple):
 
     @property
     def groups(self) -> dict[str, list[ReportFigure]]:
-        """Groups the figures by subject, in the order in which a report shows them.
-
-        Those of accuracy over time are beside those of consistency; the others stand by themselves, first.
-        """
+        """Groups the figures by subject, in order; those of accuracy over time go with those of consistency."""
         timed = [e for e in self.figures if e.group == "accuracy" and e.plot is not None and e.plot.timed]
         by_group = {group: [e for e in self.figures if e.group == group and e not in timed] for group in GROUPS}
         return by_group | {"consistency": timed + by_group["consistency"]}
@@ -120,7 +117,6 @@ def _seeds(rows: Sequence[Row]) -> str:
 
 
 def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:
-    """Describes the log in a line."""
     first = {name: value for line in reversed(found) for name, value in line.values.items()}
     said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]
     length = shown and shown.lengths.get(shown.seed)
@@ -130,7 +126,6 @@ def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:
 
 
 def _fit_note(found: Sequence[Line]) -> str:
-    """Explains J: its size with true noise, and why that of an online path is large."""
     numbers = {
         (3 * (c["steps"] - 1), 2 * (c["sightings"] - c["ignored"]))
         for c in (row.columns for line in found for row in line.rows)

@@ -11,10 +11,9 @@ from ..verdict.ranking import ordered, ranking, standing
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.summary import Line, Typical, logs, representative, typical
 from ..verdict.verdict import Verdict
-from ..words.columns import about
+from ..words.columns import PAIRS, about
 from ..words.names import called
 from ..words.numerals import counted, number
-from ..words.report_columns import PAIRS
 
 WHOSE = "implementation"  # the column of words before those of numbers wherever costs are compared
 
@@ -197,12 +196,10 @@ def _best(lines: Sequence[Line], name: str) -> list[str]:
 
 
 def _having(lines: Sequence[Line], names: Sequence[str]) -> list[Line]:
-    """Returns those that have any of the columns."""
     return [line for line in ordered(lines) if any(name in line.values for name in names)]
 
 
 def _words(line: Line, name: str) -> Entry:
-    """Makes the entry of a column in which the line has no number."""
     return Entry(line.implementation if name == WHOSE else "")
 
 
@@ -227,7 +224,6 @@ def _ends(found: Typical, of: int) -> str:
 
 
 def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
-    """Describes what the numbers are taken over."""
     n = logs(lines)
     if n == 1:
         runs = max(len(line.rows) for line in lines)

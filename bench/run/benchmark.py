@@ -10,7 +10,7 @@ from ...frontend.errors import InputError, Interrupted
 from ..plan.plan import Plan
 from ..record.store import Store
 from ..report.report import write_report
-from ..verdict.walsh import MOST
+from ..verdict.statistics import MOST
 from ..workers.executor import Executor
 from .progress import Screen
 from .runner import recorded_plan, run
@@ -37,10 +37,7 @@ def benchmark(
     *,
     retry: bool = False,
 ) -> Plan:
-    """Runs what `given` and DEFAULTS say into `out`, or continues the run that is in there.
-
-    InputError where that run has other settings than those given.
-    """
+    """Runs `given` and DEFAULTS into `out`, or continues its run; InputError where that has other settings."""
     plan = planned(given, out)
     try:
         run(plan, out, executor, command, watcher, retry=retry)

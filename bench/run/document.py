@@ -81,7 +81,6 @@ def _line(line: Line) -> dict[str, Any]:
 
 
 def _valid(value: Any) -> Any:
-    """Converts `value` for JSON."""
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):

@@ -39,10 +39,7 @@ class Pace:
         self._taken.setdefault(kind, []).append(seconds)
 
     def left(self) -> float | None:
-        """Returns the s until the last cell ends, from when the latest ended; None before any has.
-
-        Parallel cells share the time, but it is never less than that of the longest.
-        """
+        """Returns the s from the latest to the last cell's end, at least those of the longest cell; None before any."""
         if not self._taken:
             return None
         known = {kind: fmean(seconds) for kind, seconds in self._taken.items()}
@@ -199,7 +196,6 @@ class Screen:
                 return
 
     def _compact(self, every: Sequence[Line]) -> Table:
-        """Makes a table with one line per dataset."""
         shown = Table(box=box.SIMPLE_HEAD, collapse_padding=True)
         room = max(8, (self._console.width - 34) // 2)
         shown.add_column("dataset", no_wrap=True, overflow="ellipsis", max_width=room)
@@ -219,7 +215,6 @@ class Screen:
         return shown
 
     def _renderable(self) -> RenderableType:
-        """Returns the tables, and below them the progress."""
         parts = [self._stage]
         if self._total:
             parts.append(f"{self._done} of {self._total}")

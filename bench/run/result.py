@@ -169,7 +169,6 @@ def _kind(name: str, value: Any, kind: Any) -> Any:
 
 
 def _backends(backend: Any) -> str:
-    """Returns the backends as on the command line."""
     several = [backend] if isinstance(backend, str) else backend if isinstance(backend, Sequence) else [None]
     if not all(isinstance(one, str) for one in several):
         raise InputError(f"{ASKER}: backend is {backend!r}, expected names: a text, or a list of texts.")
@@ -179,7 +178,6 @@ def _backends(backend: Any) -> str:
 
 
 def _each(dataset: Any, truth: Any) -> list[Named]:
-    """Returns the datasets, a log together with its truth."""
     several: list[Any] = [dataset]
     if isinstance(dataset, Iterable) and not isinstance(dataset, str | Log | Dataset):
         several = list(dataset)
@@ -200,10 +198,7 @@ def _astray() -> InputError:
 
 
 def _word(dataset: Named, folder: Path, held: dict[Path, Dataset]) -> str:
-    """Returns the dataset's label; a log that Python holds is put into `held`, by its place in the folder.
-
-    InputError where it cannot be used, or where its place is taken by another one.
-    """
+    """Returns the dataset's label; a log in memory is put into `held`. InputError where it cannot be used."""
     if isinstance(dataset, str):
         dataset_variants(dataset, ASKER)
         return dataset

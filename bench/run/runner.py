@@ -25,10 +25,7 @@ __all__ = ["LOGS", "recorded_plan", "run"]
 def run(
     plan: Plan, folder: Path, executor: Executor, command: Sequence[str], watcher: Watcher, *, retry: bool = False
 ) -> None:
-    """Runs the plan's cells into `folder`, or those that its record lacks; then writes the folder's files.
-
-    InputError where a log cannot be made or the folder cannot be used; nothing new is left behind then.
-    """
+    """Runs the plan's missing cells, then writes the folder's files. InputError leaves nothing new behind."""
 
     def about(known: Mapping[str, Any]) -> Mapping[str, Any]:
         _refuse_a_study(folder, known)

@@ -57,7 +57,6 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
 
 
 def _folded(said: Sequence[tuple[str, str]]) -> Padding:
-    """Lays out headings beside their texts."""
     shown = Table.grid(padding=(0, 2))
     shown.add_column(no_wrap=True, style="dim", min_width=PURPOSE)
     shown.add_column()
@@ -67,7 +66,6 @@ def _folded(said: Sequence[tuple[str, str]]) -> Padding:
 
 
 def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
-    """Yields the recommendations; where there are none, the verdict's first sentence."""
     for use in found.uses:
         yield PURPOSES.get(use.purpose, use.purpose), f"{use.backend}: {use.why}" if use.backend else use.why
     if not found.uses and found.sentences:
@@ -75,7 +73,6 @@ def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
 
 
 def _programs(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    """Yields the programs whose costs are compared, if several."""
     if said := sentence(lines):
         yield "costs", said
 
@@ -136,8 +133,6 @@ _RULER = Console(width=1000, file=io.StringIO())
 
 
 class _Form(NamedTuple):
-    """What a table leaves out."""
-
     without: Sequence[str]
     ranges: bool
     label: int  # columns
@@ -151,8 +146,6 @@ def _forms(width: int, with_ranges: Sequence[int]) -> Iterator[_Form]:
 
 
 class _Entry(NamedTuple):
-    """A median, and what follows in brackets where there is room."""
-
     text: str
     ends: str = ""
 

@@ -124,7 +124,6 @@ def _processes(
 
 
 def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
-    """Measures every process's rows, one process at a time."""
     rows: list[Row] = []
     for process, found, death in _executed(measure, processes, console):
         rows += lost(process, death) if death else found
@@ -160,7 +159,6 @@ def _executed(
 
 
 def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: Console) -> None:
-    """Prints the tables that have something in them."""
     backends = [row for row in rows if row.kind == "backend"]
     for with_particles in (False, True):
         mine = [row for row in backends if (row.particles is not None) == with_particles]
@@ -178,7 +176,6 @@ def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: C
 def _written(
     namespace: argparse.Namespace, rows: Sequence[Row], together: Sequence[Row], reached: Sequence[Ratio], title: str
 ) -> list[Path]:
-    """Writes the requested files."""
     written, every = list[Path](), [*rows, *together]
     if namespace.csv is not None:
         write_whole(namespace.csv, as_csv(every))
@@ -209,12 +206,10 @@ def _counts(flag: str, text: str | None, usual: tuple[int, ...]) -> tuple[int, .
 
 
 def _place(order: Sequence[str], row: Row) -> int:
-    """Orders backends as they were named, references and parts after all of them."""
     return order.index(row.name) if row.kind == "backend" else len(order)
 
 
 def _words(extent: Extent) -> str:
-    """Describes a step."""
     which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
     return f"{extent.sightings} sightings a step, of {which}, one thread"
 

@@ -161,10 +161,7 @@ def steps(extent: Extent) -> int:
 
 
 def errors_in(detector: Detector, shot: Placement) -> tuple[list[tuple[float, float, float]], int]:
-    """Returns distance (m) and bearing (rad) errors of the marker, if found, and the normalised squared error.
-
-    Also returns how many markers were found that are not there.
-    """
+    """Returns errors of distance (m) and bearing (rad), normalised squared errors, and the number of wrong ids."""
     sightings, _ = detector.detect(shot.image)
     right = [sighting for sighting in sightings if sighting.id == shot.id]
     mounting = detector.camera.mounting

@@ -42,10 +42,7 @@ class _Curve(NamedTuple):
 
 
 def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
-    """Draws the rows into `path`, a PNG, whole or not at all; `what` describes a step.
-
-    Returns False where nothing was timed, and nothing drawn.
-    """
+    """Draws the rows into `path`, a PNG, with a description of a step; False where nothing was timed."""
     backends = [row for row in rows if row.kind == "backend"]  # those of a panel first: colours go round
     shown = looks(row.name for row in sorted(backends, key=lambda row: row.particles is not None))
     timed = [row for row in rows if row.timing is not None and row.kind != "part"]
@@ -107,7 +104,6 @@ def _curves(rows: Sequence[Row], shown: dict[str, Look], along: str) -> list[_Cu
 
 
 def _scale(axes: Axes, curves: Sequence[_Curve], costs: Sequence[float]) -> None:
-    """Makes both axes logarithmic, with ticks at the timed sizes."""
     sizes = sorted({float(size) for curve in curves for size in curve.at})
     logarithmic("x", axes, sizes[0], sizes[-1])
     logarithmic("y", axes, max(min(costs), SHORTEST_US), max(costs))

@@ -38,7 +38,6 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 
 def _extent(namespace: argparse.Namespace) -> Extent:
-    """Returns the requested extent; InputError for an invalid number."""
     extent = QUICK if namespace.quick else FULL
     for flag, least in (("placements", 2), ("clutter", 0), ("crowded", 0)):
         count = getattr(namespace, flag)
@@ -50,7 +49,6 @@ def _extent(namespace: argparse.Namespace) -> Extent:
 
 
 def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
-    """Runs every study in turn, printing each table at once."""
     rows: list[Row] = []
     with ProgressBar(console, "timing", steps(extent)) as bar:
 
@@ -74,7 +72,6 @@ def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
 
 
 def _write(folder: Path, rows: list[Row]) -> list[Path]:
-    """Writes figures and picture into `folder`."""
     from .corner_figure import write_figure
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,6 @@ import os
 import resource
 import sys
 import time
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ from ...backends import registry as backends
 from ...backends.api import Backend
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
-from ..measure.cell import generator
+from ..measure.cell import generator, located
 from ..measure.drive import WARM_UP
 from .isam2_parts import isam2_parts
 from .references import Floors, particle_loop, textbook
@@ -111,8 +110,7 @@ def said_of(error: Exception) -> str:
     """Describes an error; one that is no sentence for users with the line that raised it."""
     if isinstance(error, SlamduelError):
         return str(error)
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+    return located(error)
 
 
 def _timed(subject: Subject, here: World, process: Process) -> Row:

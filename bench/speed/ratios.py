@@ -62,18 +62,10 @@ def growth(rows: Sequence[Row]) -> dict[str, float]:
 def ratios(rows: Sequence[Row], options: Mapping[str, Any]) -> list[Ratio]:
     """Makes every comparison that `rows` have both sides of; `options` are those of each backend's label."""
     known = _Known(rows, options)
-    return [
-        *_textbook(known),
-        *_dsyrk(known),
-        *_compressed(known),
-        *_particle_filters(known),
-        *_python(rows),
-    ]
+    return [*_textbook(known), *_dsyrk(known), *_compressed(known), *_particle_filters(known), *_python(rows)]
 
 
 class _Known:
-    """Timings by name and size."""
-
     def __init__(self, rows: Sequence[Row], options: Mapping[str, Any]) -> None:
         self.options = options
         self._timings = {

@@ -55,7 +55,6 @@ def measure_together(task: Together) -> list[Row]:
 
 
 def _timed(process: Process, here: World) -> list[Row]:
-    """Measures the backends' rows in one world."""
     landmarks, lost, there = len(here.map.ids), list[Row](), dict[Subject, Backend]()
     for subject in process.subjects:
         try:

@@ -153,7 +153,6 @@ def _figures(row: Row) -> dict[str, float | str]:
 
 
 def _programs(rows: Sequence[Row]) -> list[str]:
-    """Names the programs that were timed, if several."""
     by_kind: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.implementation:
@@ -174,7 +173,6 @@ def _reasons(rows: Sequence[Row]) -> list[str]:
 
 
 def _state(row: Row) -> str:
-    """Writes the state's bytes."""
     size = row.array_bytes if row.resident_bytes is None else max(row.resident_bytes, 0)
     if size is None:
         return ""

@@ -98,10 +98,7 @@ class TextbookEkf:
         self.cov = G @ self.cov @ G.T + F.T @ noisy @ odometry.cov @ noisy.T @ F  # eqs (6), (8), (9)
 
     def update(self, sightings: Sequence[Sighting]) -> list[int]:
-        """Updates by sightings of mapped landmarks, stacked into one: eqs (11)-(16).
-
-        Returns the landmarks that are to be made anew from theirs.
-        """
+        """Updates by sightings of mapped landmarks at once, eqs (11)-(16); returns landmarks to be made anew."""
         if not sightings:
             return []
         k = len(sightings)
@@ -153,10 +150,7 @@ class TextbookEkf:
         q = delta_x**2 + delta_y**2
         r = np.sqrt(q)
         H_v = np.array(
-            [
-                [-r * delta_x, -r * delta_y, 0, r * delta_x, r * delta_y],
-                [delta_y, -delta_x, -q, -delta_y, delta_x],
-            ]
+            [[-r * delta_x, -r * delta_y, 0, r * delta_x, r * delta_y], [delta_y, -delta_x, -q, -delta_y, delta_x]]
         )
         F_i = np.zeros((5, len(self.mean)))
         F_i[:3, :3] = np.eye(3)
@@ -164,10 +158,7 @@ class TextbookEkf:
         return z, H_v @ F_i / q
 
     def add(self, landmark: int, z: Array, Q: Array) -> None:
-        """Adds a landmark, eqs (17)-(20), with its cross-covariance with the whole state.
-
-        A mapped one is made anew: rows and columns of the old one are left out, which marginalises.
-        """
+        """Adds a landmark, eqs (17)-(20), with its cross-covariance; a mapped one is first marginalised out."""
         if landmark in self.ids:
             self.forget(landmark)
         x, y, theta = self.mean[:3]

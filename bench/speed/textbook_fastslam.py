@@ -167,7 +167,6 @@ def _sight(pose: Array, at: Array) -> tuple[Array, Array, Array]:
 
 
 def _seen_first(pose: Array, z: Array, R: Array) -> Landmark:
-    """Makes a new landmark: ArUco EKF SLAM, eqs (17) and (20)."""
     c, s = np.cos(pose[2] + z[1]), np.sin(pose[2] + z[1])
     by_z = np.array([[c, -z[0] * s], [s, z[0] * c]])
     return Landmark(pose[:2] + z[0] * np.array([c, s]), by_z @ R @ by_z.T)

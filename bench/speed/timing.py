@@ -55,10 +55,7 @@ def timing(ns: Ints | Array) -> Timing:
 
 
 def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
-    """Measures CPU time (n,) in ns of each `stepper.step(step)`, until `seconds` are spent or the steps are over.
-
-    Garbage collection is off meanwhile, and the clock's own cost is subtracted.
-    """
+    """Measures ns of CPU (n,) of each `stepper.step(step)`, without collection, until `seconds` are spent."""
     return in_turns([stepper], steps, seconds)[0]
 
 
@@ -82,10 +79,7 @@ def in_turns(steppers: Sequence[Any], steps: Sequence[Step], seconds: float) -> 
 
 
 def array_bytes(backend: object) -> int:
-    """Sums the bytes of the NumPy arrays reachable from `backend`, each counted once and whole.
-
-    Read-only ones are left out: those are the log's.
-    """
+    """Sums the bytes of NumPy arrays reachable from `backend`, each whole; read-only ones are the log's."""
     return sum({id(array): array.nbytes for array in _arrays(backend)}.values())
 
 

@@ -14,7 +14,7 @@ from ..plan.plan import Cell
 from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_options
 from ..plan.work import PlannedCell
 
-KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "timed")
+KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
 TAKEN = ("dataset", "backend", "seed", "status", "reason")  # not names of options: swept, they go by full names
 MOST = 1_000_000  # cells of a study: more take gigabytes before the first is run
 
@@ -172,7 +172,7 @@ def _names(swept: Iterable[str]) -> dict[str, str]:
 def _block(words: TomlTable, file: TomlTable) -> _Block:
     words.only(KEYS)
     sides = {side: _sides(words, side) for side in ("dataset", "backend")}
-    axes = [*_grid(words), *_zip(words)]
+    axes = [*_grid(words), *_zip(words), *_list(words)]
     block = _Block(words, sides["dataset"], sides["backend"], axes, _seeds(words, file))
     by: dict[str, Place] = {}
     for axis in axes:
@@ -185,7 +185,6 @@ def _block(words: TomlTable, file: TomlTable) -> _Block:
 
 
 def _sides(words: TomlTable, side: str) -> list[_Side]:
-    """Reads the datasets or backends of a block, each once."""
     labels = words.names(side)
     places = [(*words.place, side, k) for k in range(len(labels))]
     for k, (label, place) in enumerate(zip(labels, places, strict=True)):
@@ -214,12 +213,10 @@ def _seeds(words: TomlTable, file: TomlTable) -> Sequence[int]:
 
 
 def _grid(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
-    """Reads the grid: one axis per option."""
     return [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
 
 
 def _zip(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
-    """Reads the zip: one axis, along which all its options change together."""
     columns = _columns(words.table("zip"), distinct=False)
     lengths = {name: len(steps) for name, steps in columns.items()}
     if len(set(lengths.values())) > 1:
@@ -241,6 +238,18 @@ def _columns(table: TomlTable, *, distinct: bool) -> dict[str, list[tuple[Any, P
             if distinct and value in values[:k]:
                 raise table.at((*place, k), f"{name}: found {shown(value)} twice, expected every value once.")
     return found
+
+
+def _list(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
+    expected = "a list of tables, as in list = [{ dataset.x = 1, backend.y = 2 }]"
+    tables = words.tables("list", expected)
+    if words.has("list") and not (tables and all(table.entries for table in tables)):
+        raise words.fault("list", f"{expected}, none of them empty")
+    steps = [
+        {name: (_scalar(table, name, value, place), place) for name, (value, place) in table.flat().items()}
+        for table in tables
+    ]
+    return [steps] if steps else []
 
 
 def _scalar(words: TomlTable, name: str, value: Any, place: Place) -> Any:

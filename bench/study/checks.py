@@ -97,7 +97,6 @@ def _has(one: Combination, name: str, value: Any) -> bool:
 
 
 def _values(name: str, cells: Iterable[Combination]) -> list[Any]:
-    """Lists the distinct values of a parameter."""
     if name == "seed":
         return sorted({seed for seeds in {tuple(one.seeds) for one in cells} for seed in seeds})
     return [v for v in dict.fromkeys(one.parameters[name] for one in cells) if v is not None]
@@ -159,10 +158,7 @@ def _check_varies(words: TomlTable, key: str, name: str, sides: Sequence[Cells],
 
 
 def _check_one(words: TomlTable, key: str, along: str, side: Cells) -> None:
-    """Raises InputError unless the side is one configuration: only the seed may vary, and `along`.
-
-    So may the dataset where each is a single log.
-    """
+    """Raises InputError unless only the seed and `along` vary, or the dataset where each is a single log."""
     for name in side[0].parameters:
         found = dict.fromkeys(one.parameters[name] for one in side)
         single = name == "dataset" and not any(one.dataset.source.seeded and len(one.seeds) > 1 for one in side)

@@ -205,7 +205,6 @@ def _took(
 def _shares(
     study: Study, done: Sequence[bool], todo: Sequence[PlannedCell], each: Sequence[float | None]
 ) -> list[Share]:
-    """Counts by dataset and backend, in the order of the study."""
     rows: dict[tuple[str, str], list[float]] = {}
     for cell, is_done in zip(study.cells, done, strict=True):
         row = rows.setdefault((cell.parameters["dataset"], cell.parameters["backend"]), [0, 0, 0, 0.0, 0])

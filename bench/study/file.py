@@ -21,12 +21,14 @@
                every value with every other
     zip        such a table of lists of equal lengths
                first with first, second with second
+    list       [{ "dataset.x" = 1, "backend.y" = 3 }, ...]
+               these and no others
     seeds      how many, or a list; where neither log nor backend draws
                random numbers one is enough, and only one is run
     first_seed the seed to count from, where seeds is a number
     timed      of these cells
 
-               Datasets x backends x grid x zip x seeds are cells, and
+               Datasets x backends x grid x zip x list x seeds are cells, and
                dataset, backend (as written), seed and x, y are their
                parameters: "dataset.x" and "backend.x" if both are swept.
                Cells of another [[cells]] have their own value of x, if any;
@@ -65,15 +67,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ...frontend.errors import InputError
 from ...frontend.nearest import nearest
-from ...frontend.toml.table import TomlTable, shown
+from ...frontend.toml.lines import Place
+from ...frontend.toml.table import LARGEST, TomlTable, called, shown, too_deep
 from ..words.columns import about
 from .blocks import combinations
 from .checks import check_claim, check_figure
-from .sizes import sized
 from .study import Claim, Figure, Study
 
 FORMAT = (__doc__ or "").partition("\n\n")[2]  # the format, for `bench ablate --help`
@@ -204,7 +206,6 @@ def _claim(words: TomlTable) -> Claim:
 
 
 def _bounds(words: TomlTable, *, needed: bool) -> tuple[float, float]:
-    """Reads the bounds of a claim."""
     if not words.has("within"):
         low, high = words.number("above", -inf), words.number("below", inf)
         if needed and not (words.has("above") or words.has("below")):
@@ -238,3 +239,34 @@ def _selection(words: TomlTable, key: str) -> dict[str, Any]:
         if name == "measure":
             inside.text(name)
     return dict(inside.entries)
+
+
+Size = Literal["quick", "full"]
+
+
+def sized(file: TomlTable, size: Size) -> TomlTable:
+    """Returns the file in that size; InputError for other sizes, and a number beyond 64 bits."""
+    lines, found = file.lines(), dict[Place, int]()
+
+    def chosen(value: Any, stood: Place, place: Place) -> Any:
+        """Returns the value that `stood` in the file and has the `place` in what is left."""
+        if stood in lines:
+            found[place] = lines[stood]
+        if isinstance(value, dict) and ("quick" in value or "full" in value):
+            if set(value) != {"quick", "full"}:
+                given = f"{called(stood) or 'the file'}: found {' and '.join(value)}"
+                raise file.at(stood, f"{given}, expected quick and full, each with a value, and nothing else.")
+            return chosen(value[size], (*stood, size), place)
+        if isinstance(value, dict):
+            return {name: chosen(inner, (*stood, name), (*place, name)) for name, inner in value.items()}
+        if isinstance(value, list):
+            return [chosen(inner, (*stood, k), (*place, k)) for k, inner in enumerate(value)]
+        if isinstance(value, int) and abs(value) > LARGEST:
+            raise file.at(stood, f"found {shown(value)}, expected {LARGEST:,} at most.")
+        return value
+
+    try:
+        entries = chosen(file.entries, (), ())
+    except RecursionError:
+        raise too_deep(file.file) from None
+    return replace(file, lines=lambda: found, entries=entries)

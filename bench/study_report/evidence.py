@@ -122,7 +122,6 @@ class Evidence:
 
 
 def _measured(found: Answer) -> str:
-    """Returns its sentence without the claim."""
     return found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2]
 
 

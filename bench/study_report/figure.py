@@ -127,10 +127,7 @@ def _set_y(axes: Axes, found: Medians, drawn: Marks) -> None:
 
 
 def span(found: Medians, drawn: Marks) -> tuple[float, float, bool]:
-    """Returns the ends of the y axis, and True if it is logarithmic.
-
-    It covers all medians, and their intervals as far as the medians keep more than a third of the axis.
-    """
+    """Returns the y axis's ends around all medians, and intervals as far as there is room; True if logarithmic."""
     values = [place.value for place in found.places.values()] + drawn.values
     values = [value for value in values if np.isfinite(value)] or [1.0]
     expected = about(found.figure.y).kind.expected
@@ -171,10 +168,7 @@ def _dodged(axes: Axes, xs: Sequence[float], place: float) -> Array:
 
 
 def _name_ends(axes: Axes, ends: Sequence[tuple[Look, Sequence[str], float]], height: float) -> None:
-    """Writes names right of the lines' ends, moved apart and connected where they would overlap.
-
-    They are the ticks of the y axis's right-hand side, for which the layout leaves room.
-    """
+    """Writes names right of the lines' ends, moved apart, as ticks of the right side, so that the layout has room."""
     if not ends:
         return
     scale = axes.transScale + axes.transLimits
@@ -229,7 +223,6 @@ def _lines(name: str, slope: float | None) -> list[str]:
 
 
 def _caption(found: Medians, drawn: Marks) -> str:
-    """Writes the caption: the study's own, then what is drawn."""
     figure, every = found.figure, list(found.places.values())
     measure = about(figure.y)
     places = [place for place in every if place.x is not None or np.isfinite(place.value)]  # those that are drawn
@@ -259,7 +252,6 @@ def _caption(found: Medians, drawn: Marks) -> str:
 
 
 def _told(found: Medians, drawn: Marks) -> list[str]:
-    """Describes what else is drawn of lines."""
     said: list[str] = []
     low, high, _ = span(found, drawn)
     if any(place.low < low or place.high > high for place in found.places.values() if np.isfinite(place.value)):

@@ -24,10 +24,7 @@ ORDER = ("no", "open", "yes")  # what was not reproduced comes first
 
 
 def gallery(folders: Iterable[Path], out: Path) -> Path:
-    """Writes a page of the studies in these folders to the file `out`, whole or not at all; returns `out`.
-
-    A folder whose study cannot be read is named on the page with the reason. InputError where none can.
-    """
+    """Writes a page of the studies in these folders; names unreadable ones. InputError where none is readable."""
     found: list[Evidence] = []
     left_out: list[str] = []
     for folder in folders:

@@ -10,10 +10,7 @@ ORDERED = ("#2f74d0", "#6f62d2", "#a553bd", "#c94b8c", "#d5554f", "#c76d1e", "#a
 
 
 def line_looks(found: Medians, backends: Iterable[Any]) -> Mapping[Any, Look]:
-    """Assigns a look to each of the figure's `bys`, of its `xs` where they are the backends.
-
-    `backends` are all of the study: they look alike in all its figures.
-    """
+    """Assigns looks to the figure's `bys`, or `xs` where they are backends, alike in all figures of the study."""
     if "backend" in (found.figure.x, found.figure.by):
         return looks(map(str, backends))
     if not found.ordered:

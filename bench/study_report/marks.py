@@ -79,7 +79,6 @@ def marks(found: Medians, answers: Iterable[Answer]) -> Marks:
 
 
 def _shown(found: Medians, chosen: Mapping[str, Any]) -> bool:
-    """Returns True if the figure has cells of that selection."""
     figure = found.figure
     drawn = ((figure.x, found.xs), (figure.by, found.bys))
     return all(chosen[name] == value for name, value in figure.where.items() if name in chosen) and all(
@@ -129,7 +128,6 @@ def draw_across(axes: Axes, found: Medians, drawn: Marks) -> None:
 
 
 def _draw_crossing(axes: Axes, crossing: Crossing, height: float) -> None:
-    """Draws one, its text at that share of the axis's height."""
     low, high = axes.get_xlim()
     first, last = max(crossing.low, low), min(crossing.high, high)
     if first < last and isfinite(crossing.high - crossing.low):

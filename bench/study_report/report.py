@@ -10,6 +10,7 @@ from typing import Any
 
 from ...frontend.files import write_whole
 from ..claims import conclusion
+from ..drawing.figure import write_figures
 from ..drawing.page import rendered
 from ..words.columns import COLUMNS
 from ..words.numerals import lasting
@@ -20,12 +21,9 @@ FIGURES = "figures"  # folder beside the page
 
 
 def write(folder: Path, forms: Sequence[str] = ()) -> Path:
-    """Writes the report of the study in `folder`, each file whole or not at all; returns the page's path.
-
-    The figures are written as SVG and in `forms` ("png", "pdf"). InputError where there is no study in the folder.
-    """
+    """Writes the study's report, each file whole, figures also in `forms` ("png", "pdf"); returns the page's path."""
     found = evidence(folder)
-    _write_figures(found, forms)
+    write_figures(folder / FIGURES, found.figures, forms)
     write_whole(folder / "answers.json", json.dumps(_answers(found), indent=1, allow_nan=False) + "\n")
     page = filled(found)
     for name in ("md", "html"):
@@ -67,7 +65,6 @@ def again(found: Evidence) -> Mapping[str, str]:
 
 
 def _whole(command: Sequence[str]) -> list[str]:
-    """Returns the command without what restricted it to some of the cells."""
     words = iter(command)
     kept: list[str] = []
     for word in words:
@@ -79,19 +76,6 @@ def _whole(command: Sequence[str]) -> list[str]:
 
 
 def _answers(found: Evidence) -> dict[str, Any]:
-    """Returns the content of answers.json: the study, its progress and its answers."""
     study = found.study
     about = {name: getattr(study, name) for name in ("name", "title", "size", "question", "source", "finding", "note")}
     return {**about, "cells": found.standing.counts, **conclusion.document(found.conclusion)}
-
-
-def _write_figures(found: Evidence, forms: Sequence[str]) -> None:
-    from ..drawing.svg import alone  # matplotlib
-
-    folder = found.folder / FIGURES
-    folder.mkdir(exist_ok=True)
-    for figure in found.figures:
-        write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
-        for form in forms:
-            assert figure.printed is not None
-            write_whole(folder / f"{figure.name}.{form}", figure.printed(form))

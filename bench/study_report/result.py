@@ -52,10 +52,7 @@ def study(
     jobs: int | None = None,
     quiet: bool = True,
 ) -> StudyResult:
-    """Runs a study, a file or the name of a packaged one, as `bench ablate` on this machine; returns its results.
-
-    Results go to `out`, by default results/NAME. SlamduelError, with a sentence, for anything that cannot be used.
-    """
+    """Runs a study, a file or a packaged one, as `bench ablate` on this machine, into `out` or results/NAME."""
     found = study_file.read(str(file), full=full)
     folder = Path(out) if out is not None else Path("results") / found.name
     request = RunRequest(choice(found, only), limit, retry)

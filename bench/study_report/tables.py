@@ -41,7 +41,6 @@ def _claim(found: Answer) -> list[Entry]:
 
 
 def _measured(claim: Claim) -> tuple[str, str]:
-    """Describes the value, and its cells."""
     one, other, where = (selection(side) for side in (claim.first, claim.second, claim.where))
     measure = about(claim.measure).called
     what = {

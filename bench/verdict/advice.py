@@ -138,7 +138,6 @@ def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
 
 
 def _belief(word: str, passed: Sequence[Line]) -> str:
-    """Describes the chosen one's consistency; `passed` are as accurate, and overconfident."""
     if not passed:
         return word
     names = listed([line.backend for line in passed])
@@ -147,7 +146,6 @@ def _belief(word: str, passed: Sequence[Line]) -> str:
 
 
 def _failures(chosen: Line, passed: Sequence[Line]) -> str:
-    """Describes failures; `passed` are as accurate, and not done on every log."""
     if chosen.done < len(chosen.rows):
         return f"done in {chosen.done} of {counted(len(chosen.rows), 'cell')}"
     return f"done on every log, as {listed([line.backend for line in passed])} {_is(passed)} not" if passed else ""

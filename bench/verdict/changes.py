@@ -180,7 +180,6 @@ def _least_p(n: int, tested: int) -> float:
 
 
 def _logs(one: _Found) -> str:
-    """Counts the logs, or the repetitions on a single one."""
     n, digests = one.comparison.n, {b.columns["digest"] for _, b in one.pair.cells}
     return counted(n, "log") if len(digests) > 1 or n == 1 else f"{n} runs on one log"
 

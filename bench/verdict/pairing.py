@@ -30,10 +30,7 @@ class Side(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A backend on a dataset in both runs: its cells of the same seed and, unless told otherwise, the same log.
-
-    Logs that differ by rounding alone are the same.
-    """
+    """A backend on a dataset in both runs: cells of the same seed and, but for rounding, the same log."""
 
     dataset: str
     backend: str
@@ -157,13 +154,7 @@ def _apart(old: Side, new: Side, log: str) -> float:
 
 
 def _pair(
-    old: Side,
-    new: Side,
-    key: tuple[str, str],
-    timed: bool,
-    any_machine: bool,
-    any_log: bool,
-    close: Container[str],
+    old: Side, new: Side, key: tuple[str, str], timed: bool, any_machine: bool, any_log: bool, close: Container[str]
 ) -> Pair:
     before = {row.columns["seed"]: row for row in old.lines[key].rows}
     cells = [(before[row.columns["seed"]], row) for row in new.lines[key].rows if row.columns["seed"] in before]
@@ -185,7 +176,6 @@ def _pair(
 
 
 def _name(key: tuple[str, str], row: Row) -> str:
-    """Returns a run's name of the log of one of its cells."""
     return f"{key[0]}, seed {row.columns['seed']}"
 
 
@@ -215,7 +205,6 @@ def _other_truths(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> li
 
 
 def _not_run(pairs: Sequence[Pair], old: Side, new: Side) -> list[str]:
-    """Reports cells that only one of the runs has."""
     said: list[str] = []
     for pair in pairs:
         key = pair.dataset, pair.backend
@@ -237,7 +226,6 @@ def _sided(pairs: Sequence[Pair], any_machine: bool) -> list[str]:
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Lists the settings in which the runs differ: what is compared."""
     known = [
         {**run["environment"], **run["environment"]["packages"], **run.get("plan", {}), "workers": run["workers"]}
         for run in (old, new)

@@ -46,10 +46,7 @@ class Ranking(NamedTuple):
 
     @property
     def level(self) -> list[Line]:
-        """Returns the best and those neither significantly different from it nor beaten by anyone.
-
-        Left out is what the interval sets apart, even if no test supports that, and what has too few logs.
-        """
+        """Returns the best and those neither beaten nor set apart from it by the interval, tested or not."""
         best, beaten = self.lines[0], _beaten(self.comparisons)
         near = [line for line in self.lines[1:] if standing(self.between(best, line)) in ("alike", "open")]
         return [best, *(line for line in near if line.backend not in beaten)]
@@ -114,10 +111,7 @@ def needed(pairs: int) -> int:
 
 
 def ordered(lines: Sequence[Line]) -> list[Line]:
-    """Orders the lines of a dataset's tables: by accuracy where a path or map is known, dead reckoning last.
-
-    Before it come those that are not ranked.
-    """
+    """Orders a dataset's lines: by accuracy if known, then those that are not ranked, dead reckoning last."""
     place: dict[str, tuple[int, int]] = {}
     known = representative(lines)
     if known.truth_kind == "truth" or known.surveyed:

@@ -135,12 +135,7 @@ QUESTIONS = (
             Case(30, World(same=1 / 3), "2 backends, 1/3 of logs alike"),
         ),
     ),
-    Question(
-        "20 % difference found",
-        finds,
-        POWER,
-        (Case(30, _APART, "2 backends"),),
-    ),
+    Question("20 % difference found", finds, POWER, (Case(30, _APART, "2 backends"),)),
     Question(
         "the same, with no bound set",
         finds,

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...frontend.errors import InputError
 from ...frontend.se2 import Array
-from .walsh import ranked
 
 FEWEST = 6  # logs below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %
 LEVEL = 0.05  # accepted share of false claims
@@ -109,10 +109,7 @@ def holm(p: Sequence[float]) -> Array:
 
 
 def shift(differences: Array, against: float = 0.0) -> Shift:
-    """Estimates the shift of paired differences (n,), which may be infinite but not NaN, as `compare` does.
-
-    Those less than SAME from 0, or from `against`, are rounding, and count as it.
-    """
+    """Estimates the shift of paired differences (n,), infinite ones included; less than SAME is rounding."""
     d = np.where(abs(differences) < SAME, 0.0, differences)
     n = len(d)
     if not n:
@@ -222,3 +219,28 @@ def _heads(n: int, k: int) -> float:
 def _between(start: float, end: float, share: float) -> float:
     """Interpolates from start towards end; start itself where one of them is infinite."""
     return float(start + share * (end - start) if np.isfinite(start) and np.isfinite(end) else start)
+
+
+MOST = 2_000  # numbers of which all averages are computed: two million of these
+
+
+def ranked(d: Array, ranks: Sequence[int]) -> list[float]:
+    """Returns the Walsh averages of d (n,) of these ranks from 0 on, of n (n + 1) / 2; InputError beyond MOST.
+
+    Of averages of infinity and minus infinity, half count as either: on no ratio do their ranks differ.
+    """
+    if len(d) > MOST:
+        raise InputError(f"found {len(d):,} logs on which two backends are to be compared, expected at most {MOST:,}.")
+    found = _sorted(d)
+    return [float(found[rank]) for rank in ranks]
+
+
+def _sorted(d: Array) -> Array:
+    one, other = np.triu_indices(len(d))
+    with np.errstate(invalid="ignore"):
+        found = np.sort((d[one] + d[other]) / 2)
+    opposed = int(np.isnan(found).sum())
+    if not opposed:
+        return found
+    half = np.full(opposed // 2, np.inf)
+    return np.concatenate([-half, np.sort(np.append(found[:-opposed], np.zeros(opposed % 2))), half])

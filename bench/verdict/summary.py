@@ -38,10 +38,7 @@ class Line(NamedTuple):
         return sum(row.columns["status"] == "done" for row in self.rows)
 
     def by_log(self, column: str) -> dict[str, float]:
-        """Returns the column's value by log digest, repeated runs on a log averaged.
-
-        An error is infinite where a cell of the log has failed; a log without a value is absent.
-        """
+        """Returns the mean value by log digest; infinite for an error of a failed cell, absent without a value."""
         found: dict[str, list[float]] = {}
         for log, value in self.runs(column):
             found.setdefault(log, []).append(value)
@@ -94,10 +91,7 @@ def logs(lines: Sequence[Line]) -> int:
 
 
 def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None) -> list[Line]:
-    """Groups a run's rows into lines, one per (dataset, backend), in the order of the record.
-
-    `implementations` are those of the run's record, by backend label.
-    """
+    """Groups a run's rows into lines, one per (dataset, backend); `implementations` by backend label."""
     made_by = implementations or {}
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:

@@ -65,10 +65,7 @@ def _known(line: Line) -> str:
 
 
 def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
-    """Recommends by purpose; where the path is not known, nobody, with the costs.
-
-    Maps are those smoothed at the end, with one or none the online ones.
-    """
+    """Recommends by purpose, nobody where no path is known; maps are the final ones if several have these."""
     if representative(lines).truth_kind == "truth":
         return [advice(purpose, found) for purpose, found in rankings.items()]
     uses = [unnamed(purpose, lines) for purpose in PATHS]

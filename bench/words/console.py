@@ -10,10 +10,7 @@ WIDE = 160  # columns of a file or pipe: enough for every table
 
 
 def screen_console(*, quiet: bool, aside: bool = False) -> Console:
-    """Returns the console to print on, at least WIDE columns where it is no terminal.
-
-    `aside`: standard error, where standard output belongs to a program's reader.
-    """
+    """Returns the console to print on, WIDE where it is no terminal; standard error if `aside`."""
     console = Console(quiet=quiet, stderr=aside)
     return console if watched(console) else Console(quiet=quiet, stderr=aside, width=max(console.width, WIDE))
 

@@ -28,10 +28,7 @@ class BatchQueue:
         return bool(self._again)
 
     def take(self, known: Iterable[Any], elsewhere: Collection[Any], *, fresh: bool) -> Batch | None:
-        """Takes the next batch for a worker that has the logs `known`; others have those of `elsewhere`.
-
-        Only a `fresh` worker is given a retry.
-        """
+        """Takes the next batch for a worker that has the logs `known`, not `elsewhere`; a retry if it is `fresh`."""
         if fresh and self._again:
             return self._again.popleft()
         if not self._by_log:

@@ -42,10 +42,7 @@ class Local:
         self._finish: Finalize | None = None
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
-        """Yields each job as it ends; `alone`, as with one slot: nothing else runs meanwhile, the caller included.
-
-        Where there are no jobs, only logs to be made, every core is used.
-        """
+        """Yields each job as it ends; `alone`: nothing else runs meanwhile. Logs alone are made on every core."""
         if self._finish is None:
             self._folder = Path(tempfile.mkdtemp(prefix="slamduel-"))
             self._finish = Finalize(self, _finish, (self._pools, self._folder), exitpriority=1)  # at exit at the latest
@@ -135,7 +132,6 @@ class Local:
 
 
 def _give_up(worker: PoolWorker, queue: BatchQueue, workers: Workers, rest: Sequence[Batch]) -> None:
-    """Ends the worker and queues its remaining batches."""
     queue.put_back(reversed(rest))
     _dismiss(worker, workers)
 

@@ -56,7 +56,6 @@ class PoolWorker:
     """A process of a pool; the first of its batches is being run, the next ones wait in the pipe."""
 
     def __init__(self, folder: Path) -> None:
-        """Starts it; its output goes to a file in `folder`."""
         self.process = Worker(serve, (), folder)
         self.done = 0  # jobs
         self.deadline = float("inf")  # of what it is doing, by time.monotonic()

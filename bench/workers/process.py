@@ -18,13 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")
 PRELOAD = ["slamduel.bench.workers.preload"]
 PR_SET_PDEATHSIG = 1  # from <sys/prctl.h>
 LAST_WORDS = 300  # characters of a dead worker's output that are quoted
@@ -107,7 +101,6 @@ def _nameless_main() -> Generator[None]:
 
 
 def _live(pipe: Connection, output: str, function: Callable[..., None], arguments: tuple[Any, ...]) -> None:
-    """Runs a worker process."""
     os.setsid()
     try:
         descriptor = os.open(output, os.O_WRONLY | os.O_APPEND)

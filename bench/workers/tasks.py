@@ -74,7 +74,6 @@ def _started(function: Callable[[Any], Any], index: int, task: Any, folder: Path
 
 
 def _work(pipe: Connection, function: Callable[[Any], Any], task: Any) -> None:
-    """Runs in the process."""
     try:
         answer = (function(task), None)
     except InputError as error:
