@@ -74,7 +74,9 @@ def detect(
     camera, markers = recording.detector.camera, recording.detector.markers
     advice = [plausible_length(first, markers)]
     advice += diagnose(empty.images, markers, camera) if hardly_any(detection) else []
-    sentences = [_sentence(one) for one in advice if one is not None]
+    sentences = [
+        f"{one[:1].upper()}{one[1:].rstrip('.')}{'' if one.endswith('?') else '.'}" for one in advice if one is not None
+    ]
     findings = _findings(recording, log, truth, detection, sentences, request)
 
     def write(folder: Path) -> None:
@@ -85,10 +87,6 @@ def detect(
 
     write_folder(request.out, write)
     return findings
-
-
-def _sentence(words: str) -> str:
-    return words[:1].upper() + words[1:] + ("" if words.endswith((".", "?")) else ".")
 
 
 def _findings(

@@ -189,7 +189,8 @@ def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array
             stated = 2 * float(np.sqrt((sd[mine] ** 2).mean()))
             axes.fill_between([low, high], -stated, stated, color=COLOURS[3], alpha=0.25, linewidth=0)
             axes.plot([low, high], [errors[mine].mean()] * 2, color=INK, linewidth=1.2)
-        _inside(axes, errors, sd)
+        reach = 1.15 * max(float(np.quantile(np.abs(errors), 0.995)), 2 * float(np.median(sd)))
+        axes.set_ylim(-reach, reach)  # a single outlier does not stretch it
         axes.axhline(0, color=INK, linewidth=0.5)
         axes.set_xlim(left=0)
         axes.set_xlabel("range, m")
@@ -201,12 +202,6 @@ def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array
 
 def _dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
     axes.plot(x, y, ".", color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
-
-
-def _inside(axes: Axes, errors: Array, sd: Array) -> None:
-    """Sets limits that ignore single outliers."""
-    reach = 1.15 * max(float(np.quantile(np.abs(errors), 0.995)), 2 * float(np.median(sd)))
-    axes.set_ylim(-reach, reach)
 
 
 def _every(count: int) -> int:

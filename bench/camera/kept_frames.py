@@ -97,17 +97,13 @@ def encoded(image: Image, suffix: str) -> bytes:
 
 def _best(candidates: list[Picture]) -> list[Picture]:
     chosen = {one.number: one for one in (max(candidates, key=_fullness), min(candidates, key=_fullness))}
-    chosen |= {one.number: one for one in [max(candidates, key=_rejections)] if one.rejected}
+    chosen |= {one.number: one for one in [max(candidates, key=lambda one: one.rejected)] if one.rejected}
     chosen[candidates[0].number] = candidates[0]
     return sorted(chosen.values())
 
 
 def _fullness(one: Picture) -> tuple[int, int]:
     return one.kept, one.far
-
-
-def _rejections(one: Picture) -> int:
-    return one.rejected
 
 
 def _spread(candidates: list[Picture], count: int) -> list[Picture]:

@@ -71,12 +71,16 @@ def left_out(log: Log) -> list[tuple[str, int]]:
 
 def left_out_words(log: Log) -> str:
     """Lists it in a line; "nothing" where there is nothing."""
-    return listed([f"{n:,} {_noun(name)}" for name, n in left_out(log)]) if left_out(log) else "nothing"
-
-
-def _noun(name: str) -> str:
-    """Names what a count is of; other reasons are those of rejected markers."""
-    return name if name.startswith(("frames ", "sightings ")) else f"markers ({name})"
+    return (
+        listed(
+            [
+                f"{n:,} {name}" if name.startswith(("frames ", "sightings ")) else f"{n:,} markers ({name})"
+                for name, n in left_out(log)
+            ]
+        )
+        if left_out(log)
+        else "nothing"
+    )
 
 
 def marker_rows(f: Findings) -> list[Marker]:

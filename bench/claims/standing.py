@@ -59,17 +59,13 @@ def standing(table: CellTable) -> Standing:
     alike: dict[tuple[str, str], list[int]] = {}
     worth = np.logical_or.reduce([reasons.astype(bool), *(statuses == status for status in FAILED)])
     for row in np.flatnonzero(worth).tolist():
-        alike.setdefault((statuses[row], _without_numbers(reasons[row] or "")), []).append(row)
+        alike.setdefault((statuses[row], re.sub(r"\d[\d.,]*(e[+-]?\d+)?", "#", reasons[row] or "")), []).append(row)
     told = [
         FailureGroup(status, reasons[rows[0]] or "no reason given", len(rows), _where(table, rows))
         for (status, _), rows in alike.items()
     ]
     told.sort(key=lambda one: (not one.failed, one.status == "done", -one.n))
     return Standing({status: counts[status] for status in ENDS if counts[status]}, told)
-
-
-def _without_numbers(reason: str) -> str:
-    return re.sub(r"\d[\d.,]*(e[+-]?\d+)?", "#", reason)
 
 
 def _where(table: CellTable, rows: Sequence[int]) -> list[tuple[str, str]]:

@@ -3,7 +3,7 @@
 import argparse
 import json
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.padding import Padding
@@ -38,7 +38,10 @@ def main(namespace: argparse.Namespace) -> int:
     """Prints the lists; a plug-in that cannot be imported is listed with the reason."""
     kinds = {"backends": list(_backends()), "datasets": list(_datasets())}
     if namespace.json:
-        words = {kind: [_document(entry) for entry in entries] for kind, entries in kinds.items()}
+        words = {
+            kind: [{name: value for name, value in entry._asdict().items() if value is not None} for entry in entries]
+            for kind, entries in kinds.items()
+        }
         print(json.dumps(words, indent=2))
         return 0
     console = Console(highlight=False, markup=False)
@@ -70,11 +73,6 @@ def _datasets() -> Iterator[Entry]:
 
 def _options(cls: type) -> list[dict[str, str]]:
     return [{"name": name, "default": default, "help": text} for name, default, text in describe(cls)]
-
-
-def _document(entry: Entry) -> dict[str, Any]:
-    """Returns the entry as JSON takes it; a dataset's has no implementation."""
-    return {name: value for name, value in entry._asdict().items() if value is not None}
 
 
 def _print(console: Console, entry: Entry) -> None:

@@ -45,7 +45,7 @@ def _found_and_validated(text: str, seed: int, shown: float) -> int:
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
-    place = _place(variant)
+    place = str(getattr(variant.options, "path", None) or variant.label)
     scan, total = attempted(_scan(variant, seed)), 0
     while True:
         try:
@@ -71,10 +71,6 @@ def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:
     if variant.name == "log" and variant.options.path is not None:
         return (yield from log_folder.scan(Path(variant.options.path)))
     return made(variant, seed)
-
-
-def _place(variant: DatasetVariant) -> str:
-    return str(getattr(variant.options, "path", None) or variant.label)
 
 
 def _counts(dataset: Dataset) -> str:

@@ -26,7 +26,10 @@ def latex(table: Table, caption: str, label: str) -> str:
     It spans both columns (table*) where one has no room for it. Empty entries are dashes.
     """
     heads = ["backend", *(_below(escaped(top), [*more]) for top, *more in map(_heading, table.headings))]
-    sides = ["l" if not any(row.entries[k].value is not None for row in table.rows) else "r" for k in _across(table)]
+    sides = [
+        "l" if not any(row.entries[k].value is not None for row in table.rows) else "r"
+        for k in range(len(table.headings))
+    ]
     place = "table*" if _width(table) > COLUMN else "table"
     lines = [
         rf"\begin{{{place}}}",
@@ -51,10 +54,6 @@ def escaped(text: str) -> str:
     said = ["".join(_LETTERS.get(letter, letter) for letter in part) for part in parts[::2]]
     powers = [rf"$\times10^{{{power.translate(_RAISED)}}}$" for power in parts[1::2]]
     return "".join(a + b for a, b in zip(said, [*powers, ""], strict=True))
-
-
-def _across(table: Table) -> range:
-    return range(len(table.headings))
 
 
 def _heading(column: Column) -> list[str]:

@@ -49,7 +49,7 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
     )
     environment.filters |= {
         "md": _markdown, "on_page": on_page, "alone": alone, "tags": tags, "url": quote, "dashes": _dashes,
-        "answers": answers, "worded": _worded, "sortable": _sortable, "sentence": _sentence,
+        "answers": answers, "worded": _worded, "sortable": lambda value: "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity"), "sentence": lambda text: f"{text[:1].upper()}{text[1:]}",
     }  # fmt: skip
     return environment.get_template(template).render({"glyphs": GLYPHS, "purposes": PURPOSES, **page})
 
@@ -95,14 +95,6 @@ def _known(values: Sequence[float]) -> list[float | None]:
 def _worded(table: Table) -> list[bool]:
     """Returns for each column whether it holds words alone."""
     return [all(row.entries[k].value is None for row in table.rows) for k in range(len(table.headings))]
-
-
-def _sortable(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity")
-
-
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}"
 
 
 def _dashes(look: Look) -> str:

@@ -98,7 +98,10 @@ class KnownLogs:
         was = before[-1]
         what, found, expected = "", now.digest[:12], was.digest[:12]
         if found == expected:
-            what, (found, expected) = "the truth of ", (_truth(log) for log in (now, was))
+            what, (found, expected) = (
+                "the truth of ",
+                (log.truth_digest[:12] if log.truth_kind == "truth" else "no truth" for log in (now, was)),
+            )
         raise InputError(
             f"--out {self._store.folder}: {what}{cell.cell.dataset.label}, seed {cell.cell.seed}, has changed since "
             f"this run was begun: its digest is {found}, expected {expected}; run into another folder."
@@ -115,10 +118,6 @@ class KnownLogs:
             yield own
         same = [known for known in self._made.get(_name(cell), ()) if known.digest == made.log.digest]
         yield from sorted(same, key=lambda known: known != own)
-
-
-def _truth(log: Known) -> str:
-    return log.truth_digest[:12] if log.truth_kind == "truth" else "no truth"
 
 
 def _told(cell: PlannedCell, path: Path) -> str:

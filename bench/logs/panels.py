@@ -122,7 +122,8 @@ def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
         if wrong is None:
             continue
         row, errors = wrong
-        actual = np.array([_actual(errors[place[row] == k, column]) for k in filled])
+        mine = [errors[place[row] == k, column] for k in filled]
+        actual = np.array([typical(one) if len(one) >= LEAST_BIN else np.nan for one in mine])
         axes.plot(middle, actual, "o", markeredgecolor=colour, markerfacecolor="none", markersize=5)
         highest = max(highest, float(np.nanmax(actual, initial=0.0)))
     if wrong is not None:
@@ -144,10 +145,6 @@ def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
     if len(found.row) < LEAST_BIN:
         return None
     return found.row, np.column_stack((found.values[:, 0], log.z[found.row, 0] * found.values[:, 1]))
-
-
-def _actual(errors: Array) -> float:
-    return typical(errors) if len(errors) >= LEAST_BIN else np.nan
 
 
 def _raster(axes: Axes, t: Array, found: Returns) -> None:

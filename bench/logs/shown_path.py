@@ -47,7 +47,12 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         reckoned = from_pose(reckoned, int(step[0]), poses[0])
     solved = truth if truth is not None and truth.kind == "reference" else None
     given = None if truth is None else truth.map
-    if given is not None and _surveyed(dataset.truth):
+    if (
+        given is not None
+        and dataset.truth is not None
+        and dataset.truth.map is not None
+        and dataset.truth.places == "truth"
+    ):
         return Shown(words, step, poses, reckoned, given.xy, "landmark", None, solved)
     places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
     if given is None:
@@ -77,10 +82,6 @@ def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
     odd = outliers(log, Solution(truth.poses, truth.map))
     look = odd.found > MISFITS * odd.of
     return truth, truth.words + ": sign of bearings, unit, clock, or landmarks that move?" * look
-
-
-def _surveyed(truth: Truth | None) -> bool:
-    return truth is not None and truth.map is not None and truth.places == "truth"
 
 
 def _rows(step: Ints, steps: int) -> Ints:

@@ -64,7 +64,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     peak, made = Peak(), compiled.made()
     try:
         log = read_log()
-        row |= _about(log)
+        unknown = int((log.ids == UNKNOWN).sum())
+        row |= {"digest": log.digest, "steps": len(log), "sightings": len(log.ids), "ignored": unknown}
         builder = backends.find(job.name)
         if len(log.loop_to) and not builder.loops:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
@@ -95,15 +96,6 @@ def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:
     """Returns what the backend is given where the run says so: a batch optimum is no ground truth."""
     truth = read_truth() if job.oracle else None
     return truth if truth is not None and truth.kind == "truth" else None
-
-
-def _about(log: Log) -> dict[str, Any]:
-    return {
-        "digest": log.digest,
-        "steps": len(log),
-        "sightings": len(log.ids),
-        "ignored": int((log.ids == UNKNOWN).sum()),
-    }
 
 
 def located(error: BaseException) -> str:

@@ -58,7 +58,8 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
         row["nis"] = float(np.nansum(outcome.nis)) / dof
     fit = _fit(log, outcome)
     if fit is not None:
-        row |= _fit_columns(fit, "j_online" if outcome.solution is None else "j_final")
+        row |= {"cost_j": fit.total, "j_online" if outcome.solution is None else "j_final": fit.total}
+        row |= {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
         arrays["cost_terms"] = np.array(fit)
     row["landmarks"] = len((outcome.solution or outcome).map.ids)
     row |= _measured_from(truth)
@@ -100,12 +101,6 @@ def _measured_from(truth: Truth | None) -> dict[str, Any]:
     """Returns the columns surveyed and reference; the latter is absent where that is the plain batch optimum."""
     surveyed = truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth"
     return {"surveyed": int(surveyed)} | ({"reference": truth.words} if truth is not None and truth.words else {})
-
-
-def _fit_columns(fit: Misfit, total: str) -> dict[str, Any]:
-    """Returns J by its terms and their sum by that name; no term of loops where none is closed."""
-    terms = {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
-    return {"cost_j": fit.total, total: fit.total} | terms
 
 
 def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:

@@ -50,7 +50,7 @@ class Plan:
         ]
 
     def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
-        wanted = range(self.seeds if dataset.source.seeded or _random(backend) else 1)
+        wanted = range(self.seeds if dataset.source.seeded or (backend.builder and backend.builder.random) else 1)
         return wanted if self.map is None else self.map.seeds(dataset, wanted)
 
     def remarks(self) -> str:
@@ -113,7 +113,3 @@ def _map(words: dict[str, Any]) -> GivenMap | None:
             f"{expected[:12]}; run into another folder."
         )
     return found
-
-
-def _random(backend: BackendVariant) -> bool:
-    return backend.builder is not None and backend.builder.random

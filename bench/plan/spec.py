@@ -35,7 +35,9 @@ class Variant:
             for field in fields(self.options)
             if (value := getattr(self.options, field.name)) != field.default
         ]
-        return ",".join(f"{name}={_quoted(_text(value))}" for name, value in changed)
+        texts = [(name, _text(value)) for name, value in changed]
+        odd = {text for _, text in texts if any(c in text for c in ",[]") or text != text.strip()}
+        return ",".join(f'{name}="{text}"' if text in odd else f"{name}={text}" for name, text in texts)
 
     @cached_property
     def label(self) -> str:
@@ -246,7 +248,3 @@ def _without_repeats(found: list[V], flag: str) -> list[V]:
 
 def _text(value: Any) -> str:
     return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"' if any(c in text for c in ",[]") or text != text.strip() else text

@@ -16,8 +16,8 @@ PACKAGES = ("slamduel", "numpy", "scipy", "gtsam", "opencv-contrib-python-headle
 def environment() -> dict[str, Any]:
     """Returns the machine, its system, Python, and the versions of the packages that affect a result."""
     return {
-        "processor": _processor(),
-        "instructions": _instructions(),
+        "processor": _reported("model name") or platform.processor() or platform.machine(),
+        "instructions": " ".join(name for name in INSTRUCTIONS if name in _reported("flags").split()),
         "cores": os.cpu_count(),
         "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
         "system": platform.platform(),
@@ -25,16 +25,6 @@ def environment() -> dict[str, Any]:
         "packages": {name: _version(name) for name in PACKAGES},
         "revision": _revision(),
     }
-
-
-def _processor() -> str:
-    return _reported("model name") or platform.processor() or platform.machine()
-
-
-def _instructions() -> str:
-    """Lists the INSTRUCTIONS that the processor has; "" where the system does not report them."""
-    flags = _reported("flags").split()
-    return " ".join(name for name in INSTRUCTIONS if name in flags)
 
 
 def _reported(name: str) -> str:

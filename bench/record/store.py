@@ -147,7 +147,10 @@ class Store:
         """Writes a log's facts; `of` are dataset, options and seed, `arrays` those of its truth."""
         with self._writing() as db:
             same = db.execute("SELECT 1 FROM logs WHERE key = ? AND truth_digest = ?", (key, known[1])).fetchone()
-            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (key, *of, *known, _json(sketch)))
+            db.execute(
+                "INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                (key, *of, *known, None if sketch is None else json.dumps(sketch)),
+            )
             if arrays or not same:
                 _keep(db, key, arrays)
 
@@ -286,10 +289,6 @@ class Store:
 def _named(row: Row) -> str:
     dataset, dataset_options, backend, options, seed = row.key
     return f"{label(dataset, dataset_options)} \N{MIDDLE DOT} {label(backend, options)} \N{MIDDLE DOT} seed {seed}"
-
-
-def _json(value: Any) -> str | None:
-    return None if value is None else json.dumps(value)
 
 
 def _keep(db: sqlite3.Connection, key: str, arrays: Mapping[str, Any]) -> None:

@@ -43,7 +43,9 @@ def wrong_row(columns: Mapping[str, Any]) -> str:
         if columns[name] not in known:
             return f"{name} is {_cut(columns[name])}, expected {', '.join(filter(None, known))}"
     least = 1 if columns["status"] == "done" else 0
-    if not isinstance(columns["seed"], int) or (least and not _whole(columns["steps"], 1)):
+    if not isinstance(columns["seed"], int) or (
+        least and not (isinstance(columns["steps"], int) and columns["steps"] > 0)
+    ):
         return f"seed is {_cut(columns['seed'])} and steps {_cut(columns['steps'])}, expected whole numbers"
     for name, value in columns.items():
         if name in TEXTS or value is None:
@@ -71,10 +73,6 @@ def wrong_arrays(arrays: Mapping[str, Any], steps: int | None) -> str:
     if "at" in arrays and "n" in sizes and not np.isin(arrays["at"], np.arange(sizes["n"])).all():
         return f"at names a step outside the {sizes['n']} there are"
     return ""
-
-
-def _whole(value: Any, least: int) -> bool:
-    return isinstance(value, int) and value >= least
 
 
 def _cut(value: Any) -> str:

@@ -10,7 +10,7 @@ from ...backends import registry as backends
 from ...backends.api import Backend, Diverged, Map, WantsTruth
 from ...datasets import archive
 from ...frontend.errors import SlamduelError
-from ...frontend.factors import Step, Truth
+from ...frontend.factors import Step
 from ...frontend.se2 import Array, Ints
 from ..measure import cell as cells
 
@@ -55,7 +55,8 @@ def run(task: ReplayTask) -> Course:
         log = log if builder.associates else log.identified()
         backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
         if cell.oracle and truth is not None:
-            _tell(backend, truth)
+            if truth.kind == "truth" and isinstance(backend, WantsTruth):  # as in the run
+                backend.tell(truth)
     except Exception as error:
         return course._replace(ended=_said(error))
     way = _Way(task.frames)
@@ -133,11 +134,6 @@ def _split(known: Map) -> Landmarks:
     if known.cov is not None:
         blocks = np.array(known.cov).reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
     return Landmarks(np.array(known.ids, np.int64), np.array(known.xy, float).reshape(n, 2), blocks)
-
-
-def _tell(backend: Backend, truth: Truth) -> None:
-    if truth.kind == "truth" and isinstance(backend, WantsTruth):
-        backend.tell(truth)
 
 
 def _said(error: Exception) -> str:

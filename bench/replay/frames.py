@@ -104,7 +104,15 @@ class _Canvas:
         seen = panel.sighted[frame]
         origin = plane.pixels(seen.origin).tolist()
         for end in plane.pixels(seen.ends):
-            cv2.line(canvas, origin, end.tolist(), _pale(self._colour), 1, cv2.LINE_AA, _SHIFT)
+            cv2.line(
+                canvas,
+                origin,
+                end.tolist(),
+                tuple((value + 255) // 2 for value in self._colour),
+                1,
+                cv2.LINE_AA,
+                _SHIFT,
+            )
         self._ellipse(canvas, plane.pixels(panel.pose[frame, :2]), panel.ellipse[frame], 2)
         x, y, heading = panel.pose[frame]
         turned = heading + np.array((0, 2.5, np.pi, -2.5))
@@ -180,7 +188,3 @@ def _dashed(xy: Array, plane: _Plane) -> Array:
 @cache
 def _font() -> Any:
     return cv2.FontFace("sans")
-
-
-def _pale(colour: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple((value + 255) // 2 for value in colour)

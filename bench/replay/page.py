@@ -39,7 +39,7 @@ def write_page(path: Path, view: View) -> None:
     }
     page = {
         "view": view,
-        "height": _height(view),
+        "height": round(UNITS * (view.high - view.low)[1] / (view.high - view.low)[0]),
         "known": _line(run["truth"]),
         "reckoned": _line(run["reckoned"]),
         "places": "".join(f"M{u - 9} {v}h18M{u} {v - 9}v18" for u, v in places),
@@ -52,11 +52,6 @@ def write_page(path: Path, view: View) -> None:
         "run": json.dumps(run, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
     }
     write_whole(path, rendered("replay.html.jinja", page))
-
-
-def _height(view: View) -> int:
-    size = view.high - view.low
-    return round(UNITS * size[1] / size[0])
 
 
 def _pairs(view: View, xy: Array) -> list[Any]:

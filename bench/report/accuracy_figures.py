@@ -52,7 +52,11 @@ def by_log(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, 
     }
     failed = any(np.isinf(error) for values in errors.values() for error in values)
     called = tags(looks)
-    names = [called[line.backend] + _lost(line) for line in shown]
+    names = [
+        called[line.backend]
+        + f" · {len(line.rows) - line.done} of {len(line.rows)} not done" * (line.done < len(line.rows))
+        for line in shown
+    ]
     both = any(column == "final_ate_m" for _, _, column in drawn)
 
     def draw(figure: Figure) -> None:
@@ -83,11 +87,6 @@ def by_log(name: str, log: DrawnLog, lines: Sequence[Line], looks: Mapping[str, 
     ]
     title = f"{what[0].upper()}{what[1:]} by {'run' if runs else 'log'}"
     return report_figure(name, title, caption, height(names), draw, curves=curves)
-
-
-def _lost(line: Line) -> str:
-    lost = len(line.rows) - line.done
-    return f" · {lost} of {len(line.rows)} not done" if lost else ""
 
 
 def pairs(

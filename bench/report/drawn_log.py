@@ -70,7 +70,7 @@ def drawn_log(
             for name, row in ((line.backend, row) for line, row in shown)
         ],
         missing=[line.backend for line in lines if all(line is not drawn for drawn, _ in shown)],
-        lengths=_lengths(store, [row for _, row in done]),
+        lengths={seed: length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()},
         order=[line.backend for line in sorted(lines, key=_error)],
         nees={line.backend: _nees(store, line) for line in lines},
         nis={line.backend: found for line in lines if (found := _nis(store, line))},
@@ -128,8 +128,3 @@ def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:
                 seen = (a["nis_dof"] > 0) & np.isfinite(a["nis"])
                 by_log[row.columns["digest"]] = (a["t"] - a["t"][0])[seen], a["nis"][seen], a["nis_dof"][seen]
     return list(by_log.values())
-
-
-def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:
-    first = {row.columns["seed"]: row for row in reversed(rows)}
-    return {seed: length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()}

@@ -34,7 +34,9 @@ def trajectories(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
         yield report_figure(
             f"{name}-{panel.trace.slug}",
             panel.trace.label,
-            _cut(panel, frame),
+            f"Leaves the frame by up to {number(far)} m."
+            if (far := beyond(frame, panel.online, panel.final)) > 0
+            else "",
             TITLE_ROW * (1 + _title(log, panel).count("\n")) + tall(frame, PANEL),
             lambda figure, panel=panel: _draw(figure, log, panel, frame),
             curves=panel.curves,
@@ -45,11 +47,6 @@ def trajectories(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
 def tall(frame: Frame, width: float) -> float:
     """Returns the points that a picture of the frame is high, without what is above it."""
     return 34 + (width - 36) * float(np.clip(frame.size[1] / frame.size[0], 0.35, 1.3))
-
-
-def _cut(panel: Panel, frame: Frame) -> str:
-    far = beyond(frame, panel.online, panel.final)
-    return f"Leaves the frame by up to {number(far)} m." if far > 0 else ""
 
 
 def beyond(frame: Frame, *paths: Array | None) -> float:

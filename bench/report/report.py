@@ -24,7 +24,11 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
     page = {
         "run": run,
         "sections": parts,
-        "purposes": _purposes(parts),
+        "purposes": {
+            name: heading
+            for name, heading in PURPOSES.items()
+            if any(name == u.purpose for p in parts for u in p.verdict.uses)
+        },
         "looks": look,
         "cells": cells_table(rows, run["folders"]),
         "counts": _counts(rows, run.get("cells", 0)),
@@ -57,11 +61,6 @@ def _write_tables(folder: Path, section: Section) -> None:
             caption = f"{section.name}: {table.caption}."
             text = latex(table, caption, f"tab:{section.anchor}-{name}")
             write_whole(folder / f"{section.anchor}-{name}.tex", text)
-
-
-def _purposes(parts: Sequence[Section]) -> dict[str, str]:
-    named = {use.purpose for part in parts for use in part.verdict.uses}
-    return {purpose: heading for purpose, heading in PURPOSES.items() if purpose in named}
 
 
 def _counts(rows: Sequence[Row], planned: int) -> str:

@@ -107,13 +107,15 @@ def _failures(line: Line) -> list[Failure]:
         if c["status"] != "done" or c["reason"]:
             alike.setdefault((c["status"], c["reason"] or ""), []).append(row)
     return [
-        Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
+        Failure(
+            line.backend,
+            f"seed{'s' * (len(rows) > 1)} {listed([str(r.columns['seed']) for r in rows])}",
+            status,
+            reason,
+            rows[0].traceback,
+        )
         for (status, reason), rows in alike.items()
     ]
-
-
-def _seeds(rows: Sequence[Row]) -> str:
-    return f"seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
 
 
 def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:

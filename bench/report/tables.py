@@ -271,11 +271,7 @@ def _entries(c: Comparison) -> list[Entry]:
     return [
         Entry("" if isnan(c.ratio) else number(c.ratio), note=ends, value=None if isnan(c.ratio) else c.ratio),
         Entry(WORDS[standing(c)], note=between(c) if tested and standing(c) == "open" else ""),
-        Entry(_p(c.adjusted) if tested else "", value=c.adjusted if tested else None),
+        Entry(("<0.0001" if c.adjusted < 1e-4 else f"{c.adjusted:.2g}") * tested, value=c.adjusted if tested else None),
         Entry(f"{c.effect:.2f}" if tested else "", value=c.effect if tested else None),
         Entry(f"{c.closer} of {c.n}", value=c.closer),
     ]
-
-
-def _p(p: float) -> str:
-    return "<0.0001" if p < 1e-4 else f"{p:.2g}"

@@ -109,7 +109,13 @@ class Result:
         with Store(self.folder) as store:
             found, look = sections(store)
         return rendered(
-            "result.html.jinja", {"sections": found, "looks": look, "report": self.report, "picture": _data}
+            "result.html.jinja",
+            {
+                "sections": found,
+                "looks": look,
+                "report": self.report,
+                "picture": lambda svg: f"data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}",
+            },
         )
 
 
@@ -249,8 +255,3 @@ def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
             for path in missing if new else ():
                 with contextlib.suppress(OSError):  # not empty: somebody else's
                     path.rmdir()
-
-
-def _data(svg: str) -> str:
-    """Returns a figure as a data URL, isolated from the notebook's style."""
-    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()

@@ -48,7 +48,11 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
     found = by_dataset(lines)
     for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
         console.print(table)
-        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *_programs(mine), *failures(mine)]
+        said = [
+            *(_uses(verdict(mine)) if any(line.done for line in mine) else ()),
+            *([("costs", programs)] if (programs := sentence(mine)) else []),
+            *failures(mine),
+        ]
         if watched(console):
             console.print(_folded(said), highlight=False)
         for heading, text in () if watched(console) else said:
@@ -70,11 +74,6 @@ def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
         yield PURPOSES.get(use.purpose, use.purpose), f"{use.backend}: {use.why}" if use.backend else use.why
     if not found.uses and found.sentences:
         yield "verdict", found.sentences[0]
-
-
-def _programs(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    if said := sentence(lines):
-        yield "costs", said
 
 
 def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:

@@ -77,9 +77,16 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     together = _together(variants, sizes, extent, console)
     rows += [Row("backend", v.label, size, reason=v.missing) for v in variants if v.missing for size in sizes]
     order = [variant.label for variant in variants]
-    rows.sort(key=lambda row: (_place(order, row), row.particles or 0, row.landmarks))
+    rows.sort(
+        key=lambda row: (
+            order.index(row.name) if row.kind == "backend" else len(order),
+            row.particles or 0,
+            row.landmarks,
+        )
+    )
     reached = ratios(rows, {variant.label: variant.options for variant in variants})
-    title = _words(extent)
+    which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
+    title = f"{extent.sightings} sightings a step, of {which}, one thread"
     _print(rows, reached, title, console)
     if together:
         console.print(together_table(together, REFERENCE))
@@ -203,15 +210,6 @@ def _counts(flag: str, text: str | None, usual: tuple[int, ...]) -> tuple[int, .
     if counts[0] < 1:
         raise InputError(f"{flag} {text}: expected whole numbers above 0, separated by commas")
     return tuple(counts)
-
-
-def _place(order: Sequence[str], row: Row) -> int:
-    return order.index(row.name) if row.kind == "backend" else len(order)
-
-
-def _words(extent: Extent) -> str:
-    which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
-    return f"{extent.sightings} sightings a step, of {which}, one thread"
 
 
 def _listed(counts: Sequence[int]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...datasets.rendering.cameras import CAMERAS, MOUNTING
 from ...datasets.rendering.clutter import clutter
-from ...datasets.rendering.marker_shots import Crowd, Placement, crowds, placements
+from ...datasets.rendering.marker_shots import Placement, crowds, placements
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector, Image, Refinement
 from ...frontend.markers.markers import Markers
@@ -129,7 +129,7 @@ class Study:
         nobody = ((frozenset[int](), image) for image in clutter(SMALL, extent.clutter, self._rng(3)))
         crowded = crowds(SMALL, (NEAR, FAR), CROWD, extent.crowded, self._rng(4), samples=4)
         yield from self._misread("clutter", nobody, progress)
-        yield from self._misread("six markers", map(_listed, crowded), progress)
+        yield from self._misread("six markers", ((frozenset(crowd.ids), crowd.image) for crowd in crowded), progress)
 
     def _misread(
         self, kind: str, frames: Iterable[tuple[frozenset[int], Image]], progress: Callable[[], None]
@@ -183,7 +183,3 @@ def _accuracy(
     (bias, bearing_bias, square), (sd, _, scatter) = errors.mean(axis=0).tolist(), errors.std(axis=0, ddof=1).tolist()
     nees, half = square / 2, NORMAL_95 * scatter / 2 / float(np.sqrt(len(errors)))
     return Accuracy(refinement, distance, streak, count, len(errors), wrong, bias, sd, bearing_bias, nees, half)
-
-
-def _listed(crowd: Crowd) -> tuple[frozenset[int], Image]:
-    return frozenset(crowd.ids), crowd.image

@@ -148,7 +148,9 @@ def apart(wanted: Sequence[float], distance: float) -> list[float]:
     blocks: list[list[float]] = []  # [sum of wanted heights, how many]
     for index in order:
         blocks.append([wanted[index], 1.0])
-        while len(blocks) > 1 and _touch(blocks[-2], blocks[-1], distance):
+        while len(blocks) > 1 and (
+            _middle(blocks[-1]) - _middle(blocks[-2]) < distance * (blocks[-1][1] + blocks[-2][1]) / 2
+        ):
             total, count = blocks.pop()
             blocks[-1][0] += total
             blocks[-1][1] += count
@@ -156,10 +158,6 @@ def apart(wanted: Sequence[float], distance: float) -> list[float]:
         _middle(block) + distance * (place - (block[1] - 1) / 2) for block in blocks for place in range(int(block[1]))
     ]
     return [heights[rank] for rank in np.argsort(order)]
-
-
-def _touch(lower: Sequence[float], upper: Sequence[float], distance: float) -> bool:
-    return _middle(upper) - _middle(lower) < distance * (upper[1] + lower[1]) / 2
 
 
 def _middle(block: Sequence[float]) -> float:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from ...frontend.factors import Step
-from ...frontend.se2 import Ints
 from ..measure.clock import clock_cost
 from .timing import Row, timing
 
@@ -78,14 +77,13 @@ def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: 
                 parts["back-substitution"].append(_spent(solved) - watch.clock)
     finally:
         gc.enable()
-    return [Row("part", name, landmarks, timing=timing(_positive(ns)), beside=beside) for name, ns in parts.items()]
+    return [
+        Row("part", name, landmarks, timing=timing(np.maximum(np.array(ns, np.int64), 0)), beside=beside)
+        for name, ns in parts.items()
+    ]
 
 
 def _spent(call: Any) -> int:
     start = time.process_time_ns()
     call()
     return time.process_time_ns() - start
-
-
-def _positive(ns: list[int]) -> Ints:
-    return np.maximum(np.array(ns, np.int64), 0)

@@ -56,7 +56,10 @@ def world(landmarks: int, steps: int, sightings: int, seed: int, *, scattered: b
             seen = np.flatnonzero((away > NEAREST) & (away < REACH))
         else:
             seen = _chosen(away, sightings, rng if scattered else None)
-        odometry = None if k == 0 else _odometry(poses[k - 1], pose, rng)
+        odometry = None
+        if k:
+            delta = between(poses[k - 1], pose) + np.array(ODOMETRY_SD) * rng.standard_normal(3)
+            odometry = Odometry(delta, np.diag(np.square(ODOMETRY_SD)))
         every.append(Step(0.1 * k, odometry, _sightings(pose, ids[seen], xy[seen], rng), NO_LOOPS))
     steps_of = list(Log.from_steps(f"square of {landmarks} landmarks", prior, every))
     return World(prior, steps_of[: len(there)], steps_of[len(there) :], Map(ids, xy, None), there[-1])
@@ -94,11 +97,6 @@ def _chosen(away: Array, count: int, rng: np.random.Generator | None) -> Ints:
     if rng is not None:
         return rng.choice(seen, count, replace=False)
     return seen[np.argpartition(away[seen], count - 1)[:count]]
-
-
-def _odometry(before: Array, after: Array, rng: np.random.Generator) -> Odometry:
-    error = np.array(ODOMETRY_SD) * rng.standard_normal(3)
-    return Odometry(between(before, after) + error, np.diag(np.square(ODOMETRY_SD)))
 
 
 def _sightings(pose: Array, ids: Ints, xy: Array, rng: np.random.Generator) -> RangeBearing:

@@ -172,7 +172,8 @@ def _names(swept: Iterable[str]) -> dict[str, str]:
 def _block(words: TomlTable, file: TomlTable) -> _Block:
     words.only(KEYS)
     sides = {side: _sides(words, side) for side in ("dataset", "backend")}
-    axes = [*_grid(words), *_zip(words), *_list(words)]
+    axes = [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
+    axes += [*_zip(words), *_list(words)]
     block = _Block(words, sides["dataset"], sides["backend"], axes, _seeds(words, file))
     by: dict[str, Place] = {}
     for axis in axes:
@@ -210,10 +211,6 @@ def _seeds(words: TomlTable, file: TomlTable) -> Sequence[int]:
         if one.has("first_seed"):
             raise one.refused("first_seed", "the seeds are a list, expected how many there are from that one on.")
     return found
-
-
-def _grid(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
-    return [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
 
 
 def _zip(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:

@@ -74,7 +74,14 @@ class Evidence:
     @property
     def findings(self) -> Sequence[ClaimSummary]:
         """Lists every claim with its result, in the file's order."""
-        return [ClaimSummary(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
+        return [
+            ClaimSummary(
+                found.verdict,
+                found.claim.says.rstrip("."),
+                found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2],
+            )
+            for found in self.answers
+        ]
 
     @property
     def most_telling(self) -> Sequence[ClaimSummary]:
@@ -119,10 +126,6 @@ class Evidence:
         if not beside.any():
             return " Timed alone on the machine."
         return f" Timed while other cells ran on the same machine: {beside.sum():,} of {len(beside):,}."
-
-
-def _measured(found: Answer) -> str:
-    return found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2]
 
 
 def evidence(folder: Path) -> Evidence:

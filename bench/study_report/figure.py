@@ -151,12 +151,10 @@ def _mark_values(axes: Axes, xs: Sequence[float]) -> None:
             kept.append(x)
             last = place
     axes.xaxis.set_major_locator(FixedLocator(kept))
-    axes.xaxis.set_major_formatter(FixedFormatter([_marked(x) for x in kept]))
+    axes.xaxis.set_major_formatter(
+        FixedFormatter([f"{x:,.0f}" if x % 1 == 0 else plain(x).removeprefix(f"1.00{TIMES}") for x in kept])
+    )
     axes.xaxis.set_minor_locator(NullLocator())
-
-
-def _marked(x: float) -> str:
-    return f"{x:,.0f}" if x % 1 == 0 else plain(x).removeprefix(f"1.00{TIMES}")
 
 
 def _dodged(axes: Axes, xs: Sequence[float], place: float) -> Array:

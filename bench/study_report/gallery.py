@@ -38,7 +38,10 @@ def gallery(folders: Iterable[Path], out: Path) -> Path:
     answers = [answer.verdict for one in found for answer in one.answers]
     page = {
         "claims": f"{answers.count('holds')} of {counted(len(answers), 'claim')} hold",
-        "studies": [(one, _way(one.folder, out.parent), lasting(one.seconds)) for one in found],
+        "studies": [
+            (one, quote(Path(os.path.relpath(one.folder / "report.html", out.parent)).as_posix()), lasting(one.seconds))
+            for one in found
+        ],
         "headline": headline(found),
         "took": lasting(sum(one.seconds for one in found)),
         "cells": sum(one.standing.cells for one in found),
@@ -60,11 +63,6 @@ def headline(found: Iterable[Evidence]) -> str:
     said += [f"{verdicts['no']} not"] * bool(verdicts["no"])
     said += [f"{verdicts['open']} not decided"] * bool(verdicts["open"])
     return ", ".join(said)
-
-
-def _way(folder: Path, start: Path) -> str:
-    """Returns the relative URL of a study's report."""
-    return quote(Path(os.path.relpath(folder / "report.html", start)).as_posix())
 
 
 def main(words: list[str]) -> int:

@@ -23,7 +23,10 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
         return [_measured(found, what, where, again=again), *_repeats(found)]
     on = f"on {where}, {counted(found.logs, 'log')}"
     if len(found.lines) == 1:
-        return [_only(found, what, on), *_baseline(found, what)]
+        return [
+            f"{found.lines[0].backend} alone has an estimate of the {what} {on}: median error {_errors(found)[found.lines[0].backend]}.",
+            *_baseline(found, what),
+        ]
     best = found.lines[0].backend
     pairs: dict[str, list[Comparison]] = {}
     for line in found.lines[1:]:
@@ -126,11 +129,6 @@ def unborne(pairs: Sequence[Comparison], family: int) -> str:
     if pairs[0].n < needed(family):
         return f"{pairs[0].n} logs are too few to test {family} pairs, {needed(family)} would do"
     return f"the test does not support it (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
-
-
-def _only(found: Ranking, what: str, on: str) -> str:
-    (line,) = found.lines
-    return f"{line.backend} alone has an estimate of the {what} {on}: median error {_errors(found)[line.backend]}."
 
 
 def _baseline(found: Ranking, what: str) -> list[str]:

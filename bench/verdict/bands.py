@@ -37,7 +37,8 @@ def averaged(runs: Sequence[tuple[Array, Array]]) -> Averages | None:
     runs = [run for run in runs if len(run[0])]
     if len(runs) < 2:
         return None
-    t = _grid([times for times, _ in runs])
+    start, end = max(times[0] for times, _ in runs), min(times[-1] for times, _ in runs)
+    t = min((times[(times >= start) & (times <= end)] for times, _ in runs), key=len)
     nees = np.array([values[np.searchsorted(times, t, side="right") - 1] for times, values in runs]) / DOF
     n = (~np.isnan(nees)).sum(0)
     shared = n >= 2
@@ -69,8 +70,3 @@ def flagged(averages: Averages) -> str:
         return ""
     above, below = (averages.mean > averages.high).sum(), (averages.mean < averages.low).sum()
     return "overconfident" if above >= below else "cautious"
-
-
-def _grid(times: Sequence[Array]) -> Array:
-    start, end = max(t[0] for t in times), min(t[-1] for t in times)
-    return min((t[(t >= start) & (t <= end)] for t in times), key=len)

@@ -77,7 +77,11 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
     for word in ("consistent", "overconfident", "cautious", TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT, UNCLEAR):
         names = [name for name, word_of in told.items() if word_of == word]
         if names:
-            sized = [f"{name} ({_size(found[name].nees)})" for name in names]
+            sized = [
+                f"{name} ({number(nees.value) if nees.n < FEWEST else f'{number(nees.low)} to {number(nees.high)}'})"
+                for name in names
+                for nees in [found[name].nees]
+            ]
             is_are = "is" if len(names) == 1 else "are"
             said.append(
                 f"{word} {listed(sized, MOST)}" if word == UNCLEAR else f"{listed(sized, MOST)} {is_are} {word}"
@@ -95,7 +99,3 @@ def _between(nees: Estimate) -> str:
     if nees.n >= FEWEST and nees.high < 1:
         return TOWARDS_CAUTIOUS
     return TOWARDS_OVERCONFIDENT if nees.n >= FEWEST and nees.low > 1 else UNCLEAR
-
-
-def _size(nees: Estimate) -> str:
-    return number(nees.value) if nees.n < FEWEST else f"{number(nees.low)} to {number(nees.high)}"

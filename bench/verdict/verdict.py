@@ -52,7 +52,9 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     for k, found in enumerate(rankings.values()):
         said += claims(found, ESTIMATES[found.column], name, again=k > 0)
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
-    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures, *_told(lines)]
+    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures]
+    if told := [line.backend for line in lines if line.told]:
+        sentences.append(f"Not compared: {listed(told)} (was given the ground truth).")
     return Verdict(basis, _uses(lines, rankings), sentences, comparisons)
 
 
@@ -112,8 +114,3 @@ def _not_done(lines: Sequence[Line]) -> list[str]:
 def _ways(line: Line) -> str:
     cells = [row.columns["status"] for row in line.rows]
     return ", ".join(f"{cells.count(way)} {way}" for way in dict.fromkeys(cells) if way not in ("done", "skipped"))
-
-
-def _told(lines: Sequence[Line]) -> list[str]:
-    names = [line.backend for line in lines if line.told]
-    return [f"Not compared: {listed(names)} (was given the ground truth)."] if names else []

@@ -17,14 +17,6 @@ def _percent(value: float) -> str:
     return f"{number(100 * value)} %"
 
 
-def _seconds(value: float) -> str:
-    return number(value) if value >= SHORTEST_S else f"<{SHORTEST_S:g}"
-
-
-def _two_decimals(value: float) -> str:
-    return f"{round(value, 2) + 0.0:.2f}"  # + 0.0: never -0.00
-
-
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """Properties that the values of a column share."""
@@ -62,9 +54,9 @@ NEES = Kind(expected=1.0)
 INSIDE_95 = Kind(expected=0.95, shown=_percent)
 SHARE = Kind(shown=_percent)
 CPU_US = Kind(unit="µs", is_time=True)
-CPU_S = Kind(unit="s", is_time=True, shown=_seconds)
+CPU_S = Kind(unit="s", is_time=True, shown=lambda s: number(s) if s >= SHORTEST_S else f"<{SHORTEST_S:g}")
 CPU_SHARE = Kind(is_time=True, shown=_percent)
-EXPONENT = Kind(is_time=True, never_negative=False, shown=_two_decimals)
+EXPONENT = Kind(is_time=True, never_negative=False, shown=lambda b: f"{round(b, 2) + 0.0:.2f}")  # never -0.00
 SECONDS = Kind(unit="s")
 MEGABYTES = Kind(unit="MB")
 

@@ -93,7 +93,9 @@ class Logs:
         """Returns the batch's log and its facts; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
-            dataset = _loaded(batch.kept) if batch.kept else _made(batch)
+            dataset = (
+                _loaded(batch.kept) if batch.kept else prepared(batch.dataset, batch.options, batch.seed, batch.map)
+            )
             found = dataset, facts_of(dataset)
         self._kept[batch.log] = found
         while len(self._kept) > LOGS_KEPT:
@@ -129,10 +131,6 @@ def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
     """Ends all jobs of a batch whose log could not be made, with that result."""
     for index in [index for index, _ in batch.jobs] or [None]:
         yield Finished(batch, index, None, result, seconds, False, HOST)
-
-
-def _made(batch: Batch) -> Dataset:
-    return prepared(batch.dataset, batch.options, batch.seed, batch.map)
 
 
 def _loaded(kept: KeptLog) -> Dataset:
