@@ -167,8 +167,8 @@ def _fit(sightings: Sightings) -> ReportFigure:
         legend(figure, axes, 2)
 
     caption = (
-        "Distance of the corners from their places by the marker's pose. Ambiguous: two poses fit almost equally, range "
-        "and bearing are hardly affected."
+        "Distance of the corners from their places by the marker's pose. Ambiguous: two poses fit almost equally; "
+        "range and bearing hardly change."
     )
     return _figure("fit", "Reprojection error of the corners", caption + _thinned(every), draw)
 

@@ -122,7 +122,7 @@ class Detection:
 
 def in_log(sightings: Sightings) -> Sightings:
     """Returns those of them that are in the log."""
-    return Sightings(*(column[sightings.kept] for column in sightings))
+    return Sightings._make(column[sightings.kept] for column in sightings)
 
 
 def per_frame(sightings: Sightings, frames: int) -> Ints:

@@ -57,5 +57,6 @@ def write_figures(folder: Path, figures: Iterable[ReportFigure], forms: Sequence
     folder.mkdir(exist_ok=True)
     for figure in figures:
         write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
-        for form in forms if figure.printed is not None else ():
-            write_whole(folder / f"{figure.name}.{form}", figure.printed(form))
+        if figure.printed is not None:
+            for form in forms:
+                write_whole(folder / f"{figure.name}.{form}", figure.printed(form))

@@ -47,10 +47,12 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
+    filters: dict[str, Any] = {
         "md": _markdown, "on_page": on_page, "alone": alone, "tags": tags, "url": quote, "dashes": _dashes,
-        "answers": answers, "worded": _worded, "sortable": lambda value: "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity"), "sentence": lambda text: f"{text[:1].upper()}{text[1:]}",
+        "answers": answers, "worded": _worded, "sentence": lambda text: f"{text[:1].upper()}{text[1:]}",
+        "sortable": lambda value: "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity"),
     }  # fmt: skip
+    environment.filters.update(filters)
     return environment.get_template(template).render({"glyphs": GLYPHS, "purposes": PURPOSES, **page})
 
 

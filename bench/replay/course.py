@@ -54,9 +54,8 @@ def run(task: ReplayTask) -> Course:
             return course._replace(ended="the log has loop closures, which this backend does not take")
         log = log if builder.associates else log.identified()
         backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
-        if cell.oracle and truth is not None:
-            if truth.kind == "truth" and isinstance(backend, WantsTruth):  # as in the run
-                backend.tell(truth)
+        if cell.oracle and truth is not None and truth.kind == "truth" and isinstance(backend, WantsTruth):
+            backend.tell(truth)  # as in the run
     except Exception as error:
         return course._replace(ended=_said(error))
     way = _Way(task.frames)

@@ -61,6 +61,7 @@ def drawn_log(
         return None
     seed, typical = _drawn(done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
+    first = {row.columns["seed"]: row for _, row in reversed(done)}  # of each log
     return DrawnLog(
         kind=lines[0].truth_kind,
         seed=seed,

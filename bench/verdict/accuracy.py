@@ -21,13 +21,10 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
     """
     if found.logs < FEWEST:
         return [_measured(found, what, where, again=again), *_repeats(found)]
-    on = f"on {where}, {counted(found.logs, 'log')}"
+    best, on = found.lines[0].backend, f"on {where}, {counted(found.logs, 'log')}"
     if len(found.lines) == 1:
-        return [
-            f"{found.lines[0].backend} alone has an estimate of the {what} {on}: median error {_errors(found)[found.lines[0].backend]}.",
-            *_baseline(found, what),
-        ]
-    best = found.lines[0].backend
+        error = _errors(found)[best]
+        return [f"{best} alone has an estimate of the {what} {on}: median error {error}.", *_baseline(found, what)]
     pairs: dict[str, list[Comparison]] = {}
     for line in found.lines[1:]:
         c = found.between(found.lines[0], line)

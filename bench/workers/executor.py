@@ -14,6 +14,7 @@ class Executor(Protocol):
     @property
     def slots(self) -> int:
         """Returns how many jobs it runs at once, as far as known: for estimates and the size of batches."""
+        ...
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
         """Yields each job as it ends, in any order; `alone`: one at a time on each machine.
@@ -21,6 +22,7 @@ class Executor(Protocol):
         InputError where it cannot run at all: no scheduler at that address, other code on a worker. A caller that stops
         listening ends what is running.
         """
+        ...
 
     def close(self) -> None:
         """Ends its workers."""

@@ -20,7 +20,6 @@ def test_the_preview_is_a_video_of_every_frame(tmp_path: Path, suffix: str) -> N
     path = tmp_path / f"preview{suffix}"
     recording, _ = small_recording(np.random.default_rng(0))
     with Preview(path) as preview:
-        preview.check()
         build_log(recording, preview.observe)
         assert not path.exists()
     video = cv2.VideoCapture(str(path))
@@ -45,9 +44,6 @@ def test_a_preview_is_whole_or_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected later"), Preview(tmp_path / "two.mp4") as preview:
         build_log(late, preview.observe)
     assert [one.name for one in tmp_path.iterdir()] == ["one.mp4"]
-    for name in ("x.gif", "x", "nowhere/x.mp4"):
-        with pytest.raises(InputError, match="--preview"):
-            Preview(tmp_path / name).check()
 
 
 def seen_of(number: int, kept: int, rejected: int) -> Seen:
