@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .bench.check.suite import check as check
-    from .bench.logs.show import Portrait as Portrait
+    from .bench.logs.show import LogPicture as LogPicture
     from .bench.logs.show import show as show
     from .bench.plan.load import load as load
     from .bench.report.comparison import compare as compare
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "InputError": ".frontend.errors",
-    "Portrait": ".bench.logs.show",
+    "LogPicture": ".bench.logs.show",
     "Result": ".bench.run.result",
     "SlamduelError": ".frontend.errors",
     "check": ".bench.check.suite",

@@ -1,4 +1,4 @@
-"""The command line: `bench run`, `bench detect` and the others. A mendable error is one sentence and status 2."""
+"""The command line: `bench run`, `bench detect` and the others. A user's error is one sentence and status 2."""
 
 import argparse
 import contextlib
@@ -15,32 +15,32 @@ from .words.ascii import plain_where_needed
 COMMANDS = {
     "run": ("run backends on datasets and write a report", ".commands.run"),
     "list": ("list backends and datasets with their options", ".commands.list"),
-    "show": ("a picture of a log, and its numbers", ".commands.show"),
-    "validate": ("everything that is wrong with a log, with file and row", ".commands.validate"),
+    "show": ("draw a log and print its numbers", ".commands.show"),
+    "validate": ("list everything that is wrong with a log, with file and row", ".commands.validate"),
     "fetch": ("download a published log from its publisher", ".commands.fetch"),
     "export": ("write a log, or the cells of a study or run, for other programs", ".commands.export"),
-    "detect": ("the markers in a recording as a log, with a report of what was found", ".commands.detect"),
+    "detect": ("detect the markers in a recording and write a log with a report", ".commands.detect"),
     "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".commands.render"),
     "markers": ("print markers, or a calibration board, at true size", ".commands.markers"),
     "calibrate": ("calibrate a camera from views of a ChArUco board", ".commands.calibrate"),
     "speed": ("time a step of every backend, or of the front end, against stated references", ".commands.speed"),
     "ablate": ("run a study to its answer, on this machine or a cluster", ".commands.ablate"),
-    "check": ("hold a backend to the conformance suite", ".commands.check"),
+    "check": ("run the conformance suite on a backend", ".commands.check"),
     "report": ("write the report of a run's or a study's folder again", ".commands.report"),
-    "compare": ("regressions and gains between two runs, for a pull request or CI", ".commands.compare"),
-    "replay": ("a run step by step, backends side by side, as a page, a film or a recording", ".commands.replay"),
+    "compare": ("list regressions and gains between two runs, for a pull request or CI", ".commands.compare"),
+    "replay": ("show a run step by step, backends side by side, as a page, a film or a recording", ".commands.replay"),
 }
-"""Name -> help, and the module with `arguments(parser)` and `main(namespace)`; only the one asked for is imported."""
+"""Name -> help, and the module with `arguments(parser)` and `main(namespace)`, imported on demand."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; its exit status."""
+    """Runs a command; returns its exit status."""
     given = sys.argv[1:] if argv is None else list(argv)
     plain_where_needed()
     parser = argparse.ArgumentParser(
         prog="bench",
         description="The same robot log through several SLAM backends, and a verdict that holds up.",
-        epilog="bench COMMAND --help tells more. bench run alone runs five backends on two datasets that come along.",
+        epilog="bench COMMAND --help tells more. bench run alone runs five backends on two built-in datasets.",
     )
     chosen = next((word for word in given if not word.startswith("-")), None)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @contextlib.contextmanager
 def _ended_gently() -> Generator[None]:
-    """Who is asked to end, by a batch system or a closing terminal, ends as after Ctrl-C: nothing is left behind."""
+    """Makes SIGTERM and SIGHUP, as from a batch system or a closing terminal, end the command as Ctrl-C does."""
     ours: list[signal.Signals] = []
     if threading.current_thread() is threading.main_thread():
         ours = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) == signal.SIG_DFL]

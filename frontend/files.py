@@ -3,19 +3,27 @@
 import contextlib
 import os
 import secrets
+from collections.abc import Generator
 from pathlib import Path
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Writes `content` to `path` atomically: a reader sees the old or the new file, never a part."""
-    part = beside(path)
-    try:
+    """Put `content` in the file at `path`, a reader sees what was there before or the new, never a part."""
+    with replaced(path) as part:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextlib.contextmanager
+def replaced(path: Path, suffix: str = "") -> Generator[Path]:
+    """Yields a hidden place next to `path`, whose file replaces that at `path` at the end."""
+    part = beside(path)
+    part = part.with_name(part.name + suffix)
+    try:
+        yield part
         os.replace(part, path)
-    except BaseException:
+    finally:
         with contextlib.suppress(OSError):
-            part.unlink()
-        raise
+            part.unlink(missing_ok=True)
 
 
 def beside(path: Path) -> Path:

@@ -1,1 +1,1 @@
-"""Markers on paper, a calibration's picture, a recording made into a log with its report."""
+"""Printed markers, a calibration's picture, and recordings made into logs with reports."""

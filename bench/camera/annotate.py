@@ -1,4 +1,4 @@
-"""Camera frames with what was found drawn on them."""
+"""Draws detections on camera frames."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ _SHIFT = 4  # bits of a pixel that OpenCV draws lines to
 
 
 def annotated(seen: Seen, width: int | None = None) -> Image:
-    """The frame in colour, `width` px wide (as it is where None): outlines, ids, ranges, and its time in a corner."""
+    """Draws outlines, ids, ranges and the time on the frame, `width` px wide (None: as it is)."""
     image = seen.frame.image
     assert image is not None
     picture = np.array(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image)
@@ -27,7 +27,7 @@ def annotated(seen: Seen, width: int | None = None) -> Image:
         how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
         height, across = (round(scale * size) for size in picture.shape[:2])
         picture = cv2.resize(picture, (across, height), interpolation=how)
-    size = picture.shape[1] / 640 * (1.1 if width is None else 2.0)  # what is made small is looked at small
+    size = picture.shape[1] / 640 * (1.1 if width is None else 2.0)  # small pictures need larger letters
     for sighting, z, kept in zip(seen.sightings, seen.z, seen.kept, strict=True):
         colour = KEPT if kept else FAR
         corners = (sighting.corners + 0.5) * scale - 0.5
@@ -41,7 +41,7 @@ def annotated(seen: Seen, width: int | None = None) -> Image:
 
 
 def _outline(picture: Any, corners: Array, colour: tuple[int, int, int], size: float) -> None:
-    """The square, and a dot at the marker's own top left corner, which tells how it is turned."""
+    """Draws the square, and a dot at the marker's own top left corner, which shows its orientation."""
     points = np.round(corners * (1 << _SHIFT)).astype(np.int32)
     cv2.polylines(picture, [points], True, WHITE, max(1, round(2 * size)), cv2.LINE_AA, _SHIFT)
     cv2.polylines(picture, [points], True, colour, max(1, round(1.2 * size)), cv2.LINE_AA, _SHIFT)
@@ -50,7 +50,7 @@ def _outline(picture: Any, corners: Array, colour: tuple[int, int, int], size: f
 
 
 def _words(picture: Any, text: str, corners: Array, size: float) -> None:
-    """Above the marker, or below one at the upper rim; never beyond the sides."""
+    """Writes above the marker, or below one at the upper edge; never beyond the sides."""
     scale = 0.45 * size
     (width, height), _ = cv2.getTextSize(text, _FONT, scale, _weight(scale))
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -61,7 +61,6 @@ def _words(picture: Any, text: str, corners: Array, size: float) -> None:
 
 
 def _write(picture: Any, text: str, place: tuple[int, int], scale: float) -> None:
-    """White on black, so that it can be read on anything."""
     (width, height), below = cv2.getTextSize(text, _FONT, scale, _weight(scale))
     x, y = place
     cv2.rectangle(picture, (x - 3, y - height - 2), (x + width + 2, y + below // 2), BLACK, cv2.FILLED)

@@ -1,4 +1,4 @@
-"""A calibration in one picture: where in the image corners were seen, how far off they are, and which views are bad."""
+"""Draws a calibration in one picture: coverage, residuals, and errors by view."""
 
 from pathlib import Path
 
@@ -11,17 +11,14 @@ from ..drawing.axes import short
 from ..drawing.picture import picture
 from ..words.styles import COLOURS
 
-ARROW = 0.04
-"""Of the image's width, what the arrow of a large residual takes."""
-
-NAMED = 40
-"""Views up to which each bar has its name."""
+ARROW = 0.04  # share of the image's width that the arrow of a large residual takes
+NAMED = 40  # views up to which each bar has its name
 
 _GOOD, _BAD, _EMPTY, _INK = COLOURS[0], COLOURS[1], "#eeeeee", "#222222"
 
 
 def write_picture(path: Path, found: Calibration) -> None:
-    """Draw `found` into `path`, whole or not at all; its suffix says in which format."""
+    """Draws `found` into `path`, whole or not at all; its suffix is the format."""
     bars = min(len(found.fits), NAMED)
     with picture(path, (10.5, max(4.6, 1.4 + 0.19 * bars))) as figure:
         image, errors = figure.subplots(1, 2, width_ratios=(2, 1))
@@ -33,7 +30,7 @@ def write_picture(path: Path, found: Calibration) -> None:
 
 
 def _image(axes: Axes, found: Calibration) -> None:
-    """The image's parts without a corner in grey; the corners, and their residuals magnified."""
+    """Draws the corners with magnified residuals; the image's parts without a corner are grey."""
     camera = found.camera
     corners = np.vstack([fit.view.corners for fit in found.fits])
     residuals = np.vstack([fit.residuals for fit in found.fits])
@@ -70,7 +67,6 @@ def _image(axes: Axes, found: Calibration) -> None:
 
 
 def _errors(axes: Axes, found: Calibration) -> None:
-    """A bar a view."""
     errors = [fit.error for fit in found.fits]
     rows = np.arange(len(errors))
     axes.barh(rows, errors, 0.7, color=[_BAD if fit.bad else _GOOD for fit in found.fits])
@@ -88,7 +84,7 @@ def _errors(axes: Axes, found: Calibration) -> None:
 
 
 def _round(value: float) -> float:
-    """The nearest of 1, 2 and 5 times a power of ten below `value`; 1 where it is nothing."""
+    """Rounds `value` down to 1, 2 or 5 times a power of ten; 1 where it is 0."""
     if not value > 0:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(value))

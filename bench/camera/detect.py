@@ -1,4 +1,4 @@
-"""From an opened recording to its log with a report: what `bench detect` does."""
+"""Makes an opened recording into a log with a report: what `bench detect` does."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
@@ -13,25 +13,21 @@ from ...frontend.factors import Log, Truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
 from ...frontend.markers.pipeline import Frame, Recording, Seen, build_log
-from .empty_frames import EmptyFrames
 from .figures import range_bins
-from .folder import write_folder
-from .kept_frames import Contact
+from .folder import write_detection_report, write_folder
+from .kept_frames import ContactSheet, EmptyFrames
 from .noise_calibration import CORNERS, calibrate, known_in_log, range_table, toml
 from .preview import Preview
-from .report import write_detection_report
-from .sightings import Detection
+from .sightings import Detection, true_errors
 from .summary import Findings, hardly_any
-from .true_sightings import true_errors
 
 NOISE = "noise.toml"
 
-JUDGED = 1000
-"""Sightings, the first ones, that tell whether the markers' stated side can be."""
+JUDGED = 1000  # number of first sightings by which the markers' stated side is checked
 
 
-class Wishes(NamedTuple):
-    """What is asked of a detection."""
+class DetectRequest(NamedTuple):
+    """The options of a detection."""
 
     source: str  # the recording, as the user named it
     out: Path
@@ -40,61 +36,61 @@ class Wishes(NamedTuple):
     calibrate_noise: bool = False
 
 
-def detect(recording: Recording, truth: Truth | None, wishes: Wishes, advance: Callable[[int], None]) -> Findings:
-    """Go through the recording, write its log and report to `wishes.out`, and tell what was found.
+def detect(
+    recording: Recording, truth: Truth | None, request: DetectRequest, advance: Callable[[int], None]
+) -> Findings:
+    """Detects the markers of a recording and writes its log and report to `request.out`.
 
     `advance` is called at every frame with the number of markers found so far. InputError where no frame can be used,
-    where the noise is to be calibrated and no truth is known, and where something cannot be written.
+    where the noise is to be calibrated without a truth, and where something cannot be written.
     """
-    if wishes.calibrate_noise and (truth is None or truth.map is None or not len(truth.t)):
+    if request.calibrate_noise and (truth is None or truth.map is None or not len(truth.t)):
         raise InputError(
-            f"{wishes.source}: has no truth for --calibrate-noise, expected the robot's poses (truth.tum) and the "
+            f"{request.source}: has no truth for --calibrate-noise, expected the robot's poses (truth.tum) and the "
             "markers' places (landmarks.csv) in its folder."
         )
     first: list[Sighting] = []
-    detection, contact, empty = Detection(CORNERS if wishes.calibrate_noise else None), Contact(), EmptyFrames()
+    detection, contact, empty = Detection(CORNERS if request.calibrate_noise else None), ContactSheet(), EmptyFrames()
 
     def observe(seen: Seen) -> None:
         detection.observe(seen, recording.detector.camera.mounting)
         contact.observe(seen)
         empty.observe(seen)
         first.extend(seen.sightings[: JUDGED - len(first)])
-        if wishes.preview is not None:
-            wishes.preview.observe(seen)
+        if request.preview is not None:
+            request.preview.observe(seen)
 
     def counted(frames: Iterable[Frame]) -> Iterator[Frame]:
         start = None
         for frame in frames:
             start = frame.t if start is None else start
-            if wishes.seconds is not None and frame.t - start > wishes.seconds:
+            if request.seconds is not None and frame.t - start > request.seconds:
                 return
             yield frame
             advance(detection.found)
 
-    with wishes.preview or nullcontext():
+    with request.preview or nullcontext():
         log = build_log(replace(recording, frames=counted(recording.frames)), observe)
     camera, markers = recording.detector.camera, recording.detector.markers
     advice = [plausible_length(first, markers)]
     advice += diagnose(empty.images, markers, camera) if hardly_any(detection) else []
-    sentences = [_sentence(one) for one in advice if one is not None]
-    findings = _findings(recording, log, truth, detection, sentences, wishes)
+    sentences = [
+        f"{one[:1].upper()}{one[1:].rstrip('.')}{'' if one.endswith('?') else '.'}" for one in advice if one is not None
+    ]
+    findings = _findings(recording, log, truth, detection, sentences, request)
 
     def write(folder: Path) -> None:
         log_folder.write(folder, log, findings.truth)
         if findings.calibration is not None:
             (folder / NOISE).write_text(toml(findings.calibration), encoding="utf-8")
-        write_detection_report(folder, wishes.out, findings, contact.pictures())
+        write_detection_report(folder, request.out, findings, contact.pictures())
 
-    write_folder(wishes.out, write)
+    write_folder(request.out, write)
     return findings
 
 
-def _sentence(words: str) -> str:
-    return words[:1].upper() + words[1:] + ("" if words.endswith((".", "?")) else ".")
-
-
 def _findings(
-    recording: Recording, log: Log, truth: Truth | None, detection: Detection, advice: list[str], wishes: Wishes
+    recording: Recording, log: Log, truth: Truth | None, detection: Detection, advice: list[str], request: DetectRequest
 ) -> Findings:
     known = None if truth is None else sample(truth, log.t)
     sightings = detection.sightings()
@@ -103,7 +99,7 @@ def _findings(
     if true is not None and len(true.errors):
         seen, errors = known_in_log(sightings, true)
         bins = range_table(seen.z, errors, [seen.cov], range_bins(seen.z[:, 0]))
-    if true is not None and wishes.calibrate_noise:
+    if true is not None and request.calibrate_noise:
         calibration = calibrate(sightings, true, range_bins(sightings.z[sightings.kept, 0]))
     return Findings(
         log, known, recording.max_range, detection.size, detection.t, sightings, true, bins, advice, calibration

@@ -1,4 +1,4 @@
-"""Figures of a detection report: where and when markers were seen, how well they fit, and how the encoders went."""
+"""Draws the figures of a detection report: sightings over range, time and place, errors, and odometry."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,44 +11,38 @@ from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.factors import Log, Truth
 from ...frontend.se2 import Array, Ints
 from ..drawing.axes import legend
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import exhibit
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import report_figure
 from ..drawing.svg import INK
 from ..words.numerals import plain
 from ..words.styles import COLOURS
-from .sightings import AMBIGUOUS, Sightings, in_log
-from .true_sightings import TrueErrors
+from .sightings import AMBIGUOUS, Sightings, TrueErrors, in_log
 
-HEIGHT = 180
-"""Points."""
-
-MOST_POINTS = 1500
-"""Drawn in a figure; of more, every n-th."""
-
-LEAST_BIN = 5
-"""Sightings; a range bin with fewer shows no mean."""
+HEIGHT = 180  # points
+MOST_POINTS = 1500  # points drawn in a figure; of more, every n-th
+LEAST_BIN = 5  # sightings; a range bin with fewer shows no mean
 
 KEPT, FAR = COLOURS[2], COLOURS[1]
 
 
 def range_bins(ranges: Array, most: int = 10) -> Array:
-    """Edges (k + 1,) of at most `most` bins of round width from 0 to beyond the farthest of `ranges`."""
+    """Returns edges (k + 1,) of at most `most` bins of round width from 0 to beyond the farthest of `ranges`."""
     top = float(ranges.max()) if len(ranges) else 1.0
     width = next(w for w in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, np.inf) if top / w < most)
     width = width if np.isfinite(width) else top / (most - 1)
     return np.arange(int(top / width) + 2.0) * width
 
 
-def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[Exhibit]:
-    """How far, when and where: for recordings with any sighting."""
+def seen_figures(sightings: Sightings, t: Array, max_range: float) -> Iterator[ReportFigure]:
+    """Draws sightings over range, time and place, for recordings with any."""
     yield _ranges(sightings, max_range)
     yield _raster(sightings, t)
     yield _places(sightings, max_range)
     yield _fit(sightings)
 
 
-def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[Exhibit]:
-    """Errors against the truth, in the log; for recordings where any is known."""
+def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[ReportFigure]:
+    """Draws the errors of the log's sightings against the truth, where any is known."""
     s = in_log(sightings)
     at, errors = true.known[sightings.kept], true.errors[sightings.kept[true.known]]
     z, sd = s.z[at], np.sqrt(np.diagonal(s.cov[at], axis1=1, axis2=2))
@@ -59,8 +53,8 @@ def true_figures(sightings: Sightings, true: TrueErrors) -> Iterator[Exhibit]:
     yield _errors("bearing-error", "Bearing error against range", "measured - true bearing, degrees", z, *degrees)
 
 
-def path_figure(log: Log, truth: Truth | None) -> Exhibit:
-    """Where the robot was by its own odometry alone, and where it was."""
+def path_figure(log: Log, truth: Truth | None) -> ReportFigure:
+    """Draws the path by odometry alone, and the known one."""
     reckoned = dead_reckoned(log)
 
     def draw(figure: Figure) -> None:
@@ -76,11 +70,11 @@ def path_figure(log: Log, truth: Truth | None) -> Exhibit:
         axes.set_ylabel("y, m")
         legend(figure, axes, 3)
 
-    caption = "The odometry alone, from the prior's pose (dot): how it drifts is what the markers are for."
-    return _exhibit("path", "The way by odometry", caption, draw, 1.25 * HEIGHT)
+    caption = "The odometry alone, from the prior's pose (dot): the markers correct its drift."
+    return _figure("path", "Path by odometry", caption, draw, 1.25 * HEIGHT)
 
 
-def _ranges(sightings: Sightings, max_range: float) -> Exhibit:
+def _ranges(sightings: Sightings, max_range: float) -> ReportFigure:
     edges = range_bins(sightings.z[:, 0], 24)
     kept, far = sightings.z[sightings.kept, 0], sightings.z[~sightings.kept, 0]
 
@@ -96,10 +90,10 @@ def _ranges(sightings: Sightings, max_range: float) -> Exhibit:
             legend(figure, axes, 2)
 
     caption = f"Bars are {plain(float(edges[1]))} m wide."
-    return _exhibit("ranges", "How far away", caption, draw)
+    return _figure("ranges", "Ranges of the markers", caption, draw)
 
 
-def _raster(sightings: Sightings, t: Array) -> Exhibit:
+def _raster(sightings: Sightings, t: Array) -> ReportFigure:
     names = np.unique(sightings.ids)
     start = t[0]
     gap = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
@@ -123,20 +117,20 @@ def _raster(sightings: Sightings, t: Array) -> Exhibit:
         axes.grid(visible=False, axis="y")
 
     height = float(np.clip(60 + 8 * len(names), HEIGHT, 2 * HEIGHT))
-    return _exhibit(
-        "raster", "When each marker was seen", "A row is a marker; a gap is a time it was not found.", draw, height
+    return _figure(
+        "raster", "When each marker was seen", "One row per marker; a gap is a time without a detection.", draw, height
     )
 
 
 def _runs(frames: Ints) -> list[tuple[int, int]]:
-    """The first and last of each run of consecutive numbers in `frames`."""
+    """Returns the first and last of each run of consecutive numbers in `frames`."""
     if not len(frames):
         return []
     cuts = np.flatnonzero(np.diff(frames) > 1)
     return list(zip(frames[np.r_[0, cuts + 1]].tolist(), frames[np.r_[cuts, len(frames) - 1]].tolist(), strict=True))
 
 
-def _places(sightings: Sightings, max_range: float) -> Exhibit:
+def _places(sightings: Sightings, max_range: float) -> ReportFigure:
     every = _every(len(sightings.ids))
     z, kept = sightings.z[::every], sightings.kept[::every]
     ahead, left = z[:, 0] * np.cos(z[:, 1]), z[:, 0] * np.sin(z[:, 1])
@@ -153,10 +147,10 @@ def _places(sightings: Sightings, max_range: float) -> Exhibit:
         axes.set_ylabel("ahead, m")
 
     caption = f"From above, the robot at the triangle looking up; dashed: {max_range:g} m, the farthest that is kept."
-    return _exhibit("places", "Where from the robot", caption + _thinned(every), draw, 1.25 * HEIGHT)
+    return _figure("places", "Places relative to the robot", caption + _thinned(every), draw, 1.25 * HEIGHT)
 
 
-def _fit(sightings: Sightings) -> Exhibit:
+def _fit(sightings: Sightings) -> ReportFigure:
     every = _every(len(sightings.ids))
     doubtful = sightings.ambiguity[::every] > AMBIGUOUS
     ranges, error = sightings.z[::every, 0], sightings.error[::every]
@@ -173,13 +167,13 @@ def _fit(sightings: Sightings) -> Exhibit:
         legend(figure, axes, 2)
 
     caption = (
-        "How far the corners are from where the marker's pose puts them. Ambiguous: two poses fit almost alike; range "
-        "and bearing hardly suffer."
+        "Distance of the corners from their places by the marker's pose. Ambiguous: two poses fit almost equally; "
+        "range and bearing hardly change."
     )
-    return _exhibit("fit", "How well the corners fit", caption + _thinned(every), draw)
+    return _figure("fit", "Reprojection error of the corners", caption + _thinned(every), draw)
 
 
-def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array) -> Exhibit:
+def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array) -> ReportFigure:
     every = _every(len(errors))
     edges = range_bins(z[:, 0])
     place = np.digitize(z[:, 0], edges) - 1
@@ -195,24 +189,19 @@ def _errors(name: str, title: str, unit: str, z: Array, errors: Array, sd: Array
             stated = 2 * float(np.sqrt((sd[mine] ** 2).mean()))
             axes.fill_between([low, high], -stated, stated, color=COLOURS[3], alpha=0.25, linewidth=0)
             axes.plot([low, high], [errors[mine].mean()] * 2, color=INK, linewidth=1.2)
-        _inside(axes, errors, sd)
+        reach = 1.15 * max(float(np.quantile(np.abs(errors), 0.995)), 2 * float(np.median(sd)))
+        axes.set_ylim(-reach, reach)  # a single outlier does not stretch it
         axes.axhline(0, color=INK, linewidth=0.5)
         axes.set_xlim(left=0)
         axes.set_xlabel("range, m")
         axes.set_ylabel(unit)
 
     caption = "Band: two standard deviations, as the log states them. Line: the mean error."
-    return _exhibit(name, title, caption + _thinned(every), draw)
+    return _figure(name, title, caption + _thinned(every), draw)
 
 
 def _dots(axes: Axes, x: Array, y: Array, colour: str) -> None:
     axes.plot(x, y, ".", color=colour, markersize=3.5, alpha=0.6, markeredgewidth=0)
-
-
-def _inside(axes: Axes, errors: Array, sd: Array) -> None:
-    """Limits that a single outlier does not stretch."""
-    reach = 1.15 * max(float(np.quantile(np.abs(errors), 0.995)), 2 * float(np.median(sd)))
-    axes.set_ylim(-reach, reach)
 
 
 def _every(count: int) -> int:
@@ -223,5 +212,7 @@ def _thinned(every: int) -> str:
     return "" if every == 1 else f" One of {every} is drawn."
 
 
-def _exhibit(name: str, title: str, caption: str, draw: Callable[[Figure], None], height: float = HEIGHT) -> Exhibit:
-    return exhibit(f"detection-{name}", title, caption, height, draw)._replace(name=name)
+def _figure(
+    name: str, title: str, caption: str, draw: Callable[[Figure], None], height: float = HEIGHT
+) -> ReportFigure:
+    return report_figure(f"detection-{name}", title, caption, height, draw)._replace(name=name)

@@ -1,4 +1,4 @@
-"""A contact sheet: a dozen annotated frames spread over a recording, chosen while it goes by, for their variety."""
+"""Chooses frames to keep: varied ones for a contact sheet, and some without markers for a diagnosis."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,17 +12,13 @@ from .annotate import annotated
 
 PICTURES = 12
 COLUMNS = 4
-WIDTH = 480
-"""px, of a picture."""
-
-STRETCHES = 8
-"""At most; when there are more, each two become one, so that the pictures in memory stay few however long it takes."""
-
+WIDTH = 480  # px, of a picture
+STRETCHES = 8  # at most; beyond, pairs are merged, so that memory stays bounded however long the recording
 _GAP = 8  # px between pictures
 
 
 class Picture(NamedTuple):
-    """A frame that was chosen, and what is on it."""
+    """A chosen frame, and its counts."""
 
     number: int  # of the frame among those used
     t: float  # s
@@ -33,11 +29,11 @@ class Picture(NamedTuple):
 
 
 @dataclass
-class Contact:
-    """Chooses as frames go by.
+class ContactSheet:
+    """Chooses frames as they pass.
 
-    Of every stretch of the recording it keeps at most four: the frame with the most markers, that with the fewest,
-    that with the most rejections, and the first.
+    Of every stretch of the recording it keeps at most four: the frame with the most markers, that with the fewest, that
+    with the most rejections, and the first.
     """
 
     _stretches: list[list[Picture]] = field(default_factory=list[list[Picture]])
@@ -45,7 +41,7 @@ class Contact:
     _length: int = 1  # frames a stretch
 
     def observe(self, seen: Seen) -> None:
-        """Look at a frame; it is drawn only where it is kept."""
+        """Considers a frame; it is drawn only if it is kept."""
         if self._frames % self._length == 0:
             if len(self._stretches) == STRETCHES:
                 pairs = zip(self._stretches[::2], self._stretches[1::2], strict=True)
@@ -64,7 +60,7 @@ class Contact:
         return sum(map(len, self._stretches))
 
     def pictures(self) -> list[Picture]:
-        """At most `PICTURES`, in order: the fullest of each stretch, some with rejections, some empty, others."""
+        """Returns up to PICTURES, in order: the fullest of each stretch, some with rejections, some empty, others."""
         fullest = [max(stretch, key=_fullness) for stretch in self._stretches]
         taken = {one.number for one in fullest}
         others = [one for stretch in self._stretches for one in stretch if one.number not in taken]
@@ -81,7 +77,7 @@ class Contact:
 
 
 def sheet(pictures: list[Picture]) -> Image:
-    """All in one image, row by row, on black."""
+    """Tiles all in one image, row by row, on black."""
     height, width = (max(one.image.shape[axis] for one in pictures) for axis in (0, 1))
     columns = min(COLUMNS, len(pictures))
     rows = -(-len(pictures) // columns)
@@ -93,16 +89,15 @@ def sheet(pictures: list[Picture]) -> Image:
 
 
 def encoded(image: Image, suffix: str) -> bytes:
-    """The image as the bytes of a .png or .jpg file."""
+    """Encodes the image as a .png or .jpg file."""
     settings = [cv2.IMWRITE_JPEG_QUALITY, 82] if suffix == ".jpg" else []
     _, content = cv2.imencode(suffix, image, settings)
     return content.tobytes()
 
 
 def _best(candidates: list[Picture]) -> list[Picture]:
-    """The four that a stretch keeps, or fewer where one is several of them, in order."""
     chosen = {one.number: one for one in (max(candidates, key=_fullness), min(candidates, key=_fullness))}
-    chosen |= {one.number: one for one in [max(candidates, key=_rejections)] if one.rejected}
+    chosen |= {one.number: one for one in [max(candidates, key=lambda one: one.rejected)] if one.rejected}
     chosen[candidates[0].number] = candidates[0]
     return sorted(chosen.values())
 
@@ -111,15 +106,34 @@ def _fullness(one: Picture) -> tuple[int, int]:
     return one.kept, one.far
 
 
-def _rejections(one: Picture) -> int:
-    return one.rejected
-
-
 def _spread(candidates: list[Picture], count: int) -> list[Picture]:
-    """At most `count` of them, evenly."""
     if len(candidates) <= count:
         return candidates[: max(count, 0)]
     return [candidates[k] for k in np.linspace(0, len(candidates) - 1, count).round().astype(int)] if count > 0 else []
 
 
 _NOT_DRAWN: Image = np.zeros((0, 0, 3), np.uint8)
+
+
+MOST = 12
+
+
+@dataclass
+class EmptyFrames:
+    """Up to MOST frames without markers, spread over the recording."""
+
+    images: list[Image] = field(default_factory=list[Image])
+    _every: int = 1
+    _seen: int = 0
+
+    def observe(self, seen: Seen) -> None:
+        """Keeps the frame's image if it is one of every so many."""
+        if seen.sightings or seen.frame.image is None:
+            return
+        if self._seen % self._every == 0:
+            if len(self.images) == MOST:
+                self.images = self.images[::2]
+                self._every *= 2
+            if self._seen % self._every == 0:
+                self.images.append(seen.frame.image)
+        self._seen += 1

@@ -1,4 +1,4 @@
-"""The noise models fitted to a recording whose truth is known, and how true the stated noise is, by range."""
+"""Fits the noise models to a recording with ground truth, and checks the stated noise by range."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,14 +8,12 @@ import numpy as np
 from ...frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from ...frontend.markers.noise_fit import Propagated, Slope, fit_propagated, fit_slope, squares
 from ...frontend.se2 import Array
-from .sightings import Sightings, in_log
-from .true_sightings import TrueErrors
+from .sightings import Sightings, TrueErrors, in_log
 
 CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
-"""What the corners alone make of a sighting's covariance, at the scale 1."""
+"""the covariance from the corners alone, at the scale 1"""
 
-HONEST = (0.8, 1.2)
-"""NEES of (range, bearing), over its two degrees of freedom, that pass for 1, which is exact."""
+HONEST = (0.8, 1.2)  # NEES of (range, bearing), over its two degrees of freedom, that counts as consistent
 
 
 class RangeBin(NamedTuple):
@@ -41,21 +39,18 @@ class Calibration(NamedTuple):
     corner_sd: float  # px, of a corner, root mean square, as fitted
     proportional: ProportionalNoise
     propagated: PropagatedNoise
-    likelier: str  # the model under which these errors are the likelier
+    likelier: str  # the model with the higher likelihood
     bins: list[RangeBin]  # of the sightings that neither fit set aside; nees: stated, proportional, propagated
 
 
 def known_in_log(sightings: Sightings, true: TrueErrors) -> tuple[Sightings, Array]:
-    """The m sightings in the log whose errors are known, and these, (m, 2)."""
+    """Returns the m sightings in the log with known errors, and these, (m, 2)."""
     both = sightings._replace(kept=sightings.kept & true.known)
     return in_log(both), true.errors[sightings.kept[true.known]]
 
 
 def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibration:
-    """Fit both models to the sightings in the log; `edges` (k + 1,), m, are those of the range bins.
-
-    InputError where too few sightings have an error.
-    """
+    """Fits both models to the sightings in the log; `edges` (k + 1,) of range bins, m. InputError for too few."""
     seen, errors = known_in_log(sightings, true)
     by_range, by_bearing = (fit_slope(seen.z[:, axis], errors[:, axis]) for axis in (0, 1))
     corners = fit_propagated(errors, seen.corner_noise)
@@ -79,10 +74,7 @@ def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibrati
 
 
 def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) -> list[RangeBin]:
-    """The errors (n, 2) of the measurements z (n, 2) by range; `covs` are the noises to hold them against.
-
-    Bins without a sighting are left out; `edges` (k + 1,), m.
-    """
+    """Tabulates errors (n, 2) of measurements z (n, 2), non-empty bins of range `edges` (k + 1,), NEES by `covs`."""
     place = np.digitize(z[:, 0], edges) - 1
     normalised = [squares(errors, cov) / 2 for cov in covs]
     return [
@@ -99,7 +91,7 @@ def range_table(z: Array, errors: Array, covs: Sequence[Array], edges: Array) ->
 
 
 def toml(calibration: Calibration) -> str:
-    """The [noise] of a robot.toml: the likelier model in force, the other commented out beside it."""
+    """Writes the [noise] of a robot.toml: the likelier model, the other commented out beside it."""
     c = calibration
     sections = {
         "proportional": (

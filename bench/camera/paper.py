@@ -1,10 +1,9 @@
-"""Pages of markers and calibration boards at their true size, as a PDF.
+"""Writes pages of markers and calibration boards at their true size, as a PDF.
 
 Lengths are millimetres, from a page's lower left corner. Ink is filled outlines: modules that touch are one shape, so
 that no viewer shows a hairline between them.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from io import BytesIO
 from itertools import pairwise
@@ -21,25 +20,23 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Transform
 from numpy.typing import NDArray
 
+from ...frontend.files import write_whole
 from ...frontend.se2 import Array
 from .sheets import EDGE, FOOT, PAGES, STRIP, Placed, check_fits
 
-BAR = 100.0
-"""The length of the scale bar, from end to end."""
+BAR = 100.0  # length of the scale bar
 
 TICK = 3.0
 
-POINT = 25.4 / 72
-"""mm."""
+POINT = 25.4 / 72  # mm
 
 _STYLE: dict[str, Any] = {"pdf.fonttype": 42, "text.parse_math": False, "font.size": 6, "patch.linewidth": 0.25}
 
-Draw = Callable[[Figure, Transform], None]
-"""Draws on a page of which the second argument is the transform from millimetres."""
+Draw = Callable[[Figure, Transform], None]  # draws on a page; the second argument is the transform from millimetres
 
 
 def markers(placed: Sequence[Placed]) -> Draw:
-    """Markers, and at the corners of each sheet where to cut: a line all around would be one more square to find."""
+    """Draws markers with cut marks at the corners of each sheet; a whole frame would be one more square to detect."""
 
     def draw(figure: Figure, scale: Transform) -> None:
         for sheet, x, y in placed:
@@ -58,7 +55,7 @@ def markers(placed: Sequence[Placed]) -> Draw:
 
 
 def board(charuco: cv2.aruco.CharucoBoard, words: str, page: str) -> Draw:
-    """A ChArUco board in the middle of a page, `words` at its foot. InputError where it is too large."""
+    """Draws a ChArUco board in the middle of a page, `words` at its foot; InputError where it is too large."""
     columns, rows = charuco.getChessboardSize()
     square, side = 1000 * charuco.getSquareLength(), 1000 * charuco.getMarkerLength()
     width, height = columns * square, rows * square
@@ -85,19 +82,17 @@ def board(charuco: cv2.aruco.CharucoBoard, words: str, page: str) -> Draw:
 
 
 def write_pdf(path: File, page: str, drawings: Sequence[Draw], title: str) -> None:
-    """Put the pages in a file that is there whole or not at all."""
+    """Writes the pages to a file, whole or not at all."""
     made = BytesIO()
     about = {"Title": title, "Creator": "slamduel", "CreationDate": None}
     with style.context(["default", _STYLE]), PdfPages(made, metadata=about) as pdf:
         for draw in drawings:
             pdf.savefig(drawn(page, draw))
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_bytes(made.getvalue())
-    os.replace(beside, path)
+    write_whole(path, made.getvalue())
 
 
 def drawn(page: str, draw: Draw) -> Figure:
-    """A page with its scale bar and what `draw` draws."""
+    """Makes a page with its scale bar and what `draw` draws."""
     width, height = PAGES[page]
     figure = Figure(figsize=(width / 25.4, height / 25.4))
     scale = Affine2D().scale(1 / 25.4) + figure.dpi_scale_trans
@@ -111,10 +106,7 @@ def drawn(page: str, draw: Draw) -> Figure:
 
 
 def outlines(black: NDArray[np.bool_]) -> list[Array]:
-    """The closed outlines (n, 2) of the black cells, as (column, row) of the cells' corners.
-
-    Shapes are traced one way round and their holes the other: filled by the non-zero rule they are the cells.
-    """
+    """Traces the outlines (n, 2) of the black cells, holes the other way round: (column, row) of cell corners."""
     edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for row, column in np.argwhere(black).tolist():
         ring = [(column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1), (column, row)]
@@ -136,7 +128,6 @@ def outlines(black: NDArray[np.bool_]) -> list[Array]:
 
 
 def _ticks(x: float, y: float, width: float, height: float) -> Path:
-    """Where the edges of a rectangle meet, the beginnings of both."""
     lines: list[tuple[float, float]] = []
     for corner_x, inwards in ((x, TICK), (x + width, -TICK)):
         for corner_y, upwards in ((y, TICK), (y + height, -TICK)):

@@ -1,4 +1,4 @@
-"""An annotated video of what was found, written frame by frame beside its place and moved there when it is whole."""
+"""Writes an annotated video, frame by frame beside its place, and moves it there when complete."""
 
 import os
 from pathlib import Path
@@ -13,13 +13,13 @@ from ...frontend.markers.pipeline import Seen
 from .annotate import annotated
 
 CODECS = {".mp4": "mp4v", ".mkv": "mp4v", ".avi": "MJPG", ".webm": "VP80"}
-"""Suffix -> the codec that OpenCV's own writer has for it everywhere."""
+"""suffix -> the codec that OpenCV's own writer has for it everywhere"""
 
 _TIMED = 8  # frames whose times settle the frame rate
 
 
 class Preview:
-    """A context manager; without an exception the video is there at the end, else nothing is."""
+    """A context manager; the video is there at the end unless an exception is raised."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -28,15 +28,8 @@ class Preview:
         self._times: list[float] = []
         self._writer: Any = None
 
-    def check(self) -> None:
-        """InputError for a suffix without a codec and for a folder that is not there."""
-        if self._path.suffix.lower() not in CODECS:
-            raise InputError(f"--preview {self._path}: expected a name that ends in {', '.join(CODECS)}")
-        if not self._path.absolute().parent.is_dir() or self._path.is_dir():
-            raise InputError(f"--preview {self._path}: expected a file in a folder that exists")
-
     def observe(self, seen: Seen) -> None:
-        """Draw and write a frame. InputError where the video cannot be written."""
+        """Draws and writes a frame; InputError where the video cannot be written."""
         self._times.append(seen.frame.t)
         self._waiting.append(annotated(seen))
         if self._writer is not None or len(self._times) == _TIMED:

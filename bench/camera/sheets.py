@@ -1,7 +1,4 @@
-"""Markers to be cut out, and which of them go where on how many pages.
-
-Lengths are millimetres, from a page's lower left corner.
-"""
+"""Lays out markers to be cut out on pages; lengths are mm, from a page's lower left corner."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -22,20 +19,15 @@ PAGES = {
     "A1": (594.0, 841.0),
     "A0": (841.0, 1189.0),
 }
-"""Upright, from small to large."""
+"""upright, from small to large"""
 
-EDGE = 5.0
-"""What printers leave white around a page: no marker and no word is put there."""
-
-FOOT, STRIP = 12.0, 5.0
-"""The heights of the scale bar's row at the foot of a page, and of the words under a marker."""
-
-SLACK = 1e-6
-"""What rounding may do to a sheet that fills its page."""
+EDGE = 5.0  # margin of printers: no marker and no text is put there
+FOOT, STRIP = 12.0, 5.0  # heights of the scale bar's row at the foot of a page, and of the text under a marker
+SLACK = 1e-6  # rounding of a sheet that fills its page
 
 
 class Sheet(NamedTuple):
-    """A marker with its white rim, to be cut out, and the words under it."""
+    """A marker with its white margin, to be cut out, and the text under it."""
 
     name: int
     side: float
@@ -44,22 +36,22 @@ class Sheet(NamedTuple):
 
     @property
     def rim(self) -> float:
-        """The white around the marker: one module, the least that detectors want."""
+        """Returns the margin of the marker: one module, the least that detectors need."""
         return self.side / len(self.black)
 
     @property
     def width(self) -> float:
-        """With both rims."""
+        """Returns the width with both margins."""
         return self.side + 2 * self.rim
 
     @property
     def height(self) -> float:
-        """With both rims and the words."""
+        """Returns the height with both margins and the text."""
         return self.width + STRIP
 
 
 class Placed(NamedTuple):
-    """A sheet on a page, and where its lower left corner is."""
+    """A sheet on a page, and its lower left corner."""
 
     sheet: Sheet
     x: float
@@ -67,7 +59,7 @@ class Placed(NamedTuple):
 
 
 def sheets(markers: Markers, names: Sequence[int]) -> list[Sheet]:
-    """A sheet for each of the markers `names`, the largest first. InputError for an id that the dictionary has not."""
+    """Makes a sheet for each marker, the largest first; InputError for an id that the dictionary lacks."""
     words, made = markers.opencv, list[Sheet]()
     for name in names:
         if not 0 <= name < len(words.bytesList):
@@ -80,12 +72,9 @@ def sheets(markers: Markers, names: Sequence[int]) -> list[Sheet]:
 
 
 def lay_out(made: Sequence[Sheet], page: str) -> list[list[Placed]]:
-    """The sheets in rows on as many pages of the format `page` as they need.
-
-    InputError where one is too large; it names the smallest page that would do.
-    """
+    """Lays out the sheets in rows on pages of the format `page`; InputError names the page for one too large."""
     width, height = PAGES[page]
-    margin = max(0.0, EDGE - min(sheet.rim for sheet in made))  # a rim may reach into what the printer leaves white
+    margin = max(0.0, EDGE - min(sheet.rim for sheet in made))  # the sheet's margin may be in the printer's
     for sheet in made:
         spare = min(width - 2 * margin, height - margin - FOOT - STRIP) / sheet.width
         most = f"; on {page} a side of {int(sheet.side * spare) / 1000:g} m does"
@@ -109,7 +98,6 @@ def _columns(sheet: Sheet, width: float) -> int:
 
 
 def _rows(made: Sequence[Sheet], width: float) -> Iterator[list[Sheet]]:
-    """Rows of sheets of one size."""
     row: list[Sheet] = []
     for sheet in made:
         if row and (sheet.side != row[0].side or len(row) == _columns(row[0], width)):
@@ -121,7 +109,7 @@ def _rows(made: Sequence[Sheet], width: float) -> Iterator[list[Sheet]]:
 
 
 def check_fits(what: str, width: float, height: float, margin: float, page: str, advice: str = "") -> None:
-    """InputError where `what` and the scale bar do not fit on `page`; it names the smallest page that would do."""
+    """Raises InputError where `what` and the scale bar do not fit on `page`; names the smallest page that does."""
 
     def fits(size: tuple[float, float]) -> bool:
         return width <= size[0] - 2 * margin + SLACK and height <= size[1] - margin - FOOT + SLACK

@@ -1,4 +1,4 @@
-"""What the front end found in a recording, in numbers: what a detection report is made of."""
+"""Collects the front end's detections in a recording, and their errors where a truth is known."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -8,24 +8,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...frontend.factors import Truth
 from ...frontend.markers.noise import Noise
 from ...frontend.markers.pipeline import Seen
 from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import difference, rows_of, sighted_from
 
-AMBIGUOUS = 0.05
-"""From here on a marker's two poses cannot be told apart: the likelihood of the other over the better one's."""
+AMBIGUOUS = 0.05  # ambiguous from here on: the likelihood of a marker's second pose over that of the better one
 
 Mask = NDArray[np.bool_]
 
 
 class Sightings(NamedTuple):
-    """Every marker that was found, those too far away as well, in the order of the frames."""
+    """All detections, those too far away as well, in the order of the frames."""
 
     frame: Ints  # (s,) number of the frame among those used: the step of the log
     ids: Ints  # (s,)
     z: Array  # (s, 2) range (m), bearing (rad)
     cov: Array  # (s, 2, 2)
-    corner_noise: Array  # (s, 2, 2) of z, as the corners alone have it; NaN where nobody asked for it
+    corner_noise: Array  # (s, 2, 2) of z, from the corners alone; NaN where not requested
     corner_sd: Array  # (s,) px, of a corner along an axis, root mean square
     error: Array  # (s,) px, of the reprojection
     ambiguity: Array  # (s,)
@@ -47,9 +48,9 @@ class Marker(NamedTuple):
 
 @dataclass
 class Detection:
-    """Collects what `build_log` sees; a frame costs a few hundred bytes, its image is not kept."""
+    """Collects the detections of `build_log`; a frame costs a few hundred bytes, its image is not kept."""
 
-    corner_model: Noise | None = None  # where given, what it makes of the corners is kept as well
+    corner_model: Noise | None = None  # where given, its covariances are kept as well
     rejected: Counter[str] = field(default_factory=Counter[str])
     size: tuple[int, int] = (0, 0)  # px, width and height of the frames
     _times: list[float] = field(default_factory=list[float])
@@ -61,7 +62,7 @@ class Detection:
     _corner_noise: list[Array] = field(default_factory=list[Array])
 
     def observe(self, seen: Seen, mounting: Array) -> None:
-        """Take in a frame; `mounting` is T_robot_camera."""
+        """Takes in a frame; `mounting` is T_robot_camera."""
         assert seen.frame.image is not None
         height, width = seen.frame.image.shape[:2]
         self.size = (width, height)
@@ -86,21 +87,21 @@ class Detection:
 
     @property
     def frames(self) -> int:
-        """How many frames were used."""
+        """Counts the frames that were used."""
         return len(self._times)
 
     @property
     def found(self) -> int:
-        """How many markers were found in them."""
+        """Counts the markers that were found in them."""
         return len(self._rows)
 
     @property
     def t(self) -> Array:
-        """(n,) s, when the frames were taken."""
+        """Returns the times (n,) of the frames, s."""
         return np.array(self._times)
 
     def sightings(self) -> Sightings:
-        """All sightings as columns."""
+        """Returns all sightings as columns."""
         columns = zip(*self._rows, strict=True) if self._rows else ((),) * 6
         frame, ids, corner_sd, error, ambiguity, kept = columns
         cov = np.concatenate([np.zeros((0, 2, 2)), *self._cov])
@@ -120,28 +121,17 @@ class Detection:
 
 
 def in_log(sightings: Sightings) -> Sightings:
-    """Those of them that are in the log."""
-    s, kept = sightings, sightings.kept
-    return Sightings(
-        s.frame[kept],
-        s.ids[kept],
-        s.z[kept],
-        s.cov[kept],
-        s.corner_noise[kept],
-        s.corner_sd[kept],
-        s.error[kept],
-        s.ambiguity[kept],
-        kept[kept],
-    )
+    """Returns those of them that are in the log."""
+    return Sightings._make(column[sightings.kept] for column in sightings)
 
 
 def per_frame(sightings: Sightings, frames: int) -> Ints:
-    """(frames,) how many sightings each frame has."""
+    """Counts the sightings of each frame (frames,)."""
     return np.bincount(sightings.frame, minlength=frames)
 
 
 def markers(sightings: Sightings, t: Array) -> Iterator[Marker]:
-    """Each marker among `sightings`, by id."""
+    """Yields each marker among `sightings`, by id."""
     for name in np.unique(sightings.ids):
         mine = sightings.ids == name
         times, ranges = t[sightings.frame[mine]], sightings.z[mine, 0]
@@ -155,3 +145,20 @@ def markers(sightings: Sightings, t: Array) -> Iterator[Marker]:
             float(sightings.error[mine].mean()),
             float((sightings.ambiguity[mine] > AMBIGUOUS).mean()),
         )
+
+
+class TrueErrors(NamedTuple):
+    """Errors of the sightings whose marker and pose are known."""
+
+    known: NDArray[np.bool_]  # (s,) of all sightings
+    errors: Array  # (m, 2) measured minus true range (m) and bearing (rad)
+
+
+def true_errors(sightings: Sightings, t: Array, truth: Truth) -> TrueErrors:
+    """Computes the errors of `sightings` in frames at `t` (n,), with `truth` at those of these times that it covers."""
+    if truth.map is None:
+        return TrueErrors(np.zeros(len(sightings.ids), bool), np.zeros((0, 2)))
+    pose, place = rows_of(truth.t, t)[sightings.frame], rows_of(truth.map.ids, sightings.ids)
+    known = (pose >= 0) & (place >= 0)
+    right = sighted_from(truth.poses[pose[known]], truth.map.xy[place[known]])
+    return TrueErrors(known, difference(sightings.z[known], right))

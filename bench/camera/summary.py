@@ -1,4 +1,4 @@
-"""What a detection comes to, in words and in numbers: for the terminal, the report and for other programs."""
+"""Summarises a detection: for the terminal, the report and for other programs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,18 +8,14 @@ import numpy as np
 from ...frontend.factors import Log, Truth
 from ..words.numerals import counted, listed, number
 from .noise_calibration import HONEST, Calibration, RangeBin
-from .sightings import Detection, Marker, Sightings, in_log, markers, per_frame
-from .true_sightings import TrueErrors
+from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame
 
-NOISES = ("stated", "proportional", "propagated")
-"""In the order of a range bin's NEES; the last two only where they were fitted."""
-
-HARDLY = 0.05
-"""Share of frames with a marker, below which it is said why that may be."""
+NOISES = ("stated", "proportional", "propagated")  # in the order of RangeBin.nees; the last two if fitted
+HARDLY = 0.05  # share of frames with a marker below which the causes are diagnosed
 
 
 class Findings(NamedTuple):
-    """All that is told of a recording once it has been gone through."""
+    """All results of a detection."""
 
     log: Log
     truth: Truth | None  # at the log's times
@@ -29,17 +25,17 @@ class Findings(NamedTuple):
     sightings: Sightings
     true: TrueErrors | None
     bins: Sequence[RangeBin]  # of the sightings with known errors
-    advice: Sequence[str]  # why so little was found, and what else looks wrong
+    advice: Sequence[str]  # why so little was detected, and what else looks wrong
     calibration: Calibration | None
 
 
 def hardly_any(detection: Detection) -> bool:
-    """Whether so few frames have a marker that something must be wrong."""
+    """Returns True if so few frames have a marker that something must be wrong."""
     return int((per_frame(detection.sightings(), detection.frames) > 0).sum()) < HARDLY * detection.frames
 
 
 def headline(f: Findings) -> list[str]:
-    """The first sentence says what was found, the others how good it is."""
+    """Summarises in sentences: detections first, then their quality."""
     kept = in_log(f.sightings)
     frames = len(f.t)
     if not len(kept.ids):
@@ -59,37 +55,41 @@ def _truthfulness(bins: Sequence[RangeBin]) -> str:
     n = np.array([one.sightings for one in bins])
     nees = float(n @ [one.nees[0] for one in bins] / n.sum())
     bias = float(n @ [one.range_mean for one in bins] / n.sum())
-    word = "cautious" if nees < HONEST[0] else "honest" if nees <= HONEST[1] else "overconfident"
+    word = "cautious" if nees < HONEST[0] else "consistent" if nees <= HONEST[1] else "overconfident"
     return (
         f"Against the truth, ranges are {number(1e3 * abs(bias))} mm too {'long' if bias > 0 else 'short'} on average, "
-        f"and the stated noise is {word}: NEES {number(nees)}, where 1 is exact."
+        f"and the stated noise is {word}: NEES {number(nees)}, 1 being exact."
     )
 
 
 def left_out(log: Log) -> list[tuple[str, int]]:
-    """What is in the recording and not in the log, and why: (reason, how many); frames first."""
+    """Lists what is in the recording and not in the log, with reasons and counts; frames first."""
     counts: Mapping[str, int] = log.notes["counts"]
     other = [(name, n) for name, n in counts.items() if n and name not in ("frames", "sightings")]
     return sorted(other, key=lambda one: not one[0].startswith("frames "))
 
 
 def left_out_words(log: Log) -> str:
-    """In a line; "nothing" where there is nothing."""
-    return listed([f"{n:,} {_noun(name)}" for name, n in left_out(log)]) if left_out(log) else "nothing"
-
-
-def _noun(name: str) -> str:
-    """What a count is of: reasons that are no nouns are those of markers turned down."""
-    return name if name.startswith(("frames ", "sightings ")) else f"markers ({name})"
+    """Lists it in a line; "nothing" where there is nothing."""
+    return (
+        listed(
+            [
+                f"{n:,} {name}" if name.startswith(("frames ", "sightings ")) else f"{n:,} markers ({name})"
+                for name, n in left_out(log)
+            ]
+        )
+        if left_out(log)
+        else "nothing"
+    )
 
 
 def marker_rows(f: Findings) -> list[Marker]:
-    """The markers in the log."""
+    """Lists the markers in the log."""
     return list(markers(in_log(f.sightings), f.t))
 
 
 def as_json(f: Findings, out: str) -> dict[str, Any]:
-    """What a program reads."""
+    """Returns the results as JSON takes them."""
     kept = in_log(f.sightings)
     words: dict[str, Any] = {
         "log": out,

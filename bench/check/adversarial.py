@@ -1,20 +1,19 @@
-"""Fifty hard logs: on each a backend ends finite and near the batch answer, or says in a sentence why it cannot.
+"""Checks a backend on fifty hard logs: it ends finite and near the batch answer, or says why it cannot.
 
 The batch answer is `graph`'s optimum of J, or the truth where `graph` itself gives up or finds no better J than that.
-What a backend may be off from it is SIGMAS standard deviations of a Kalman filter that is linearised along it:
+An estimate may be off it by SIGMAS standard deviations of a Kalman filter that is linearised along it:
 
-- Of an estimate from the factors up to step k and one from all of them, the difference has the covariance Pk - Pn, so
-  that of the filter, Pk, bounds it for every causal estimate, and for every smoothed one all the more.
-- Filters that linearise elsewhere differ in the second order, and that is added to the noises. With s the spread of
+- The difference of an estimate from the factors up to step k and one from all of them has the covariance Pk - Pn, so
+  the filter's Pk bounds it for every causal estimate, and for every smoothed one all the more.
+- Filters that linearise elsewhere differ in the second order, which is added to the noises. With s the spread of
   landmark less robot and q that of the sighting itself (m), it is s^2 / r, sqrt(m) fold at the m-th sighting of a
   landmark because it does not average out, and s q / r; for a motion of length d and heading spread h, d h^2, sqrt(m)
   fold at the m-th motion, and q h.
-- A backend that makes no use of sightings (the check sees that on an ordinary log) has the covariance of dead
-  reckoning. So has one that forgets landmarks: of all the batch answer knows of a place that is seen again, it has
-  what dead reckoning brings along and no more. So has one that is `linear`: it turns what it sees by a heading that is
-  not its estimate, and where that is off its gains are those of another world. One that draws particles is given twice
-  that: its path is a sample of what the answer is a sample of.
-- Where an error was planted that is larger than claimed, m standard deviations of it move an estimate by m of its own
+- The covariance of dead reckoning holds for a backend that ignores sightings (found on an ordinary log), for one that
+  forgets landmarks, which of a place seen again knows only what dead reckoning brings along, and for a `linear` one,
+  which turns sightings by a heading that is not its estimate. Particle filters are given twice that covariance: their
+  path is a sample, as is what they estimate.
+- Where an error larger than stated was planted, m standard deviations of it move an estimate by m of its own
   (K R K' <= P), so SIGMAS becomes SIGMAS + m.
 """
 
@@ -30,33 +29,32 @@ from ...backends.api import Diverged
 from ...frontend import se2
 from ...frontend.factors import Map, RangeBearing
 from ...frontend.se2 import Array, Ints
-from ..measure.misfit import cost
+from ..measure.misfit import misfit
 from ..plan.reference import reference
 from .adversarial_logs import Adversary
 from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, Trial, stays_near
-from .log_recipe import Journey, journey
-from .small_logs import around, dead_reckoned
+from .log_recipe import made_log
+from .small_logs import Drive, around, dead_reckoned
 
-DIGITS = 1e-9
-"""The share of the coordinates' size that rounding and iterations stopped early may add up to."""
+DIGITS = 1e-9  # share of the coordinates' size that rounding and early-stopped iterations may add up to
 
 
 class Answer(NamedTuple):
-    """The batch answer of a log, and how uncertain an estimate is on the way to it."""
+    """The batch answer of a log, and the uncertainty of an estimate on the way to it."""
 
     path: Array  # (n, 3)
     cov: Array  # (n, 3, 3) of a filter that linearises along that path
     reckoned: Array  # (n, 3, 3) of dead reckoning
-    batch: bool  # whether it is the batch answer, and not the truth in its stead
+    batch: bool  # the path is the batch answer, else the truth
 
 
 def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> str:
-    """What was found of `candidate` on one of the logs: a sentence.
+    """Checks `candidate` on one of the logs; returns its finding as a sentence.
 
     Raises Failed with one; GaveUp where the backend raised Diverged and the log allows for that; and whatever else the
     backend raises.
     """
-    log = adversary.journey.log
+    log = adversary.made.log
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # an overflow shows in the answer, or is none
@@ -78,8 +76,8 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
 
 
 def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[Array, Array]:
-    """How far (n,) m and (n,) rad an estimate may be off the batch answer at each step."""
-    log, cov = adversary.journey.log, answer.cov
+    """Bounds the error, (n,) m and (n,) rad, of an estimate relative to the batch answer."""
+    log, cov = adversary.made.log, answer.cov
     built = candidate.builder
     if built.forgets or built.linear or not uses_sightings(ordinary(candidate)):
         cov = answer.reckoned
@@ -92,42 +90,39 @@ def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[A
 
 
 def uses_sightings(trial: Trial) -> bool:
-    """Whether sightings made a difference to a backend on the ordinary log."""
+    """Returns True if sightings made a difference to a backend on the ordinary log."""
     plain, _ = dead_reckoned(_ORDINARY.log)
     return any(np.abs(path - plain).max() > ROUNDING for path in trial.paths.values())
 
 
-_ORDINARY = journey(np.random.default_rng(31), around(30))
+_ORDINARY = made_log(np.random.default_rng(31), around(30))
 
 
 @lru_cache(maxsize=1)
 def ordinary(candidate: Candidate) -> Trial:
-    """What a backend makes of a log with nothing hard about it: what is asked of it elsewhere is what it does here."""
+    """Runs a backend on a log with nothing hard about it."""
     return candidate.run(_ORDINARY.log)
 
 
 @cache
 def batch_answer(adversary: Adversary) -> Answer:
-    """The answer that every backend is held to; the optimum is kept in the user's cache."""
-    made = adversary.journey
+    """Returns the answer that every backend is compared with; the optimum is kept in the user's cache."""
+    made = adversary.made
     found = reference(made.log)
     along, batch = made, False
     if found is not None and found.map is not None and _fits(made, found.poses, found.map):
-        along, batch = Journey(made.log, found.poses, found.map), True
+        along, batch = Drive(made.log, found.poses, found.map), True
     return Answer(along.path, filtered(along), filtered(along, blind=True), batch)
 
 
-def _fits(made: Journey, path: Array, landmarks: Map) -> bool:
-    """Whether J is no larger than that of the truth: if it is, the optimum is elsewhere."""
-    here, there = cost(made.log, path, landmarks), cost(made.log, made.path, made.map)
+def _fits(made: Drive, path: Array, landmarks: Map) -> bool:
+    """Returns True if J is no larger than that of the truth: else the optimum is elsewhere."""
+    here, there = misfit(made.log, path, landmarks), misfit(made.log, made.path, made.map)
     return here is not None and there is not None and here.total <= there.total + ROUNDING
 
 
-def filtered(made: Journey, *, blind: bool = False) -> Array:
-    """The pose covariances (n, 3, 3) of a Kalman filter along `made`, its noises grown by what is of second order.
-
-    `blind`: it takes no sightings.
-    """
+def filtered(made: Drive, *, blind: bool = False) -> Array:
+    """Computes pose covariances (n, 3, 3) of a Kalman filter along `made` with grown noises; `blind`: no sightings."""
     log, place = made.log, dict(zip(made.map.ids.tolist(), made.map.xy, strict=True))
     known = log.prior.map
     slots: dict[int, int] = {}  # id -> the place of its x in the state
@@ -178,7 +173,7 @@ def _taken(sightings: RangeBearing, which: NDArray[np.bool]) -> RangeBearing:
 
 
 def _corrected(P: Array, pose: Array, xy: Array, columns: Ints, cov: Array, times: Ints) -> Array:
-    """`P` after one joint update by sightings, with covariances `cov` (m, 2, 2), of landmarks at `xy` (m, 2).
+    """Returns `P` after one joint update by sightings, covariances `cov` (m, 2, 2), of landmarks `xy` (m, 2).
 
     Their x stand at `columns` (m,) of the state, and it is the `times`-th (m,) sighting of each.
     """
@@ -208,7 +203,7 @@ def _corrected(P: Array, pose: Array, xy: Array, columns: Ints, cov: Array, time
 
 
 def _grown(P: Array, pose: Array, new: RangeBearing) -> Array:
-    """`P` with the landmarks of first sightings `new` appended: ArUco EKF SLAM, eqs (18)-(20)."""
+    """Returns `P` with the landmarks of first sightings `new` appended: ArUco EKF SLAM, eqs (18)-(20)."""
     r, angle = new.z[:, 0], pose[2] + new.z[:, 1]
     c, s = np.cos(angle), np.sin(angle)
     by_pose = np.zeros((len(r), 2, 3))
@@ -225,7 +220,7 @@ def _grown(P: Array, pose: Array, new: RangeBearing) -> Array:
 
 
 def _holds(landmarks: Map, expected: set[int]) -> None:
-    """Failed where a landmark that was sighted is not on the map: the sightings of it were left out."""
+    """Raises Failed where a sighted landmark is not on the map: its sightings were ignored."""
     missing = sorted(expected - set(landmarks.ids.tolist()))
     if missing:
         raise Failed(

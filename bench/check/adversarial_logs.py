@@ -1,8 +1,8 @@
-"""Fifty logs that are valid, and hard: one a row, with what is hard about it, made on the spot and always the same.
+"""Fifty valid but hard logs, one per row, made on demand and always the same.
 
-Their errors are drawn from the covariances that they claim, unless a row says otherwise, so that a sound method must
-end near the batch answer on every one of them. A row that says why a sound method may give up (`may_end`) lets it end
-with a named reason instead; on the others it has to be done.
+Their errors are drawn from the covariances that they state, unless a row says otherwise, so that a sound method must
+end near the batch answer on every one. A row that says why a sound method may give up (`may_end`) lets it end with a
+named reason instead.
 """
 
 import dataclasses
@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .log_recipe import Journey, journey
-from .small_logs import CIRCLE, IDS, MOTION_SD, RING, SIGHTING_SD, around
+from .log_recipe import made_log
+from .small_logs import CIRCLE, IDS, MOTION_SD, RING, SIGHTING_SD, Drive, around
 
 NO_BEARING = "what stands at the robot itself has no bearing, and no derivative of one"
 NOT_LINEAR = "the uncertainty spans more than any linearisation holds for"
@@ -23,69 +23,65 @@ ILL_CONDITIONED = "covariances this far apart leave a double no digits"
 
 @dataclasses.dataclass(frozen=True)
 class Adversary:
-    """One of the logs."""
+    """An adversarial log."""
 
     name: str
     title: str  # what is hard about it
-    make: Callable[[np.random.Generator], Journey]
+    make: Callable[[np.random.Generator], Drive]
     may_end: str = ""  # why a sound method may give up with a named reason; "": it must not
-    planted: float = 0.0  # how many standard deviations off an error is that was put in on purpose
+    planted: float = 0.0  # standard deviations of a planted error
 
     @cached_property
-    def journey(self) -> Journey:
-        """The log and its truth."""
+    def made(self) -> Drive:
+        """Makes the log and its truth."""
         return self.make(np.random.default_rng(zlib.crc32(self.name.encode())))
 
 
 def _log(name: str, title: str, *, may_end: str = "", planted: float = 0.0, **how: Any) -> Adversary:
-    """A row that `journey` makes with `how`."""
-    return Adversary(name, title, lambda rng: journey(rng, **how), may_end, planted)
+    return Adversary(name, title, lambda rng: made_log(rng, **how), may_end, planted)
 
 
 def _straight(steps: int, length: float = 0.2) -> Any:
-    """The motions (steps - 1, 3) of a robot that drives straight on, `length` m a step."""
+    """Returns motions (steps - 1, 3) straight on, `length` m a step."""
     return np.tile([length, 0.0, 0.0], (steps - 1, 1))
 
 
 def _turning(steps: int, turn: float) -> Any:
-    """The motions (steps - 1, 3) of a robot that turns on the spot, `turn` rad a step."""
+    """Returns motions (steps - 1, 3) that turn on the spot, `turn` rad a step."""
     return np.tile([0.0, 0.0, turn], (steps - 1, 1))
 
 
 def _still(steps: int) -> Any:
-    """The motions (steps - 1, 3) of a robot that stands."""
     return np.zeros((steps - 1, 3))
 
 
 def _only(steps: int, *when: int) -> Any:
-    """A column (steps, 1) that is true at the steps `when`."""
+    """Returns a column (steps, 1) that is true at the steps `when`."""
     return np.isin(np.arange(steps), when)[:, None]
 
 
 def _field(landmarks: int, width: float) -> Any:
-    """Landmarks (landmarks, 2) spread evenly over a square of `width` m about the origin: a sunflower's seeds."""
+    """Spreads landmarks (landmarks, 2) evenly over a square of `width` m about the origin, as a sunflower's seeds."""
     i = np.arange(landmarks) + 0.5
     radius, angle = width / 2 * np.sqrt(i / landmarks), np.pi * (1 + np.sqrt(5)) * i
     return np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
 
 
 def _ring(landmarks: int, radius: float, about: tuple[float, float] = (0.0, 0.0)) -> Any:
-    """Landmarks (landmarks, 2) evenly on a circle."""
     angle = 2 * np.pi * np.arange(landmarks) / landmarks
     return np.array(about) + radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
 
 
 def _circle(steps: int, radius: float) -> Any:
-    """The motions (steps - 1, 3) of one round of a circle."""
     turn = 2 * np.pi / (steps - 1)
     return np.tile([radius * np.sin(turn), radius * (1 - np.cos(turn)), turn], (steps - 1, 1))
 
 
-def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Journey]:
-    """An exact log of a landmark straight behind, its bearing at every step this one to the last bit."""
+def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Drive]:
+    """Makes an exact log of a landmark straight behind, at exactly this bearing at every step."""
 
-    def make(rng: np.random.Generator) -> Journey:
-        made = journey(rng, _straight(60), start=(0, 0, 0), xy=[(-2.0, 0.0), (30.0, 0.0)], reach=40.0, errors=0.0)
+    def make(rng: np.random.Generator) -> Drive:
+        made = made_log(rng, _straight(60), start=(0, 0, 0), xy=[(-2.0, 0.0), (30.0, 0.0)], reach=40.0, errors=0.0)
         z = made.log.z.copy()
         z[made.log.ids == IDS[0], 1] = bearing
         return made._replace(log=_changed(made, z=z))
@@ -93,22 +89,22 @@ def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Journey]:
     return make
 
 
-def _with_outlier(rng: np.random.Generator) -> Journey:
-    made = journey(rng)
+def _with_outlier(rng: np.random.Generator) -> Drive:
+    made = made_log(rng)
     z = made.log.z.copy()
     z[len(z) // 2] += 50 * SIGHTING_SD[0] * np.array([1.0, 0.0])
     return made._replace(log=_changed(made, z=z))
 
 
-def _with_slip(rng: np.random.Generator) -> Journey:
-    made = journey(rng)
+def _with_slip(rng: np.random.Generator) -> Drive:
+    made = made_log(rng)
     delta = made.log.delta.copy()
     delta[30, 0] += 50 * MOTION_SD[0]
     return made._replace(log=_changed(made, delta=delta))
 
 
-def _changed(made: Journey, **columns: Any) -> Any:
-    """The log with other columns, which nobody can write to."""
+def _changed(made: Drive, **columns: Any) -> Any:
+    """Replaces columns of the log by read-only ones."""
     for column in columns.values():
         column.flags.writeable = False
     return dataclasses.replace(made.log, **columns)

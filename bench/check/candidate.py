@@ -1,4 +1,4 @@
-"""A backend under examination: run over a log, and everything it answered kept."""
+"""Runs a backend under examination over a log, and keeps all its answers."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -12,14 +12,12 @@ from ...frontend.factors import Log, Prior
 from ...frontend.se2 import Array
 from .small_logs import dead_reckoned
 
-SIGMAS = 6.0
-"""How many standard deviations an estimate may be off: one sound backend in a billion steps is further away."""
-ROUNDING = 1e-6
-"""What rounding and iterations stopped early may add up to in some tens of metres, in m and rad."""
+SIGMAS = 6.0  # standard deviations that an estimate may be off: a sound backend exceeds it once in a billion steps
+ROUNDING = 1e-6  # m and rad that rounding and early-stopped iterations may add up to in some tens of metres
 
 
 class Failed(Exception):
-    """A backend does not do what a check asks; the text says what was found and what was expected."""
+    """A backend does not meet a check; the text says what was found and what was expected."""
 
 
 class NotApplicable(Exception):
@@ -27,21 +25,21 @@ class NotApplicable(Exception):
 
 
 class GaveUp(Exception):
-    """A backend raised Diverged where it may; the text is the reason it gave."""
+    """A backend raised Diverged where it may; the text is its reason."""
 
 
 class Trial(NamedTuple):
-    """All that a backend answered over one log of n steps."""
+    """All answers of a backend over one log of n steps."""
 
-    returned: list[Pose | None]  # what step returned, as it was returned
-    poses: list[Pose | None]  # the same, copied on the spot
-    beliefs: list[Belief | None]  # after every step where they were asked for, else empty
+    returned: list[Pose | None]  # as returned by step
+    poses: list[Pose | None]  # copies of the same, made at once
+    beliefs: list[Belief | None]  # after every step if asked for, else empty
     map: Map  # after the last step
     solution: Solution | None
 
     @property
     def paths(self) -> dict[str, Array]:
-        """The paths (n, 3) it gave: online, final or both."""
+        """Returns the paths (n, 3) it gave: online, final or both."""
         paths: dict[str, Array] = {}
         online = [pose for pose in self.poses if pose is not None]
         if online:
@@ -62,23 +60,23 @@ class Trial(NamedTuple):
 
     @property
     def final_map(self) -> Map:
-        """The map it ends with: the solution's where there is one."""
+        """Returns the last map: the solution's where there is one."""
         return self.map if self.solution is None else self.solution.map
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """What is being examined: a builder and the options it is run with."""
+    """A backend under examination: a builder and its options."""
 
     builder: Builder
     options: Any
 
     def fresh(self, prior: Prior, seed: int = 0) -> Backend:
-        """A new backend with its own generator."""
+        """Makes a new backend with its own generator."""
         return self.builder.make(prior, self.options, np.random.default_rng(seed))
 
     def run(self, log: Log, *, seed: int = 0, asking: bool = False) -> Trial:
-        """All of `log` through a new backend; `asking` for its belief and map after every step."""
+        """Runs `log` through a new backend; `asking` for its belief and map after every step."""
         backend = self.fresh(log.prior, seed)
         returned: list[Pose | None] = []
         poses: list[Pose | None] = []
@@ -94,17 +92,17 @@ class Candidate:
         return Trial(returned, poses, beliefs, landmarks, backend.finish())
 
     def with_landmarks(self, log: Log) -> Trial:
-        """`run`, for a check about landmarks: it does not concern a backend whose map stays empty."""
+        """Runs `log` for a check of landmarks: NotApplicable where the map stays empty."""
         trial = self.run(log)
         if len(trial.final_map.ids) == 0:
             raise NotApplicable("it builds no map")
         return trial
 
     def slack(self, log: Log) -> tuple[Array, Array]:
-        """How far (n,) m and (n,) rad an estimate on an *exact* log may be off at each step.
+        """Bounds the error, (n,) m and (n,) rad, of an estimate on an *exact* log.
 
-        Odometry's first-order spread bounds the errors of sampling, so a random backend is given SIGMAS of it. Any
-        backend is given the second order, path length times heading variance, in which sound filters differ.
+        Odometry's first-order spread bounds the errors of sampling, so a random backend may be off by SIGMAS of it. Any
+        backend may be off by the second order, path length times heading variance, in which sound filters differ.
         """
         _, cov = dead_reckoned(log)
         length = np.concatenate(([1.0], 1.0 + np.cumsum(np.hypot(log.delta[1:, 0], log.delta[1:, 1]))))
@@ -116,18 +114,18 @@ class Candidate:
 
 
 def spread(cov: Array) -> tuple[Array, Array]:
-    """SIGMAS standard deviations of pose covariances (n, 3, 3): of position in its worst direction, and of heading."""
+    """Returns SIGMAS standard deviations of pose covariances (n, 3, 3): of position at its widest, and of heading."""
     worst = np.linalg.eigvalsh(cov[:, :2, :2])[:, -1]
     return SIGMAS * np.sqrt(worst), SIGMAS * np.sqrt(cov[:, 2, 2])
 
 
 def first(wrong: NDArray[np.bool]) -> int:
-    """The first step at which `wrong` (n,) is true."""
+    """Returns the first step at which `wrong` (n,) is true."""
     return int(np.argmax(wrong))
 
 
 def stays_near(path: Array, expected: Array, allowed: tuple[Array, Array], what: str) -> float:
-    """The largest distance (m) of `path` (n, 3) from `expected`; Failed where over `allowed`, (n,) m and (n,) rad."""
+    """Returns the largest distance (m) of `path` (n, 3) from `expected`; Failed beyond `allowed`, (n,) m and rad."""
     distance = np.linalg.norm((path - expected)[:, :2], axis=1)
     turn = np.abs(se2.wrap(path[:, 2] - expected[:, 2]))
     for error, bound, unit in ((distance, allowed[0], "m"), (turn, allowed[1], "rad")):
@@ -138,7 +136,7 @@ def stays_near(path: Array, expected: Array, allowed: tuple[Array, Array], what:
 
 
 def same(path: dict[str, Array], other: dict[str, Array], what: str) -> None:
-    """Failed unless two runs gave the same paths bit for bit; `what` says between which runs."""
+    """Raises Failed unless two runs gave the same paths bit for bit; `what` names the runs."""
     if path.keys() != other.keys():
         raise Failed(f"{what}: one gave {' and '.join(path)} poses, the other {' and '.join(other)}")
     for which, poses in path.items():

@@ -1,4 +1,4 @@
-"""Checks of a backend's manners: what its four methods return, and that nothing else happens when they are called."""
+"""Checks a backend's contract: the return values of its four methods, and the absence of side effects."""
 
 import dataclasses
 import random
@@ -14,7 +14,7 @@ from .small_logs import IDS, RING, around, drive
 
 
 def a_round() -> Log:
-    """A little more than once round the circle, so that landmarks come back and the heading crosses pi."""
+    """Makes a drive of just over one round of the circle, so that landmarks return and the heading crosses pi."""
     return drive(np.random.default_rng(1), around(90)).log
 
 

@@ -1,6 +1,6 @@
-"""Checks of a backend's sanity: logs on which any sound estimator must end up near the truth, whatever its method.
+"""Checks a backend's estimates on logs where any sound estimator ends near the truth.
 
-On exact logs, whose noise is a thousandth of the usual, the bounds are those of `Candidate.slack`; on honest ones they
+On exact logs, whose noise is a thousandth of the usual, the bounds are those of `Candidate.slack`; on noisy ones they
 are six standard deviations of dead reckoning, which every use of a sighting can only reduce.
 """
 
@@ -11,10 +11,8 @@ from ...frontend.se2 import Array
 from .candidate import ROUNDING, Candidate, Failed, NotApplicable, spread, stays_near
 from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_map
 
-TINY = 1e-3
-"""The noise of exact logs, in units of the usual: what is of second order in it, filters may differ in."""
-BIAS = np.array([0.01, 0.0, 0.008])
-"""An odometry error within its claimed noise at every step, that adds up to a turn of 0.4 rad in 50 steps."""
+TINY = 1e-3  # noise of exact logs, in units of the usual: filters may differ in its second order
+BIAS = np.array([0.01, 0.0, 0.008])  # of odometry, within its stated noise, adds up to a turn of 0.4 rad in 50 steps
 
 
 def it_starts_at_the_prior(candidate: Candidate) -> str:
@@ -146,7 +144,7 @@ def _stays_within_dead_reckoning(candidate: Candidate, honest: Drive) -> float:
 
 
 def _drifting(rng: np.random.Generator) -> Drive:
-    """Biased odometry, and every landmark sighted at two steps in a row and never again: only a map can help."""
+    """Makes a log of biased odometry where every landmark is sighted at two steps only: only a map helps."""
     return drive(rng, around(50), bias=BIAS, reach=20.0, sees=lambda k, i: k - (8 + 8 * (i // 2)) in (0, 1))
 
 
@@ -172,7 +170,7 @@ def _rmse(path: Array, truth: Array) -> float:
 
 
 def _map_errors(made: Drive, landmarks: Map) -> dict[int, float]:
-    """How far (m) each landmark is from its true place, or from where the map given with the log has it."""
+    """Returns each landmark's distance (m) from its true place, or from that on the given map."""
     given = made.map if made.log.prior.map is None else made.log.prior.map
     place = dict(zip(landmarks.ids.tolist(), landmarks.xy, strict=True))
     missing = [landmark for landmark in given.ids.tolist() if landmark not in place]

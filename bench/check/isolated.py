@@ -1,7 +1,7 @@
-"""Checks in a process of their own, so that a backend that hangs, crashes or exits fails one check and no more.
+"""Runs checks in a process of their own, so that a backend that hangs, crashes or exits fails one check only.
 
-The process writes down what it starts on and what came of it. A watchdog in it, a thread below Python that compiled
-code cannot hold up, ends it when a check is overdue; then the rest goes on in a new one.
+The process writes a diary of checks started and their outcomes. A watchdog thread, which compiled code cannot block,
+ends it when a check is overdue; the rest then runs in a new one.
 """
 
 import faulthandler
@@ -20,25 +20,25 @@ from .suite import Check, Outcome, chosen, examine
 
 
 @dataclass(frozen=True)
-class Task:
-    """What one process is to do."""
+class CheckTask:
+    """The checks for one process."""
 
     backend: str  # its name
     options: Any
     checks: tuple[str, ...]  # names
-    diary: Path  # where it writes, in turns, the time (s) at which it starts on a check, and its Outcome
+    diary: Path  # gets, in turn, the time (s) at which a check starts, and its Outcome
     limit_s: float
 
 
 def examined(backend: str, options: Any, checks: Sequence[Check], limit_s: float) -> Iterator[Outcome]:
-    """The outcomes of `checks` on the backend of that name, in order; no check has more than `limit_s`."""
+    """Yields the outcomes of `checks` on the named backend, in order; no check takes longer than `limit_s`."""
     left = list(checks)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
         while left:
             diary = Path(folder) / str(len(left))
             diary.touch()
             names = tuple(check.name for check in left)
-            (ended,) = execute(run, [Task(backend, options, names, diary, limit_s)], workers=1)
+            (ended,) = execute(run, [CheckTask(backend, options, names, diary, limit_s)], workers=1)
             outcomes, begun = _read(diary)
             yield from outcomes
             left = left[len(outcomes) :]
@@ -49,8 +49,8 @@ def examined(backend: str, options: Any, checks: Sequence[Check], limit_s: float
                 del left[0]
 
 
-def run(task: Task) -> None:
-    """What the process does."""
+def run(task: CheckTask) -> None:
+    """Runs the checks in the process."""
     candidate = Candidate(backends.find(task.backend), task.options)
     with task.diary.open("ab") as diary:
         for check in chosen(task.checks):
@@ -64,7 +64,7 @@ def run(task: Task) -> None:
 
 
 def _read(diary: Path) -> tuple[list[Outcome], float | None]:
-    """The outcomes in a diary, and when the check was begun that has none, if there is one."""
+    """Reads the outcomes in a diary, and the start of the check that has none, if there is one."""
     entries: list[Any] = []
     with diary.open("rb") as file:
         while True:

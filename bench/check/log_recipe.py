@@ -1,6 +1,4 @@
-"""A log made on the spot of a robot whose motions, world, eyes and errors are all given outright."""
-
-from typing import NamedTuple
+"""Makes a log from given motions, landmarks, sensor range and errors."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,18 +6,10 @@ from numpy.typing import ArrayLike, NDArray
 from ...frontend import se2
 from ...frontend.factors import Log, Map, Prior
 from ...frontend.se2 import Array, Ints
-from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, around
+from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, Drive, around
 
 
-class Journey(NamedTuple):
-    """A log and where the robot and the landmarks that it is about really were."""
-
-    log: Log
-    path: Array  # (n, 3)
-    map: Map
-
-
-def journey(
+def made_log(
     rng: np.random.Generator,
     motions: Array | None = None,
     *,
@@ -36,14 +26,14 @@ def journey(
     start_errors: float = 1.0,
     t: ArrayLike | None = None,
     known_sd: float | None = None,
-) -> Journey:
-    """The log of a robot that makes `motions` (n - 1, 3), sixty steps of a circle by default, from about `start` (3,).
+) -> Drive:
+    """Makes the log of a robot with `motions` (n - 1, 3), by default sixty steps of a circle, from about `start` (3,).
 
     Landmark `ids[i]` at `xy[i]` (L, 2) is sighted at step k where it is within `reach` (m) and `sees`, which broadcasts
-    to (n, L), says so. Every error is drawn from the covariance that the log claims, times `errors`, and that of the
+    to (n, L), says so. Every error is drawn from the covariance that the log states, times `errors`, and that of the
     start times `start_errors` as well: `motion_sd` broadcasts to (n - 1, 3), `sighting_sd` to (n, L, 2), and
     `correlation` is that of any two components of an odometry delta, and of range and bearing. `t` (n,) are the times
-    (s), 0.1 s apart by default. `known_sd` hands the robot the map, drawn with that standard deviation (m), or the true
+    (s), by default 0.1 s apart. `known_sd` gives the robot the map, drawn with that standard deviation (m), or the true
     one, held fixed, where it is 0.
     """
     motions = around(60) if motions is None else motions
@@ -87,11 +77,11 @@ def journey(
         z,
         z_cov,
     )
-    return Journey(log, path, Map(ids, places, None))
+    return Drive(log, path, Map(ids, places, None))
 
 
 def _correlated(sd: Array, correlation: float) -> tuple[Array, Array]:
-    """Covariances (m, k, k) with standard deviations `sd` (m, k) and one correlation, and their Cholesky factors."""
+    """Returns covariances (m, k, k) with standard deviations `sd` (m, k) and one correlation, and Cholesky factors."""
     shape = np.full((sd.shape[1], sd.shape[1]), correlation)
     np.fill_diagonal(shape, 1.0)
     scale = sd[:, :, None] * sd[:, None, :]

@@ -1,4 +1,4 @@
-"""Small logs with known truth, made on the spot, on which a backend's manners and sanity can be seen."""
+"""Makes small logs with ground truth for checks of contract and estimates."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,19 +18,17 @@ NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 IDS = np.array([7, 10**12, 0, 41, 3_000_000_000, 12, 11, 5, 900, 2, 10**9, 77], np.int64)
-"""Landmark ids as they come in the wild: neither sorted, nor small, nor consecutive."""
+"""Landmark ids as real logs have them: neither sorted, nor small, nor consecutive."""
 RING = np.array([[np.cos(a), np.sin(a)] for a in 2 * np.pi * np.arange(12) / 12]) * np.array([[6.0], [2.5]] * 6)
-"""(12, 2) twelve landmarks (m), every other one inside and outside a circle of 4 m radius about the origin."""
-CIRCLE = np.array([0.3, 0.0, 0.075])
-"""The motion of a step along that circle; 84 of them go round."""
+"""(12, 2) landmarks, m, every other one inside and outside a circle of 4 m radius about the origin"""
+CIRCLE = np.array([0.3, 0.0, 0.075])  # the motion of a step along that circle; 84 of them go round
 CIRCLE_START = np.array([4.0, 0.0, np.pi / 2])
 
-INDOORS = 5.0
-"""How far (m) the robot sees, in every direction."""
+INDOORS = 5.0  # m, the sensor's range in every direction
 
 
 class Drive(NamedTuple):
-    """A log and where the robot and the landmarks it saw really were."""
+    """A log with the true path and map."""
 
     log: Log
     path: Array  # (n, 3)
@@ -50,11 +48,11 @@ def drive(
     reach: float = INDOORS,
     sees: Callable[[int, int], bool] | None = None,
 ) -> Drive:
-    """The log of a robot that makes `motions` (n - 1, 3) from about `start` (3,) among landmarks `ids` at `xy`.
+    """Makes the log of a robot with `motions` (n - 1, 3) from about `start` (3,) among landmarks `ids` at `xy`.
 
     Standard deviations are those above times `scale`; the errors drawn from them are multiplied by `errors` (0: an
-    exact log), and `bias` (3,) is added to every odometry delta. `sees(k, i)` says whether landmark `ids[i]`, if
-    within `reach`, is sighted at step k; None: it is. The prior is `start`, and the robot stands off it as claimed.
+    exact log), and `bias` (3,) is added to every odometry delta. `sees(k, i)` says whether landmark `ids[i]`, if within
+    `reach`, is sighted at step k; None: it is. The prior is `start`, and the robot is off it as stated.
     """
     motion_cov = scale**2 * CORRELATION * np.outer(MOTION_SD, MOTION_SD)
     sighting_cov = scale**2 * CORRELATION[1:, 1:] * np.outer(SIGHTING_SD, SIGHTING_SD)
@@ -83,12 +81,12 @@ def drive(
 
 
 def around(steps: int) -> Array:
-    """The motions (steps - 1, 3) of `steps` steps along the circle."""
+    """Returns the motions (steps - 1, 3) of `steps` steps along the circle."""
     return np.tile(CIRCLE, (steps - 1, 1))
 
 
 def behind(rng: np.random.Generator, heading: float, scale: float = 1.0, errors: float = 1.0) -> Drive:
-    """A robot that drives 16 m straight ahead, from a landmark 2 m behind it towards one far ahead."""
+    """Makes a drive of 16 m straight ahead, from a landmark 2 m behind towards one far ahead."""
     ahead = np.array([np.cos(heading), 0.0])  # exactly, where the heading is 0 or pi
     places, motions = np.array([-2.0 * ahead, 30.0 * ahead]), np.tile([0.2, 0.0, 0.0], (79, 1))
     start = np.array([0.0, 0.0, heading])
@@ -96,13 +94,13 @@ def behind(rng: np.random.Generator, heading: float, scale: float = 1.0, errors:
 
 
 def sight(pose: Array, xy: Array) -> Array:
-    """The exact ranges and bearings (k, 2) of landmarks `xy` (k, 2) from `pose`, ArUco EKF SLAM, eq. (12)."""
+    """Computes exact ranges and bearings (k, 2) of landmarks `xy` (k, 2) from `pose`, ArUco EKF SLAM, eq. (12)."""
     dx, dy = (xy - pose[:2]).T
     return np.stack((np.hypot(dx, dy), se2.wrap(np.arctan2(dy, dx) - pose[2])), axis=-1)
 
 
 def with_map(drive: Drive, cov: Array | None, rng: np.random.Generator) -> Drive:
-    """The same with a map given: the true one, held fixed, or one drawn with joint covariance `cov` (2n, 2n)."""
+    """Gives a map: the true one, held fixed, or one drawn with joint covariance `cov` (2n, 2n)."""
     ids, xy, _ = drive.map
     if cov is not None:
         xy = xy + rng.multivariate_normal(np.zeros(xy.size), cov).reshape(-1, 2)
@@ -111,7 +109,7 @@ def with_map(drive: Drive, cov: Array | None, rng: np.random.Generator) -> Drive
 
 
 def with_loop(drive: Drive, to: int) -> Drive:
-    """The same without sightings, but with a loop closure, exact to 1 mm and 1 mrad, from its last step to `to`."""
+    """Removes sightings and adds a loop closure, exact to 1 mm and 1 mrad, from the last step to `to`."""
     steps = [step._replace(sightings=NO_SIGHTINGS) for step in drive.log]
     delta = se2.between(drive.path[to], drive.path[-1])
     steps[-1] = steps[-1]._replace(loops=RelativePoses(np.array([to]), delta[None], 1e-6 * np.eye(3)[None]))
@@ -119,7 +117,7 @@ def with_loop(drive: Drive, to: int) -> Drive:
 
 
 def dead_reckoned(log: Log) -> tuple[Array, Array]:
-    """The path (n, 3) of the prior and the odometry alone, and its covariances (n, 3, 3), to first order."""
+    """Returns the path (n, 3) of prior and odometry alone, and its covariances (n, 3, 3), to first order."""
     path, covs = [log.prior.pose], [log.prior.cov]
     for step in log:
         if step.odometry is not None:

@@ -1,6 +1,6 @@
-"""The suite behind `bench check BACKEND`: the same checks on every backend, built in or brought along.
+"""The suite behind `bench check BACKEND`: the same checks on every backend, built in or plugged in.
 
-A check returns a sentence on what it found, or raises Failed, GaveUp or NotApplicable with one; any other exception is
+A check returns a sentence on its finding, or raises Failed, GaveUp or NotApplicable with one; any other exception is
 the backend's, and fails that check alone. Checks come in three families: `contract` and `estimates`, each a function
 whose docstring is its title, and `adversarial`, one for each of the fifty logs.
 """
@@ -23,16 +23,16 @@ Family = Literal["contract", "estimates", "adversarial"]
 
 
 class Check(NamedTuple):
-    """One thing that is asked of a backend."""
+    """A check of a backend."""
 
     family: Family
     name: str
-    title: str  # what it asks for, or what is hard about its log
+    title: str  # the requirement, or what is hard about its log
     run: Callable[[Candidate], str]
 
 
 class Outcome(NamedTuple):
-    """What came of one check."""
+    """The outcome of a check."""
 
     name: str
     title: str
@@ -49,7 +49,7 @@ QUICK: tuple[Check, ...] = (
     *(_of("contract", function) for function in contract.CHECKS),
     *(_of("estimates", function) for function in estimates.CHECKS),
 )
-"""Those on small logs, about two seconds in all."""
+"""those on small logs, about two seconds in all"""
 ADVERSARIAL: tuple[Check, ...] = tuple(
     Check("adversarial", log.name, log.title, partial(ends_near_the_batch_answer, adversary=log)) for log in ADVERSARIES
 )
@@ -57,7 +57,7 @@ CHECKS = QUICK + ADVERSARIAL
 
 
 def chosen(only: Collection[str]) -> tuple[Check, ...]:
-    """The checks of these names or families; all where none is named. InputError where there is no such thing."""
+    """Selects the checks of these names or families, all where none is named; InputError for another name."""
     families = dict.fromkeys(check.family for check in CHECKS)
     for word in only:
         if word not in families and word not in {check.name for check in CHECKS}:
@@ -69,7 +69,7 @@ def chosen(only: Collection[str]) -> tuple[Check, ...]:
 
 
 def check(backend: Builder | str, options: Any = None, checks: Iterable[Check] = QUICK) -> list[Outcome]:
-    """Run `checks` on a backend in this very process, one outcome each; a plug-in's own tests can call it.
+    """Runs `checks` on a backend in this process, one outcome each; a plug-in's own tests can call it.
 
     `backend` is a builder, made with `options` or its defaults, or a name as on the command line. `checks=CHECKS` has
     the adversarial logs, too: tens of seconds. A backend that does not return is not stopped.
@@ -84,7 +84,7 @@ def check(backend: Builder | str, options: Any = None, checks: Iterable[Check] =
 
 
 def examine(check: Check, candidate: Candidate) -> Outcome:
-    """The outcome of one check; whatever the backend raises is in it."""
+    """Runs one check; whatever the backend raises is in the outcome."""
     name, title = check.name, check.title
     try:
         return Outcome(name, title, "passed", check.run(candidate))
@@ -99,7 +99,6 @@ def examine(check: Check, candidate: Candidate) -> Outcome:
 
 
 def _where(error: BaseException) -> str:
-    """File and line of the innermost frame that is not numpy's own."""
     frames = traceback.extract_tb(error.__traceback__)
     frame = [f for f in frames if "numpy" not in Path(f.filename).parts][-1]
     return f"{frame.filename}:{frame.lineno}"

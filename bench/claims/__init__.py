@@ -1,1 +1,1 @@
-"""A claim held against the store's numbers: it holds, fails or is open, with a sentence."""
+"""Tests a study's claims on its record: each holds, fails or is open, with a sentence."""

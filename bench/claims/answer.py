@@ -1,10 +1,10 @@
-"""Claims held against a study's cells: whether each holds, with an interval, and the sentence that says so.
+"""Tests claims on a study's cells: a verdict, an interval, and a sentence for each.
 
-Every kind of claim keeps to one rule: it holds where the 95 % interval is within the bounds, fails where it is outside,
-and is open where it is on both sides, where there are fewer than six logs, and as long as cells are waiting. So at a
-bound itself a claim holds wrongly once in 40 times. One with `each` holds where it does so for every value: an
-intersection-union test, which needs no correction (Berger, Technometrics 24(4), 1982), as the worst value alone
-decides. That it fails for some value is said more easily, the more there are.
+A claim holds where the 95 % interval is within the bounds, fails where it is outside, and is open where it overlaps a
+bound, where there are fewer than six logs, and as long as cells are waiting. So at a bound itself a claim holds wrongly
+once in 40 times. One with `each` holds where it does so for every value: an intersection-union test, which needs no
+correction (Berger, Technometrics 24(4), 1982), as the worst value alone decides. That it fails for some value is more
+easily found, the more there are.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,57 +14,55 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..record.cell_table import CellTable
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import FEWEST
 from ..words.columns import about
 from ..words.numerals import counted, listed
 from .crossing import crossing
-from .found import FIGURES, Found, Verdict, nothing
+from .finding import FIGURES, Finding, Verdict, nothing
 from .median import exponents, median
 from .ratio import alike, less
 from .side import Untestable, numbered, parameters, selected, side
 from .words import remarks
 
-HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Cannot be told", "holds": "Holds"}
-"""What an answer begins with; the worst first."""
+HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Not decided", "holds": "Holds"}  # what an answer begins with
 
-KINDS: Mapping[str, Callable[..., Found]] = {
+KINDS: Mapping[str, Callable[..., Finding]] = {
     "value": median, "less": less, "alike": alike, "grows": exponents, "crosses": crossing,
 }  # fmt: skip
-"""How each kind of claim is tested: given the claim and its sides."""
+"""the tests by kind of claim, called with the claim and its sides"""
 
-OF_EACH: Mapping[Verdict, str] = {"fails": "not for", "open": "untold for", "holds": "for"}
-"""What an answer says before the share of the values of `each` that it is about."""
+OF_EACH: Mapping[Verdict, str] = {"fails": "not for", "open": "open for", "holds": "for"}  # some values of `each`
 
 
 class Part(NamedTuple):
-    """What was found for one value of a claim's `each`."""
+    """The finding for one value of a claim's `each`."""
 
     value: Any
-    found: Found
+    found: Finding
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What became of a claim."""
+    """The answer to a claim."""
 
     claim: Claim
     verdict: Verdict
     sentence: str  # with the numbers
     figures: Mapping[str, Any]  # estimate, low, high, n, p, medians: of the worst of `each`
-    waiting: int = 0  # cells that it is to be told by and that have not run
+    waiting: int = 0  # cells of the claim that have not run
     parts: tuple[Part, ...] = ()  # by the values of `each`, where there is one
 
 
 def measures(claims: Sequence[Claim]) -> list[str]:
-    """The columns that the claims are tested on, and what is to be known of times."""
+    """Lists the columns that the claims are tested on, with timing_alone for times."""
     sides = [side for claim in claims for side in (claim.first, claim.second)]
     found = list(dict.fromkeys([c.measure for c in claims] + [s["measure"] for s in sides if "measure" in s]))
     return [*found, *["timing_alone"] * any(about(name).kind.is_time for name in found)]
 
 
 def answer(claim: Claim, table: CellTable) -> Answer:
-    """The claim held against the table, which has the columns of `measures`."""
+    """Tests a claim on the table, which has the columns of `measures`."""
     try:
         parts = tuple(Part(value, _found(claim, value, part)) for value, part in _split(claim, table))
     except Untestable as trouble:
@@ -82,8 +80,8 @@ def _answer(claim: Claim, worst: Part, parts: tuple[Part, ...]) -> Answer:
     return Answer(claim, found.verdict, sentence, figures, waiting, parts)
 
 
-def _found(claim: Claim, value: Any, table: CellTable) -> Found:
-    """As `_tested`; where that value cannot be tested, why."""
+def _found(claim: Claim, value: Any, table: CellTable) -> Finding:
+    """Tests as `_tested`; where that value cannot be tested, the finding says why."""
     try:
         return _tested(claim, value, table)
     except Untestable as trouble:
@@ -91,7 +89,7 @@ def _found(claim: Claim, value: Any, table: CellTable) -> Found:
 
 
 def _split(claim: Claim, table: CellTable) -> Iterator[tuple[Any, CellTable]]:
-    """The part of the table for each value of `each` that all sides have, or all sides but those that have none."""
+    """Splits the table by the values of `each` that all sides have that have any."""
     if not claim.each:
         yield None, table
         return
@@ -114,8 +112,8 @@ def _sides(claim: Claim) -> list[Mapping[str, Any]]:
     return [claim.first] if claim.kind in ("value", "grows") else [claim.first, claim.second]
 
 
-def _tested(claim: Claim, value: Any, table: CellTable) -> Found:
-    """What is found for this value of `each`; it stays open as long as cells are waiting that it is to be told by."""
+def _tested(claim: Claim, value: Any, table: CellTable) -> Finding:
+    """Tests this value of `each`; open as long as cells of it are waiting."""
     where = {**claim.where, claim.each: value} if claim.each else claim.where
     rows = [selected(table, own, where) for own in _sides(claim)]
     logs = numbered(table, rows, claim.along)
@@ -134,7 +132,6 @@ def _tested(claim: Claim, value: Any, table: CellTable) -> Found:
 
 
 def _words(claim: Claim, worst: Part, parts: Sequence[Part]) -> str:
-    """What is claimed, the figures, what they have to be, and remarks."""
     found = worst.found
     said = [f"{claim.says.rstrip('.')}: "]
     if parts:

@@ -1,9 +1,8 @@
-"""What a study comes to: whether it reproduces what was published, from the answers to its claims.
+"""Concludes a study: whether it reproduces what was published, from the answers to its claims.
 
-A study reproduces its finding where all its claims hold. That is an intersection-union test once more (Berger,
-Technometrics 24(4), 1982): a finding that is false in some part is said to be reproduced no more often than that part's
-claim holds wrongly, so nothing is to be corrected for the number of claims. Each was stated before any cell ran, and
-its own sentence is about itself alone.
+A study reproduces its finding where all its claims hold. That is an intersection-union test (Berger, Technometrics
+24(4), 1982): a finding that is false in some part is called reproduced no more often than that part's claim holds
+wrongly, so the number of claims needs no correction. Each was stated before any cell ran.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,18 +11,18 @@ from typing import Any, Literal, NamedTuple
 
 from ..words.numerals import counted
 from .answer import Answer, Part
-from .found import FIGURES, Verdict
+from .finding import FIGURES, Verdict
 
 SAYS = {
     "yes": ("Reproduced", "The answer is yes"),
     "no": ("Not reproduced", "The answer is no"),
-    "open": ("Cannot be told", "There is no answer"),
+    "open": ("Not decided", "There is no answer"),
 }
-"""What a conclusion begins with: of a published finding, and of a question of one's own."""
+"""what a conclusion begins with: of a published finding, and of a question of one's own"""
 
 
 class Conclusion(NamedTuple):
-    """The answers of a study, and what they come to."""
+    """The answers of a study, and their conclusion."""
 
     answers: tuple[Answer, ...]
     reproduced: Literal["yes", "no", "open"]
@@ -31,7 +30,7 @@ class Conclusion(NamedTuple):
 
 
 def conclude(answers: Sequence[Answer], finding: str) -> Conclusion:
-    """What the answers come to; `finding` is what was published, "" for a question of one's own."""
+    """Draws the conclusion; `finding` is what was published, "" for a question of one's own."""
     if not answers:
         return Conclusion((), "open", "Nothing is claimed: the numbers are the answer.")
     by: dict[Verdict, list[Answer]] = {"fails": [], "open": [], "holds": []}
@@ -56,7 +55,7 @@ def _some(found: Sequence[Answer], n: int, one: str, several: str) -> str:
 
 
 def document(conclusion: Conclusion) -> dict[str, Any]:
-    """For JSON; what is infinite is the text Infinity or -Infinity, what there is not is null."""
+    """Returns the conclusion as JSON takes it: infinity is the text Infinity or -Infinity, what is missing null."""
     return {
         "reproduced": conclusion.reproduced,
         "sentence": conclusion.sentence,

@@ -1,26 +1,26 @@
-"""Claims on where two sides cross: the value of a parameter from which on the first is the smaller."""
+"""Tests claims on where two sides cross: the value of a parameter from which on the first is the smaller."""
 
 from math import inf, isinf, isnan, nan
 
 import numpy as np
 
 from ...frontend.se2 import Array, Ints
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import FEWEST, SAME, Estimate, estimate, log_ratios
 from ..words.numerals import counted, number, plain
-from .found import Found, Verdict, margin, nothing
+from .finding import Finding, Verdict, margin, nothing
 from .side import Rows, Side, Untestable, pairs
 from .words import bounds, interval
 
 
-def crossing(claim: Claim, first: Side, second: Side) -> Found:
-    """The median of the logs' crossings within the bounds; without a bound, within the values that the study has.
+def crossing(claim: Claim, first: Side, second: Side) -> Finding:
+    """Tests the median of the logs' crossings against the bounds, without any against the study's values.
 
-    On each log the ratio is interpolated in log-log. What a log does not tell is left open: a crossing outside of the
-    values is below or beyond them, beyond also where it is the other way round; that of a log that crosses more than
-    once, or whose ratio is not finite, lies from the first of its places to the last. The interval is from the low end
-    of the median of the first places to the high end of the median of the last ones, and so covers at least as often
-    as either's. Untestable with one value.
+    On each log the ratio is interpolated in log-log. What a log does not determine is left open: a crossing outside of
+    the values is below or beyond them, beyond also where it is the other way round; that of a log that crosses more
+    than once, or whose ratio is not finite, lies from the first of its places to the last. The interval is from the low
+    end of the median of the first places to the high end of the median of the last ones, and so covers at least as
+    often as either's. Untestable with one value.
     """
     both = pairs(first, second)
     if len(set(first.along) | set(second.along)) - (None in (*first.along, *second.along)) < 2:
@@ -38,7 +38,7 @@ def crossing(claim: Claim, first: Side, second: Side) -> Found:
     with np.errstate(divide="ignore"):
         room = margin(*(float(np.log(end)) for end in (low, high, max(least, 0), most)))
     said = _said(x, at, low, high, n)
-    return Found(verdict, at, low, high, n, room, said, _wanted(claim, verdict), lost=both.lost, remarks=_remarks(d))
+    return Finding(verdict, at, low, high, n, room, said, _wanted(claim, verdict), lost=both.lost, remarks=_remarks(d))
 
 
 def _wanted(claim: Claim, verdict: Verdict) -> str:
@@ -48,7 +48,6 @@ def _wanted(claim: Claim, verdict: Verdict) -> str:
 
 
 def _said(x: Array, at: float, low: float, high: float, n: int) -> str:
-    """Where they cross, or that they do not."""
     start, end = plain(float(x[0])), plain(float(x[-1]))
     if n >= FEWEST and high <= x[0]:
         return f"they do not cross, it is less all along, from {start} on ({interval(nan, nan, n)})"
@@ -62,7 +61,7 @@ def _said(x: Array, at: float, low: float, high: float, n: int) -> str:
 
 
 def _remarks(d: Array) -> tuple[str, ...]:
-    """On how many logs (n, m) they cross more than once, or the wrong way."""
+    """Remarks on how many logs (n, m) they cross more than once, or the other way round."""
     n, changes = len(d), _changes(d)
     found = {"more than once": changes > 1, "the other way round": (changes == 1) & ~(d[:, -1] > 0)}
     return tuple(
@@ -75,7 +74,7 @@ def _changes(d: Array) -> Ints:
 
 
 def _first(x: Array, d: Array) -> Array:
-    """The least place (n,) at which d (n, m) may come to be above 0 to stay there; 0 for one below x (m,)."""
+    """Returns the least place (n,) at which d (n, m) may become positive to stay so; 0 for one below x (m,)."""
     above = d > 0
     above[(_changes(d) == 1) & ~above[:, -1]] = False  # it only ceases to be
     place = above.argmax(axis=1)
@@ -84,7 +83,7 @@ def _first(x: Array, d: Array) -> Array:
 
 
 def _last(x: Array, d: Array) -> Array:
-    """The greatest place (n,) from which on d (n, m) may be above 0; infinite for one beyond x (m,)."""
+    """Returns the greatest place (n,) from which on d (n, m) may be positive; infinite for one beyond x (m,)."""
     m = len(x)
     place = m - 1 - (d <= 0)[:, ::-1].argmax(axis=1)
     found = _root(x, d, np.minimum(place, m - 2), early=False)
@@ -92,7 +91,7 @@ def _last(x: Array, d: Array) -> Array:
 
 
 def _root(x: Array, d: Array, place: Rows, *, early: bool) -> Array:
-    """Where d is 0 between this place and the next; either of them where d is not finite at one."""
+    """Returns where d is 0 between this place and the next; either of them where d is not finite at one."""
     rows = np.arange(len(d))
     start, end = np.log(x[place]), np.log(x[place + 1])
     below, above = d[rows, place], d[rows, place + 1]
@@ -103,7 +102,7 @@ def _root(x: Array, d: Array, place: Rows, *, early: bool) -> Array:
 
 
 def _estimate(places: Array, x: Array) -> Estimate:
-    """The median on a logarithmic scale; at an end of x (m,) exactly where it is there but for rounding."""
+    """Estimates the median on a logarithmic scale; exactly at an end of x (m,) if it is there but for rounding."""
     with np.errstate(divide="ignore"):
         found = estimate(np.log(places).tolist())
     ends = np.exp([found.value, found.low, found.high])

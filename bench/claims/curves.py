@@ -1,4 +1,4 @@
-"""A study's figure as numbers: of every place on its x axis, for every value of `by`, the median and its interval."""
+"""Computes a study's figure: the median and its interval at every x, for every value of `by`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -13,12 +13,11 @@ from ..verdict.statistics import FEWEST, estimate
 from ..words.columns import about
 from ..words.names import tags
 
-MANY = 400
-"""Values beyond which the exact ends of an interval are the normal ones, and take long to work out."""
+MANY = 400  # values beyond which an interval's exact ends are the normal ones, and slow to compute
 
 
 class Place(NamedTuple):
-    """The cells that one point of a figure stands for."""
+    """The cells of one point of a figure."""
 
     x: Any
     by: Any
@@ -31,17 +30,17 @@ class Place(NamedTuple):
 
     @property
     def n(self) -> int:
-        """How many cells the median is over."""
+        """Counts the cells that the median is over."""
         return len(self.values)
 
     @property
     def ended(self) -> int:
-        """How many cells have a value or have failed."""
+        """Counts the cells that have a value or have failed."""
         return int(np.isfinite(self.values).sum()) + self.failed
 
 
 class Medians(NamedTuple):
-    """A figure's numbers, in the order in which it has them."""
+    """A figure's numbers, in its order."""
 
     figure: Figure
     xs: Sequence[Any]  # rising where they are numbers, else as the study has them; None last
@@ -52,21 +51,21 @@ class Medians(NamedTuple):
 
     @property
     def numeric(self) -> bool:
-        """Whether x is a number, so that there are lines."""
+        """True where x is a number, so that there are lines."""
         return self.figure.x != self.figure.by and _numbers(self.xs)
 
     @property
     def ordered(self) -> bool:
-        """Whether `by` is a number."""
+        """True where `by` is a number."""
         return _numbers(self.bys)
 
     def line(self, by: Any) -> list[Place]:
-        """Those of one value of `by`, by x."""
+        """Returns the places of one value of `by`, by x."""
         return [self.places[x, by] for x in self.xs if (x, by) in self.places]
 
 
 def medians(figure: Figure, table: CellTable) -> Medians:
-    """The figure's numbers."""
+    """Computes the figure's numbers."""
     rows = table.rows(figure.where) if figure.where else slice(None)
     xs, at = _coded(table.columns[figure.x][rows])
     bys, line = _coded(table.columns[figure.by][rows])
@@ -101,7 +100,7 @@ def _typical(values: Array) -> tuple[float, float, float]:
 
 
 def _of_many(sorted_: Array) -> tuple[float, float, float]:
-    """The same, by the binomial's normal limit: the order statistics 1.96 sqrt(n) / 2 from the middle."""
+    """Computes it by the binomial's normal limit: the order statistics 1.96 sqrt(n) / 2 from the middle."""
     n = len(sorted_)
     off = 1.96 * np.sqrt(n) / 2
     middle, low, high = (float(sorted_[round(place)]) for place in ((n - 1) / 2, n / 2 - off - 1, n / 2 + off))
@@ -109,7 +108,7 @@ def _of_many(sorted_: Array) -> tuple[float, float, float]:
 
 
 def _coded(values: Any) -> tuple[list[Any], Any]:
-    """Each value once, and (n,) which of them it is."""
+    """Returns each value once, and (n,) its index."""
     found = values.tolist()
     codes = {value: code for code, value in enumerate(dict.fromkeys(found))}
     return list(codes), np.fromiter(map(codes.__getitem__, found), np.intp, len(found))
@@ -126,7 +125,7 @@ def _sorted(values: list[Any]) -> list[Any]:
 
 
 def _called(figure: Figure, table: CellTable, bys: Sequence[Any]) -> dict[Any, str]:
-    """Names; what has no value of the parameter is called by its backends."""
+    """Names the values of `by`; cells without any by their backends."""
     words = figure.by.rpartition(".")[2].replace("_", " ")
     found: dict[Any, str] = {
         value: worded(value) if isinstance(value, str) else f"{words} {worded(value)}" for value in bys
@@ -138,21 +137,21 @@ def _called(figure: Figure, table: CellTable, bys: Sequence[Any]) -> dict[Any, s
 
 
 def names(parameter: str, values: Iterable[Any]) -> dict[Any, str]:
-    """Of datasets and backends, as short as tells each from the others; none of the values of another parameter."""
+    """Shortens datasets and backends as far as they stay distinct; {} for another parameter."""
     if parameter not in ("dataset", "backend"):
         return {}
     return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
 
 
 def _lacking(parameter: str, figure: Figure, table: CellTable) -> str:
-    """The backends that have no value of the parameter."""
+    """Lists the backends that have no value of the parameter."""
     rows = table.rows(figure.where)
     backends = table.values("backend", rows[table.columns[parameter][rows] == None])  # noqa: E711 - of each element
     return ", ".join(names("backend", backends).values())
 
 
 def worded(value: Any) -> str:
-    """A parameter's value as people write it."""
+    """Writes a parameter's value for readers."""
     if value is None:
         return "\N{EN DASH}"
     if isinstance(value, bool):

@@ -1,42 +1,41 @@
-"""Claims on a median over logs: of a measure, and of the exponent with which it grows."""
+"""Tests claims on a median over logs: of a measure, and of the exponent with which it grows."""
 
 import numpy as np
 
 from ...frontend.se2 import Array
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import Estimate, estimate
 from ..words.numerals import plain
-from .found import Found, held, margin, nothing
+from .finding import Finding, judged, margin, nothing
 from .side import Side, Untestable
 from .words import bounds, exponent, interval, sized
 
-FEWEST_PLACES = 3
-"""Values of a parameter from which on a power of it can be told from a step."""
+FEWEST_PLACES = 3  # values of a parameter that an exponent needs
 
 
-def median(claim: Claim, side: Side) -> Found:
-    """The median of the measure within the bounds.
+def median(claim: Claim, side: Side) -> Finding:
+    """Tests the median of the measure against the bounds.
 
-    An error's failed cell is infinite. A failed cell of what is no error, a NEES or a time, might have had any value:
-    it counts as the lowest for the one end of the interval, and as the highest for the other.
+    An error's failed cell is infinite. A failed cell of another measure, a NEES or a time, might have had any value: it
+    counts as the lowest for the one end of the interval, and as the highest for the other.
     """
     found = cautious(side.values[:, 0][side.present[:, 0]])
     if not found.n:
         return nothing(f"no cell has {side.measure}")
     said = f"median {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n)})"
-    return _held(claim, found, said, bounds(claim.low, claim.high, side.measure))
+    return _judged(claim, found, said, bounds(claim.low, claim.high, side.measure))
 
 
-def exponents(claim: Claim, side: Side) -> Found:
-    """The median exponent b of measure ~ x^b, by least squares on each log, within the bounds.
+def exponents(claim: Claim, side: Side) -> Finding:
+    """Tests the median exponent b of measure ~ x^b, by least squares on each log, against the bounds.
 
-    A log where an error's cell failed has an infinite exponent where that is at large x, one of minus infinity where
-    it is at small ones, and may have any where it is at both, or where the measure is no error; a value of 0 is the
+    A log where an error's cell failed has an infinite exponent where that is at large x, one of minus infinity where it
+    is at small ones, and may have any where it is at both, or where the measure is no error; a value of 0 is the
     opposite. Untestable with fewer than FEWEST_PLACES values of the parameter, and for negative values.
     """
     if len(side.along) < FEWEST_PLACES:
         found = ", ".join(f"{x}" for x in side.along)
-        raise Untestable(f"{claim.along} has too few values to tell a power by: {found}; expected {FEWEST_PLACES}")
+        raise Untestable(f"{claim.along} has too few values for an exponent: {found}; expected {FEWEST_PLACES}")
     if (side.values[side.present] < 0).any():
         raise Untestable(f"{side.measure} has negative values, which are no power of {claim.along}")
     whole = side.complete()
@@ -49,11 +48,11 @@ def exponents(claim: Claim, side: Side) -> Found:
     places = f"{claim.along} {plain(whole.along[0])} to {plain(whole.along[-1])}"
     said = f"exponent {exponent(found.value)} ({interval(found.low, found.high, found.n, exponent)}, {places})"
     lost = len(side.logs) - len(whole.logs)
-    return _held(claim, found, said, bounds(claim.low, claim.high))._replace(lost=lost)
+    return _judged(claim, found, said, bounds(claim.low, claim.high))._replace(lost=lost)
 
 
 def cautious(values: Array) -> Estimate:
-    """The median over logs (n,) with its interval, whatever those are that are NaN: unknown."""
+    """Estimates the median over logs (n,) with an interval that holds whatever the NaN, unknown, are."""
     unknown = np.isnan(values)
     if not unknown.any():
         return estimate(values.tolist()) if len(values) else Estimate(np.nan, np.nan, np.nan, 0)
@@ -62,6 +61,6 @@ def cautious(values: Array) -> Estimate:
     return Estimate(known.value, low.low, high.high, len(values))
 
 
-def _held(claim: Claim, found: Estimate, words: str, wanted: str) -> Found:
+def _judged(claim: Claim, found: Estimate, words: str, wanted: str) -> Finding:
     ends = found.low, found.high, claim.low, claim.high
-    return Found(held(*ends), *found, margin(*ends), words, wanted)
+    return Finding(judged(*ends), *found, margin(*ends), words, wanted)

@@ -1,4 +1,4 @@
-"""Claims on the ratio of two sides, paired by log: that one is smaller, or that they are alike."""
+"""Tests claims on the ratio of two sides, paired by log: that one is smaller, or that they are alike."""
 
 from math import log
 from typing import NamedTuple
@@ -6,22 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from ...frontend.se2 import Array
-from ..study.claim import Claim
-from ..verdict.statistics import LEVEL, Shift, exponential, log_ratios, shift
-from ..verdict.walsh import MOST
+from ..study.study import Claim
+from ..verdict.statistics import LEVEL, MOST, Shift, exponential, log_ratios, shift
 from ..words.numerals import factor, larger
-from .found import Found, held, margin, nothing
+from .finding import Finding, judged, margin, nothing
 from .median import cautious
 from .side import Side, Untestable, pairs
 from .words import ratio, sized, tested
 
 
-def less(claim: Claim, first: Side, second: Side) -> Found:
-    """The second's measure is more than `claim.low` times the first's: by the interval of the ratio and by the test.
+def less(claim: Claim, first: Side, second: Side) -> Finding:
+    """Tests that the second's measure is more than `claim.low` times the first's: by interval and by test.
 
-    The interval is that of Hodges and Lehmann, the test Wilcoxon's of signed ranks, both two-sided at 5 %, so that at
-    the bound itself one claim in 40 holds wrongly. An error's failed cell is infinite, and as bad as another one. Of
-    what is no error, the ratio on a log with a failed cell might be any: it counts against whatever is to be said.
+    The interval is that of Hodges and Lehmann, the test Wilcoxon's signed-rank test, both two-sided at 5 %, so that at
+    the bound itself one claim in 40 holds wrongly. An error's failed cell is infinite, and as bad as another one. For
+    another measure the ratio on a log with a failed cell might be any: it counts against the verdict.
     """
     found = _paired(first, second)
     if found is None:
@@ -29,11 +28,11 @@ def less(claim: Claim, first: Side, second: Side) -> Found:
     bound = log(claim.low)
     cautious_one, bold_one = found.shifts(bound)
     low, high = cautious_one.low, bold_one.high
-    verdict = held(low, high, bound, np.inf)
+    verdict = judged(low, high, bound, np.inf)
     p = bold_one.p if verdict == "fails" else cautious_one.p
     remarks: tuple[str, ...] = ()
     if verdict != "open" and not (p < LEVEL and low != bound):
-        verdict, remarks = "open", ("the signed-rank test does not bear it out",)
+        verdict, remarks = "open", ("the signed-rank test does not support it",)
     wanted = f"at most {larger(1 / claim.low)} more" if claim.low < 1 else f"at least {factor(claim.low)} times"
     if claim.low == 1:
         wanted = "" if verdict == "holds" else "less"
@@ -42,11 +41,11 @@ def less(claim: Claim, first: Side, second: Side) -> Found:
     )
 
 
-def alike(claim: Claim, first: Side, second: Side) -> Found:
-    """The ratio's whole interval is within the bounds.
+def alike(claim: Claim, first: Side, second: Side) -> Finding:
+    """Tests that the ratio's whole interval is within the bounds.
 
     Those are two one-sided tests (Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15(6), 1987), each at
-    2.5 %. A log on which both sides failed says nothing for it: its ratio might be any.
+    2.5 %. A log on which both sides failed is no evidence: its ratio might be any.
     """
     found = _paired(first, second)
     if found is None:
@@ -56,7 +55,7 @@ def alike(claim: Claim, first: Side, second: Side) -> Found:
     ends = one.low, other.high, log(claim.low), log(claim.high)
     wanted = "the same" if claim.low == claim.high else f"within {larger(claim.high)}"
     return found.told(one.low, other.high, None, fine=False)._replace(
-        verdict=held(*ends), margin=margin(*ends), wanted=wanted
+        verdict=judged(*ends), margin=margin(*ends), wanted=wanted
     )
 
 
@@ -68,7 +67,7 @@ class _Ratios(NamedTuple):
     lost: int
 
     def shifts(self, against: float) -> tuple[Shift, Shift]:
-        """With what is unknown at the low end, and at the high one."""
+        """Estimates the shift with unknown values at the low end, and at the high one."""
         unknown = np.isnan(self.d)
         if not unknown.any():
             found = shift(self.d, against)
@@ -76,8 +75,8 @@ class _Ratios(NamedTuple):
         low, high = (shift(np.where(unknown, end, self.d), against) for end in (-np.inf, np.inf))
         return low, high
 
-    def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Found:
-        """The figures, from the interval of d; verdict and bounds are yet to come."""
+    def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Finding:
+        """Makes the finding's figures from the interval of d; verdict and bounds are still missing."""
         medians = tuple(cautious(values).value for values in (self.first, self.second))
         one, other = (sized(value, measure) for value, measure in zip(medians, self.measures, strict=True))
         at, start, end = (exponential(value) for value in (shift(self.d[~np.isnan(self.d)]).value, low, high))
@@ -85,11 +84,11 @@ class _Ratios(NamedTuple):
         said = f"{one} against {other}"
         if not np.isnan(low):
             said += f", {ratio(start, end, fine=fine)}"
-        return Found("open", at, start, end, n, 0.0, f"{said} ({tested(n, p)})", "", medians=medians, lost=self.lost)
+        return Finding("open", at, start, end, n, 0.0, f"{said} ({tested(n, p)})", "", medians=medians, lost=self.lost)
 
 
 def _paired(first: Side, second: Side) -> _Ratios | None:
-    """None without a log that both ran on; Untestable with more than MOST."""
+    """Pairs the sides; None without a log that both ran on, Untestable with more than MOST."""
     both = pairs(first, second)
     if not both.first.size:
         return None

@@ -1,4 +1,4 @@
-"""One side of a claim: which cells it selects, and what they have of its measure on every log."""
+"""One side of a claim: the cells it selects, and their values of its measure on every log."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -16,11 +16,8 @@ from ..words.numerals import listed
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 
-NO_PARAMETERS = frozenset(("status", "reason", "digest", "host", "executor"))
-"""Columns of words that a table may have beside those of its parameters."""
-
-SHOWN = 6
-"""Values that a sentence has room for."""
+NO_PARAMETERS = frozenset(("status", "reason", "digest", "host", "executor"))  # columns of words, not parameters
+SHOWN = 6  # values that a sentence has room for
 
 
 class Untestable(Exception):
@@ -28,7 +25,7 @@ class Untestable(Exception):
 
 
 class Side(NamedTuple):
-    """What the cells of one side have on k logs, for m values of the parameter that a claim goes along, or for one."""
+    """The values of one side's cells on k logs, for m values of the parameter that a claim goes along, or for one."""
 
     measure: str
     along: list[Any]  # (m,) rising; [None] where a claim goes along nothing, or no cell has what it goes along
@@ -39,16 +36,16 @@ class Side(NamedTuple):
     waiting: int
     failed: int
     skipped: int
-    undefined: int  # done, and without a value
+    undefined: int  # done, without a value
     beside: int  # with others running on their machine meanwhile
 
     @property
     def unknown(self) -> int:
-        """How many cells failed and might have had any value."""
+        """Counts the cells that failed and might have had any value."""
         return 0 if about(self.measure).kind.is_error else self.failed
 
     def complete(self) -> "Side":
-        """The logs that have all that any log has; without those values of `along` that no log has one for."""
+        """Keeps the logs that have all that any log has, and the values of `along` that some log has."""
         some = self.present.any(axis=0)
         whole = self.present[:, some].all(axis=1)
         along = [self.along[place] for place in np.flatnonzero(some)]
@@ -57,19 +54,16 @@ class Side(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """What two sides have on the logs that both ran on."""
+    """The values of two sides on the logs that both ran on."""
 
     along: list[Any]  # (m,)
     first: Array  # (k, m)
     second: Array
-    lost: int  # logs of either side that are none of them
+    lost: int  # other logs of either side
 
 
 def pairs(first: Side, second: Side) -> Pairs:
-    """Of logs and values that both have; a side without the parameter that the claim goes along is the same all along.
-
-    Untestable where a value is negative: it has no ratio to another.
-    """
+    """Pairs two sides by logs and values; one without `along` is constant. Untestable for negative values."""
     one, other = first.complete(), second.complete()
     along = one.along if other.along == [None] else other.along
     if None not in (*one.along, *other.along):
@@ -92,15 +86,12 @@ def _columns(side: Side, along: list[Any]) -> Array:
 
 
 def parameters(table: CellTable) -> list[str]:
-    """The names of its cells' parameters."""
+    """Lists the names of its cells' parameters."""
     return [name for name, column in table.columns.items() if column.dtype == object and name not in NO_PARAMETERS]
 
 
 def selected(table: CellTable, own: Mapping[str, Any], where: Mapping[str, Any]) -> Rows:
-    """The rows with a side's own values, and those of `where` that its cells know of.
-
-    Untestable without any.
-    """
+    """Selects rows by a side's own values, and those of `where` that its cells have; Untestable without any."""
     names = parameters(table)
     wanted = {name: value for name, value in own.items() if name != "measure"}
     for name in (*wanted, *where):
@@ -120,11 +111,11 @@ def selected(table: CellTable, own: Mapping[str, Any], where: Mapping[str, Any])
 
 
 def numbered(table: CellTable, sides: Sequence[Rows], along: str) -> Ints:
-    """A number for the log of each of the table's rows, (n,); -1 for those of no side.
+    """Numbers the log of each of the table's rows, (n,); -1 for those of no side.
 
-    A log is told by its seed; of a dataset that draws nothing all seeds are one log, by its digest. Datasets may be
-    several where each is a single log, as shows when it has run, and are then told apart. Untestable where a side is
-    no one configuration.
+    A log is identified by its seed; of a dataset without randomness all seeds are one log, by its digest. Datasets may
+    be several where each is a single log, known once it has run, and then count as logs. Untestable where a side is not
+    one configuration.
     """
     rows = np.unique(np.concatenate(sides))
     seeds = table.columns["seed"][rows].tolist()
@@ -150,7 +141,7 @@ def numbered(table: CellTable, sides: Sequence[Rows], along: str) -> Ints:
 
 
 def _several(table: CellTable, rows: Rows, along: str) -> bool:
-    """Whether a side has several datasets; Untestable where it has several values of another parameter."""
+    """Returns True if a side has several datasets; Untestable where it has several values of another parameter."""
     several = False
     for name in parameters(table):
         if name in ("seed", along):
@@ -169,10 +160,10 @@ def _ambiguous(name: str, values: Sequence[Any]) -> str:
 
 
 def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> Side:
-    """What the rows have of the measure; `logs` (n,) as from `numbered`.
+    """Collects the rows' values of the measure; `logs` (n,) as from `numbered`.
 
-    What several cells have on one log, of a backend that draws at random, is averaged. Untestable where `along` is not
-    a number above 0 in all of them, or in none.
+    Several cells on one log, of a random backend, are averaged. Untestable unless `along` is a number above 0 in all of
+    them, or in none.
     """
     status = table.columns["status"][rows]
     value = table.columns[measure][rows].astype(float)
@@ -203,7 +194,7 @@ def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> 
 
 
 def _along(values: list[Any], name: str) -> tuple[list[Any], Rows]:
-    """The values of a parameter, rising, and which of them each row has; [None] where no row has the parameter."""
+    """Returns the values of a parameter, rising, and each row's index; [None] where no row has the parameter."""
     known = set(values)
     if known == {None}:
         return [None], np.zeros(len(values), int)

@@ -1,4 +1,4 @@
-"""How far a study is: its cells by status, and what failed, for what reasons and where."""
+"""Summarises a study's progress: its cells by status, and the failures with reasons and parameters."""
 
 import re
 from collections import Counter
@@ -12,71 +12,64 @@ from ..record.cell_table import CellTable
 from .curves import worded
 from .side import parameters
 
-ENDS = ("done", *FAILED, "skipped", "waiting")
-"""Statuses in the order in which they are told."""
-
-NAMED = 4
-"""Values of a parameter that are told one by one."""
+ENDS = ("done", *FAILED, "skipped", "waiting")  # statuses in the order in which they are listed
+NAMED = 4  # values of a parameter that are listed
 
 
-class Told(NamedTuple):
+class FailureGroup(NamedTuple):
     """Cells that ended in the same way, for the same reason but for its numbers."""
 
     status: str
     reason: str  # that of the first
     n: int
-    where: Sequence[tuple[str, str]]  # (parameter, its values): what tells them from the other cells
+    where: Sequence[tuple[str, str]]  # (parameter, its values): what distinguishes them from the other cells
 
     @property
     def failed(self) -> bool:
-        """Whether it counts as the worst there is."""
+        """True where it is a failure."""
         return self.status in FAILED
 
 
 class Standing(NamedTuple):
-    """Of all cells of the study as it stands."""
+    """The progress of all cells of a study."""
 
     counts: dict[str, int]  # by status, those that there are
-    told: Sequence[Told]  # every reason, failures first, the most frequent first
+    told: Sequence[FailureGroup]  # every reason, failures first, the most frequent first
 
     @property
     def cells(self) -> int:
-        """How many there are."""
+        """Counts all cells."""
         return sum(self.counts.values())
 
     @property
     def waiting(self) -> int:
-        """How many have no result yet."""
+        """Counts the cells without a result."""
         return self.counts.get("waiting", 0)
 
     @property
     def failed(self) -> int:
-        """How many count as the worst there is."""
+        """Counts the failed cells."""
         return sum(self.counts.get(status, 0) for status in FAILED)
 
 
 def standing(table: CellTable) -> Standing:
-    """How far the study is."""
+    """Summarises the table."""
     statuses, reasons = table.columns["status"], table.columns["reason"]
     counts = Counter(statuses.tolist())
     alike: dict[tuple[str, str], list[int]] = {}
     worth = np.logical_or.reduce([reasons.astype(bool), *(statuses == status for status in FAILED)])
     for row in np.flatnonzero(worth).tolist():
-        alike.setdefault((statuses[row], _without_numbers(reasons[row] or "")), []).append(row)
+        alike.setdefault((statuses[row], re.sub(r"\d[\d.,]*(e[+-]?\d+)?", "#", reasons[row] or "")), []).append(row)
     told = [
-        Told(status, reasons[rows[0]] or "no reason given", len(rows), _where(table, rows))
+        FailureGroup(status, reasons[rows[0]] or "no reason given", len(rows), _where(table, rows))
         for (status, _), rows in alike.items()
     ]
     told.sort(key=lambda one: (not one.failed, one.status == "done", -one.n))
     return Standing({status: counts[status] for status in ENDS if counts[status]}, told)
 
 
-def _without_numbers(reason: str) -> str:
-    return re.sub(r"\d[\d.,]*(e[+-]?\d+)?", "#", reason)
-
-
 def _where(table: CellTable, rows: Sequence[int]) -> list[tuple[str, str]]:
-    """The parameters of which these cells have not every value that the study has."""
+    """Returns the parameters of which these cells have only some of the study's values."""
     found: list[tuple[str, str]] = []
     for name in parameters(table):
         values = table.columns[name]

@@ -1,4 +1,4 @@
-"""The words of an answer: values with their units, intervals, bounds, and what a reader must know of the cells."""
+"""Writes the words of an answer: values with units, intervals, bounds, and remarks on cells."""
 
 from collections.abc import Callable, Sequence
 from math import inf, isinf, isnan
@@ -10,7 +10,7 @@ from .side import Side
 
 
 def sized(value: float, measure: str) -> str:
-    """0.0213 m; where it is infinite because cells failed, that."""
+    """Writes 0.0213 m; infinite because cells failed: failed."""
     if isinf(value) and about(measure).kind.is_error:
         return "failed"
     return number(value) + _unit(measure)
@@ -22,7 +22,7 @@ def _unit(measure: str) -> str:
 
 
 def bounds(low: float, high: float, measure: str = "") -> str:
-    """above 2; below 0.1 m; within 1 to 2."""
+    """Writes above 2; below 0.1 m; within 1 to 2."""
     unit = _unit(measure)
     if isinf(low):
         return f"below {plain(high)}{unit}"
@@ -30,7 +30,7 @@ def bounds(low: float, high: float, measure: str = "") -> str:
 
 
 def interval(low: float, high: float, n: int, written: Callable[[float], str] = number) -> str:
-    """95 % interval 1.2 to 2.3; 50 logs. The logs alone where there are too few for one."""
+    """Writes 95 % interval 1.2 to 2.3; 50 logs. The logs alone where there are too few for one."""
     logs = counted(n, "log")
     if isnan(low):
         return logs
@@ -40,7 +40,7 @@ def interval(low: float, high: float, n: int, written: Callable[[float], str] = 
 
 
 def tested(n: int, p: float | None) -> str:
-    """95 % interval; 50 logs, p < 0.0001. The logs alone where there are too few for either."""
+    """Writes 95 % interval; 50 logs, p < 0.0001. The logs alone where there are too few for either."""
     logs = counted(n, "log")
     if n < FEWEST:
         return logs
@@ -48,7 +48,7 @@ def tested(n: int, p: float | None) -> str:
 
 
 def ratio(low: float, high: float, *, fine: bool) -> str:
-    """How much less or more the first is where the second is `low` to `high` times it; `fine`: in three digits."""
+    """Writes how much less or more the first is if the second is `low` to `high` times it; `fine`: three digits."""
     if low == high == 1:
         return "the same on every log"
     if low >= 1:
@@ -73,12 +73,12 @@ def _times(low: float, high: float, *, fine: bool) -> str:
 
 
 def exponent(value: float) -> str:
-    """2.01: of exponents the difference counts, not the ratio."""
+    """Writes 2.01: of exponents the difference counts, not the ratio."""
     return number(value) if isinf(value) else f"{value:.2f}"
 
 
 def remarks(sides: Sequence[Side]) -> list[str]:
-    """What a reader must know of the cells: what failed and counts as what, what has no value, what was timed how."""
+    """Remarks on the cells: failures and their effect, missing values, and timing."""
     cells = sum(side.cells for side in sides)
     said: list[str] = []
     failed, unknown = sum(side.failed for side in sides), sum(side.unknown for side in sides)

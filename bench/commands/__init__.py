@@ -1,1 +1,1 @@
-"""Flags, help and exit statuses: a module a command."""
+"""Flags, help and exit statuses: one module per command."""

@@ -1,4 +1,4 @@
-"""`bench ablate`: a study, from its question to its answer."""
+"""`bench ablate`: runs a study, from its question to its answer."""
 
 import argparse
 import contextlib
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ...frontend.errors import InputError, Interrupted
-from ..engine.engine import Tally, Wanted, run
+from ..engine.engine import RunRequest, Tally, run
 from ..plan.values import count
 from ..record.schema import FILE
 from ..record.store import Store
@@ -29,45 +29,44 @@ from . import executors
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = (
-        "Without STUDY: the studies that come along. A study that was stopped goes on with the same command;\n"
-        "what has a result is not run again as long as log, backend, options and code are the same.\n"
-        "Exit status 0: every claim holds, or nothing is claimed; 1: not so, or cells failed.\n\n"
+        "Without STUDY: lists the packaged studies. The same command continues a study that was stopped;\n"
+        "what has a result is not run again while log, backend, options and code stay the same.\n"
+        "Exit status 0: every claim holds, or nothing is claimed; 1: a claim does not hold, or cells failed.\n\n"
         f"A study file:\n\n{study_file.FORMAT}"
     )
-    parser.add_argument("study", metavar="STUDY", nargs="?", help="a study file, or the name of one that comes along")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where it goes (default results/NAME)")
-    parser.add_argument("--full", action="store_true", help="the study's full size instead of the quick one")
-    parser.add_argument("--dry-run", action="store_true", help="tell how many cells there are, and how long they take")
-    parser.add_argument(
-        "--only", action="append", default=[], metavar="NAME=VALUE", help="run the cells with that parameter alone"
-    )
-    parser.add_argument("--limit", type=count, metavar="N", help="run at most so many cells now")
-    parser.add_argument("--retry", action="store_true", help="run cells again that failed")
+    add = parser.add_argument
+    add("study", metavar="STUDY", nargs="?", help="a study file, or the name of a packaged one")
+    add("--out", type=Path, metavar="FOLDER", help="where results go (default results/NAME)")
+    add("--full", action="store_true", help="the study's full size instead of the quick one")
+    add("--dry-run", action="store_true", help="print how many cells there are, and how long they take")
+    add("--only", action="append", default=[], metavar="NAME=VALUE", help="run only the cells with that parameter")
+    add("--limit", type=count, metavar="N", help="run at most N cells now")
+    add("--retry", action="store_true", help="run failed cells again")
     executors.arguments(parser, jobs="local: processes (default one a core); slurm: jobs (default 4)")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Run the study; 0 where every claim holds, 1 where one does not or cells failed."""
+    """Runs the study; 0 where every claim holds, 1 where one does not or cells failed."""
     console = screen_console(quiet=namespace.quiet)
     if namespace.study is None:
         _list(console)
         return 0
     study = study_file.read(namespace.study, full=namespace.full)
     out = namespace.out or Path("results") / study.name
-    wanted = Wanted(choice(study, namespace.only), namespace.limit, namespace.retry)
+    request = RunRequest(choice(study, namespace.only), namespace.limit, namespace.retry)
     if namespace.dry_run:
-        _estimate(console, study, out, wanted, namespace)
+        _estimate(console, study, out, request, namespace)
         return 0
     again = [Path(sys.argv[0]).name, *sys.argv[1:]]
     try:
         with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
-            tally = run(study, out, executor, wanted, about(study, out, again), screen)
+            tally = run(study, out, executor, request, about(study, out, again), screen)
     except KeyboardInterrupt:
-        raise Interrupted(f"{shlex.join(again)} goes on where this stopped") from None
+        raise Interrupted(f"{shlex.join(again)} continues from here") from None
     return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
 
 
@@ -77,21 +76,19 @@ def _executor(namespace: argparse.Namespace, study: Study, say: Callable[[str], 
 
 
 def _list(console: Console) -> None:
-    """The studies that come along, with their questions."""
     for name in study_file.packaged():
         study, full = (study_file.read(name, full=size) for size in (False, True))
         cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
         console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
     for sentence in (
         "",
-        "bench ablate NAME runs one in its quick size, in one to three minutes on two cores or so; --dry-run tells.",
+        "bench ablate NAME runs one in its quick size, in one to three minutes on two cores; --dry-run estimates it.",
         f"Copy and change them: {study_file.PACKAGED}",
     ):
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
-def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespace: argparse.Namespace) -> None:
-    """Tell what there is to do, and do nothing of it."""
+def _estimate(console: Console, study: Study, out: Path, request: RunRequest, namespace: argparse.Namespace) -> None:
     from ..study.estimate import estimate
 
     with contextlib.ExitStack() as stack:
@@ -101,7 +98,7 @@ def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespa
         if store is not None:
             refuse_another(study, out, store.about())
         executor = stack.enter_context(contextlib.closing(_executor(namespace, study, console.print)))
-        found = estimate(study, store, executor, wanted)
+        found = estimate(study, store, executor, request)
         head, *rows = found.table()
         table = Table(*head, box=box.SIMPLE_HEAD)
         for column in table.columns[2:]:
@@ -114,7 +111,6 @@ def _estimate(console: Console, study: Study, out: Path, wanted: Wanted, namespa
 
 
 def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly: bool) -> int:
-    """Print the answer and write the report."""
     from ..study_report.evidence import evidence
     from ..study_report.report import write
 
@@ -129,8 +125,8 @@ def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly
 
 
 def _left(tally: Tally, *, partly: bool) -> Sequence[str]:
-    """What failed and what has not run; `partly`: some of it was not asked for."""
+    """Says what failed and what has not run; `partly`: some of it was not requested."""
     said = [f"{counted(tally.failed, 'cell')} failed; --retry runs them again."] * bool(tally.failed)
     waiting = tally.cells - tally.done
-    goes_on = "without --only and --limit all of them are run" if partly else "the same command goes on"
+    goes_on = "without --only and --limit all of them are run" if partly else "the same command continues"
     return [*said, *[f"{counted(waiting, 'cell')} of {tally.cells} wait; {goes_on}."] * bool(waiting)]

@@ -1,4 +1,4 @@
-"""`bench calibrate FRAMES --board charuco[...]`: a camera's calibration from views of a ChArUco board."""
+"""`bench calibrate FRAMES --board charuco[...]`: calibrates a camera from views of a ChArUco board."""
 
 import argparse
 from collections import defaultdict
@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from ...datasets.recordings import frames_folder, video
@@ -21,31 +20,25 @@ from ...frontend.markers.board import Board, View, find_corners, read_board
 from ...frontend.markers.charuco import MODELS, Calibration, calibrate
 from ..camera.calibration_picture import write_picture
 from ..drawing.picture import KINDS
-from ..words.console import plain, screen_console
+from ..plan.values import check_file
+from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import counted, listed
 
-CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")
-"""What a calibration file's name may end in."""
-
-MOST_FRAMES = 60
-"""Frames taken from a video, evenly: more of them cost time and say little that is new."""
-
-STRIDE = 10
-"""Of a video that does not say how long it is, every so many-th frame."""
-
-NAMED = 3
-"""Images that are named where a reason is given for several."""
+CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")  # endings of a calibration file's name
+MOST_FRAMES = 60  # frames taken from a video, evenly: more of them cost time and add little
+STRIDE = 10  # every so many-th frame of a video of unknown length is taken
+NAMED = 3  # images that are named where a reason applies to several
 
 
 class Source(NamedTuple):
-    """Where images come from; they are read as they are asked for."""
+    """A source of images, read on demand."""
 
     length: int
     images: Iterable[tuple[str, Image | None]]  # with their names; None: cannot be read
 
 
 class Views(NamedTuple):
-    """What was found in the images."""
+    """The views found in the images."""
 
     used: list[View]
     left_out: dict[str, list[str]]  # reason -> images
@@ -53,39 +46,38 @@ class Views(NamedTuple):
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
         "Take 15 to 30 sharp pictures in which the board is large and tilted every way by 20 to 45 degrees, near all "
         "edges of the image too. Measure the printed board's squares and markers: their sides are in m. Boards printed "
         "with OpenCV before 4.6 with an even number of rows need legacy=true."
     )
-    parser.add_argument("frames", nargs="+", type=Path, metavar="FRAMES", help="images, folders of them, or a video")
-    parser.add_argument(
+    add = parser.add_argument
+    add("frames", nargs="+", type=Path, metavar="FRAMES", help="images, folders of them, or a video")
+    add(
         "--board",
         required=True,
         metavar="BOARD",
         help="charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250], in squares and m",
     )
-    parser.add_argument(
+    add(
         "--model",
         choices=list(MODELS),
         default="5",
         help="the lens: that many coefficients, or fisheye (default 5; 8 for wide lenses)",
     )
-    parser.add_argument(
-        "--out", type=Path, default=Path("calibration.yaml"), metavar="FILE", help="default calibration.yaml"
-    )
-    parser.add_argument("--camera-info", type=Path, metavar="FILE", help="also write ROS's camera_info YAML")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="also draw coverage and errors (.png .svg .pdf)")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--out", type=Path, default=Path("calibration.yaml"), metavar="FILE", help="default calibration.yaml")
+    add("--camera-info", type=Path, metavar="FILE", help="also write ROS's camera_info YAML")
+    add("--picture", type=Path, metavar="FILE", help="also draw coverage and errors (.png .svg .pdf)")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Calibrate; 0 where the calibration was written."""
+    """Calibrates; 0 where the calibration was written."""
     board = read_board(namespace.board)
-    _check_place("--out", namespace.out, CALIBRATIONS)
-    _check_place("--camera-info", namespace.camera_info, (".yaml", ".yml"))
-    _check_place("--picture", namespace.picture, KINDS)
+    check_file("--out", namespace.out, CALIBRATIONS)
+    check_file("--camera-info", namespace.camera_info, (".yaml", ".yml"))
+    check_file("--picture", namespace.picture, KINDS)
     console = screen_console(quiet=namespace.quiet)
     views = _views(namespace.frames, board, console)
     reasons = _reasons(views.left_out)
@@ -105,26 +97,16 @@ def main(namespace: argparse.Namespace) -> int:
     return 0
 
 
-def _check_place(flag: str, path: Path | None, suffixes: tuple[str, ...]) -> None:
-    if path is None:
-        return
-    if path.suffix.lower() not in suffixes:
-        raise InputError(f"{flag} {path}: found a name that ends in {path.suffix!r}, expected {' '.join(suffixes)}")
-    if not path.parent.is_dir():
-        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected one that is there")
-
-
 def _views(places: list[Path], board: Board, console: Console) -> Views:
-    """The board in all images; InputError where they are of different sizes, or there is none that can be read."""
+    """Finds the board in all images; InputError for different sizes, or where none can be read."""
     used: list[View] = []
     left_out = defaultdict[str, list[str]](list)
     first: tuple[str, tuple[int, int]] | None = None
     sources = [_source(place) for place in places]
     total = sum(source.length for source in sources)
-    columns = (TextColumn("looking for the board"), BarColumn(), MofNCompleteColumn())
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        for name, image in progress.track(chain.from_iterable(source.images for source in sources), total=total):
+    with ProgressBar(console, "looking for the board", total) as bar:
+        for name, image in chain.from_iterable(source.images for source in sources):
+            bar.update(advance=1)
             if image is None:
                 left_out["cannot be read as an image"].append(name)
                 continue
@@ -147,7 +129,7 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
 
 
 def _source(place: Path) -> Source:
-    """The images at `place`; InputError where there is nothing, or nothing of the kind."""
+    """Returns the images at `place`; InputError where there are none."""
     if not place.exists():
         raise InputError(f"{place}: is not there, expected an image, a folder of images or a video")
     if place.is_dir():
@@ -166,18 +148,15 @@ def _source(place: Path) -> Source:
 
 
 def _twin(view: View, others: list[View]) -> str | None:
-    """The one of `others` that has the very same corners: a copy adds confidence and no knowledge."""
+    """Finds the one of `others` with exactly the same corners: a copy adds confidence and no information."""
     same = (o.name for o in others if np.array_equal(o.ids, view.ids) and np.array_equal(o.corners, view.corners))
     return next(same, None)
 
 
 def _reasons(left_out: dict[str, list[str]]) -> list[str]:
-    """A phrase for each reason why images were left out."""
     phrases: list[str] = []
     for reason, names in left_out.items():
-        more = len(names) - NAMED
-        shown = listed([*names[:NAMED], f"{more} more"] if more > 0 else names)
-        phrases.append(f"Left out {shown}: {reason}")
+        phrases.append(f"Left out {listed(names, NAMED)}: {reason}")
     return phrases
 
 

@@ -1,4 +1,4 @@
-"""`bench check BACKEND`: the conformance suite on a backend, built in or brought along."""
+"""`bench check BACKEND`: runs the conformance suite on a backend, built in or plugged in."""
 
 import argparse
 from itertools import groupby
@@ -12,30 +12,26 @@ from ..plan.spec import BackendVariant, backend_variants
 from ..words.console import plain
 
 STYLE = {"passed": "green", "gave up": "yellow", "failed": "bold red", "not applicable": "dim"}
-TIMEOUT_S = 120.0
-"""Ten times what the slowest check takes of those that come along, and enough to compile a backend's inner loops."""
-
-LONGEST_S = 86_400
-"""s; a day for one check."""
+TIMEOUT_S = 120.0  # s; ten times the slowest check of the built-in backends, compiling a backend's inner loops included
+LONGEST_S = 86_400  # s; a day for one check
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
-    parser.add_argument("backend", help="names as in bench run --backend, options in brackets, separated by commas")
-    parser.add_argument(
+    """Adds the command's arguments."""
+    add = parser.add_argument
+    add("backend", help="names as in bench run --backend, options in brackets, separated by commas")
+    add(
         "--only",
         default="",
         metavar="CHECKS",
         help="contract, estimates, adversarial, or names of checks, separated by commas; default: all",
     )
-    parser.add_argument(
-        "--timeout", type=float, default=TIMEOUT_S, metavar="S", help="seconds a check; default %(default)g"
-    )
-    parser.add_argument("--quiet", action="store_true", help="print what failed, and nothing else")
+    add("--timeout", type=float, default=TIMEOUT_S, metavar="S", help="seconds per check; default %(default)g")
+    add("--quiet", action="store_true", help="print what failed, and nothing else")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Print every check's outcome; 1 where one failed."""
+    """Prints every check's outcome; 1 where one failed."""
     console = Console(highlight=False, soft_wrap=True)
     checks = chosen([word.strip() for word in namespace.only.split(",") if word.strip()])
     if not 0 < namespace.timeout <= LONGEST_S:
@@ -57,7 +53,6 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _summary(variant: BackendVariant, family: str, outcomes: list[Outcome]) -> str:
-    """A line: how many of a family's checks ended how."""
     count = {status: sum(outcome.status == status for outcome in outcomes) for status in STYLE}
     words = {"passed": "passed", "failed": "failed", "not applicable": "not applicable"}
     if family == "adversarial":

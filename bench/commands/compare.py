@@ -1,4 +1,4 @@
-"""`bench compare OLD NEW`: regressions and gains between two runs, for people, pull requests and CI."""
+"""`bench compare OLD NEW`: lists regressions and gains between two runs, for people, pull requests and CI."""
 
 import argparse
 import json
@@ -13,26 +13,27 @@ from ..verdict.changes import regressed, rest, summary
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = "Exit status: 0 without a regression, 1 with one, 2 where the runs cannot be compared."
-    parser.add_argument("old", type=Path, metavar="OLD", help="the folder that an earlier bench run left")
-    parser.add_argument("new", type=Path, metavar="NEW", help="that of a later one")
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write it as Markdown, for a pull request")
-    parser.add_argument("--json", action="store_true", help="print it as JSON and nothing else")
-    parser.add_argument(
+    add = parser.add_argument
+    add("old", type=Path, metavar="OLD", help="the folder that an earlier bench run left")
+    add("new", type=Path, metavar="NEW", help="that of a later one")
+    add("--out", type=Path, metavar="FILE.md", help="write it as Markdown, for a pull request")
+    add("--json", action="store_true", help="print it as JSON and nothing else")
+    add(
         "--least",
         type=positive,
         metavar="PERCENT",
         help="changes that are smaller do not count (default 5 for accuracy and consistency, 50 for CPU time and the "
         "median step, 100 for the 99th percentile of a step, 10 for memory)",
     )
-    parser.add_argument("--any-machine", action="store_true", help="compare times from different machines, too")
-    parser.add_argument("--any-log", action="store_true", help="compare by seed where the logs are not the same")
-    parser.add_argument("--quiet", action="store_true", help="print nothing; the exit status tells")
+    add("--any-machine", action="store_true", help="compare times from different machines, too")
+    add("--any-log", action="store_true", help="compare by seed where the logs are not the same")
+    add("--quiet", action="store_true", help="print nothing; the exit status is the result")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Compare; 1 where something has become worse, 0 where nothing has."""
+    """Compares; 1 where something has become worse, 0 where nothing has."""
     least = None if namespace.least is None else namespace.least / 100
     compared = compare(
         namespace.old, namespace.new, least=least, any_machine=namespace.any_machine, any_log=namespace.any_log

@@ -1,4 +1,4 @@
-"""`bench detect RECORDING --out LOG`: the markers in a recording as a log, with a report of what was found."""
+"""`bench detect RECORDING --out LOG`: makes the markers in a recording into a log with a report."""
 
 import argparse
 import json
@@ -9,54 +9,50 @@ from rich.table import Table
 
 from ...datasets.recordings.recording import open_recording
 from ...datasets.recordings.robot import read_robot
-from ..camera.detect import Wishes, detect
-from ..camera.folder import check_place
+from ..camera.detect import DetectRequest, detect
+from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml
-from ..camera.preview import Preview
-from ..camera.progress import Progress
-from ..camera.report import PAGE
+from ..camera.preview import CODECS, Preview
 from ..camera.summary import Findings, as_json, headline, left_out_words
-from ..plan.values import positive
-from ..words.console import plain, screen_console
+from ..plan.values import check_file, positive
+from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import number
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
         "A recording is a folder with robot.toml and frames, a video or a bag; a bare bag, video or folder of frames "
         "needs --robot. camera:0 is a camera that is connected. LOG is what bench run --dataset LOG takes; a folder "
         "that an earlier bench detect wrote is replaced, any other that is not empty is left alone."
     )
-    parser.add_argument("recording", help="the recording's folder, video or bag, or camera:0")
-    parser.add_argument("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
-    parser.add_argument(
-        "--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording"
-    )
-    parser.add_argument(
-        "--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)"
-    )
-    parser.add_argument("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
-    parser.add_argument(
-        "--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth"
-    )
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON, and nothing else")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add = parser.add_argument
+    add("recording", help="the recording's folder, video or bag, or camera:0")
+    add("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
+    add("--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording")
+    add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
+    add("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
+    add("--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth")
+    add("--json", action="store_true", help="print the findings as JSON, and nothing else")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Detect; 0 where a log was written, be it one without a sighting."""
+    """Detects; 0 where a log was written, even one without a sighting."""
     out: Path = namespace.out
     check_place(out)
+    check_file("--preview", namespace.preview, tuple(CODECS))
     preview = None if namespace.preview is None else Preview(namespace.preview)
-    if preview is not None:
-        preview.check()
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
     console = screen_console(quiet=namespace.quiet or namespace.json)
-    wishes = Wishes(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
-    with Progress(console, opened.length) as progress:
-        findings = detect(opened.recording, opened.truth, wishes, progress.advance)
+    request = DetectRequest(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
+    with ProgressBar(console, "frames", opened.length) as bar:
+
+        def advance(markers: int) -> None:
+            bar.update(advance=1, note=f"{markers:,} markers")
+
+        findings = detect(opened.recording, opened.truth, request, advance)
     if namespace.json:
         print(json.dumps(as_json(findings, str(out)), indent=2))
         return 0
@@ -73,7 +69,6 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _noise_table(findings: Findings) -> Table:
-    """Errors and NEES by range, before and after."""
     title = "Errors by range, and NEES, of which 1 is exact"
     shown = Table(title=title, title_style="", title_justify="left", box=None, pad_edge=False)
     headings = (

@@ -1,4 +1,4 @@
-"""The options that say where cells run, shared by `bench run` and `bench ablate`."""
+"""The options of the executor, shared by `bench run` and `bench ablate`."""
 
 import argparse
 from collections.abc import Callable
@@ -13,31 +13,29 @@ SLURM_JOBS = 4
 
 
 def arguments(parser: argparse.ArgumentParser, jobs: str) -> None:
-    """Add --executor, --jobs and --scheduler; `jobs` is the help on the second."""
-    parser.add_argument(
+    """Adds --executor, --jobs and --scheduler; `jobs` is the help on the second."""
+    add = parser.add_argument
+    add(
         "--executor",
         choices=EXECUTORS,
         default="local",
         help="where cells run: processes of this machine (default), this very process, a Dask cluster, SLURM's jobs",
     )
-    parser.add_argument("--jobs", type=count, metavar="N", help=jobs)
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
+    add("--jobs", type=count, metavar="N", help=jobs)
+    add("--scheduler", metavar="ADDRESS", help="dask: tcp://host:port, or the scheduler's file")
 
 
 def executor(
     namespace: argparse.Namespace, jobs: int | None, local: int, *, exclusive: bool, say: Callable[[str], None]
 ) -> Executor:
-    """The executor asked for, `local` processes by default; `exclusive`: some cells must run alone on their machine.
-
-    InputError for options that do not go together.
-    """
+    """Makes the executor; `exclusive`: some cells must run alone. InputError for options that do not go together."""
     kind, address = namespace.executor, namespace.scheduler
     if address is not None and kind != "dask":
         raise InputError(f"--scheduler {address}: found --executor {kind} beside it, expected --executor dask.")
     if jobs is not None and kind in ("here", "dask"):
         raise InputError(f"--jobs {jobs}: found --executor {kind} beside it, expected local or slurm.")
     if kind == "here":
-        from ..workers.here_executor import Here
+        from ..workers.executor import Here
 
         return Here()
     if kind == "local":

@@ -1,4 +1,4 @@
-"""`bench export`: a log, or the table of what ran on it, for other programs and for other eyes."""
+"""`bench export`: writes a log, or the table of a study's or run's cells, for other programs."""
 
 import argparse
 from pathlib import Path
@@ -8,18 +8,19 @@ from rich.console import Console
 from ...frontend.errors import InputError
 from ..logs.export import FORMATS, export_log, formats_of
 from ..plan.load import made, one
+from ..plan.values import seed
 from ..record.table import export_cells, holds_cells
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
         "Of a dataset: g2o: log.g2o, a graph for g2o's programs. gtsam: log-gtsam.g2o, which "
         "gtsam.readG2o reads whole, but for the prior, which it has no row for. "
         "tum: odometry.tum, the dead-reckoned path, and truth.tum where there is a truth; evo reads both. "
         "log: the folder log, of CSV files, which bench run --dataset takes. "
-        "Of the folder of a study or a run: --csv or --parquet or both, a row a cell, with what it was and all that "
-        "was measured; a study may be running meanwhile."
+        "Of the folder of a study or a run: --csv or --parquet or both, one row per cell, with its parameters and all "
+        "measurements; a study may be running meanwhile."
     )
     parser.add_argument(
         "what", metavar="DATASET|FOLDER",
@@ -28,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     log = parser.add_argument_group("of a dataset")
     log.add_argument("--as", dest="formats", metavar="FORMATS", help=f"{', '.join(FORMATS)} (default: {DEFAULT})")
     log.add_argument("--out", type=Path, metavar="FOLDER", help="a new folder for the files")
-    log.add_argument("--seed", type=int, help="which log, as bench run numbers them (default: 0)")
+    log.add_argument("--seed", type=seed, help="which log, as bench run numbers them (default: 0)")
     cells = parser.add_argument_group("of a study or a run")
     cells.add_argument("--csv", type=Path, metavar="FILE", help="its cells as CSV")
     cells.add_argument("--parquet", type=Path, metavar="FILE", help="its cells as Parquet; needs pyarrow")
@@ -39,7 +40,7 @@ DEFAULT = "g2o,tum,log"
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Write every file, or nothing at all; 0."""
+    """Writes every file, or nothing at all; 0."""
     said = _cells(namespace) if holds_cells(Path(namespace.what)) else _log(namespace)
     console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     for file, what in said:
@@ -57,13 +58,11 @@ def _log(namespace: argparse.Namespace) -> list[tuple[Path, str]]:
     out: Path | None = namespace.out
     if out is None:
         raise InputError(f"bench export {namespace.what}: expected --out FOLDER, a new folder for the files.")
-    formats, seed = formats_of(namespace.formats or DEFAULT), namespace.seed or 0
-    if seed < 0:
-        raise InputError(f"--seed {seed}: expected a whole number, at least 0.")
+    formats = formats_of(namespace.formats or DEFAULT)
     variant = one(namespace.what, "bench export")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"--out {out}: exists and is not an empty folder, expected a new one.")
-    return export_log(made(variant, seed), formats, out)
+    return export_log(made(variant, namespace.seed or 0), formats, out)
 
 
 def _cells(namespace: argparse.Namespace) -> list[tuple[Path, str]]:

@@ -1,40 +1,36 @@
-"""`bench fetch NAME`: a published log from its publisher into the user's cache, checked; no name: what there is."""
+"""`bench fetch NAME`: downloads a published log into the user's cache and checks it; without a name, lists them."""
 
 import argparse
 import sys
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
 from ...datasets.published import installed
 from ...datasets.published.catalogue import PUBLISHED, place
-from ...datasets.published.download import Watch
 from ...datasets.published.fetch import fetch, take
 from ...frontend.errors import InputError
+from ..words.console import ProgressBar
 
 MEGA = 1e6
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Names, and where else to have them from."""
-    parser.add_argument("names", nargs="*", metavar="NAME", help="published logs; without any, they are listed")
-    parser.add_argument(
-        "--from", dest="source", type=Path, metavar="PATH", help="install an archive, folder or file got by hand"
+    """Adds the command's arguments."""
+    add = parser.add_argument
+    add("names", nargs="*", metavar="NAME", help="published logs; without any, they are listed")
+    add(
+        "--from", dest="source", type=Path, metavar="PATH", help="install an archive, folder or file downloaded by hand"
     )
-    parser.add_argument("--url", help="download from this address instead of the publisher's (http, https or ftp)")
-    parser.add_argument("--check", action="store_true", help="hash again what is here; without a name, all of it")
-    parser.add_argument(
-        "--again", action="store_true", help="even if it is here already; what is here stays until then"
-    )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--url", help="download from this address instead of the publisher's (http, https or ftp)")
+    add("--check", action="store_true", help="hash again what is here; without a name, all of it")
+    add("--again", action="store_true", help="download even if it is here already; the old copy stays until then")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Do what was asked for every name, whatever becomes of the others; 2 where one failed."""
+    """Handles every name, whatever becomes of the others; 2 where one failed."""
     console = Console(quiet=namespace.quiet, highlight=False, markup=False, soft_wrap=True)
     _refuse(namespace)
     names = list(dict.fromkeys(namespace.names))
@@ -42,7 +38,7 @@ def main(namespace: argparse.Namespace) -> int:
         return _check(names, console)
     if not names:
         console.print(_listed())
-        console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one that was got by hand.")
+        console.print("bench fetch NAME downloads one; bench fetch NAME --from PATH takes one downloaded by hand.")
         return 0
     failed = False
     for name in names:
@@ -50,7 +46,11 @@ def main(namespace: argparse.Namespace) -> int:
             if namespace.source is not None:
                 arrival = take(name, namespace.source)
             else:
-                with _bar(quiet=namespace.quiet) as watch:
+                with ProgressBar(Console(quiet=namespace.quiet, stderr=True), "", of_bytes=True) as bar:
+
+                    def watch(url: str, at: int, total: int | None, bar: ProgressBar = bar) -> None:
+                        bar.update(description=url.rstrip("/").rpartition("/")[2][-40:], completed=at, total=total)
+
                     arrival = fetch(name, watch, url=namespace.url, again=namespace.again)
         except InputError as error:
             print(f"bench: {error}", file=sys.stderr)
@@ -61,7 +61,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _refuse(namespace: argparse.Namespace) -> None:
-    """InputError for names that nobody knows and options that do not go together."""
+    """Raises InputError for unknown names and options that do not go together."""
     for name in namespace.names:
         if name not in PUBLISHED:
             raise InputError(f"bench fetch {name}: there is no such published log; there are {', '.join(PUBLISHED)}.")
@@ -74,7 +74,6 @@ def _refuse(namespace: argparse.Namespace) -> None:
 
 
 def _told(name: str, arrival: installed.Arrival | None, console: Console) -> None:
-    """What has come, and how sure it is that it is what was published."""
     log = PUBLISHED[name]
     console.print(f"{name}: {'here already' if arrival is None else 'fetched'}, {_megabytes(name)} in {place(name)}")
     if arrival is None:
@@ -82,9 +81,7 @@ def _told(name: str, arrival: installed.Arrival | None, console: Console) -> Non
     if all(log.files.values()):
         console.print("  every file has the sha256 of the published one.")
     else:
-        console.print(
-            f"  what the publisher's sha256 would be is not known here; found and recorded in {installed.SUMS}:"
-        )
+        console.print(f"  the publisher's sha256 is not known here; found and recorded in {installed.SUMS}:")
         for file, digest in arrival.files.items():
             console.print(f"  {digest}  {file}")
     if arrival.archive is not None and log.archive is not None:
@@ -94,7 +91,7 @@ def _told(name: str, arrival: installed.Arrival | None, console: Console) -> Non
 
 
 def _check(names: list[str], console: Console) -> int:
-    """Hash again what is here of `names`, or everything; the exit status."""
+    """Hashes again what is here of `names`, or everything; returns the exit status."""
     if not names:
         names = [name for name in PUBLISHED if place(name).exists()]
         if not names:
@@ -107,7 +104,7 @@ def _check(names: list[str], console: Console) -> int:
         elif found := installed.faults(name):
             for fault in found:
                 print(f"bench: {fault}", file=sys.stderr)
-            print(f"bench: bench fetch {name} --again gets {name} anew.", file=sys.stderr)
+            print(f"bench: bench fetch {name} --again downloads {name} again.", file=sys.stderr)
             status = 2
         else:
             known = "as published" if all(PUBLISHED[name].files.values()) else "as it first arrived"
@@ -127,18 +124,3 @@ def _listed() -> Table:
 
 def _megabytes(name: str) -> str:
     return f"{installed.size(name) / MEGA:.1f} MB"
-
-
-@contextmanager
-def _bar(*, quiet: bool) -> Generator[Watch]:
-    """Shows on stderr what arrives, where that is a terminal."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bars:
-        task = bars.add_task("", visible=False)
-
-        def watch(url: str, at: int, total: int | None) -> None:
-            file = url.rstrip("/").rpartition("/")[2][-40:]
-            bars.update(task, description=file, completed=at, total=total, visible=True)
-
-        yield watch

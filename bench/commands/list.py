@@ -1,9 +1,9 @@
-"""`bench list`: every backend and dataset by name, with the options that go in its brackets."""
+"""`bench list`: lists every backend and dataset by name, with the options that go in its brackets."""
 
 import argparse
 import json
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.padding import Padding
@@ -25,7 +25,7 @@ class Entry(NamedTuple):
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's argument."""
+    """Adds the command's argument."""
     parser.add_argument(
         "--json",
         action="store_true",
@@ -35,10 +35,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Print the lists; a plug-in that cannot be imported is listed with the reason."""
+    """Prints the lists; a plug-in that cannot be imported is listed with the reason."""
     kinds = {"backends": list(_backends()), "datasets": list(_datasets())}
     if namespace.json:
-        words = {kind: [_document(entry) for entry in entries] for kind, entries in kinds.items()}
+        words = {
+            kind: [{name: value for name, value in entry._asdict().items() if value is not None} for entry in entries]
+            for kind, entries in kinds.items()
+        }
         print(json.dumps(words, indent=2))
         return 0
     console = Console(highlight=False, markup=False)
@@ -70,11 +73,6 @@ def _datasets() -> Iterator[Entry]:
 
 def _options(cls: type) -> list[dict[str, str]]:
     return [{"name": name, "default": default, "help": text} for name, default, text in describe(cls)]
-
-
-def _document(entry: Entry) -> dict[str, Any]:
-    """The entry for a program; without an implementation where it is none of a backend."""
-    return {name: value for name, value in entry._asdict().items() if value is not None}
 
 
 def _print(console: Console, entry: Entry) -> None:

@@ -1,4 +1,4 @@
-"""`bench markers`: markers, or a board for calibration, to print at their true size."""
+"""`bench markers`: writes markers, or a board for calibration, to print at their true size."""
 
 import argparse
 import re
@@ -9,10 +9,11 @@ from rich.console import Console
 from ...frontend.errors import InputError
 from ...frontend.markers.markers import Markers, write
 from ..camera.sheets import PAGES, lay_out, sheets
+from ..plan.values import check_file
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     add = parser.add_argument
     add("--dictionary", default="4X4_50", help="OpenCV's name, custom[count=30,size=4,seed=0] or a file (4X4_50)")
     add("--ids", default="0-11", help="such as 0-11,20 (0-11)")
@@ -30,10 +31,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Write the PDF; 0."""
-    for path in (namespace.out, namespace.write_dictionary):
-        if path is not None and not path.parent.is_dir():
-            raise InputError(f"{path}: there is no folder {path.parent}")
+    """Writes the PDF; 0."""
+    check_file("--out", namespace.out)
+    check_file("--write-dictionary", namespace.write_dictionary)
     say = Console(highlight=False, markup=False, soft_wrap=True).print
     if namespace.board:
         _board(namespace)
@@ -51,7 +51,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _markers(namespace: argparse.Namespace, markers: Markers, names: list[int]) -> int:
-    """Write the sheets, and the dictionary where it is wanted; how many pages they are."""
+    """Writes the sheets, and the dictionary if requested; returns the number of pages."""
     from ..camera import paper
 
     pages = lay_out(sheets(markers, names), namespace.page)
@@ -62,7 +62,6 @@ def _markers(namespace: argparse.Namespace, markers: Markers, names: list[int]) 
 
 
 def _board(namespace: argparse.Namespace) -> None:
-    """Write the board."""
     from ...frontend.markers.board import read_board
     from ..camera import paper
 
@@ -71,14 +70,13 @@ def _board(namespace: argparse.Namespace) -> None:
 
 
 def _settings(markers: Markers) -> str:
-    """What goes in robot.toml for these markers."""
     own = ", ".join(f"{name} = {side:g}" for name, side in markers.sides.items())
     lines = ["for robot.toml:", "[markers]", f'dictionary = "{markers.dictionary}"', f"side = {markers.side:g}"]
     return "\n".join([*lines, f"sides = {{{own}}}"] if own else lines)
 
 
 def _ids(text: str, last: int) -> list[int]:
-    """`0-3,7` as [0, 1, 2, 3, 7]; InputError for what is no such list or beyond `last`."""
+    """Parses `0-3,7` into [0, 1, 2, 3, 7]; InputError for anything else or an id beyond `last`."""
     found: set[int] = set()
     for part in text.split(","):
         ends = re.fullmatch(r"\s*([0-9]+)(?:\s*-\s*([0-9]+))?\s*", part)
@@ -92,7 +90,7 @@ def _ids(text: str, last: int) -> list[int]:
 
 
 def _sides(given: list[str]) -> tuple[float, dict[int, float]]:
-    """The side of all markers and those of some, m; InputError for a text that is neither METRES nor ID=METRES."""
+    """Parses the side of all markers and those of some, m; InputError unless METRES or ID=METRES."""
     side, sides = 0.15, dict[int, float]()
     for text in given:
         name, equals, metres = text.rpartition("=")

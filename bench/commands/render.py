@@ -1,47 +1,45 @@
-"""`bench render DATASET --as FORMATS --out FOLDER`: a rendered drive as recordings, with the truth beside them."""
+"""`bench render DATASET --as FORMATS --out FOLDER`: writes a rendered drive as recordings, with its truth."""
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
-from rich.progress import track
 
 from ...datasets.cache import generator
 from ...frontend.errors import InputError
 from ..plan.spec import DatasetVariant, dataset_variants
+from ..plan.values import seed
+from ..words.console import ProgressBar
 
 RENDERED = "aruco-room"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
-    parser.add_argument(
+    """Adds the command's arguments."""
+    add = parser.add_argument
+    add(
         "dataset",
         nargs="?",
         default=RENDERED,
         help="the drive, options in brackets as in bench run (default: %(default)s)",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, help="which drive, as bench run numbers them (default: %(default)s)"
-    )
-    parser.add_argument(
+    add("--seed", type=seed, default=0, help="which drive, as bench run numbers them (default: %(default)s)")
+    add(
         "--as", dest="formats", default="frames", metavar="FORMATS",
         help="frames, video (lossless), mp4, ros1, ros2, mcap, separated by commas (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
-        "--out", type=Path, required=True, help="a new folder; of several formats, each gets its own inside"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress, and nothing printed")
+    add("--out", type=Path, required=True, help="a new folder; of several formats, each gets its own inside")
+    add("--quiet", action="store_true", help="no progress, and nothing printed")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Render the drive once and write it in every format; 0."""
+    """Renders the drive once and writes it in every format; 0."""
     variant = _variant(namespace.dataset)
     if variant.options.outliers > 0:
-        raise InputError(f"bench render: found {variant.label}: frames are what they are, only a log has outliers.")
-    if namespace.seed < 0:
-        raise InputError(f"--seed {namespace.seed}: expected a whole number, at least 0.")
+        raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
 
     from ...datasets.recordings.write import FORMATS, write
     from ...datasets.worlds.aruco_room import record
@@ -56,16 +54,20 @@ def main(namespace: argparse.Namespace) -> int:
     places = {out: formats[0]} if len(formats) == 1 else {out / name: name for name in formats}
     console = Console(highlight=False, soft_wrap=True, quiet=namespace.quiet)
     recording, truth = record(variant.options, generator(variant.name, namespace.seed))
-    hidden = not console.is_terminal
-    frames = track(recording.frames, "rendering", len(truth.t), console=console, transient=True, disable=hidden)
-    write(places, replace(recording, frames=frames), truth)
+    with ProgressBar(console, "rendering", len(truth.t)) as bar:
+
+        def frames() -> Iterator[Any]:
+            for frame in recording.frames:
+                yield frame
+                bar.update(advance=1)
+
+        write(places, replace(recording, frames=frames()), truth)
     for folder, name in places.items():
         console.print(f"{FORMATS[name]}: {folder}", markup=False)
     return 0
 
 
 def _variant(text: str) -> DatasetVariant:
-    """The one dataset that `text` names, which has to be one of rendered frames."""
     variants = dataset_variants(text, "bench render")
     if len(variants) != 1 or variants[0].name != RENDERED:
         raise InputError(f"bench render: found {text!r}, expected {RENDERED}, the dataset whose frames are rendered.")

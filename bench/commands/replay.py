@@ -1,4 +1,4 @@
-"""`bench replay FOLDER`: a run shown step by step, several backends side by side, as page, film or recording."""
+"""`bench replay FOLDER`: shows a run step by step, backends side by side, as page, film or recording."""
 
 import argparse
 import os
@@ -8,43 +8,42 @@ from pathlib import Path
 from rich.console import Console
 
 from ...frontend.errors import InputError
+from ..plan.values import check_file
 from ..record.store import Store
 from ..words.numerals import counted, listed
 
-KINDS = (".html", ".gif", ".mp4", ".rrd")
-"""What a replay's name may end in: its kind."""
+KINDS = (".html", ".gif", ".mp4", ".rrd")  # formats, by the ending of a replay's name
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
-    parser.add_argument("folder", type=Path, help="the folder that bench run left")
-    parser.add_argument("--dataset", metavar="NAME", help="one of the run's (default: the first)")
-    parser.add_argument(
-        "--backend", metavar="NAMES", help="some of the run's, separated by commas, in this order (default: all)"
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="which log (default: the first that has a result)")
-    parser.add_argument(
+    """Adds the command's arguments."""
+    add = parser.add_argument
+    add("folder", type=Path, help="the folder that bench run left")
+    add("--dataset", metavar="NAME", help="one of the run's (default: the first)")
+    add("--backend", metavar="NAMES", help="some of the run's, separated by commas, in this order (default: all)")
+    add("--seed", type=int, metavar="N", help="which log (default: the first that has a result)")
+    add(
         "--frames", type=int, default=300, metavar="N", help="of a longer log, N steps are shown (default: %(default)s)"
     )
-    parser.add_argument(
+    add(
         "--out", type=Path, action="append", metavar="FILE",
         help="what to write: a page that needs no network (.html), a film (.gif, .mp4) or a recording for Rerun (.rrd, "
         "with slamduel[replay]); may be given several times (default: replay-DATASET-SEED.html in the folder)",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="nothing printed")
+    add("--quiet", action="store_true", help="nothing printed")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Drive the backends through the log once more and write what they did; 0."""
+    """Drives the backends through the log once more and writes the replay; 0."""
     _check(namespace.out or [], namespace.frames)
     from ..replay.replay import choose, replay  # once the arguments are known to be right
 
     console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     with Store(namespace.folder) as store:
-        choice = choose(store, namespace.dataset, namespace.backend, namespace.seed)
-        default = f"replay-{choice.cells[0].dataset.slug}-{choice.seed}.html"
+        request = choose(store, namespace.dataset, namespace.backend, namespace.seed)
+        default = f"replay-{request.cells[0].dataset.slug}-{request.seed}.html"
         out: list[Path] = namespace.out or [namespace.folder / default]
-        shown = replay(store, choice, namespace.frames, os.cpu_count() or 1)
+        shown = replay(store, request, namespace.frames, os.cpu_count() or 1)
     console.print(
         f"{shown.dataset}, seed {shown.seed}: {counted(len(shown.parts), 'backend')}, "
         f"{len(shown.frames):,} of {counted(len(shown.log.log), 'step')} shown"
@@ -52,8 +51,8 @@ def main(namespace: argparse.Namespace) -> int:
     for part in shown.parts:
         if part.remark:
             console.print(f"{part.label}: {part.remark}")
-    if namespace.dataset is None and choice.others:
-        console.print(f"--dataset shows another: {listed(list(choice.others))}")
+    if namespace.dataset is None and request.others:
+        console.print(f"--dataset shows another: {listed(list(request.others))}")
 
     from ..replay.view import view
 
@@ -65,14 +64,10 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _check(out: Sequence[Path], frames: int) -> None:
-    """InputError for what cannot be written, before anything is done."""
     if frames < 2:
         raise InputError(f"--frames {frames}: expected a whole number, at least 2.")
     for path in out:
-        if path.suffix.lower() not in KINDS:
-            raise InputError(f"--out {path}: expected a name that ends in {', '.join(KINDS[:-1])} or {KINDS[-1]}.")
-        if not path.absolute().parent.is_dir() or path.is_dir():
-            raise InputError(f"--out {path}: expected a file in a folder that exists.")
+        check_file("--out", path, KINDS)
     if any(path.suffix.lower() == ".rrd" for path in out):
         from ..replay.rerun import require
 
@@ -80,7 +75,6 @@ def _check(out: Sequence[Path], frames: int) -> None:
 
 
 def _writer(path: Path):
-    """What writes a file of that suffix; only that is imported."""
     match path.suffix.lower():
         case ".html":
             from ..replay.page import write_page as write

@@ -1,4 +1,4 @@
-"""`bench report FOLDER`: the files and the report of a run's folder, or a study's, made again from its record."""
+"""`bench report FOLDER`: writes the files and the report of a run or study again from its record."""
 
 import argparse
 import os
@@ -13,12 +13,13 @@ FORMS = ("pdf", "png")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
-    parser.add_argument("folder", type=Path, help="the folder that bench run or bench ablate left")
-    parser.add_argument(
+    """Adds the command's arguments."""
+    add = parser.add_argument
+    add("folder", type=Path, help="the folder that bench run or bench ablate left")
+    add(
         "--figures", type=_forms, default=(), metavar="FORMS", help="every figure in these forms, too: pdf, png or both"
     )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def _forms(text: str) -> tuple[str, ...]:
@@ -30,7 +31,7 @@ def _forms(text: str) -> tuple[str, ...]:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Write the files anew; 0."""
+    """Writes the files anew; 0."""
     folder: Path = namespace.folder
     with Store(folder) as store:
         if not os.access(folder, os.W_OK):

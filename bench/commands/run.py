@@ -1,4 +1,4 @@
-"""`bench run`: several backends on several logs, into a folder with a report."""
+"""`bench run`: runs backends on logs, into a folder with a report."""
 
 import argparse
 import contextlib
@@ -20,55 +20,61 @@ from . import executors
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     about = (
         "Options go in brackets: --backend 'ekf,fastslam[particles=1000]' --dataset 'aruco-room[markers=12]'. A "
         "dataset may be the path of a log's folder, a backend may be my_package.my_module:build. With --out alone, a "
-        "run that was stopped goes on where it was. bench list tells all names and options."
+        "run that was stopped is continued. bench list prints all names and options."
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = f"{textwrap.fill(about, 79)}\n\nThe document that --json prints:\n{textwrap.indent(SCHEMA, '  ')}"
     d = DEFAULTS
-    parser.add_argument(
-        "--backend", action="append", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})"
+    add = parser.add_argument
+    add("--backend", action="append", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})")
+    add("--dataset", action="append", metavar="NAMES", help=f"datasets, separated by commas (default {d['dataset']})")
+    add(
+        "--seeds",
+        type=count,
+        metavar="N",
+        help=f"logs per dataset, repeats where the log is fixed (default {d['seeds']})",
     )
-    parser.add_argument(
-        "--dataset", action="append", metavar="NAMES", help=f"datasets, separated by commas (default {d['dataset']})"
-    )
-    parser.add_argument("--seeds", type=count, metavar="N", help=f"logs, or tries, of each (default {d['seeds']})")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
+    add("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
     executors.arguments(parser, jobs="cells at once; more than 1 marks all timings (default 1; slurm: 4 jobs)")
-    parser.add_argument("--retry", action="store_true", help="run cells again that failed")
-    parser.add_argument(
-        "--timeout", dest="timeout_s", type=positive, metavar="S", help=f"limit a cell (default {d['timeout_s']:g} s)"
+    add("--retry", action="store_true", help="run failed cells again")
+    add(
+        "--timeout",
+        dest="timeout_s",
+        type=positive,
+        metavar="S",
+        help=f"time limit per cell (default {d['timeout_s']:g} s)",
     )
-    parser.add_argument(
-        "--memory", dest="memory_mb", type=count, metavar="MB", help=f"limit a cell (default {d['memory_mb']} MB)"
+    add(
+        "--memory",
+        dest="memory_mb",
+        type=count,
+        metavar="MB",
+        help=f"memory limit per cell, on Linux only (default {d['memory_mb']} MB)",
     )
-    parser.add_argument(
+    add(
         "--map",
         metavar="RESULT",
         help="localise on the map that an earlier run left: the folder of one of its cells, results/x/NAME/0/ekf, "
-        "or 'results/x/NAME/*/ekf' for a map a seed, or results/x where it has no other map; or a file with "
+        "or 'results/x/NAME/*/ekf' for one map per seed, or results/x where it has no other map; or a file with "
         "id,x,y[,cxx,cxy,cyy]. The log's start must be known in the frame of the map; what it lacks is added as new",
     )
-    parser.add_argument(
-        "--map-fixed", action="store_true", default=None, help="hold that map fixed, leaving its covariance aside"
-    )
-    parser.add_argument(
+    add("--map-fixed", action="store_true", default=None, help="hold that map fixed, ignoring its covariance")
+    add(
         "--oracle",
         action="store_true",
         default=None,
-        help="tell the truth to backends that have a use for it, such as ekf[jacobians=ideal]; their rows are marked",
+        help="give the ground truth to backends that ask for it, such as ekf[jacobians=ideal]; their rows are marked",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print the findings as a JSON document, and progress to standard error"
-    )
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors, and with --json the document")
+    add("--json", action="store_true", help="print the results as a JSON document, and progress to standard error")
+    add("--quiet", action="store_true", help="print nothing but errors, and with --json the document")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Run; 0 where something is done and every other cell is skipped, 1 where one failed or all were skipped."""
+    """Runs; 0 where something is done and every other cell is skipped, 1 where one failed or all were skipped."""
     out = namespace.out or Path("results") / time.strftime("%Y%m%d-%H%M%S")
     given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
     given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}

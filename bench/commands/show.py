@@ -1,22 +1,19 @@
-"""`bench show LOG`: a picture of a log and its numbers, to see what a dataset is before anything is run on it."""
+"""`bench show LOG`: draws a log and prints its numbers, before anything is run on it."""
 
 import argparse
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from ...frontend.errors import InputError
 from ..logs.facts import facts, headline, noted
-from ..logs.numbers import Numbers, numbers
-from ..logs.revisits import returns
-from ..logs.shown_path import LARGEST, Shown, shown
+from ..logs.numbers import Subject, described
+from ..logs.shown_path import LARGEST
 from ..plan.load import made, one
 from ..plan.spec import DatasetVariant
-from ..plan.values import seed
+from ..plan.values import check_file, seed
 from ..words.console import plain, screen_console
 from ..words.names import called
 
@@ -24,65 +21,57 @@ KINDS = (".png", ".svg", ".pdf", ".html")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     parser.epilog = (
-        "The picture goes to NAME-log.png in the current folder where --out does not say otherwise; with --json none "
-        "is drawn unless --out asks for it. A log without truth is drawn along its batch optimum, which may take half "
+        "The picture goes to NAME-log.png in the current folder unless --out is given; with --json none is drawn "
+        "without --out. A log without truth is drawn along its batch optimum, which may take half "
         "a minute the first time and is kept; a larger one along dead reckoning."
     )
-    parser.add_argument("log", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")
-    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="of a dataset that is drawn (default 0)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the picture (.png .svg .pdf), or a page (.html)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("log", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")
+    add("--seed", type=seed, default=0, metavar="N", help="of a dataset that is drawn (default 0)")
+    add("--out", type=Path, metavar="FILE", help="the picture (.png .svg .pdf), or a page (.html)")
+    add(
         "--solve",
         action=argparse.BooleanOptionalAction,
         help=f"find the batch optimum where there is no truth (default: up to {LARGEST:,} steps and sightings)",
     )
-    parser.add_argument("--json", action="store_true", help="print the numbers as JSON, and nothing else")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add("--json", action="store_true", help="print the numbers as JSON, and nothing else")
+    add("--quiet", action="store_true", help="print nothing but errors")
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Show it; 0 where the log can be used."""
+    """Shows it; 0 where the log can be used."""
     variant = one(namespace.log, "bench show")
     out = namespace.out or (
         None if namespace.json else Path(f"{_file(variant, namespace.log) or variant.slug}-log.png")
     )
     place = out.resolve() if out is not None and out.is_symlink() else out  # a link stays: its target is written
-    if place is not None:
-        _check_place(place)
+    check_file("--out", place, KINDS)
     dataset = made(variant, namespace.seed)
     console = screen_console(quiet=namespace.quiet or namespace.json)
-    drawn = shown(dataset, namespace.solve)
-    back = returns(dataset.log)
-    found = numbers(dataset, drawn, back)
     if namespace.seed and not variant.source.seeded:
         console.print(f"{variant.name} draws nothing at random: it is the same for every --seed", highlight=False)
     label = _file(variant, namespace.log) or called([variant.label])[variant.label]
     label += f", seed {namespace.seed}" if variant.source.seeded else ""
+    subject = described(label, dataset, namespace.solve)
     if namespace.json:
-        print(json.dumps(as_json(variant.label, namespace.seed, found, drawn), indent=2, allow_nan=False))
+        print(json.dumps(as_json(variant.label, namespace.seed, subject), indent=2, allow_nan=False))
     else:
-        _print(console, label, found, drawn, dataset.log.notes)
+        _print(console, subject)
     if place is None:
         return 0
-    from ..logs.picture import Subject, write_picture  # matplotlib: the numbers are there before it is
+    from ..logs.show import write_page, write_picture  # matplotlib: the numbers are printed before it loads
 
-    subject = Subject(label, dataset, drawn, back, found)
-    if place.suffix.lower() == ".html":
-        from ..logs.page import write_page
-
-        write_page(place, subject)
-    else:
-        write_picture(place, subject)
+    write = write_page if place.suffix.lower() == ".html" else write_picture
+    write(place, subject)
     console.print(f"picture: {out}", highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
-def as_json(label: str, seed: int, found: Numbers, drawn: Shown) -> dict[str, Any]:
-    """The numbers as what JSON has: m, rad and s, null for what the log has not."""
-    parts = {name: _plain(part) for name, part in found._asdict().items()}
-    return {"log": label, "seed": seed, "path": drawn.words, **parts}
+def as_json(label: str, seed: int, subject: Subject) -> dict[str, Any]:
+    """Returns the numbers as JSON takes them: m, rad and s, null for what the log has not."""
+    return {"log": label, "seed": seed, "path": subject.shown.words, **_plain(subject.numbers)}
 
 
 def _plain(value: Any) -> Any:
@@ -91,28 +80,19 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _print(console: Console, label: str, found: Numbers, drawn: Shown, notes: Mapping[str, Any]) -> None:
-    console.print(f"[bold]{plain(label)}[/]: {plain(headline(found))}", highlight=False)
+def _print(console: Console, subject: Subject) -> None:
+    console.print(f"[bold]{plain(subject.label)}[/]: {plain(headline(subject.numbers))}", highlight=False)
     shown_facts = Table.grid(padding=(0, 2))
     shown_facts.add_column(no_wrap=True, style="dim")
     shown_facts.add_column()
-    for heading, text in facts(found, drawn.words):
+    for heading, text in facts(subject.numbers, subject.shown.words):
         shown_facts.add_row(heading, plain(text))
-    for heading, text in noted(notes, settings=False):
+    for heading, text in noted(subject.dataset.log.notes, settings=False):
         shown_facts.add_row(plain(heading), plain(text))
     console.print(shown_facts, highlight=False)
 
 
 def _file(variant: DatasetVariant, given: str) -> str:
-    """The name of the file or folder that was given as the log, "" where a dataset was named."""
+    """Returns the name of the file or folder that was given as the log, "" where a dataset was named."""
     named = given.strip().strip('"')
     return Path(named).resolve().stem if getattr(variant.options, "path", None) == named else ""
-
-
-def _check_place(out: Path) -> None:
-    if out.suffix.lower() not in KINDS:
-        raise InputError(f"--out {out}: found a name that ends in {out.suffix!r}, expected {' '.join(KINDS)}")
-    if out.is_dir():
-        raise InputError(f"--out {out}: found a folder, expected the name of a file")
-    if not out.parent.is_dir():
-        raise InputError(f"--out {out}: there is no folder {out.parent}, expected one that is there")

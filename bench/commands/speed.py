@@ -1,24 +1,25 @@
-"""`bench speed`: what a step of every backend costs as the map grows, and of some in turns; with `--frontend`, what a
-marker's corners cost; with `--batch`, what the batch optimum costs.
+"""`bench speed`: times every backend's step as the map grows, and some in turns.
 
-Each study prints tables, and writes them as CSV with a picture where it is asked to.
+With `--frontend` it times corner refinements, with `--batch` the batch optimum. Each study prints tables, and writes
+them as CSV with a picture on request.
 """
 
 import argparse
 from pathlib import Path
 
 from ...frontend.errors import InputError
+from ..plan.values import check_file, seed
 from ..speed import backends, batch, frontend
 from ..words.console import screen_console
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's arguments."""
+    """Adds the command's arguments."""
     add = parser.add_argument
     add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
     add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
-    add("--seed", type=int, default=0, metavar="N", help="of everything that is drawn at random (0)")
-    add("--quick", action="store_true", help="a look: little of everything, for no figure that counts")
+    add("--seed", type=seed, default=0, metavar="N", help="of everything that is drawn at random (0)")
+    add("--quick", action="store_true", help="a quick look: little of everything, no reliable figures")
     add("--csv", type=Path, metavar="FILE", help="also write the figures")
     add("--out", type=Path, metavar="FOLDER", help="also write the figures and a picture of them there")
     add("--quiet", action="store_true", help="print nothing but errors")
@@ -28,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Measure and print; 0, whatever was found."""
+    """Measures and prints; 0, whatever was found."""
     studies = {"frontend": frontend, "batch": batch, "": backends}
     named = [name for name in studies if name and getattr(namespace, name)]
     if len(named) > 1:
@@ -43,19 +44,14 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
-    """InputError for an option of the study that was not asked for, and for what neither can work with."""
+    """Raises InputError for another study's options, and for invalid values."""
     for name in foreign:
         if getattr(namespace, name) not in (None, False):
             asked = "without --frontend or --batch backends are timed"
             asked = "--batch times the batch solvers" if namespace.batch else asked
             asked = "--frontend times the detector" if namespace.frontend else asked
             raise InputError(f"--{name}: {asked}, which has no such option")
-    if namespace.seed < 0:
-        raise InputError(f"--seed {namespace.seed}: expected 0 or more")
-    if namespace.csv is not None and not namespace.csv.parent.is_dir():
-        raise InputError(
-            f"--csv {namespace.csv}: there is no folder {namespace.csv.parent}, expected one that is there"
-        )
+    check_file("--csv", namespace.csv)
     if namespace.out is not None and namespace.out.exists() and not namespace.out.is_dir():
         raise InputError(f"--out {namespace.out}: found a file, expected a folder or nothing")
     if namespace.out is not None:  # before an hour's measurements, not after

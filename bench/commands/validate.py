@@ -1,4 +1,4 @@
-"""`bench validate`: everything that is wrong with a log, and what is legal yet odd."""
+"""`bench validate`: lists everything that is wrong with a log, and what is legal yet odd."""
 
 import argparse
 from pathlib import Path
@@ -14,17 +14,15 @@ from ..plan.load import made
 from ..plan.spec import DatasetVariant, dataset_variants
 from ..plan.values import seed
 
-SHOWN = 20
-"""Problems of a log that are printed."""
+SHOWN = 20  # problems of a log that are printed
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of `bench validate`."""
-    parser.add_argument(
-        "log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it"
-    )
-    parser.add_argument("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
-    parser.add_argument("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
+    """Adds the command's arguments."""
+    add = parser.add_argument
+    add("log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it")
+    add("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
+    add("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
     parser.epilog = (
         "Of a log's folder every problem is found, of any other dataset the first. The exit status is 0 where there is "
         "none, else 2; remarks are about what is legal yet odd, and do not count."
@@ -32,13 +30,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Print the problems and remarks of every log; 2 if one has a problem."""
+    """Prints the problems and remarks of every log; 2 if one has a problem."""
     shown = float("inf") if namespace.all else SHOWN
     return max(_found_and_validated(text, namespace.seed, shown) for text in namespace.log)
 
 
 def _found_and_validated(text: str, seed: int, shown: float) -> int:
-    """Print what there is to say of the logs that `text` names; the exit status."""
     try:
         variants = dataset_variants(text, "bench validate")
     except InputError as error:
@@ -48,8 +45,7 @@ def _found_and_validated(text: str, seed: int, shown: float) -> int:
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
-    """Print what there is to say of one log; its exit status."""
-    place = _place(variant)
+    place = str(getattr(variant.options, "path", None) or variant.label)
     scan, total = attempted(_scan(variant, seed)), 0
     while True:
         try:
@@ -71,14 +67,10 @@ def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
 
 
 def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:
-    """The dataset; every problem of a log's folder, the first of any other."""
+    """Yields every problem of a log's folder, the first of any other dataset; returns the dataset."""
     if variant.name == "log" and variant.options.path is not None:
         return (yield from log_folder.scan(Path(variant.options.path)))
     return made(variant, seed)
-
-
-def _place(variant: DatasetVariant) -> str:
-    return str(getattr(variant.options, "path", None) or variant.label)
 
 
 def _counts(dataset: Dataset) -> str:

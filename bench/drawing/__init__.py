@@ -1,1 +1,1 @@
-"""How a figure, a table and a page are made: matplotlib, SVG, LaTeX, Jinja."""
+"""Makes figures, tables and pages: matplotlib, SVG, LaTeX, Jinja."""

@@ -1,4 +1,4 @@
-"""What the figures share: stretches of a run, logarithmic axes in plain numbers, and a legend that covers nothing."""
+"""Axes that the figures share: stretches of a run, logarithmic axes in plain numbers, a legend above the plot."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,20 +12,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ...frontend.se2 import Array
 from ..words.numerals import plain
 
-LONGEST = 34
-"""Characters of a label that a figure has room for."""
+LONGEST = 34  # characters of a label that a figure has room for
 
 
 def short(label: str, longest: int = LONGEST) -> str:
-    """The label, its middle left out where it is too long."""
+    """Shortens the label, its middle left out where it is too long."""
     return label if len(label) <= longest else f"{label[: longest - 13]}…{label[-12:]}"
 
 
 def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
-    """Means (count,) of `values` (n,) over `count` equal stretches of time, at their centres.
-
-    NaN where a stretch has no value, so that a line breaks there; of a short run the values as they are.
-    """
+    """Averages `values` (n,) over `count` equal stretches of time, at their centres; NaN without a value."""
     if len(t) <= count:
         return t, values
     edges = np.linspace(t[0], t[-1], count + 1)
@@ -39,11 +35,11 @@ def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
 
 
 def logarithmic(axis: str, axes: Axes, low: float, high: float) -> None:
-    """Make "x" or "y" logarithmic over low to high and some room, marks in plain numbers; linear where it cannot be."""
+    """Makes "x" or "y" logarithmic over low to high with plain ticks; leaves it linear if low is not above 0."""
     if not (0 < low <= high < np.inf):
         return
     low, high = low / 1.3, high * 1.3
-    if high < 12 * low:  # room for at least a decade, or the marks say nothing
+    if high < 12 * low:  # room for at least a decade, or there are too few ticks
         low, high = np.sqrt(low * high / 12), np.sqrt(low * high * 12)
     if axis == "x":
         axes.set_xscale("log")
@@ -61,10 +57,7 @@ def logarithmic(axis: str, axes: Axes, low: float, high: float) -> None:
 
 
 def fitted(axis: str, axes: Axes, values: Iterable[float]) -> None:
-    """Make it logarithmic over the positive ones of `values`; of a "y", over five decades at most.
-
-    Errors of nothing at all do not stretch the axis.
-    """
+    """Makes the axis logarithmic over the positive ones of `values`; a "y" over five decades at most."""
     positive = [value for value in values if 0 < value < np.inf]
     if positive:
         high = max(positive)
@@ -73,12 +66,12 @@ def fitted(axis: str, axes: Axes, values: Iterable[float]) -> None:
 
 
 def legend_columns(labels: Iterable[str], width: float) -> int:
-    """How many names fit beside each other in `width` points."""
+    """Returns how many names fit beside each other in `width` points."""
     return int(np.clip(width // (28 + 4.2 * max(len(short(label)) for label in labels)), 1, 4))
 
 
 def legend(figure: Figure, axes: Axes, columns: int) -> None:
-    """Names above the axes, each marked as what it names is."""
+    """Adds a legend above the axes, each entry with its backend's mark."""
     handles, labels = axes.get_legend_handles_labels()
     names = [short(label) for label in labels]
     tight: dict[str, Any] = {"borderpad": 0.1, "borderaxespad": 0, "columnspacing": 1.2, "handlelength": 2.2}
@@ -91,5 +84,4 @@ def legend(figure: Figure, axes: Axes, columns: int) -> None:
 
 
 def _gid(handle: Any) -> str | None:
-    """Of an artist, or of the first of those that a container or a tuple holds."""
     return handle.get_gid() if isinstance(handle, Artist) else _gid(handle[0])

@@ -1,14 +1,16 @@
-"""A figure of a report with its words, and what its page needs to know to answer a pointer."""
+"""A figure of a report with its caption, and the plot data that its page's script needs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
-GROUPS = ("accuracy", "consistency", "cost", "inside")
-"""What a figure is about, in the order in which a report shows them."""
+from ...frontend.files import write_whole
+
+GROUPS = ("accuracy", "consistency", "cost", "inside")  # the subjects of figures, in the order of a report
 
 
 class Axis(NamedTuple):
-    """One of a plot's two."""
+    """An axis of a plot."""
 
     name: str  # with its unit
     low: float
@@ -22,12 +24,12 @@ class Curve(NamedTuple):
     label: str  # of the backend, as in tables
     x: Sequence[float]
     y: Sequence[float]
-    t: Sequence[float] = ()  # s since the log began of each point, where x is no time
+    t: Sequence[float] = ()  # s since the log began of each point, where x is not time
     final: bool = False  # of the path smoothed at the end
 
 
 class Plot(NamedTuple):
-    """Where the axes stand in the picture, and what is drawn on them."""
+    """The position of the axes in the picture, and what is drawn on them."""
 
     box: tuple[float, float, float, float]  # left, top, right, bottom, in the units of the picture's viewBox
     x: Axis
@@ -36,15 +38,25 @@ class Plot(NamedTuple):
     timed: bool = False  # x is the time since the log began (s), or the step, as in every other timed plot of the log
 
 
-class Exhibit(NamedTuple):
-    """A figure with its words."""
+class ReportFigure(NamedTuple):
+    """A figure with its title and caption."""
 
     name: str  # of its file
     title: str
     caption: str
-    svg: str  # with stand-in colours; what belongs to one backend is in groups of the class of-K, K its place in looks
+    svg: str  # with stand-in colours; a backend's elements are in groups of the class of-K, K its place in looks
     group: str = "accuracy"
     plot: Plot | None = None
-    printed: Callable[[str], bytes] | None = (
-        None  # the same figure as a file for print: of "pdf", or "png" with 300 dpi
-    )
+    printed: Callable[[str], bytes] | None = None  # makes a file for print: "pdf", or "png" with 300 dpi
+
+
+def write_figures(folder: Path, figures: Iterable[ReportFigure], forms: Sequence[str]) -> None:
+    """Writes figures as SVG, and in the formats `forms`, into `folder`, each file whole."""
+    from .svg import alone  # matplotlib: a run does not wait for it
+
+    folder.mkdir(exist_ok=True)
+    for figure in figures:
+        write_whole(folder / f"{figure.name}.svg", alone(figure.svg))
+        if figure.printed is not None:
+            for form in forms:
+                write_whole(folder / f"{figure.name}.{form}", figure.printed(form))

@@ -1,4 +1,4 @@
-"""A figure made into an exhibit: drawn once for the page, and again for print whenever that is asked for."""
+"""Makes report figures: drawn once for the page, and again for print on request."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -8,22 +8,19 @@ from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array
 from ..words.styles import Look
-from .figure import Axis, Curve, Exhibit, Plot
+from .figure import Axis, Curve, Plot, ReportFigure
 from .svg import Draw, drawn, printed
 
-WIDTH = 252
-"""Points: a column of a two-column paper."""
-
-MOST_POINTS = 200
-"""Of a curve, that a page is told."""
+WIDTH = 252  # points: a column of a two-column paper
+MOST_POINTS = 200  # points of a curve in a page's plot data
 
 
 def of(look: Look) -> str:
-    """The mark of what belongs to one backend in a figure, for `set_gid` and `gid`."""
+    """Returns the mark of a backend's elements in a figure, for `set_gid` and `gid`."""
     return f"of-{look.place}"
 
 
-def exhibit(
+def report_figure(
     name: str,
     title: str,
     caption: str,
@@ -34,17 +31,17 @@ def exhibit(
     curves: Sequence[Curve] = (),
     timed: bool = False,
     width: float = WIDTH,
-) -> Exhibit:
-    """The figure that `draw` makes, with what a page needs to know of its axes where there are `curves` on them."""
+) -> ReportFigure:
+    """Makes the figure that `draw` draws, with plot data for its page where there are `curves`."""
     svg, figure = drawn(name, width, height, draw)
     plot = _plot(figure, width, height, curves, timed) if curves else None
-    return Exhibit(name, title, caption, svg, group, plot, partial(printed, width, height, draw))
+    return ReportFigure(name, title, caption, svg, group, plot, partial(printed, width, height, draw))
 
 
 def curve(
     label: str, x: Array, y: Array, *, t: Array | None = None, final: bool = False, most: int = MOST_POINTS
 ) -> Curve:
-    """As a page is told: no more than `most` points, of four digits each."""
+    """Makes plot data of at most `most` points, of four digits each."""
     at = np.unique(np.linspace(0, len(x) - 1, min(most, len(x))).round().astype(int)) if len(x) else np.zeros(0, int)
     return Curve(label, _rounded(x[at]), _rounded(y[at]), () if t is None else _rounded(t[at]), final)
 

@@ -1,4 +1,4 @@
-"""Names beside points, none on another or on a point."""
+"""Places names beside points so that none covers another name or a point."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -12,23 +12,16 @@ from ...frontend.se2 import Array
 from .axes import short
 from .svg import lay_out
 
-SIZE = 7
-"""Points, of the letters."""
-
-POINT = 4.0
-"""Half of what a point takes."""
-
-NEARER = 12.0
-"""Square points that a name may share with something, rather than be one point nearer to another's point."""
-
-ON_ANOTHER = 30.0
-"""Points by which a name on another's point counts as nearer to that."""
+SIZE = 7  # points, of the letters
+POINT = 4.0  # points, half of what a marker takes
+NEARER = 12.0  # square points of overlap that one point of nearness to another's marker is worth
+ON_ANOTHER = 30.0  # points by which a name on another's marker counts as nearer to that
 
 _BOX = tuple[float, float, float, float]
 
 
 class Point(NamedTuple):
-    """On a plot, with its name and the mark of whom it belongs to."""
+    """A point of a plot, with its name and its backend's mark."""
 
     x: float
     y: float
@@ -43,10 +36,7 @@ def name_points(
     bars: Sequence[tuple[float, float, float]] = (),
     others: Sequence[Point] = (),
 ) -> None:
-    """Write the names, not over `others` and upright `bars` (x, low, high); a line leads to one far off.
-
-    The axes' limits and labels are as they will be.
-    """
+    """Writes the names, not over `others` and `bars` (x, low, high), once the axes' limits and labels are final."""
     lay_out(figure)  # so that the axes stand where they will
     scale = 72 / figure.dpi
     at = axes.transData.transform([(point.x, point.y) for point in (*points, *others)]) * scale
@@ -84,7 +74,7 @@ def _put(axes: Axes, text: Annotation, box: _BOX, own: Array) -> None:
 
 
 def _offsets(wide: float, high: float) -> Iterator[tuple[float, float]]:
-    """Where a name's lower left corner may be from its point, the best first."""
+    """Yields offsets of a name's lower left corner from its point, the best first."""
     for far in (1.0, 2.0, 3.5, 5.0, 7.0, 9.0):
         gap = far * POINT + 2
         yield from (
@@ -100,13 +90,13 @@ def _offsets(wide: float, high: float) -> Iterator[tuple[float, float]]:
 
 
 def _bad(box: _BOX, taken: Sequence[_BOX], frame: _BOX) -> float:
-    """Square points of it that are on something else or outside the frame."""
+    """Returns the square points of a box that overlap something else or leave the frame."""
     inside = _shared(box, frame)
     return sum(_shared(box, other) for other in taken) + 4 * ((box[2] - box[0]) * (box[3] - box[1]) - inside)
 
 
 def _nearer(box: _BOX, own: Array, rest: Array) -> float:
-    """How much nearer than to its own point a name is to the nearest of the others (n, 2), points."""
+    """Returns how much nearer a name is to the nearest other point (n, 2) than to its own, points."""
     if not len(rest):
         return 0.0
     other = _gap(box, rest)
@@ -114,7 +104,7 @@ def _nearer(box: _BOX, own: Array, rest: Array) -> float:
 
 
 def _gap(box: _BOX, points: Array) -> float:
-    """From a name to the nearest of some points (n, 2)."""
+    """Returns the distance from a name to the nearest of some points (n, 2)."""
     return float(np.hypot(*np.maximum(0, np.maximum(box[:2] - points, points - box[2:])).T).min())
 
 
@@ -124,6 +114,6 @@ def _shared(a: _BOX, b: _BOX) -> float:
 
 
 def _crowded_first(at: Array) -> list[int]:
-    """Points with the nearest neighbours first: they have the least choice."""
+    """Orders points with the nearest neighbours first: they have the least choice."""
     apart = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1)) + np.diag(np.full(len(at), np.inf))
     return np.argsort(apart.min(axis=1), kind="stable").tolist()

@@ -1,4 +1,4 @@
-"""A table for a paper: LaTeX with booktabs and nothing else, one column wide where it can be."""
+"""Writes a table for a paper: LaTeX with booktabs and nothing else, one column wide where possible."""
 
 import re
 from collections.abc import Sequence
@@ -6,14 +6,9 @@ from collections.abc import Sequence
 from ..words.column import Column
 from .table import Entry, Table
 
-COLUMN = 241
-"""Points; a column of a two-column paper, 85 mm."""
-
-LETTER, SMALL, GAP = 4.1, 3.6, 4.0
-"""Points that a letter of \\footnotesize, one of \\scriptsize and the space between columns take, about."""
-
-LONGEST = 8
-"""Letters of a heading on one line."""
+COLUMN = 241  # points; a column of a two-column paper, 85 mm
+LETTER, SMALL, GAP = 4.1, 3.6, 4.0  # points of a letter in \footnotesize, in \scriptsize, and between columns, roughly
+LONGEST = 8  # letters of a heading on one line
 
 _LETTERS = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "#": r"\#", "$": r"\$", "%": r"\%", "&": r"\&", "_": r"\_",
@@ -26,12 +21,15 @@ _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def latex(table: Table, caption: str, label: str) -> str:
-    """A floating table; \\usepackage{booktabs} and, for a quotation mark, T1 fonts are all that it needs.
+    """Writes a floating table; it needs \\usepackage{booktabs} and, for quotation marks, T1 fonts.
 
     It spans both columns (table*) where one has no room for it. Empty entries are dashes.
     """
     heads = ["backend", *(_below(escaped(top), [*more]) for top, *more in map(_heading, table.headings))]
-    sides = ["l" if not any(row.entries[k].value is not None for row in table.rows) else "r" for k in _across(table)]
+    sides = [
+        "l" if not any(row.entries[k].value is not None for row in table.rows) else "r"
+        for k in range(len(table.headings))
+    ]
     place = "table*" if _width(table) > COLUMN else "table"
     lines = [
         rf"\begin{{{place}}}",
@@ -51,25 +49,21 @@ def latex(table: Table, caption: str, label: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Text that LaTeX sets as it is; a power of ten is one."""
+    """Escapes text for LaTeX; powers of ten become exponents."""
     parts = re.split("\N{MULTIPLICATION SIGN}10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", " ".join(text.split()))
     said = ["".join(_LETTERS.get(letter, letter) for letter in part) for part in parts[::2]]
     powers = [rf"$\times10^{{{power.translate(_RAISED)}}}$" for power in parts[1::2]]
     return "".join(a + b for a, b in zip(said, [*powers, ""], strict=True))
 
 
-def _across(table: Table) -> range:
-    return range(len(table.headings))
-
-
 def _heading(column: Column) -> list[str]:
-    """A line for what is long, and one for the unit."""
+    """Splits a long heading into lines, the unit on its own."""
     words = column.heading.split(" ", 1) if len(column.heading) > LONGEST else [column.heading]
     return [*words, *[f"({column.kind.unit})"] * bool(column.kind.unit)]
 
 
 def _cell(entry: Entry) -> str:
-    """What is smaller stands below."""
+    """Sets an entry, its note and word below."""
     if not entry.text:
         return "--"
     text = escaped(entry.text)
@@ -77,14 +71,13 @@ def _cell(entry: Entry) -> str:
 
 
 def _below(text: str, small: Sequence[str]) -> str:
-    """`\\shortstack` needs no package."""
+    """Stacks small lines below the text; `\\shortstack` needs no package."""
     lines = [text, *(rf"\scriptsize {escaped(part)}" for part in small if part)]
     stack = r" \\ ".join(lines)
     return text if len(lines) == 1 else rf"\shortstack[r]{{{stack}}}"
 
 
 def _width(table: Table) -> float:
-    """Points, about."""
     width = LETTER * max(len("backend"), *(len(row.backend) for row in table.rows)) if table.rows else 0.0
     for k, column in enumerate(table.headings):
         entries = [row.entries[k] for row in table.rows]

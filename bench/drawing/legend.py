@@ -1,4 +1,4 @@
-"""Which backends a figure draws in full and names: with many, those that matter most, and the others faintly."""
+"""Chooses the backends that a figure draws in full and names; of many, the others are faint."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -11,11 +11,8 @@ from .axes import legend_columns
 from .figure_maker import WIDTH
 from .svg import INK
 
-ROW = 11.5
-"""Points that a row of a legend has."""
-
-LOUD, LEGEND_ROWS = 7, 4
-"""The most backends that are drawn in full and named, and the most rows that their names take."""
+ROW = 11.5  # points of a legend's row
+LOUD, LEGEND_ROWS = 7, 4  # the most backends that are drawn in full and named, and the most rows of their names
 
 FAINT = 0.28
 
@@ -23,7 +20,7 @@ OTHERS = "{} others, faint"
 
 
 class Key(NamedTuple):
-    """Which backends are drawn in full and named, and how."""
+    """The backends drawn in full and named, and how."""
 
     tags: Mapping[str, str]
     loud: Collection[str]
@@ -31,33 +28,30 @@ class Key(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Of the legend."""
+        """Returns the legend's rows."""
         return -(-(len(self.loud) + (self.faint > 0)) // self.columns)
 
     @property
     def faint(self) -> int:
-        """How many are drawn faintly, and not named."""
+        """Counts the backends that are drawn faintly and not named."""
         return len(self.tags) - len(self.loud)
 
     def called(self, label: str) -> str | None:
-        """What the legend has, if anything."""
+        """Returns the name in the legend, if any."""
         return self.tags[label] if label in self.loud else None
 
     def alpha(self, label: str) -> float:
-        """How strongly it is drawn."""
+        """Returns the opacity."""
         return 1.0 if label in self.loud else FAINT
 
     def others(self, axes: Axes) -> None:
-        """Add to the legend that there are others."""
+        """Adds the number of faint ones to the legend."""
         if self.faint:
             axes.plot([], [], color=INK, linewidth=0.8, alpha=2 * FAINT, label=OTHERS.format(self.faint))
 
 
 def named(labels: Iterable[str], order: Sequence[str], more: int = 0) -> Key:
-    """In full are the baseline and the first of `order`, as many as a legend has room for.
-
-    `more` is how many letters come after each name.
-    """
+    """Chooses the baseline and the first of `order` that fit; `more` letters follow each name."""
     called = tags(labels)
     places = {label: place for place, label in enumerate(order)}
     ranked = sorted(called, key=lambda label: (label != BASELINE, places.get(label, len(places))))

@@ -1,4 +1,4 @@
-"""Templates filled in: pages of HTML that need no network, and Markdown."""
+"""Renders templates: pages of HTML that need no network, and Markdown."""
 
 import base64
 import hashlib
@@ -18,8 +18,7 @@ from .table import Table
 
 TEMPLATES = Path(__file__).with_name("templates")
 
-PURPOSES = {"online": "Online", "final": "The path afterwards", "map": "The map"}
-"""What a backend is used for, as headings have it."""
+PURPOSES = {"online": "Online", "final": "The path afterwards", "map": "The map"}  # headings
 
 GLYPHS = {
     "o": "M9 5a3 3 0 1 0 6 0a3 3 0 1 0-6 0",
@@ -31,11 +30,11 @@ GLYPHS = {
     "X": "M9.7 1.2l2.3 2.2 2.3-2.2 1.5 1.5-2.2 2.3 2.2 2.3-1.5 1.5-2.3-2.2-2.3 2.2-1.5-1.5 2.2-2.3-2.2-2.3z",
     ".": "M10.4 5a1.6 1.6 0 1 0 3.2 0a1.6 1.6 0 1 0-3.2 0",
 }
-"""Markers of figures as paths, in the middle of a sample of a line 24 wide and 10 high."""
+"""markers of figures as paths, in the middle of a sample of a line 24 wide and 10 high"""
 
 
 def rendered(template: str, page: Mapping[str, Any]) -> str:
-    """The template of that name, filled in; what goes into one of HTML is escaped."""
+    """Renders the named template; what goes into one of HTML is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     from .svg import alone, on_page
@@ -49,29 +48,22 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
         keep_trailing_newline=True,
     )
     filters: dict[str, Any] = {
-        "md": _markdown,
-        "on_page": on_page,
-        "alone": alone,
-        "tags": tags,
-        "url": quote,
-        "dashes": _dashes,
-        "answers": answers,
-        "worded": _worded,
-        "sortable": _sortable,
-        "sentence": _sentence,
-    }
+        "md": _markdown, "on_page": on_page, "alone": alone, "tags": tags, "url": quote, "dashes": _dashes,
+        "answers": answers, "worded": _worded, "sentence": lambda text: f"{text[:1].upper()}{text[1:]}",
+        "sortable": lambda value: "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity"),
+    }  # fmt: skip
     environment.filters.update(filters)
     return environment.get_template(template).render({"glyphs": GLYPHS, "purposes": PURPOSES, **page})
 
 
 def script(name: str) -> dict[str, str]:
-    """The `text` of a script among the templates, and its `digest` as a page's policy names what it lets run."""
+    """Returns the `text` of a script, and its `digest` for the page's content security policy."""
     text = f"\n{(TEMPLATES / name).read_text(encoding='utf-8')}"
     return {"text": text, "digest": f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"}
 
 
 def answers(plot: Plot, looks: Mapping[str, Look]) -> str:
-    """What a page's script answers a pointer with, as JSON that HTML takes as it is; null where there is no value."""
+    """Encodes plot data as JSON that HTML takes unescaped; null where there is no value."""
     told = {
         "box": [round(edge, 1) for edge in plot.box],
         "x": _axis(plot.x),
@@ -98,31 +90,20 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _known(values: Sequence[float]) -> list[float | None]:
-    """Whole numbers without a point, and nothing for what is none."""
+    """Converts to whole numbers where possible, and None where not finite."""
     return [None if not math.isfinite(v) else int(v) if v == int(v) and abs(v) < LARGEST else float(v) for v in values]
 
 
 def _worded(table: Table) -> list[bool]:
-    """Of each column, whether it holds words alone."""
+    """Returns for each column whether it holds words alone."""
     return [all(row.entries[k].value is None for row in table.rows) for k in range(len(table.headings))]
 
 
-def _sortable(value: float) -> str:
-    """A number as the page's script reads it; "" for what is none."""
-    return "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity")
-
-
-def _sentence(text: str) -> str:
-    """With a capital letter."""
-    return f"{text[:1].upper()}{text[1:]}"
-
-
 def _dashes(look: Look) -> str:
-    """The look's line as SVG has it."""
     return "" if isinstance(look.dash, str) else " ".join(f"{length:g}" for length in look.dash[1])
 
 
 def _markdown(text: object) -> str:
-    """Text that Markdown takes as it is, on one line and inside a table too."""
+    """Escapes text for Markdown, on one line and inside a table too."""
     escaped = " ".join(str(text).replace("&", "&amp;").replace("<", "&lt;").split())
     return re.sub(r"([\\`*_\[\]|#$~])", r"\\\1", escaped)

@@ -1,6 +1,5 @@
-"""A figure as a file of its own, and the plain style that the figures share."""
+"""Writes a figure as a file, in the plain style that all figures share."""
 
-import os
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,8 +8,9 @@ from typing import Any
 from matplotlib import style
 from matplotlib.figure import Figure
 
-KINDS = (".png", ".svg", ".pdf")
-"""What a picture's name may end in: its format."""
+from ...frontend.files import replaced
+
+KINDS = (".png", ".svg", ".pdf")  # formats, by the ending of a picture's name
 
 PLAIN: Mapping[str, Any] = {
     "axes.spines.top": False,
@@ -18,15 +18,10 @@ PLAIN: Mapping[str, Any] = {
     "axes.linewidth": 0.6,
     "text.parse_math": False,  # a label may hold dollar signs
 }
-"""The style of every figure, in a file or on a page."""
+"""the style of every figure, in a file or on a page"""
 
-GRID: Mapping[str, Any] = {
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e6e6e6",
-    "grid.linewidth": 0.6,
-}
-"""The style of those with a grid."""
+GRID: Mapping[str, Any] = {"axes.grid": True, "axes.axisbelow": True, "grid.color": "#e6e6e6", "grid.linewidth": 0.6}
+"""the style of those with a grid"""
 
 _STYLE: dict[str, Any] = {**PLAIN, "font.size": 9, "axes.titlesize": 10, "axes.titlelocation": "left"}
 _DATE = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -34,14 +29,9 @@ _DATE = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 @contextmanager
 def picture(path: Path, size: tuple[float, float], more: Mapping[str, Any] | None = None) -> Generator[Figure]:
-    """A figure of `size` (inches) to draw on, which is put in the file at `path` at the end, whole or not at all.
-
-    The suffix of `path`, one of KINDS, says in which format; `more` is added to the style.
-    """
+    """Yields a figure of `size` (inches), then writes it to `path`, whole, in the format of its suffix."""
     kind = path.suffix.lower()
-    beside = path.with_name(f".{path.name}.part")
-    with style.context(["default", _STYLE | dict(more or {})]):
+    with style.context(["default", _STYLE | dict(more or {})]), replaced(path) as part:
         figure = Figure(figsize=size, layout="constrained")
         yield figure
-        figure.savefig(beside, format=kind.removeprefix("."), dpi=120, metadata=_DATE[kind])
-    os.replace(beside, path)
+        figure.savefig(part, format=kind.removeprefix("."), dpi=120, metadata=_DATE[kind])

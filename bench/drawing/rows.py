@@ -1,4 +1,4 @@
-"""Figures with a row for each backend, its name left of what is drawn of it; above it where names are long."""
+"""Figures with one row per backend, its name on the left, or above its row where names are long."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,21 +11,14 @@ from ..words.styles import Look
 from .axes import short
 from .figure_maker import of
 
-ROW, TALL_ROW, MARGINS = 21, 29, 34
-"""Points that a row has, beside its name and below it, and that the axis below has."""
-
-BESIDE = 17
-"""Characters of a line of a name that there is room for on the left."""
-
-LONGEST = 58
-"""Characters for which a figure is wide enough."""
-
-MIDDLE = 0.12
-"""Where a row's own things are, from its place downwards."""
+ROW, TALL_ROW, MARGINS = 21, 29, 34  # points of a row with its name beside it and above it, and of the axis below
+BESIDE = 17  # characters of a line of a name that fit on the left
+LONGEST = 58  # characters that fit above a row
+MIDDLE = 0.12  # where a row's data are, below the row's place
 
 
 def rows(figure: Figure, names: Sequence[tuple[str, Look]]) -> Axes:
-    """Axes with a row at 0, 1, ... from the top for each name; what is after " · " may have its own line."""
+    """Makes axes with a row at 0, 1, ... from the top for each name; what is after " · " may have its own line."""
     axes = figure.subplots()
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)
@@ -46,7 +39,7 @@ def rows(figure: Figure, names: Sequence[tuple[str, Look]]) -> Axes:
 
 
 def height(names: Sequence[str]) -> float:
-    """Points, of a figure with a row for each of these."""
+    """Returns the height in points of a figure with these rows."""
     return MARGINS + (ROW if _beside(names) else TALL_ROW) * len(names)
 
 

@@ -1,6 +1,6 @@
-"""Figures as lean SVG text that takes its ink and paper from the page it stands on.
+"""Draws figures as lean SVG text with stand-ins for the colours of its page.
 
-Nothing of matplotlib's global state is touched: its own defaults and the style below hold while a figure is drawn.
+matplotlib's global state stays untouched: its defaults and the style below hold while a figure is drawn.
 """
 
 import io
@@ -15,22 +15,14 @@ from matplotlib.figure import Figure
 
 from .picture import GRID, PLAIN
 
-INK, RULE, PAPER = "#010203", "#040506", "#070809"
-"""Stand-ins for the colours of the page: they are replaced once the figure is text."""
+INK, RULE, PAPER = "#010203", "#040506", "#070809"  # stand-ins for the page's colours, replaced in the text
 
 FONT = "system-ui, sans-serif"
 
-EDGE = 3
-"""Points that stay free around a figure."""
-
-DPI = 300
-"""Of a PNG for print."""
-
-Draw = Callable[[Figure], None]
-"""What fills an empty figure."""
-
-_BLUE = "#0072b2"
-"""Of the looks, the one that is too dark on a dark page, which has a `--blue` for it."""
+EDGE = 3  # points that stay free around a figure
+DPI = 300  # of a PNG for print
+Draw = Callable[[Figure], None]  # draws on an empty figure
+_BLUE = "#0072b2"  # the one colour that is too dark on a dark page, which has a --blue for it
 
 _ON_PAGE = {_BLUE: f"var(--blue,{_BLUE})", INK: "currentColor", RULE: "var(--rule)", PAPER: "var(--paper)"}
 _ALONE = {INK: "#222222", RULE: "#dddddd", PAPER: "#ffffff"}
@@ -59,10 +51,9 @@ _PRINT_DATE: dict[str, dict[str, None]] = {"pdf": {"CreationDate": None}, "png":
 
 
 def drawn(name: str, width: float, height: float, draw: Draw) -> tuple[str, Figure]:
-    """The figure that `draw` makes, width x height in points, as SVG with stand-in colours; the same text every time.
+    """Draws a figure, width x height in points, as SVG with stand-in colours; the same text every time.
 
-    With the figure itself, which tells where its axes came to stand. `name` keeps its marks apart from those of other
-    figures on a page.
+    Returns the figure, too, for the position of its axes. `name` keeps its ids apart from other figures' on a page.
     """
     with _figure(width, height, draw, {"svg.hashsalt": name, "grid.color": RULE, "figure.facecolor": PAPER}) as figure:
         text = io.StringIO()
@@ -71,7 +62,7 @@ def drawn(name: str, width: float, height: float, draw: Draw) -> tuple[str, Figu
 
 
 def printed(width: float, height: float, draw: Draw, form: str) -> bytes:
-    """The same figure on white, `form` being pdf or png; the same bytes every time."""
+    """Draws the figure on white, `form` being pdf or png; the same bytes every time."""
     with _figure(width, height, draw, {"grid.color": _ALONE[RULE], "figure.facecolor": _ALONE[PAPER]}) as figure:
         file = io.BytesIO()
         figure.savefig(file, format=form, dpi=DPI, metadata=_PRINT_DATE[form])
@@ -81,7 +72,7 @@ def printed(width: float, height: float, draw: Draw, form: str) -> bytes:
 @contextmanager
 def _figure(width: float, height: float, draw: Draw, more: dict[str, Any]) -> Generator[Figure]:
     with style.context(["default", _STYLE | more]), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # matplotlib only measures; the reader has more fonts
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # only measured here; the reader has more fonts
         figure = Figure((width / 72, height / 72))
         draw(figure)
         lay_out(figure)
@@ -89,10 +80,7 @@ def _figure(width: float, height: float, draw: Draw, more: dict[str, Any]) -> Ge
 
 
 def lay_out(figure: Figure) -> None:
-    """Give the figure's only axes all the room that their labels and the legend above them leave.
-
-    A third of the time that matplotlib's own layouts take, which are made for more than one.
-    """
+    """Gives the figure's only axes all the room that labels and legend leave, in a third of matplotlib's time."""
     (axes,) = figure.axes
     room = figure.bbox.padded(-EDGE * figure.dpi / 72)
     top = sum(legend.get_window_extent().height for legend in figure.legends)
@@ -109,12 +97,12 @@ def lay_out(figure: Figure) -> None:
 
 
 def on_page(svg: str) -> str:
-    """As an element of an HTML page: the page's colours, no name space."""
+    """Makes an element of an HTML page: the page's colours, no name space."""
     return _coloured(svg.replace(' xmlns="http://www.w3.org/2000/svg"', ""), _ON_PAGE)
 
 
 def alone(svg: str) -> str:
-    """As a file: dark on a white card."""
+    """Makes a file of its own: dark on a white card."""
     card = re.sub(r"(<svg[^>]*>)", rf'\1<rect width="100%" height="100%" fill="{PAPER}"/>', svg, count=1)
     return _coloured(card, _ALONE) + "\n"
 
@@ -127,12 +115,12 @@ def _lean(svg: str) -> str:
     svg = re.sub(r'(?<=<g) id="(of-\d+)"', r' class="\1"', svg)
     svg = re.sub(r'(?<=<g) id="[^"]*"| xmlns:xlink="[^"]*"| transform="rotate\(-0 [^"]*"', "", svg)
     svg = svg.replace("xlink:href", "href").replace("<svg ", f'<svg stroke-linejoin="round" font-family="{FONT}" ', 1)
-    svg = re.sub(r'<path d="[^"]*" style="fill: none"/>', "", svg)  # grounds that cannot be seen
+    svg = re.sub(r'<path d="[^"]*" style="fill: none"/>', "", svg)  # invisible backgrounds
     return _ungrouped(re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><").strip())
 
 
 def _ungrouped(svg: str) -> str:
-    """Without the groups that say nothing, or hold nothing: half of all elements."""
+    """Removes groups without attributes or content: half of all elements."""
     kept: list[bool] = []
 
     def tag(found: re.Match[str]) -> str:

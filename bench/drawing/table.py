@@ -1,4 +1,4 @@
-"""A table of the report: headings, one row per backend, what each entry says and what it is sorted by."""
+"""Tables of a report: headings, one row per backend, and the sort key of each entry."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,17 +7,17 @@ from ..words.column import Column
 
 
 class Entry(NamedTuple):
-    """One entry of a table."""
+    """An entry of a table."""
 
     text: str
-    word: str = ""  # what it comes to
+    word: str = ""  # its judgement, such as consistent
     note: str = ""  # smaller, after it
     best: bool = False
     value: float | None = None  # what it is sorted by; None where it is no number
 
 
 class TableRow(NamedTuple):
-    """A backend's entries, one a heading."""
+    """A backend's entries, one per heading."""
 
     backend: str
     entries: Sequence[Entry]
@@ -26,7 +26,7 @@ class TableRow(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Ready to be set; a column in which nobody has a value is left out."""
+    """A table; columns without any value are left out."""
 
     headings: Sequence[Column]
     rows: Sequence[TableRow]

@@ -1,4 +1,4 @@
-"""Runs cells into a record: makes the logs that have to be looked at, then runs the cells that have no result yet."""
+"""Runs cells into a record: makes the logs it needs, then runs the cells without a result."""
 
 import contextlib
 import random
@@ -24,11 +24,8 @@ from .key import log_seed, result_key
 from .log_files import FOLDER as LOGS
 from .logs import KnownLogs
 
-MOST_JOBS = 20
-"""Of a batch: no more is lost with a machine."""
-
-ROUNDS = 4
-"""Batches for each slot, at least, so that the end of a study is shared evenly."""
+MOST_JOBS = 20  # jobs of a batch: no more is lost with a machine
+ROUNDS = 4  # batches for each slot, at least, so that the end of a study is shared evenly
 
 TIMING_POLICY = (
     "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
@@ -39,36 +36,31 @@ TIMING_POLICY = (
 
 
 class Watcher(Protocol):
-    """Follows a run or a study as it goes along."""
+    """Follows a run or a study."""
 
     def looking(self, logs: int) -> None:
-        """So many logs are made first: to know which results are still theirs, or to keep them."""
-        ...
+        """Announces that so many logs are made first, to check results or to keep the logs."""
 
     def looked(self, name: str) -> None:
-        """One of them has been made, or cannot be."""
-        ...
+        """Counts a log that has been made, or cannot be."""
 
     def say(self, sentence: str) -> None:
-        """A remark for the user."""
-        ...
+        """Passes a remark to the user."""
 
     def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
-        """These cells are to be run, and so many have a result already: those that are `recorded`."""
-        ...
+        """Announces the cells to be run; `done` have a result already, which are `recorded`."""
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
-        """One has ended, after so much wall time; its values by column of cells.csv, status and reason at least."""
-        ...
+        """Reports a cell that ended after so much wall time, with its values by column, status and reason at least."""
 
 
 def everything(cell: PlannedCell) -> bool:
-    """Chooses every cell."""
+    """Selects every cell."""
     del cell
     return True
 
 
-class Wanted(NamedTuple):
+class RunRequest(NamedTuple):
     """The cells to be run now."""
 
     chosen: Callable[[PlannedCell], bool] = everything
@@ -77,27 +69,26 @@ class Wanted(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Counts the cells of the work."""
+    """The counts of the work's cells."""
 
     cells: int
     done: int  # that have ended, in whatever way
     failed: int  # of those; with cells whose log could not be made
 
 
-About = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-"""From the facts that a record has, those to be kept now; InputError where the record is of something else."""
+About = Callable[[Mapping[str, Any]], Mapping[str, Any]]  # known facts -> facts to keep, or InputError
 
 
-def run(work: Work, folder: Path, executor: Executor, wanted: Wanted, about: About, watcher: Watcher) -> Tally:
-    """Run the cells of `work` into the record in `folder`, or those that it has no result of.
+def run(work: Work, folder: Path, executor: Executor, request: RunRequest, about: About, watcher: Watcher) -> Tally:
+    """Runs the cells of `work` that the record in `folder` has no result of.
 
-    InputError where the folder cannot be used, or where a log cannot be made that must be there. A record in which no
-    cell is planned by then is gone again.
+    InputError where the folder cannot be used, or where a log that is needed cannot be made. A record without planned
+    cells is removed again.
     """
     with claimed(folder):
         try:
             with Store(folder, writing=True) as store:
-                return _Engine(work, store, executor, watcher).run(wanted, about)
+                return _Engine(work, store, executor, watcher).run(request, about)
         except BaseException:
             _discard_unless_begun(folder)
             raise
@@ -110,17 +101,17 @@ class _Engine:
     executor: Executor
     watcher: Watcher
 
-    def run(self, wanted: Wanted, about: About) -> Tally:
+    def run(self, request: RunRequest, about: About) -> Tally:
         work, store = self.work, self.store
         store.put_about(_facts(work, self.executor) | dict(about(store.about())))
         self.logs = KnownLogs(store, work)
         self.log_keys = [self.logs.key(cell) for cell in work.cells]
         self.statuses = store.statuses(arrays=work.keep)
         self._look(cell for cell in work.cells if self.logs.is_doubtful(cell))
-        todo = self._todo(wanted)
+        todo = self._todo(request)
         while absent := [cell for cell in self._lacking(todo) if not self.logs.is_at_hand(cell)]:
             self._look(absent)
-            todo = self._todo(wanted)  # where a log is another than it was, more is to be run
+            todo = self._todo(request)  # a log that has changed adds cells
         self.watcher.running([work.cells[k] for k in todo], self._ended(), self.executor.slots, store.cells())
         for place in todo:
             self._keep_unmade(place)
@@ -135,11 +126,10 @@ class _Engine:
         return Tally(len(statuses), self._ended(), failed)
 
     def _lacking(self, todo: Sequence[int]) -> list[PlannedCell]:
-        """The cells whose logs are needed now."""
         return list(self.work.cells) if self.work.logs_first else [self.work.cells[place] for place in todo]
 
     def _status(self, place: int) -> str | None:
-        """The cell's status, an error where its log could not be made; None where it has not ended."""
+        """Returns the cell's status, an error where its log could not be made; None where it has not ended."""
         key = self.keys[place]
         if key is None:
             return "error" if self.log_keys[place] in self.logs.unmade else None
@@ -149,13 +139,13 @@ class _Engine:
         return sum(self._status(place) is not None for place in range(len(self.keys)))
 
     def _executed(self, batches: Sequence[Batch], *, alone: bool) -> Iterator[Finished]:
-        """Each job of the batches as it ends; an exception here ends those that are running."""
+        """Yields each job of the batches as it ends; an exception here ends those that are running."""
         if batches:
             with contextlib.closing(self.executor.run(batches, alone=alone)) as ended:
                 yield from ended
 
     def _look(self, cells: Iterable[PlannedCell]) -> None:
-        """Have the logs of these cells made, each once, for their digests or to be kept; plan all cells by them."""
+        """Makes the logs of these cells, each once, for their digests or to be kept; plans all cells by them."""
         looks = ((batch_of(self.work, cell, {}, whole=self.logs.are_kept(cell)), cell) for cell in cells)
         looked_at = {batch.log: (batch, cell) for batch, cell in looks}
         self.watcher.looking(len(looked_at))
@@ -171,26 +161,22 @@ class _Engine:
         self.store.put_plan([(*cell.cell.key, dict(cell.parameters), log, key) for cell, log, key in rows])
 
     def _key(self, place: int) -> str | None:
-        """The key of the cell's result, where its log is known."""
+        """Returns the key of the cell's result, where its log is known."""
         cell, log = self.work.cells[place], self.logs.known.get(self.log_keys[place])
         return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.work.oracle)
 
-    def _todo(self, wanted: Wanted) -> list[int]:
-        """The places of the cells that are to be run now, in an order that is shuffled but always the same.
-
-        Cells of one key have one result: it is computed once.
-        """
+    def _todo(self, request: RunRequest) -> list[int]:
+        """Returns the places of the cells to be run, in a fixed shuffled order; one of those with the same key."""
         places: dict[Any, int] = {}
         for place, (cell, key) in enumerate(zip(self.work.cells, self.keys, strict=True)):
             status = self._status(place)
-            if wanted.chosen(cell) and (status is None or (wanted.retry and status in FAILED)):
+            if request.chosen(cell) and (status is None or (request.retry and status in FAILED)):
                 places.setdefault(key or place, place)
         todo = list(places.values())
         random.Random(0).shuffle(todo)
-        return todo[: wanted.limit]
+        return todo[: request.limit]
 
     def _batches(self, places: Sequence[int]) -> list[Batch]:
-        """Cells of the same log together, as far as there are batches enough for every slot."""
         most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
         by_log: dict[str, list[tuple[int, PlannedCell]]] = {}
         for place in places:
@@ -202,14 +188,12 @@ class _Engine:
         ]
 
     def _keep_unmade(self, place: int) -> None:
-        """Keep the result of a cell whose log could not be made."""
         cell, looked = self.work.cells[place], self.logs.lost.get(self.log_keys[place])
         if looked is not None:
             for finished in unmade(batch_of(self.work, cell, {place: cell}), looked.result, looked.seconds):
                 self._keep(finished)
 
     def _keep(self, finished: Finished) -> None:
-        """Put a result into the record as soon as it is there."""
         assert finished.index is not None
         cell, result, of_log = self.work.cells[finished.index], finished.result, self.log_keys[finished.index]
         row: dict[str, Any] = {"status": result.status, "reason": result.reason}
@@ -236,14 +220,9 @@ class _Engine:
 
 
 def batch_of(
-    work: Work,
-    cell: PlannedCell,
-    cells: Mapping[int, PlannedCell],
-    kept: KeptLog | None = None,
-    *,
-    whole: bool = False,
+    work: Work, cell: PlannedCell, cells: Mapping[int, PlannedCell], kept: KeptLog | None = None, *, whole: bool = False
 ) -> Batch:
-    """Cells of the work by their places, all on the log of `cell`; none to look at the log."""
+    """Makes a batch of cells by place, all on the log of `cell`; none to look at the log."""
     dataset = cell.cell.dataset
     jobs = tuple((place, job_of(work, one)) for place, one in cells.items())
     known = None if work.map is None else work.map.of(dataset, cell.cell.seed)
@@ -253,13 +232,12 @@ def batch_of(
 
 
 def job_of(work: Work, cell: PlannedCell) -> Job:
-    """The cell as a worker takes it."""
+    """Makes the job of a cell."""
     backend = cell.cell.backend
     return Job(backend.label, backend.name, backend.options, cell.cell.seed, work.memory_mb, work.oracle)
 
 
 def _facts(work: Work, executor: Executor) -> dict[str, Any]:
-    """What a reader needs to know of any record."""
     backend_variants = {cell.cell.backend.label: cell.cell.backend for cell in work.cells}
     variants: dict[str, Variant] = {cell.cell.dataset.label: cell.cell.dataset for cell in work.cells}
     variants |= backend_variants
@@ -283,7 +261,6 @@ def _facts(work: Work, executor: Executor) -> dict[str, Any]:
 
 
 def _discard_unless_begun(folder: Path) -> None:
-    """Remove a record in which no cell is planned."""
     with contextlib.suppress(InputError):
         with Store(folder) as store:
             if store.planned():

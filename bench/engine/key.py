@@ -1,8 +1,8 @@
 """Computes the keys of logs and results in a record: the same key, the same numbers to the last bit.
 
 A log's key is over the dataset, its options, its seed and the code that makes it. A result's is over the digests of the
-log and its truth, the backend with its options, its randomness and its code, and the code that runs and judges it. A
-limit of time or memory is in none of them: it decides whether a cell ends, not how.
+log and its truth, the backend with its options, its randomness and its code, and the code that runs and scores it.
+Limits of time and memory are in none: they decide whether a cell ends, not how.
 """
 
 import functools
@@ -19,44 +19,37 @@ from ..plan.plan import Cell
 from ..record.fingerprint import fingerprint
 from ..record.store import Known
 
-JUDGE = judge.__name__
-"""The module that runs a cell and judges what comes of it."""
-
-REGISTRIES = frozenset({datasets.__name__, backends.__name__})
-"""Modules that only say which other module has something; that one is in a key."""
-
-ELSEWHERE = REGISTRIES | {cache.__name__, archive.__name__, reference.__name__}
-"""Modules that have a part in a result through its log and its truth alone, whose digests are in its key."""
-
-MAKER = cache.__name__
-"""The module that draws a log's random generator."""
+JUDGE = judge.__name__  # the module that runs and scores a cell
+REGISTRIES = frozenset({datasets.__name__, backends.__name__})  # look up modules whose names are in a key
+ELSEWHERE = REGISTRIES | {cache.__name__, archive.__name__, reference.__name__}  # affect logs only
+MAKER = cache.__name__  # the module that seeds a log's random generator
 
 
 def log_seed(cell: Cell) -> int:
-    """The seed that the cell's log is made with."""
+    """Returns the seed that the cell's log is made with."""
     return cell.seed if cell.dataset.source.seeded else 0
 
 
 def from_files(cell: Cell) -> bool:
-    """Whether the cell's log may be another one without its key being so: it, or a part of it, is read from files."""
+    """True where the cell's log, or a part of it, is read from files, which may change without its key."""
     return not cell.dataset.source.seeded or hasattr(cell.dataset.options, "path")
 
 
 def made_once(cell: Cell) -> bool:
-    """Whether another worker's log may be another one, of last bits or of files: all get the one that is kept.
+    """True where another worker might make a different log, in last bits or from other files, so that one is kept.
 
-    A reference, which logs from files may need, is computed, and not the same to the last bit on every processor.
+    A reference, which logs from files may need, is not the same to the last bit on every processor.
     """
     return from_files(cell) or not cell.dataset.source.portable
 
 
 def log_key(cell: Cell, given: str = "") -> str:
-    """Of the cell's log; `given` is the digest of the map in its prior."""
+    """Returns the key of the cell's log; `given` is the digest of the map in its prior."""
     return _digest(f"log {source_key(cell.dataset.name, cell.dataset.options)} {log_seed(cell)} {given}")
 
 
 def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:
-    """Of the cell's result on a log that is known."""
+    """Returns the key of the cell's result on a known log."""
     backend = cell.backend
     drawn = cell.seed if backend.builder is not None and backend.builder.random else None
     return _digest(f"result {'/'.join(log)} {backend_key(backend.name, backend.options)} {drawn} {timed} {oracle}")
@@ -64,28 +57,26 @@ def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:
 
 @functools.cache
 def source_key(name: str, options: Any) -> str:
-    """Of the dataset, with the code that makes it."""
+    """Returns the key of the dataset, with the code that makes it."""
     code = [fingerprint(datasets.module(name), REGISTRIES), fingerprint(MAKER, REGISTRIES)]
     return hashed(name, vars(options), code)
 
 
 @functools.cache
 def backend_key(name: str, options: Any) -> str:
-    """Of the backend, with its code and that of its judge."""
+    """Returns the key of the backend, with its code and that of its judge."""
     target = _target(name)
     code = [fingerprint(target.partition(":")[0], REGISTRIES), fingerprint(JUDGE, ELSEWHERE)]
     return hashed(name, target, vars(options), code)
 
 
-_target = functools.cache(backends.target)
-"""Cached, since to look for plug-ins costs milliseconds."""
+_target = functools.cache(backends.target)  # cached: looking for plug-ins costs milliseconds
 
 
 def hashed(*parts: Any) -> str:
-    """Of values as JSON has them; a float stands in it with as many digits as tell it from every other."""
+    """Hashes values as JSON; floats are written so that they round-trip."""
     return _digest(json.dumps(parts, sort_keys=True, default=repr))
 
 
 def _digest(text: str) -> str:
-    """128 bits."""
     return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -1,7 +1,7 @@
-"""Keeps logs beside a record, so that all its cells run on the same ones, whatever machine they run on.
+"""Keeps logs beside a record, so that all its cells run on the same ones, on whatever machine.
 
-Each is an archive in the folder `logs`, under a name made of what it holds: a file never changes, and another log of
-the same dataset is another file. The record says which of them counts.
+Each is an archive in the folder `logs`, named by its content: a file never changes, and another log of the same dataset
+is another file. The record says which of them counts.
 """
 
 from collections.abc import Iterable
@@ -21,8 +21,7 @@ from .key import hashed
 
 FOLDER = "logs"
 
-ROUNDING = 1e-6
-"""m and rad, between two batch optima of one log, and between two readings of one image."""
+ROUNDING = 1e-6  # m and rad, between two batch optima of one log, and between two detections in one image
 
 
 class LogFiles:
@@ -32,12 +31,12 @@ class LogFiles:
         self.folder = folder / FOLDER
 
     def entry(self, dataset: str, known: Known) -> KeptLog:
-        """Where such a log of the dataset is, or would be."""
+        """Returns the place of such a log, whether it exists or not."""
         digests = known.digest, known.truth_digest
         return KeptLog(self.folder / f"{dataset}-{hashed(*digests)}.npz", digests)
 
     def read(self, dataset: str, known: Known) -> Dataset | None:
-        """Such a log; None where it is not kept, or damaged."""
+        """Reads such a log; None where it is not kept, or damaged."""
         entry = self.entry(dataset, known)
         try:
             found = archive.load(entry.path)
@@ -46,12 +45,12 @@ class LogFiles:
         return found if facts_of(found).digests == entry.digests else None
 
     def like(self, dataset: str, made: Dataset, candidates: Iterable[Known]) -> Dataset | None:
-        """The first of the candidates that is kept and differs from `made` by rounding alone; None where none does."""
+        """Finds the first candidate that is kept and differs from `made` by rounding alone; None without any."""
         kept = (self.read(dataset, known) for known in candidates)
         return next((one for one in kept if one is not None and same(one, made)), None)
 
     def keep(self, dataset: str, known: Known, content: bytes) -> None:
-        """Keep the archive of such a log. InputError where it cannot be written."""
+        """Writes the archive of such a log; InputError where it cannot be written."""
         path = self.entry(dataset, known).path
         try:
             path.parent.mkdir(exist_ok=True)
@@ -60,13 +59,13 @@ class LogFiles:
             raise InputError(f"{path}: cannot be written: {error.strerror}. What was written before is safe.") from None
 
     def tidy(self) -> None:
-        """Remove what a killed writer has left."""
+        """Removes what a killed writer has left."""
         for part in self.folder.glob(".*.part"):
             part.unlink(missing_ok=True)
 
 
 def same(one: Dataset, other: Dataset) -> bool:
-    """Whether two makings of a log and its truth or reference differ by rounding alone."""
+    """Returns True if two versions of a log with its truth or reference differ by rounding alone."""
     return _same_log(one.log, other.log) and _same_truth(one.truth, other.truth)
 
 

@@ -1,4 +1,4 @@
-"""Knows the logs of a run or a study: their digests, and the one copy of each that all its cells run on."""
+"""Tracks the logs of a run or a study: their digests, and the one copy of each that all its cells run on."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,24 +28,21 @@ class KnownLogs:
         self._files.tidy()
 
     def key(self, cell: PlannedCell) -> str:
-        """The key of the cell's log."""
+        """Returns the key of the cell's log."""
         return log_key(cell.cell, self._map)
 
     def are_kept(self, cell: PlannedCell) -> bool:
-        """Whether all cells run on one copy of the cell's log: another worker might make another one."""
+        """True where all cells run on one copy of the cell's log: another worker might make a different one."""
         return self._work.logs_first or made_once(cell.cell)
 
     def is_doubtful(self, cell: PlannedCell) -> bool:
-        """Whether the cell's log must be made before any cell runs.
-
-        It is from files, which may have changed, or known by other code alone, or the work wants all logs first.
-        """
+        """True where the log must be made first: from files, made by other code, or the work wants all logs first."""
         if from_files(cell.cell) or (self.key(cell) not in self.known and _name(cell) in self._made):
             return True
         return self._work.logs_first and not self.is_at_hand(cell)
 
     def is_at_hand(self, cell: PlannedCell) -> bool:
-        """Whether the cell's log is kept, or need not be, or could not be made."""
+        """True where the cell's log is kept, need not be, or could not be made."""
         key, dataset = self.key(cell), cell.cell.dataset.name
         log = self.known.get(key)
         if key in self.kept or key in self.lost or not self.are_kept(cell):
@@ -56,7 +53,7 @@ class KnownLogs:
         return True
 
     def looked(self, cell: PlannedCell, finished: Finished) -> str:
-        """Take in the log that was made, or was not; returns a remark for the user, or ""."""
+        """Takes in a log that was made, or could not be; returns a remark for the user, or ""."""
         if finished.log is None:
             if self.are_kept(cell):
                 self.lost[self.key(cell)] = finished
@@ -67,7 +64,7 @@ class KnownLogs:
         return ""
 
     def know(self, cell: PlannedCell, log: LogFacts) -> None:
-        """Keep the facts of the cell's log."""
+        """Records the facts of the cell's log."""
         known, key = Known(*log[:3]), self.key(cell)
         if self.known.get(key) != known:
             self._store.put_log(key, _name(cell), known, log.truth if self._work.keep else {}, log.sketch)
@@ -75,13 +72,13 @@ class KnownLogs:
             self.unmade.discard(key)
 
     def know_unmade(self, cell: PlannedCell) -> None:
-        """Keep that the cell's log could not be made."""
+        """Records that the cell's log could not be made."""
         key = self.key(cell)
         self._store.put_unmade(key, _name(cell))
         self.unmade.add(key)
 
     def _keep(self, cell: PlannedCell, made_now: LogFacts) -> str:
-        """Keep a log that was just made, or stay with an earlier one that differs by rounding alone."""
+        """Keeps a new log, or stays with an earlier one that differs by rounding alone."""
         key, dataset, made = self.key(cell), cell.cell.dataset.name, archive.unpacked(made_now.archive)
         log = facts_of(self._files.like(dataset, made, self._comparable(cell, made)) or made)
         before, known = self.known.get(key), Known(*log[:3])
@@ -94,24 +91,27 @@ class KnownLogs:
         return _told(cell, self._files.entry(dataset, before).path) if before is not None and is_lost else ""
 
     def _refuse_another(self, cell: PlannedCell, now: Known) -> None:
-        """InputError where a run goes on and the cell's log, or its truth, is another than at its beginning."""
+        """Raises InputError where a continued run's log, or its truth, has changed since the run was begun."""
         before = self._made.get(_name(cell), ())
         if not self._work.logs_first or not before or now in before:
             return
         was = before[-1]
         what, found, expected = "", now.digest[:12], was.digest[:12]
         if found == expected:
-            what, (found, expected) = "the truth of ", (_truth(log) for log in (now, was))
+            what, (found, expected) = (
+                "the truth of ",
+                (log.truth_digest[:12] if log.truth_kind == "truth" else "no truth" for log in (now, was)),
+            )
         raise InputError(
             f"--out {self._store.folder}: {what}{cell.cell.dataset.label}, seed {cell.cell.seed}, has changed since "
             f"this run was begun: its digest is {found}, expected {expected}; run into another folder."
         )
 
     def _comparable(self, cell: PlannedCell, made: Dataset) -> Iterator[Known]:
-        """Logs of before that the one made now may be but for rounding, the cell's own first.
+        """Yields earlier logs that the new one may equal but for rounding, the cell's own first.
 
-        A source that is the same everywhere makes another log only of other files or by other code: of its logs, only
-        the references are comparable.
+        A portable source makes a different log only from other files or by other code: of its logs, only the references
+        are comparable.
         """
         own = self.known.get(self.key(cell))
         if own is not None and not cell.cell.dataset.source.portable:
@@ -120,16 +120,12 @@ class KnownLogs:
         yield from sorted(same, key=lambda known: known != own)
 
 
-def _truth(log: Known) -> str:
-    return log.truth_digest[:12] if log.truth_kind == "truth" else "no truth"
-
-
 def _told(cell: PlannedCell, path: Path) -> str:
-    """What to say of a log that was kept at `path` and could not be made the same once more."""
+    """Makes the remark on a kept log that is lost and was not made the same again."""
     seed = f", seed {cell.cell.seed}" if cell.cell.dataset.source.seeded else ""
     return (
         f"{cell.cell.dataset.label}{seed}: the kept copy, {path}, is gone or damaged, and the log made in its place "
-        "is another one: what had run on it runs again."
+        "differs: its results are computed again."
     )
 
 

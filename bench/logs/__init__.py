@@ -1,1 +1,1 @@
-"""What a log is, before anything runs on it: `bench show`, `validate` and `export`."""
+"""Describes a log before anything runs on it: `bench show`, `validate` and `export`."""

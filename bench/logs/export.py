@@ -1,4 +1,4 @@
-"""A log in the formats of other programs, all of them or none."""
+"""Writes a log in the formats of other programs, all of them or none."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ from ...frontend.tum import write_tum
 
 
 def export_log(dataset: Dataset, formats: Sequence[str], out: Path) -> list[tuple[Path, str]]:
-    """Write them, each one of FORMATS, to the new folder `out`; the files with what is in them. InputError."""
+    """Writes each of the formats to the new folder `out`; returns the files with their content."""
     part = beside(out)
     try:
         part.mkdir(parents=True)
@@ -32,7 +32,7 @@ def export_log(dataset: Dataset, formats: Sequence[str], out: Path) -> list[tupl
 
 
 def formats_of(text: str) -> list[str]:
-    """Those named, separated by commas; InputError for one that is none, or named twice."""
+    """Parses format names separated by commas; InputError for an unknown or repeated one."""
     names = [name.strip() for name in text.split(",")]
     for name in names:
         if name not in FORMATS:
@@ -72,4 +72,4 @@ FORMATS: dict[str, Callable[[Path, Dataset], list[tuple[str, str]]]] = {
     "tum": _tum,
     "log": _log,
 }
-"""What each writes to a folder, and the files with what is in them."""
+"""writers: each writes to a folder and returns the files with their content"""

@@ -1,4 +1,4 @@
-"""The numbers of a log in words: a few facts a line, for the terminal and for a page."""
+"""Writes the numbers of a log in words, a few facts per line, for the terminal and for a page."""
 
 from collections.abc import Iterator, Mapping
 from math import degrees, tau
@@ -7,25 +7,18 @@ from typing import Any
 from ..words.numerals import counted, listed, number, plain
 from .landmark_places import Astray
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
-from .stated_noise import Honesty, Measured
+from .stated_noise import Measured, NoiseCheck
 
-TRUE_ENOUGH = (0.8, 1.25)
-"""Typical error over the stated one between which the noise counts as stated rightly."""
-
-OUTLIERS = 0.01
-"""Share of errors far out from which on they are called outliers: ten times what chance has."""
-
-ALL_ROUND = 5.0
-"""rad; a field of view that is wider has no sides."""
-
-NAMED = 12
-"""Ids that are named; of more, how many."""
+TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
+OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
+ALL_ROUND = 5.0  # rad; a wider field of view has no sides
+NAMED = 12  # ids that are named; of more, the number of the rest
 
 DEGREE = "\N{DEGREE SIGN}"
 
 
 def headline(found: Numbers) -> str:
-    """What the log is, in a sentence that fits over a picture."""
+    """Describes the log in a sentence that fits over a picture."""
     parts = [counted(found.way.steps, "step"), f"{number(found.way.odometry_m)} m"]
     if found.times is not None:
         parts.append(_duration(found.times.duration))
@@ -39,7 +32,7 @@ def headline(found: Numbers) -> str:
 
 
 def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
-    """(heading, facts) a line; `path` says what the picture's path is."""
+    """Yields one (heading, facts) per line; `path` describes the picture's path."""
     yield "way", _joined(_way(found))
     yield "times", _joined(_times(found))
     yield "sightings", _joined(_seen(found.seen))
@@ -55,20 +48,23 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
         yield "not in one place", _astray(known.astray)
     if known.sightings is not None and known.measured is not None:
         against = ["against each landmark's median place"] if known.medians else []
-        yield "sightings against truth", _joined([*against, *_honest(known.sightings), _measured(known.measured)])
+        yield (
+            "sightings against truth",
+            _joined([*against, *_noise_checked(known.sightings), _measured(known.measured)]),
+        )
     if known.odometry is not None:
-        yield "odometry against truth", _joined(_honest(known.odometry))
+        yield "odometry against truth", _joined(_noise_checked(known.odometry))
 
 
 def _duration(seconds: float) -> str:
-    """A length of time: 12.3 s, 25.6 min or 3.2 h."""
+    """Writes a duration: 12.3 s, 25.6 min or 3.2 h."""
     if seconds < 600:
         return f"{number(seconds)} s"
     return f"{seconds / 60:.1f} min" if seconds < 7200 else f"{seconds / 3600:,.1f} h"
 
 
 def noted(notes: Mapping[str, Any], *, settings: bool) -> list[tuple[str, str]]:
-    """What a log's notes say, in lines; without `settings` only words and the counts that are not 0."""
+    """Lists a log's notes; without `settings` only words and the counts that are not 0."""
     said: list[tuple[str, str]] = []
     for name, value in notes.items():
         parts: Any = value
@@ -199,17 +195,14 @@ def _coverage(known: Known, steps: int) -> str:
 
 
 def _astray(astray: Astray) -> str:
-    names = [str(id_) for id_ in astray.ids[:NAMED]]
-    if len(astray.ids) > NAMED:
-        names.append(f"{len(astray.ids) - NAMED:,} more")
     one = len(astray.ids) == 1
     low, high = number(astray.spread_least), number(astray.spread_most)
     about = f"{low} m" if low == high else f"{low} to {high} m"
-    named = f"id{'s' * (not one)} {listed(names)}"
-    return f"{named} ({counted(astray.sightings, 'sighting')}, {about} about): {'does it' if one else 'do they'} move?"
+    named = f"id{'s' * (not one)} {listed([str(name) for name in astray.ids], NAMED)}"
+    return f"{named} ({counted(astray.sightings, 'sighting')}, spread {about}): {'does it' if one else 'do they'} move?"
 
 
-def _honest(honest: Honesty) -> Iterator[str]:
+def _noise_checked(honest: NoiseCheck) -> Iterator[str]:
     low, high = TRUE_ENOUGH
     times = f"{number(honest.scale)} times"
     if low <= honest.scale <= high:
@@ -229,7 +222,7 @@ def _honest(honest: Honesty) -> Iterator[str]:
 
 
 def _measured(measured: Measured) -> str:
-    """With what a reader's options of these names would be set to."""
+    """Writes the measured noise, with the settings of a log's reader."""
     metres, radians = measured
     words = f"range {number(metres)} m, bearing {number(degrees(radians))}{DEGREE}"
     return f"measured: {words} (range_sd={metres:.3g}, bearing_sd={radians:.3g})"

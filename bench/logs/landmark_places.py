@@ -1,4 +1,4 @@
-"""Where a log's landmarks are by its own sightings, from a path that is known; and which ids are not in one place."""
+"""Places a log's landmarks by its own sightings from a known path, and finds ids that are not in one place."""
 
 from typing import NamedTuple
 
@@ -8,14 +8,9 @@ from numpy.typing import NDArray
 from ...frontend.factors import UNKNOWN, Log, Map, Truth
 from ...frontend.se2 import Array, Ints, act
 
-LEAST = 8
-"""Sightings of an id from which on their median is a place to judge by."""
-
-WIDE = 8.0
-"""Of the typical id's spread, from which on an id is not in one place."""
-
-BEYOND = 3.0
-"""Of the standard deviation that the noise states: a spread within it is no wonder, however small the others' are."""
+LEAST = 8  # sightings of an id from which on their median is a place to judge by
+WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place
+BEYOND = 3.0  # an id is in one place within this multiple of the stated standard deviation
 
 
 class Places(NamedTuple):
@@ -38,10 +33,7 @@ class Astray(NamedTuple):
 
 
 def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
-    """The places by the sightings from `poses` (m, 3), of which step k is row `pose_at[k]`, or none for -1.
-
-    No id is astray where the path is not `known`: what is then spread out may be the path.
-    """
+    """Places ids from `poses` (m, 3), step k being row `pose_at[k]` or -1; none is astray if not `known`."""
     row = np.flatnonzero((log.ids != UNKNOWN) & (pose_at[log.sighting_step] >= 0))
     ids, landmark = np.unique(log.ids[row], return_inverse=True)
     points = sighted(poses[pose_at[log.sighting_step[row]]], log.z[row])
@@ -56,7 +48,7 @@ def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
 
 
 def strays(places: Places | None) -> Astray | None:
-    """None where every id is in one place, for all that is known."""
+    """Returns the ids that are not in one place; None without any."""
     if places is None or not places.astray.any():
         return None
     spread = places.spread[places.astray]
@@ -65,7 +57,7 @@ def strays(places: Places | None) -> Astray | None:
 
 
 def judge(truth: Truth | None, places: Places | None) -> Truth | None:
-    """What a log's noise is judged by: truth alone; landmarks of which it has no place are at their medians."""
+    """Returns what a log's noise is compared with: truth alone; unknown landmarks are at their medians."""
     if truth is None or truth.kind != "truth":
         return None
     if places is None:
@@ -75,12 +67,12 @@ def judge(truth: Truth | None, places: Places | None) -> Truth | None:
 
 
 def sighted(poses: Array, z: Array) -> Array:
-    """Where (s, 2) in the world the sightings `z` (s, 2) made from `poses` (s, 3) are."""
+    """Returns where (s, 2) in the world the sightings `z` (s, 2) made from `poses` (s, 3) are."""
     return act(poses, z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1]))))
 
 
 def _medians(landmark: Ints, count: Ints, values: Array) -> Array:
-    """(l,) of each landmark's `values`; landmark k has `count[k]` of them, at least one."""
+    """Returns the median (l,) of each landmark's `values`; landmark k has `count[k]` of them, at least one."""
     ordered = values[np.lexsort((values, landmark))]
     first = np.cumsum(count) - count
     return (ordered[first + (count - 1) // 2] + ordered[first + count // 2]) / 2

@@ -1,6 +1,6 @@
-"""A log in numbers: its way, times, sightings, landmarks, returns, sensor and stated noise; quick at 10^6 steps.
+"""Describes a log in numbers: path, times, sightings, landmarks, returns, sensor and stated noise.
 
-Lengths are in m, angles in rad, times in s. What a log does not have is None.
+Lengths are in m, angles in rad, times in s. What a log does not have is None. It is quick at 10^6 steps.
 """
 
 from typing import NamedTuple
@@ -12,22 +12,17 @@ from ...frontend.se2 import Array, Ints
 from ...frontend.truth_errors import odometry_errors, sighting_errors
 from ..measure.times import numbered
 from .landmark_places import Astray, judge, strays
-from .revisits import Returns, loops, way
-from .shown_path import Shown
-from .stated_noise import Honesty, Measured, honesty, measured
+from .revisits import Returns, loops, returns, way
+from .shown_path import Shown, shown
+from .stated_noise import Measured, NoiseCheck, measured, noise_check
 
-GAP = 5.0
-"""Median times from step to step that make a gap."""
-
-SIGHT = 0.99
-"""Share of the bearings that the field of view holds."""
-
-ROUND = 1e-6
-"""Relative; standard deviations that differ by less are one."""
+GAP = 5.0  # multiple of the median time between steps that makes a gap
+SIGHT = 0.99  # share of the bearings that the field of view holds
+ROUND = 1e-6  # relative; standard deviations that differ by less are equal
 
 
 class Way(NamedTuple):
-    """How the robot drove."""
+    """The robot's path."""
 
     steps: int
     odometry_m: float
@@ -38,7 +33,7 @@ class Way(NamedTuple):
 
 
 class Times(NamedTuple):
-    """When its steps are; of a log whose steps are timed and not merely numbered."""
+    """The times of the steps of a log that is timed."""
 
     duration: float
     median: float  # from step to step
@@ -47,7 +42,7 @@ class Times(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """How many sightings there are."""
+    """The number of sightings."""
 
     sightings: int
     unknown: int  # without the id of a landmark
@@ -63,7 +58,7 @@ class Seen(NamedTuple):
 
 
 class Landmarks(NamedTuple):
-    """How often each landmark is sighted."""
+    """The number of sightings of each landmark."""
 
     landmarks: int
     least: int
@@ -73,7 +68,7 @@ class Landmarks(NamedTuple):
 
 
 class Back(NamedTuple):
-    """How the log comes back to where it was."""
+    """The log's returns to places."""
 
     loops: int  # times
     after_m: float | None  # way without a landmark that makes its next sighting a return
@@ -85,7 +80,7 @@ class Back(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """Where landmarks are sighted."""
+    """The sensor's range and field of view."""
 
     range_least: float
     range_median: float
@@ -118,22 +113,22 @@ class Noise(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known beside the factors, and how the log holds up against it."""
+    """What is known beside the factors, and the log's agreement with it."""
 
     kind: str  # truth, reference or "" where no path is known
     steps: int  # with a known pose
     landmarks: int  # with a known place
-    sightings: Honesty | None  # with truth alone, as the next
-    odometry: Honesty | None
+    sightings: NoiseCheck | None  # with truth alone, as the next
+    odometry: NoiseCheck | None
     measured: Measured | None  # the sightings' noise
-    medians: bool  # whether both are against landmarks' median places, as their true ones are not known
+    medians: bool  # both are against landmarks' median places, as true ones are unknown
     astray: Astray | None  # by a known path, where the landmarks' places are not
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length
 
 
 class Numbers(NamedTuple):
-    """All of them."""
+    """All numbers of a log."""
 
     way: Way
     times: Times | None
@@ -145,8 +140,24 @@ class Numbers(NamedTuple):
     known: Known
 
 
+class Subject(NamedTuple):
+    """A log with all that is written and drawn of it."""
+
+    label: str
+    dataset: Dataset
+    shown: Shown
+    returns: Returns
+    numbers: Numbers
+
+
+def described(label: str, dataset: Dataset, solve: bool | None) -> Subject:
+    """Describes a log; `solve` as in `shown`."""
+    drawn, found = shown(dataset, solve), returns(dataset.log)
+    return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found))
+
+
 def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
-    """The numbers of a log; `drawn` is its path, `found` its returns."""
+    """Computes the numbers of a log; `drawn` is its path, `found` its returns."""
     log = dataset.log
     return Numbers(
         _way(log, drawn),
@@ -161,7 +172,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
 
 
 def times(log: Log) -> Times | None:
-    """None for a log of one step, and for one that numbers its steps."""
+    """Returns the times; None for a log of one step, and for one that numbers its steps."""
     if len(log) < 2 or numbered(log.t):
         return None
     apart = np.diff(log.t)
@@ -170,7 +181,7 @@ def times(log: Log) -> Times | None:
 
 
 def empty_runs(log: Log) -> Ints:
-    """(m, 2) the first and last step of every run of steps without a sighting."""
+    """Returns (m, 2) the first and last step of every run of steps without a sighting."""
     empty = np.concatenate(([False], np.diff(log.sighting_first) == 0, [False]))
     change = np.flatnonzero(np.diff(empty))
     return np.column_stack((change[::2], change[1::2] - 1))
@@ -226,7 +237,7 @@ def _back(log: Log, found: Returns) -> Back:
 
 
 def _sensor(z: Array) -> Sensor:
-    """The field of view is the shortest arc that holds SIGHT of the bearings, found by sliding along them in order."""
+    """Finds range and field of view, the shortest arc that holds SIGHT of the bearings."""
     bearings = np.sort(z[:, 1])
     inside = int(np.ceil(SIGHT * len(bearings)))
     on = np.concatenate((bearings, bearings + 2 * np.pi))
@@ -268,8 +279,8 @@ def _known(dataset: Dataset, drawn: Shown) -> Known:
         "" if path is None else path.kind,
         0 if path is None else len(path.t),
         0 if truth is None or truth.map is None else len(truth.map.ids),
-        None if at_sightings is None else honesty(at_sightings, log.z_cov[at_sightings.row]),
-        None if at_odometry is None else honesty(at_odometry, log.delta_cov[at_odometry.row]),
+        None if at_sightings is None else noise_check(at_sightings, log.z_cov[at_sightings.row]),
+        None if at_odometry is None else noise_check(at_odometry, log.delta_cov[at_odometry.row]),
         None if at_sightings is None else measured(at_sightings),
         at_sightings is not None and len(at_sightings.row) > 0 and drawn.places is not None,
         strays(drawn.places),

@@ -1,4 +1,4 @@
-"""The panels beside a log's map: along its time, and of its sensor."""
+"""Draws the panels beside a log's map: along its time, and of its sensor."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,26 +18,18 @@ from .stated_noise import typical
 INK = "#222222"
 FIRST, AGAIN, SOFT, EMPTY = COLOURS[0], COLOURS[1], COLOURS[4], "#f3d9cc"
 
-STRETCHES = 300
-"""Of the log's time, in a curve."""
-
-COLUMNS, ROWS = 420, 150
-"""Cells of the picture of returns: each is coloured where any sighting falls into it, however many there are."""
-
-LONG = 0.004
-"""Share of the log from which on a stretch without sightings is shaded."""
+STRETCHES = 300  # of the log's time, in a curve
+COLUMNS, ROWS = 420, 150  # cells of the picture of returns, each coloured where any sighting falls into it
+LONG = 0.004  # share of the log from which on a stretch without sightings is shaded
 
 MOST_DOTS = 4_000
 
-BINS = 12
-"""Of ranges, with equally many sightings each."""
-
-LEAST_BIN = 8
-"""Sightings; a bin with fewer shows no error."""
+BINS = 12  # of ranges, with equally many sightings each
+LEAST_BIN = 8  # sightings; a bin with fewer shows no error
 
 
 def seen(axes: Axes, log: Log) -> None:
-    """Sightings a step along the log, stretches without one shaded."""
+    """Draws sightings per step along the log, with stretches without one shaded."""
     t = _time(log)
     count = np.diff(log.sighting_first).astype(float)
     middle, mean = stretches(t, count, STRETCHES)
@@ -57,11 +49,11 @@ def seen(axes: Axes, log: Log) -> None:
     axes.set_ylim(0, max(1.0, 1.08 * float(np.nanmax(mean))))
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=not 0 < float(np.nanmax(mean)) < 2))
     shade = "; shaded: nothing seen" if shaded else ""
-    axes.set_title(f"Sightings a step{', mean' if averaged else ''}{shade}")
+    axes.set_title(f"Sightings per step{', mean' if averaged else ''}{shade}")
 
 
 def returns(axes: Axes, log: Log, found: Returns) -> None:
-    """Which landmark was seen when; of a log with loop closures alone, which earlier step was seen from which."""
+    """Draws the landmarks seen over time; with loop closures alone, the pairs of steps."""
     t = _time(log)
     if len(found.row):
         _raster(axes, t, found)
@@ -73,13 +65,13 @@ def returns(axes: Axes, log: Log, found: Returns) -> None:
         axes.set_title("Loop closures; far below the line: a large loop")
     else:
         axes.set_yticks([])
-        _nothing(axes, "no landmark is sighted: it cannot come back")
+        _nothing(axes, "no landmark is sighted, so there is no return")
         axes.set_title("When each landmark was seen")
     _along(axes, log)
 
 
 def sensor(axes: Axes, z: Array) -> None:
-    """Where landmarks are seen from the robot, ahead being up."""
+    """Draws where landmarks are seen from the robot, ahead being up."""
     axes.set_title("Where it sees, ahead is up")
     if not len(z):
         _nothing(axes, "no sighting")
@@ -105,10 +97,7 @@ def sensor(axes: Axes, z: Array) -> None:
 
 
 def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
-    """The stated noise of sightings over range, both parts in metres; with a truth their errors too.
-
-    `medians`: the truth has each landmark at the median of its sightings.
-    """
+    """Draws stated noise of sightings over range, m, and errors against a truth, with `medians` of landmarks."""
     axes.set_title("Its noise, as stated")
     if not len(log.z):
         _nothing(axes, "no sighting")
@@ -133,7 +122,8 @@ def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
         if wrong is None:
             continue
         row, errors = wrong
-        actual = np.array([_actual(errors[place[row] == k, column]) for k in filled])
+        mine = [errors[place[row] == k, column] for k in filled]
+        actual = np.array([typical(one) if len(one) >= LEAST_BIN else np.nan for one in mine])
         axes.plot(middle, actual, "o", markeredgecolor=colour, markerfacecolor="none", markersize=5)
         highest = max(highest, float(np.nanmax(actual, initial=0.0)))
     if wrong is not None:
@@ -148,17 +138,13 @@ def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
 
 
 def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
-    """The sightings with a known error, and these errors (m, 2) in m: in range, and across."""
+    """Returns the sightings with a known error, and these errors (m, 2) in m: in range, and across."""
     if truth is None:
         return None
     found = sighting_errors(log, truth)
     if len(found.row) < LEAST_BIN:
         return None
     return found.row, np.column_stack((found.values[:, 0], log.z[found.row, 0] * found.values[:, 1]))
-
-
-def _actual(errors: Array) -> float:
-    return typical(errors) if len(errors) >= LEAST_BIN else np.nan
 
 
 def _raster(axes: Axes, t: Array, found: Returns) -> None:
@@ -184,7 +170,7 @@ def _raster(axes: Axes, t: Array, found: Returns) -> None:
     )
     axes.set_ylabel("landmark, by first sighting")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
-    came = f"orange: again after {number(found.after)} m without it" if back.any() else "none is come back to"
+    came = f"orange: again after {number(found.after)} m without it" if back.any() else "no returns"
     axes.set_title(f"When each landmark was seen; {came}")
 
 
@@ -195,7 +181,6 @@ def _along(axes: Axes, log: Log) -> None:
 
 
 def _time(log: Log) -> Array:
-    """Since the first step."""
     return log.t - log.t[0]
 
 

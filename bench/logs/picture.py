@@ -1,43 +1,31 @@
-"""A log in one picture: its map, its sightings over time, when it comes back, what its sensor sees and how well."""
+"""Draws a log in one picture: map, sightings over time, returns, field of view and noise."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import SubFigure
 
-from ...frontend.factors import Dataset, Log
+from ...frontend.factors import Log
 from ...frontend.se2 import Array, Ints
 from ..drawing.picture import GRID, picture
 from ..measure.times import numbered
 from .facts import headline
 from .landmark_places import judge, sighted
-from .numbers import Numbers
+from .numbers import Subject
 from .panels import FIRST, INK, SOFT, noise, returns, seen, sensor
-from .revisits import Returns
 from .shown_path import Shown
 
 ASTRAY = "#d00000"
 
-MOST_POSES, MOST_LANDMARKS, MOST_RAYS, MOST_LOOPS = 1_000_000, 4_000, 160, 400
-"""Drawn of each; of more, evenly chosen ones. A path that is thinned out cuts its corners."""
-
-VECTOR = 20_000
-"""Poses up to which a path is lines in a vector format, and not pixels."""
-
-CROSSINGS = 60.0
-"""Of the map, that a path may make before its line becomes thinner."""
-
-PIECES = 160
-"""Stretches of the path that have a colour of their own."""
-
-OUTSIDE = 0.002
-"""Share of landmarks on either side that may lie outside the map: a single wild one would shrink the rest to a dot."""
-
-WIDEST = 70
-"""Letters that a line of the legend holds."""
+MOST_POSES, MOST_LANDMARKS, MOST_RAYS, MOST_LOOPS = 1_000_000, 4_000, 160, 400  # drawn at most, evenly
+VECTOR = 20_000  # poses up to which a path is lines in a vector format, and not pixels
+CROSSINGS = 60.0  # crossings of the map by a path beyond which its line becomes thinner
+PIECES = 160  # stretches of the path with a colour of their own
+OUTSIDE = 0.002  # share of landmarks on either side that may lie outside the map: one outlier would shrink it
+WIDEST = 70  # letters of a line of the legend
 
 _STYLE: dict[str, Any] = {
     **GRID,
@@ -51,18 +39,8 @@ _STYLE: dict[str, Any] = {
 }
 
 
-class Subject(NamedTuple):
-    """What the picture is of."""
-
-    label: str
-    dataset: Dataset
-    shown: Shown
-    returns: Returns
-    numbers: Numbers
-
-
 def write_picture(path: Path, subject: Subject) -> None:
-    """Draw into `path`, whole or not at all; its suffix says in which format."""
+    """Draws into `path`, whole or not at all; its suffix is the format."""
     with picture(path, (13, 8.6), _STYLE | {"svg.hashsalt": subject.label}) as figure:
         figure.set_layout_engine("constrained", rect=(0, 0, 1, 0.93))
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.2, 1))[0]
@@ -117,7 +95,7 @@ def _map(figure: SubFigure, subject: Subject) -> None:
 
 
 def _path(figure: SubFigure, axes: Axes, log: Log, shown: Shown) -> None:
-    """Coloured by time, in pieces; a piece ends where steps without a known pose follow."""
+    """Draws the path coloured by time, in pieces, with gaps where poses are unknown."""
     some = _some(len(shown.step), MOST_POSES)
     xy, step = shown.poses[some][:, :2], shown.step[some]
     pieces = [piece for piece in np.array_split(np.arange(len(xy) - 1), PIECES) if len(piece)]
@@ -150,7 +128,7 @@ def _path(figure: SubFigure, axes: Axes, log: Log, shown: Shown) -> None:
 
 
 def _rays(log: Log, shown: Shown) -> Array:
-    """A few sightings (m, 2, 2), each from where the robot was to where it puts its landmark."""
+    """Returns a few sightings (m, 2, 2), each from the robot's place to the landmark's."""
     pose = shown.pose_at(len(log))
     row = _some(len(log.ids), 4 * MOST_RAYS)
     step = log.sighting_step[row]
@@ -175,7 +153,7 @@ def _loops(axes: Axes, log: Log, shown: Shown) -> None:
 
 
 def _limit(axes: Axes, path: Array, marks: Array) -> None:
-    """What the axes hold: all of the path, and of many marks all but the wildest."""
+    """Sets the axes' limits: all of the path, and of many landmarks all but the outermost."""
     low, high = path.min(axis=0), path.max(axis=0)
     if len(marks):
         out = 100 * OUTSIDE if len(marks) * OUTSIDE > 1 else 0
@@ -189,5 +167,5 @@ def _limit(axes: Axes, path: Array, marks: Array) -> None:
 
 
 def _some(count: int, most: int) -> Ints:
-    """At most `most` of `count` rows, evenly, the first and the last among them."""
+    """Returns at most `most` of `count` rows, evenly, with the first and the last."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)) if count else np.zeros(0, np.int64)

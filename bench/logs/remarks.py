@@ -1,6 +1,6 @@
-"""What is legal in a log yet odd: units taken for others, columns that count something else, jumps and gaps.
+"""Finds what is legal in a log yet odd: wrong units, columns that count something else, jumps and gaps.
 
-A remark is a hint to look, not a verdict; each says what was found, and what it may come from.
+A remark is a hint, not a verdict; each states the finding and a possible cause.
 """
 
 from collections.abc import Iterator
@@ -11,30 +11,17 @@ from ...frontend.factors import UNKNOWN, Dataset, Log
 from ...frontend.se2 import Array
 from ...frontend.table import LARGEST
 
-GAP = 10.0
-"""A gap in time, of the median time between steps."""
-
-JUMP = 20.0
-"""A jump of the odometry, of the standard deviation of all other steps."""
-
-NARROW = 0.1
-"""rad; bearings that are all nearer to 0 may have been divided by 57."""
-
-FAR = 1000.0
-"""m; a median range or stride beyond it may be in millimetres."""
-
-SLOW = 100.0
-"""s; a median time between steps beyond it may be in milliseconds."""
-
-SPINNING = 5.0
-"""rad/s; a median turning rate beyond it may be in degrees a second."""
-
-FEW = 10
-"""Rows below which nothing is odd."""
+GAP = 10.0  # a gap in time, relative to the median time between steps
+JUMP = 20.0  # a jump of the odometry, in standard deviations of all other steps
+NARROW = 0.1  # rad; bearings that are all nearer to 0 may have been divided by 57
+FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
+SLOW = 100.0  # s; a median time between steps beyond it may be in milliseconds
+SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per second
+FEW = 10  # rows below which nothing is odd
 
 
 def remarks(dataset: Dataset) -> list[str]:
-    """Everything odd about the log, a sentence each without its full stop."""
+    """Lists everything odd about the log, one sentence each without its full stop."""
     with np.errstate(over="ignore"):  # what is beyond all numbers is infinite, and remarked as such
         return list(_remarks(dataset.log))
 
@@ -67,7 +54,7 @@ def _times(log: Log) -> Iterator[str]:
 
 
 def _sizes(log: Log) -> Iterator[str]:
-    """Lengths beyond those that graphs may have."""
+    """Finds lengths beyond those that graphs may have."""
     for name, lengths, first in (
         ("motion", np.abs(log.delta[1:, :2]).max(axis=1), "the first at step {}"),
         ("range", log.z[:, 0], "the first of sighting {}"),
@@ -102,7 +89,7 @@ def _motions(log: Log) -> Iterator[str]:
 
 
 def _score(values: Array) -> Array:
-    """(n,) how many standard deviations of all others each value is from the mean of all others."""
+    """Returns (n,) how many standard deviations of all others each value is from the mean of all others."""
     n, size = len(values), max(float(np.abs(values).max()), 1.0)
     share = values / size  # the squares of what is huge would be infinite
     off = share - share.mean()

@@ -1,4 +1,4 @@
-"""Where a log comes back to: its landmarks by first sighting, and those seen again after an absence."""
+"""Finds returns: landmarks that are seen again after an absence, and the loops that these close."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints
 
-AWAY = 2.0
-"""Median ranges of way without a landmark, from which on seeing it again is a return and no flicker of the sensor."""
+AWAY = 2.0  # median ranges of path without a landmark from which on its next sighting is a return, not sensor flicker
 
 
 class Returns(NamedTuple):
-    """The s sightings of a log whose landmarks are known, in the log's order."""
+    """The s sightings of a log with known landmarks, in the log's order."""
 
     row: Ints  # (s,) of the log's sightings
     step: Ints  # (s,)
@@ -21,16 +20,16 @@ class Returns(NamedTuple):
     visit: Ints  # (s,) 0 from the first sighting of the landmark until it has been left, 1 after the first return ...
     before: Ints  # (s,) the step of the sighting of the same landmark before this one, -1 for the first
     returns: NDArray[np.bool]  # (s,) the first sighting after an absence
-    after: float  # m of way without a landmark that make an absence
+    after: float  # m of path without a landmark that make an absence
 
 
 def way(log: Log) -> Array:
-    """Way (n,) in m from the start to each step, by odometry."""
+    """Returns the path length (n,) in m from the start to each step, by odometry."""
     return np.concatenate((np.zeros(1), np.cumsum(np.hypot(*log.delta[1:, :2].T))))
 
 
 def returns(log: Log) -> Returns:
-    """Which sightings are returns: of a landmark for the first time after AWAY median ranges of way without it."""
+    """Finds the returns: sightings of a landmark after AWAY median ranges of path without it."""
     row = np.flatnonzero(log.ids != UNKNOWN)
     step, ids = log.sighting_step[row], log.ids[row]
     after = AWAY * float(np.median(log.z[:, 0])) if len(row) else 0.0
@@ -53,10 +52,10 @@ def returns(log: Log) -> Returns:
 
 
 def loops(log: Log, found: Returns) -> int:
-    """The loops that the log closes one after another: the most of its absences of which no two overlap.
+    """Counts the loops that the log closes: the most of its absences of which no two overlap.
 
     An absence is from a sighting to the return of its landmark, or from a loop closure's earlier step to its later one.
-    Taking always the one that ends first is the best choice, so a robot that goes round n times closes n - 1 loops.
+    Always taking the one that ends first is optimal, so a robot that goes round n times closes n - 1 loops.
     """
     start = np.concatenate((found.before[found.returns], log.loop_to))
     end = np.concatenate((found.step[found.returns], log.loop_step))

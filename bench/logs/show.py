@@ -1,31 +1,32 @@
-"""A log's picture and numbers for Python and for a notebook, where it shows itself: what `bench show` shows."""
+"""A log's picture and numbers, for Python, for notebooks and as an HTML page: `slamduel.show`."""
 
+import base64
 import tempfile
 from pathlib import Path
 
 from ...frontend.check import check, check_truth
 from ...frontend.factors import Dataset, Log
+from ...frontend.files import write_whole
+from ..drawing.page import rendered
 from ..plan.load import load
-from .facts import facts, headline
-from .numbers import Numbers, numbers
-from .picture import Subject, write_picture
-from .revisits import returns
-from .shown_path import shown
+from .facts import facts, headline, noted
+from .numbers import Numbers, Subject, described
+from .picture import write_picture
 
 
-class Portrait:
-    """The picture of a log; `numbers` has what is in it, in m, rad and s."""
+class LogPicture:
+    """The picture of a log; `numbers` has its content, in m, rad and s."""
 
     def __init__(self, subject: Subject) -> None:
         self._subject = subject
 
     @property
     def numbers(self) -> Numbers:
-        """What `bench show --json` prints."""
+        """Returns what `bench show --json` prints."""
         return self._subject.numbers
 
     def save(self, path: Path | str) -> None:
-        """Write the picture to a .png, .svg or .pdf file, whole or not at all."""
+        """Writes the picture to a .png, .svg or .pdf file, whole or not at all."""
         write_picture(Path(path), self._subject)
 
     def __repr__(self) -> str:
@@ -41,8 +42,8 @@ class Portrait:
             return path.read_bytes()
 
 
-def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | None = None) -> Portrait:
-    """The picture of a log: one that Python holds, a name with its options, or a path.
+def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | None = None) -> LogPicture:
+    """Makes the picture of a log: one that Python holds, a name with its options, or a path.
 
     Without a true path it is drawn along the batch optimum if the log is not too large for that, or with `solve`.
     SlamduelError, with a sentence, for what cannot be used.
@@ -56,5 +57,20 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
     check(dataset.log, label)
     if dataset.truth is not None:
         check_truth(dataset.log, dataset.truth, label)
-    drawn, back = shown(dataset, solve), returns(dataset.log)
-    return Portrait(Subject(label, dataset, drawn, back, numbers(dataset, drawn, back)))
+    return LogPicture(described(label, dataset, solve))
+
+
+def write_page(path: Path, subject: Subject) -> None:
+    """Writes the picture and numbers as one HTML page that needs no network, whole or not at all."""
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "log.png"
+        write_picture(picture, subject)
+        content = base64.b64encode(picture.read_bytes()).decode()
+    page = {
+        "label": subject.label,
+        "headline": headline(subject.numbers),
+        "facts": list(facts(subject.numbers, subject.shown.words)),
+        "notes": noted(subject.dataset.log.notes, settings=True),
+        "picture": content,
+    }
+    write_whole(path, rendered("log.html.jinja", page))

@@ -1,4 +1,4 @@
-"""The path and the landmarks that a picture of a log shows: true where they are known, else the best there is."""
+"""Chooses the path and landmarks that a log's picture shows: true ones if known, else the best estimate."""
 
 from typing import NamedTuple
 
@@ -11,35 +11,29 @@ from ...frontend.se2 import Array, Ints, between, compose
 from ..plan.reference import outliers, reference
 from .landmark_places import Places, placed
 
-LARGEST = 40_000
-"""Steps and sightings up to which the batch optimum is found without being asked for: about half a minute."""
-
-MISFITS = 0.05
-"""Share of sightings that do not fit the batch optimum from which on the log is to be looked at."""
+LARGEST = 40_000  # steps and sightings up to which the batch optimum is computed without --solve: about half a minute
+MISFITS = 0.05  # share of sightings that do not fit the batch optimum from which on a warning is shown
 
 
 class Shown(NamedTuple):
-    """What is drawn."""
+    """The path and landmarks to draw."""
 
-    words: str  # what the path is
+    words: str  # describes the path
     step: Ints  # (m,) the steps whose pose is known, in order
     poses: Array  # (m, 3)
     reckoned: Array  # (n, 3) dead reckoning from the first of these poses
     xy: Array  # (l, 2) landmarks, without those that are not in one place
-    mark: str  # what such a landmark's place is
+    mark: str  # describes such a landmark's place
     places: Places | None  # by the sightings from this path, where no true ones are known
     solved: Truth | None  # the batch optimum, where the path is one
 
     def pose_at(self, steps: int) -> Ints:
-        """(steps,) the row of each step in `poses`, -1 where its pose is not known."""
+        """Returns (steps,) the row of each step in `poses`, -1 where its pose is not known."""
         return _rows(self.step, steps)
 
 
 def shown(dataset: Dataset, solve: bool | None) -> Shown:
-    """The true path, else the batch optimum, else dead reckoning.
-
-    `solve`: find the optimum where there is no truth; None: where the log is small enough for it.
-    """
+    """Chooses the true path, else the batch optimum if `solve` (None: if the log is small), else dead reckoning."""
     log, truth = dataset
     if truth is None or not len(truth.t):
         truth, words = _solved(log, solve)
@@ -52,9 +46,13 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         step, poses = np.searchsorted(log.t, truth.t), truth.poses
         reckoned = from_pose(reckoned, int(step[0]), poses[0])
     solved = truth if truth is not None and truth.kind == "reference" else None
-    solved = truth if truth is not None and truth.kind == "reference" else None
     given = None if truth is None else truth.map
-    if given is not None and _surveyed(dataset.truth):
+    if (
+        given is not None
+        and dataset.truth is not None
+        and dataset.truth.map is not None
+        and dataset.truth.places == "truth"
+    ):
         return Shown(words, step, poses, reckoned, given.xy, "landmark", None, solved)
     places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
     if given is None:
@@ -65,7 +63,7 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
 
 
 def from_pose(path: Array, k: int, pose: Array) -> Array:
-    """The path (n, 3) moved as a whole so that its step `k` is at `pose` (3,)."""
+    """Moves the path (n, 3) as a whole so that its step `k` is at `pose` (3,)."""
     n = len(path)
     return compose(np.broadcast_to(pose, (n, 3)), between(np.broadcast_to(path[k], (n, 3)), path))
 
@@ -84,11 +82,6 @@ def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
     odd = outliers(log, Solution(truth.poses, truth.map))
     look = odd.found > MISFITS * odd.of
     return truth, truth.words + ": sign of bearings, unit, clock, or landmarks that move?" * look
-
-
-def _surveyed(truth: Truth | None) -> bool:
-    """Whether the landmarks' true places are known."""
-    return truth is not None and truth.map is not None and truth.places == "truth"
 
 
 def _rows(step: Ints, steps: int) -> Ints:

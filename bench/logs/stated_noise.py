@@ -1,4 +1,4 @@
-"""Whether a log's stated noise is what its errors are, where the truth is known."""
+"""Compares a log's stated noise with its errors, where the truth is known."""
 
 from typing import NamedTuple
 
@@ -7,18 +7,14 @@ import numpy as np
 from ...frontend.se2 import Array
 from ...frontend.truth_errors import Errors
 
-FAR = {2: 13.816, 3: 16.266}
-"""Dimension -> what one in a thousand errors exceeds where the noise is as stated: chi-square's 99.9 % point."""
-
-MEDIAN = {2: 1.3863, 3: 2.3660}
-"""Dimension -> the median of chi-square."""
+FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
+MEDIAN = {2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square
 
 
-ROBUST = 1.4826
-"""A normal standard deviation over the median of absolute values."""
+ROBUST = 1.4826  # a normal standard deviation over the median of absolute values
 
 
-class Honesty(NamedTuple):
+class NoiseCheck(NamedTuple):
     """Normalised squared errors e' C^-1 e of one kind of measurement."""
 
     checked: int
@@ -28,29 +24,29 @@ class Honesty(NamedTuple):
     scale: float  # by how much the typical error is larger than stated: sqrt(median / chi-square's median)
 
 
-def honesty(errors: Errors, cov: Array) -> Honesty | None:
-    """What `errors` say of the covariances stated for them, `cov` (m, k, k); None without any."""
+def noise_check(errors: Errors, cov: Array) -> NoiseCheck | None:
+    """Compares `errors` with their stated covariances `cov` (m, k, k); None without any."""
     if not len(errors.row):
         return None
     k = errors.values.shape[1]
     squares = np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
     median = float(np.median(squares))
     far = float((squares > FAR[k]).mean())
-    return Honesty(len(squares), float(squares.mean()) / k, median, far, float(np.sqrt(median / MEDIAN[k])))
+    return NoiseCheck(len(squares), float(squares.mean()) / k, median, far, float(np.sqrt(median / MEDIAN[k])))
 
 
 class Measured(NamedTuple):
-    """The noise that sightings have; outliers do not rule it."""
+    """The noise that sightings have, robust to outliers."""
 
     range_sd: float  # m
     bearing_sd: float  # rad
 
 
 def measured(errors: Errors) -> Measured | None:
-    """The standard deviations that the errors (m, 2) of sightings have; None without any."""
+    """Returns the standard deviations of the errors (m, 2) of sightings; None without any."""
     return Measured(*map(typical, errors.values.T)) if len(errors.row) else None
 
 
 def typical(errors: Array) -> float:
-    """A standard deviation that outliers do not rule: 1.4826 median absolute errors, bias included."""
+    """Returns a standard deviation robust to outliers: 1.4826 median absolute errors, bias included."""
     return float(ROBUST * np.median(np.abs(errors)))

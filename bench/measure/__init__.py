@@ -1,1 +1,1 @@
-"""One backend on one log: drive it, time it, judge it; a row and arrays."""
+"""Drives, times and scores one backend on one log: a row and arrays."""

@@ -1,4 +1,4 @@
-"""The columns that hold a path, or a map, against the truth: by the same names for what is online and what is final."""
+"""Computes the error columns of a path and a map, under the same names for the online and the final ones."""
 
 from typing import Any, NamedTuple
 
@@ -21,15 +21,12 @@ from .metrics import (
 )
 from .relative_error import pairs_by_path, pairs_by_time, relative_error
 
-DISTANCES = {"rpe_m": 1.0, "rpe_10m_m": 10.0, "rpe_100m_m": 100.0}
-"""m of path over which a relative error is taken, by column; that of rotation goes with the first."""
-
-DURATIONS = {"rpe_1s_m": 1.0, "rpe_10s_m": 10.0}
-"""s, likewise."""
+DISTANCES = {"rpe_m": 1.0, "rpe_10m_m": 10.0, "rpe_100m_m": 100.0}  # m of path; rpe_rad goes with the first
+DURATIONS = {"rpe_1s_m": 1.0, "rpe_10s_m": 10.0}  # s, likewise
 
 
 class Accuracy(NamedTuple):
-    """Of a path."""
+    """The errors of a path."""
 
     row: dict[str, Any]
     path: Array  # (m, 3) aligned
@@ -37,7 +34,7 @@ class Accuracy(NamedTuple):
 
 
 def stretches(truth: Truth, *, timed: bool) -> dict[str, Ints]:
-    """The pairs of poses, by column, over which relative errors are taken; durations only where times are times."""
+    """Returns the pairs of poses of each relative-error column; durations only where the log is timed."""
     pairs = {name: pairs_by_path(truth.poses, distance) for name, distance in DISTANCES.items()}
     if timed:
         pairs |= {name: pairs_by_time(truth.t, duration) for name, duration in DURATIONS.items()}
@@ -45,7 +42,7 @@ def stretches(truth: Truth, *, timed: bool) -> dict[str, Ints]:
 
 
 def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Ints]) -> Accuracy:
-    """Errors of the poses at the truth's times, and of the map after the path's alignment."""
+    """Computes errors of the poses at the truth's times, and of the map after the path's alignment."""
     alignment = align(path, truth.poses)
     moved = aligned(alignment, path)
     x, y, heading = alignment.motion.tolist()
@@ -68,12 +65,9 @@ def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Int
 
 
 def map_accuracy(log: Log, truth: Truth, known: Map, found: Map) -> dict[str, Any]:
-    """The map against the known one; its error aligned by itself where no path is known in the frame of that."""
+    """Compares the map with the known one, aligned by itself where no path is known in that one's frame."""
     ids = log.ids if truth.assigned is None else truth.assigned
-    row: dict[str, Any] = {
-        "landmarks_missed": missed(found, known, ids),
-        "landmarks_spurious": spurious(found, known),
-    }
+    row: dict[str, Any] = {"landmarks_missed": missed(found, known, ids), "landmarks_spurious": spurious(found, known)}
     if not len(truth.t) or truth.places != truth.kind:
         row["map_rmse_m"] = own_map_rmse(found, known)
     elif truth.kind == "truth":
@@ -84,6 +78,6 @@ def map_accuracy(log: Log, truth: Truth, known: Map, found: Map) -> dict[str, An
 
 
 def consistency_columns(name: str, values: Array, dof: int) -> dict[str, Any]:
-    """The columns of that name: mean NEES over its `dof` degrees of freedom, and the share inside the 95 % bound."""
+    """Returns the mean NEES over its `dof` degrees of freedom, and the share inside the 95 % bound, by column."""
     found = consistency(values, dof)
     return {} if found is None else {name: found.mean, f"{name}_inside": found.inside}

@@ -1,6 +1,6 @@
 """Runs one cell, dataset variant x backend variant x seed, in a worker: the result is a row and arrays.
 
-Limits are set, the backend is driven through the log, and only then is the truth read and the outcome judged.
+The backend is driven through the log under its limits; only then is the ground truth read and the outcome scored.
 """
 
 import hashlib
@@ -21,25 +21,24 @@ from .drive import drive, warm_up
 from .memory import Peak, limited
 from .score import score
 
-TOLD = "was told the truth: linearised there"
-"""The remark on a cell whose backend made use of the truth."""
+TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
 
 
 @dataclass(frozen=True)
 class Job:
-    """One backend on a log: all that a worker needs to know beside the log."""
+    """One backend on a log: all that a worker needs beside the log itself."""
 
     backend: str  # the variant's label
     name: str
     options: Any
     seed: int
     memory_mb: int
-    oracle: bool = False  # tell the backend the truth, if it wants to know
+    oracle: bool = False  # give the backend the ground truth, if it asks for it
 
 
 @dataclass(frozen=True)
 class Result:
-    """How a cell ended: its row's values by column, what a report draws by name, and the traceback of an error."""
+    """The result of a cell: its row by column, arrays by name, and the traceback of an error."""
 
     status: str  # done | diverged | timeout | error | skipped
     reason: str
@@ -49,24 +48,24 @@ class Result:
 
 
 def generator(seed: int, backend: str) -> np.random.Generator:
-    """A backend's own randomness: drawn from (seed, backend variant), the same in every process."""
+    """Makes a backend's random generator from (seed, backend variant), the same in every process."""
     word = int.from_bytes(hashlib.sha256(backend.encode()).digest()[:8], "big")
     return np.random.default_rng(np.random.SeedSequence([seed, word, 0]))
 
 
 def run_on(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:
-    """The result of the job; every way in which a backend can end short of killing the process is a status here."""
+    """Runs the job; every way in which a backend can end, short of killing the process, becomes a status."""
     with limited(job.memory_mb):
         return _run(job, read_log, read_truth)
 
 
 def rehearse(job: Job, log: Log) -> Result:
-    """Let the job's backend load or compile its code, on the first steps of the log; nothing of it is a result."""
+    """Has the backend load or compile its code on the first steps of the log; nothing of it is a result."""
     try:
         with limited(job.memory_mb):
             warm_up(backends.find(job.name), job.options, log, lambda: generator(job.seed, job.backend))
     except BaseException as error:  # a backend may raise anything at all; its cell will say so
-        return Result("error", _where(error))
+        return Result("error", located(error))
     return Result("done", "")
 
 
@@ -75,7 +74,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     peak, made = Peak(), compiled.made()
     try:
         log = read_log()
-        row |= _about(log)
+        unknown = int((log.ids == UNKNOWN).sum())
+        row |= {"digest": log.digest, "steps": len(log), "sightings": len(log.ids), "ignored": unknown}
         builder = backends.find(job.name)
         if len(log.loop_to) and not builder.loops:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
@@ -85,14 +85,14 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     except Diverged as error:
         return Result("diverged", str(error), row)
     except TruthWanted as error:
-        unknown = "nobody knows the truth of this log, so --oracle has none to tell; " if job.oracle else ""
+        unknown = "this log has no ground truth for --oracle; " if job.oracle else ""
         return Result("skipped", unknown + str(error), row)
     except SlamduelError as error:
         return Result("error", str(error), row)
     except MemoryError:
         return Result("error", f"needed more than the memory limit of {job.memory_mb} MB", row)
     except BaseException as error:  # a backend may raise anything at all, SystemExit included
-        return Result("error", _where(error), row, traceback=traceback.format_exc())
+        return Result("error", located(error), row, traceback=traceback.format_exc())
     held = peak.mb()
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
@@ -103,23 +103,13 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
 
 
 def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:
-    """What the backend is told, where the run says so: a batch optimum is no truth."""
+    """Returns what the backend is given where the run says so: a batch optimum is no ground truth."""
     truth = read_truth() if job.oracle else None
     return truth if truth is not None and truth.kind == "truth" else None
 
 
-def _about(log: Log) -> dict[str, Any]:
-    """The columns that are known of a log before anybody has run on it."""
-    return {
-        "digest": log.digest,
-        "steps": len(log),
-        "sightings": len(log.ids),
-        "ignored": int((log.ids == UNKNOWN).sum()),
-    }
-
-
-def _where(error: BaseException) -> str:
-    """An exception as one line: its type, what it says, and the line of code it came from."""
+def located(error: BaseException) -> str:
+    """Describes an exception in a line: type, message, and the line of code that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said} ({Path(last.filename).name}:{last.lineno})"

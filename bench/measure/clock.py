@@ -1,16 +1,11 @@
-"""What it costs to read the clocks: measured where they are read, and taken off what they say."""
+"""Measures the cost of reading the clocks, which is subtracted from what they measure."""
 
 import time
 from statistics import median
 
-READINGS = 1000
-"""Of the first measurement in a process."""
-
-FEWER = 50
-"""Of each later one: whatever has become of the machine since is in the median of the last few."""
-
-LATEST = 9
-"""Measurements whose median counts."""
+READINGS = 1000  # of the first measurement in a process
+FEWER = 50  # of each later one; the machine's latest state is in the median of the last few
+LATEST = 9  # measurements whose median counts
 
 
 class Clock:
@@ -20,7 +15,7 @@ class Clock:
         self._costs: list[int] = []
 
     def cost(self) -> int:
-        """ns that reading both clocks takes, as `clock_cost` has it; the median of what was found lately."""
+        """Returns the ns that reading both clocks takes, as the median of the latest measurements."""
         self._costs = [*self._costs, clock_cost(FEWER if self._costs else READINGS)][-LATEST:]
         return int(median(self._costs))
 
@@ -29,7 +24,7 @@ CLOCK = Clock()
 
 
 def clock_cost(readings: int = READINGS) -> int:
-    """ns that reading both clocks before and after an empty call takes, as a timing pass sees it; the median."""
+    """Measures the ns that reading both clocks around an empty call takes, as in a timing pass; the median."""
     costs: list[int] = []
     for _ in range(readings):
         before = time.process_time_ns()

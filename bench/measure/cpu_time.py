@@ -1,4 +1,4 @@
-"""What a run cost in process CPU time: by step, by part of the run, beside the time the log covers, and as it grows."""
+"""Computes the columns of CPU time: of a step, of the parts of a run, relative to the log's time, and its growth."""
 
 from typing import Any
 
@@ -9,12 +9,11 @@ from .drive import Outcome
 from .growth import growth, mapped
 from .times import length
 
-STRETCHES = 5
-"""Equal parts of a run whose mean costs are told apart."""
+STRETCHES = 5  # equal parts of a run whose mean costs are reported
 
 
 def step_cost(log: Log, outcome: Outcome) -> dict[str, Any]:
-    """The columns of costs, in the unit that each name ends in."""
+    """Computes the columns of costs, in the unit that each name ends in."""
     us = outcome.step_ns / 1e3
     p50, p95, p99 = np.percentile(us, (50, 95, 99)).tolist()
     row = {

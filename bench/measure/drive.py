@@ -1,8 +1,8 @@
-"""One backend through one log, twice: once for the clock, once for what it believes.
+"""Drives one backend through one log twice: once for the clock, once for its beliefs.
 
-The timing pass calls `step` and `finish` and nothing else, so nothing can hide in a call that is not timed. The second
-pass, on a fresh backend with the same randomness, also asks for the belief after every step; its path must be the same
-to the last bit, or the answer to "how fast" and the answer to "how good" would be about two different runs.
+The timing pass calls only `step` and `finish`, so nothing can hide in a call that is not timed. The second pass, on a
+fresh backend with the same randomness, also asks for the belief after every step; its path must be the same to the last
+bit, or speed and accuracy would be those of two different runs.
 """
 
 import gc
@@ -22,26 +22,23 @@ from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints
 from .clock import CLOCK
 
-FARTHEST = 1e9
-"""m from the origin: more than any coordinates on Earth, national grids included."""
+FARTHEST = 1e9  # m from the origin: more than any coordinates on Earth, national grids included
 
 WARM_UP = 20
-"""Steps that a backend of its own runs through before the clock is started: most compilation and imports are over.
-
-Where a compiled function of ours is first called later than that, the whole timing pass is made again.
-"""
+"""Steps that a separate backend runs through before the clock starts, so that most compilation and imports are over.
+The timing pass is repeated if a compiled function of ours is first called after that."""
 
 _POSE, _COV = (3,), (3, 3)
 _FLOAT = np.dtype(np.float64)
 
 
 class Broken(SlamduelError):
-    """A backend that does not keep to the contract: what it returned, and what was expected."""
+    """A backend broke the contract: what it returned, and what was expected."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a backend made of a log. Where it has no online estimate `online` is None, and so on."""
+    """The estimates and costs of a backend on a log. Where it has no online estimate `online` is None, and so on."""
 
     online: Array | None  # (n, 3)
     cov: Array  # (n, 3, 3), NaN where not known
@@ -49,7 +46,7 @@ class Outcome:
     nis_dof: Ints  # (n,)
     n_eff: Array  # (n,) NaN where there are no particles
     ancestors: Array  # (n,) of the particles, NaN where there are none or they are not counted
-    refused: Ints  # (n,) sightings that a gate kept out
+    refused: Ints  # (n,) sightings that a gate rejected
     map: Map
     solution: Solution | None
     step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
@@ -59,21 +56,16 @@ class Outcome:
     setup_ns: int
     finish_ns: int
     clock_ns: int  # what was taken off each
-    told: bool  # it was told the truth, and makes use of it
+    told: bool  # it was given the ground truth, and makes use of it
 
 
 def drive(
-    builder: Builder,
-    options: Any,
-    log: Log,
-    generator: Callable[[], np.random.Generator],
-    truth: Truth | None = None,
+    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None = None
 ) -> Outcome:
-    """Run the backend through `log`; `generator` makes one in the same state every time it is called.
+    """Drives the backend through `log`; `generator` makes one in the same state every time it is called.
 
-    A `truth` is told to a backend that wants it, each time that one is made, outside of what is timed.
-
-    Raises Diverged where a number is not finite, Broken where the contract is not kept, and whatever the backend does.
+    A `truth` is given to a backend that asks for it, each time one is made, outside of what is timed. Raises Diverged
+    where a number is not finite, Broken where the contract is not kept, and whatever the backend raises.
     """
     log = log if builder.associates else log.identified()
     steps = list(log)
@@ -93,7 +85,7 @@ def drive(
             start = time.process_time_ns()
             finished = backend.finish()
             finish_ns = time.process_time_ns() - start
-            if ready == compiled.ready():  # else a part of the log that the warm-up did not come to needed new code
+            if ready == compiled.ready():  # else a later part of the log needed new code
                 break
     finally:
         gc.enable()
@@ -128,7 +120,7 @@ def drive(
 
 
 def _tell(backend: Backend, truth: Truth | None) -> bool:
-    """Tell the backend the truth, where there is one to tell and it wants to know; whether it makes use of it."""
+    """Gives the backend the ground truth, if there is one and it asks for it; returns True if it makes use of it."""
     return truth is not None and isinstance(backend, WantsTruth) and backend.tell(truth)
 
 
@@ -139,7 +131,7 @@ def warm_up(
     generator: Callable[[], np.random.Generator],
     truth: Truth | None = None,
 ) -> None:
-    """Take a backend of its own through the log's first steps, calling every method once."""
+    """Takes a separate backend through the log's first steps, every method once."""
     backend = builder.make(log.prior, options, generator())
     _tell(backend, truth)
     for step in islice(log if builder.associates else log.identified(), WARM_UP):
@@ -150,7 +142,7 @@ def warm_up(
 
 
 def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
-    """The online path (n, 3), and each step's CPU and wall time in ns."""
+    """Returns the online path (n, 3), and each step's CPU and wall time in ns."""
     poses = bytearray()
     cpu, wall = [0] * len(steps), [0] * len(steps)
     cpu_clock, wall_clock = time.process_time_ns, time.perf_counter_ns
@@ -171,19 +163,17 @@ def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints
 
 
 class _Beliefs(NamedTuple):
-    """What a backend believed after every step, as of an Outcome."""
-
     cov: Array
     nis: Array
     nis_dof: Ints
     n_eff: Array
     ancestors: Array
     refused: Ints
-    ns: Ints  # what asking cost
+    ns: Ints  # CPU time of asking
 
 
 def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _Beliefs:
-    """The belief after every step; Broken where asking has changed the path."""
+    """Returns the belief after every step; Broken where asking has changed the path."""
     n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
     nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
     nis_dof, refused = [0] * n, [0] * n
@@ -219,7 +209,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
 
 
 def _pose(pose: Any, k: int) -> bytes:
-    """A copy of what step() returned at step k. That nearly all are in order is seen at little cost."""
+    """Copies what step() returned at step k, after a check that is cheap where it passes."""
     if _is_floats(pose, _POSE):
         x, y, heading = pose.tolist()
         if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and isfinite(heading):
@@ -228,14 +218,14 @@ def _pose(pose: Any, k: int) -> bytes:
 
 
 def _check_again(pose: Any, online: Array | None, k: int) -> None:
-    """Broken unless the pose, if there is one, is the same as when no beliefs were asked for."""
+    """Raises Broken unless the pose, if there is one, is the same as without asking for beliefs."""
     again = None if pose is None else np.frombuffer(_pose(pose, k))
     if online is not None and (again is None or again.tobytes() != online[k].tobytes()):
         raise Broken(f"step {k}: the path differs once beliefs are asked for: {again}, expected {online[k]}")
 
 
 def _covariances(covs: bytearray, known: Sequence[int], n: int) -> Array:
-    """(n, 3, 3) from the bytes of those that are known, at these steps; Diverged names the first that is not finite."""
+    """Returns (n, 3, 3) from the bytes of those that are known, at these steps; Diverged names the first not finite."""
     cov, found = np.full((n, *_COV), np.nan), np.frombuffer(covs).reshape(-1, *_COV)
     for row in np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))[:1]:
         _finite_cov(found[row], known[row])
@@ -265,7 +255,7 @@ def _checked_map(found: Any, where: str) -> Map:
 
 
 def _on_earth(poses: Any, shape: tuple[int, ...], what: str) -> Array:
-    """As `_finite`, for poses: whatever ends beyond `FARTHEST` has numbers that mean nothing any more."""
+    """Checks as `_finite`, for poses: beyond `FARTHEST` the numbers mean nothing any more."""
     found = _finite(poses, shape, what)
     far = float(np.abs(found[..., :2]).max(initial=0.0))
     if far > FARTHEST:
@@ -278,7 +268,7 @@ def _finite_cov(cov: Any, k: int) -> Array:
 
 
 def _finite(values: Any, shape: tuple[int, ...], what: str) -> Array:
-    """A copy of `values`, of that shape and finite."""
+    """Copies `values`; Broken unless of that shape, Diverged unless finite."""
     try:
         array = np.array(values, np.float64)
     except (TypeError, ValueError):

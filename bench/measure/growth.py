@@ -1,10 +1,9 @@
-"""How a step's cost grows: the exponent b of cost = a + s x^b, against the number of the step or the size of the map.
+"""Fits the growth of a step's cost: the exponent b of cost = a + s x^b, x being the step's number or the map's size.
 
-Steps are put into bins whose edges grow in proportion, and each bin is represented by its means: a mean counts rare and
-expensive steps, as of iSAM2 when it relinearises or of an EKF that folds owed updates in, for what they are, time. A
-median would not see them. A fit weighs each bin by how well its mean is known, given the scatter of its steps, and
-holds back those that stand out even so, as by Huber (Robust Estimation of a Location Parameter, Annals of Mathematical
-Statistics 35(1), 1964): a disturbance of the machine is in few bins.
+Steps are binned with edges in geometric progression, and each bin is represented by its means, which count rare and
+expensive steps (iSAM2 relinearising, an EKF folding in postponed updates) as a median would not. The fit weighs each
+bin by how well its mean is known, and down-weights outliers as Huber does (Robust Estimation of a Location Parameter,
+Annals of Mathematical Statistics 35(1), 1964): a disturbance of the machine is in few bins.
 """
 
 from typing import NamedTuple
@@ -14,38 +13,17 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints
 
-BINS = 24
-"""At most; their edges are in geometric progression."""
-
-LEAST_STEPS = 10
-"""Of a bin: one with fewer is joined with the next."""
-
-LEAST_BINS = 6
-"""Fewer bins do not justify a fit of three numbers."""
-
-LEAST_SPAN = 4.0
-"""The last bin's x over the first one's: over less, an exponent is not told from an offset."""
-
-MOST_ERROR = 0.25
-"""A standard error beyond which an exponent says nothing: it is left out."""
-
-CONSTANT = 4.5
-"""The F ratio, near the 95 % point for 1 and about 15 degrees of freedom, from which on a constant part is believed."""
-
-NO_GROWTH = 0.15
-"""An exponent below which a cost hardly grows: ten times the steps make it 1.4 times as much."""
-
-FLOOR = 0.02
-"""The standard deviation of a bin's mean, relative, however many steps it has: no cost is a power to the last digit."""
-
-EXPONENTS = np.linspace(-2.0, 5.0, 701)
-"""Those that are tried."""
-
-ROUNDS = 4
-"""Times that the weights are worked out anew; residuals are relative to what the round before expected."""
-
-HUBER = 1.345
-"""Standard deviations beyond which a bin's weight falls."""
+BINS = 24  # at most; their edges are in geometric progression
+LEAST_STEPS = 10  # of a bin: one with fewer is joined with the next
+LEAST_BINS = 6  # fewer bins do not justify a fit of three numbers
+LEAST_SPAN = 4.0  # the last bin's x over the first one's: over less, an exponent cannot be distinguished from an offset
+MOST_ERROR = 0.25  # standard errors above it are too large for an exponent to be reported
+CONSTANT = 4.5  # F ratio from which on a constant part is fitted: near the 95 % point for 1 and 15 degrees of freedom
+NO_GROWTH = 0.15  # exponents below it count as no growth: ten times the steps cost 1.4 times as much
+FLOOR = 0.02  # relative standard deviation of a bin's mean, at least: no cost follows a power exactly
+EXPONENTS = np.linspace(-2.0, 5.0, 701)  # those that are tried
+ROUNDS = 4  # times that the weights are recomputed; residuals are relative to the fit of the round before
+HUBER = 1.345  # standard deviations beyond which a bin's weight falls
 
 
 class Growth(NamedTuple):
@@ -64,7 +42,7 @@ class _Fit(NamedTuple):
 
 
 def mapped(log: Log) -> Ints:
-    """How many landmarks are known after every step (n,): those sighted so far by id, and those of a given map."""
+    """Counts the landmarks known after every step (n,): those sighted so far by id, and those of a given map."""
     first = np.zeros(len(log), np.int64)
     given = np.zeros(0, np.int64) if log.prior.map is None else log.prior.map.ids
     ids, row = np.unique(log.ids, return_index=True)
@@ -74,11 +52,11 @@ def mapped(log: Log) -> Ints:
 
 
 def growth(x: Ints, cost: Ints) -> Growth | None:
-    """The exponent with which the mean of `cost` (n,) grows with `x` (n,), and its standard error.
+    """Fits the exponent with which the mean of `cost` (n,) grows with `x` (n,), and its standard error.
 
-    A constant part a is fitted where that is significantly better than none. The standard error is the half-width of
-    the exponents whose fit is worse by no more than one residual variance. None where x covers too little, or where the
-    error would be above MOST_ERROR.
+    A constant part is fitted where that is significantly better. The standard error is the half-width of the exponents
+    whose fit is worse by at most one residual variance. None where x covers too little, or where the error would be
+    above MOST_ERROR.
     """
     at, mean, variance = binned(x, cost)
     if len(at) < LEAST_BINS or at[-1] < LEAST_SPAN * at[0] or (mean <= 0).any():
@@ -95,10 +73,10 @@ def growth(x: Ints, cost: Ints) -> Growth | None:
 
 
 def binned(x: Ints, cost: Array | Ints) -> tuple[Array, Array, Array]:
-    """The mean x and the mean cost of each bin, by x, and the relative variance of that mean cost.
+    """Returns each bin's mean x, mean cost and relative variance of that mean cost, by x; x = 0 is left out.
 
-    The variance of a step, relative to its bin's mean, is taken to be the same in all: a bin of a few steps would not
-    know its own. Where x is 0 there is nothing to be a power of.
+    A step's variance, relative to its bin's mean, is taken to be the same in all bins: a small bin does not know its
+    own.
     """
     order = np.argsort(x, kind="stable")
     order = order[x[order] > 0]
@@ -117,10 +95,10 @@ def binned(x: Ints, cost: Array | Ints) -> tuple[Array, Array, Array]:
 
 
 def _fit(power: Array, y: Array, unit: Array, weights: Array) -> _Fit:
-    """With a constant part where the F ratio says so, otherwise without; the error is what it were with one.
+    """Fits with a constant part where the F ratio demands it, else without; the error accounts for both.
 
-    So an exponent that might be another with a constant part is not said to be well known. Where there is no growth
-    to speak of nothing is to be told apart from a constant.
+    So an exponent that might be another with a constant part is not reported as well known. Without growth there is
+    nothing to distinguish from a constant.
     """
     sums = _sums(power, y, unit, weights)
     plain, full = (_profile(sums, constant=constant) for constant in (False, True))
@@ -132,7 +110,7 @@ def _fit(power: Array, y: Array, unit: Array, weights: Array) -> _Fit:
 
 
 class _Sums(NamedTuple):
-    """What a fit of y by a + s power, each residual in units of `unit`, is made of."""
+    """The sums of a fit of y by a + s power, each residual in units of `unit`."""
 
     unit: Array  # (m,)
     weights: Array  # (m,)
@@ -153,10 +131,7 @@ def _sums(power: Array, y: Array, unit: Array, w: Array) -> _Sums:
 
 
 def _profile(sums: _Sums, *, constant: bool) -> _Fit:
-    """The best exponent, with the best of the other numbers for each: least squares of the residuals.
-
-    Neither the constant part nor the growing one is negative.
-    """
+    """Finds the least-squares exponent, with the best constant and slope for each, neither of them negative."""
     unit, w, u, v, z, uu, uv, vv, uz, vz = sums
     a, s = np.zeros(len(EXPONENTS)), vz / vv
     if constant:

@@ -1,4 +1,4 @@
-"""Memory of this process: a limit on how far it grows, and the most that it has held."""
+"""Limits and measures the memory of this process."""
 
 import contextlib
 import ctypes
@@ -13,10 +13,7 @@ MEGABYTE = 1 << 20
 
 @contextlib.contextmanager
 def limited(megabytes: int) -> Generator[None]:
-    """Let the process grow by no more than this meanwhile: address space, the one limit that the kernel keeps.
-
-    Elsewhere than on Linux the kernel takes the limit and does not keep it.
-    """
+    """Limits the process's growth, by address space, the one limit that the kernel enforces; only on Linux does it."""
     if sys.platform != "linux":
         yield
         return
@@ -33,9 +30,9 @@ def limited(megabytes: int) -> Generator[None]:
 
 
 class Peak:
-    """The most memory that the process holds beyond what it does now, for as long as this is asked.
+    """The peak of the process's memory beyond what it holds now.
 
-    Linux forgets an earlier peak when told to; elsewhere only the first peak of a process can be told.
+    Linux resets an earlier peak on request; elsewhere only the first peak of a process can be measured.
     """
 
     _asked = False
@@ -46,12 +43,12 @@ class Peak:
         self._before = _peak_mb()
 
     def mb(self) -> float | None:
-        """MB; None where it cannot be told."""
+        """Returns the peak in MB; None where it cannot be measured."""
         return max(_peak_mb() - self._before, 0.0) if self._known else None
 
 
 def _forget() -> bool:
-    """Hand free memory back, as a new process has none, and let the peak be what is held now; whether that was done."""
+    """Returns free memory to the system and resets the peak; returns True if that was possible."""
     if sys.platform != "linux":
         return False
     libc = ctypes.CDLL(None)
@@ -70,8 +67,7 @@ def _forget() -> bool:
 
 
 def _peak_mb() -> float:
-    """The most memory this process has held, MB."""
-    if sys.platform == "linux":  # where getrusage has what the process held that started this one, too
+    if sys.platform == "linux":  # where getrusage includes the parent's memory
         status = Path("/proc/self/status").read_bytes()
         return int(status.partition(b"VmHWM:")[2].split(maxsplit=1)[0]) / 1024
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

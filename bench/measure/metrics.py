@@ -1,7 +1,4 @@
-"""What a path, a map and a belief are judged by; every function is pure, its definition in its docstring.
-
-Paths are (m, 3) poses at the same m times as the truth's.
-"""
+"""Metrics of a path, a map and a belief, as pure functions; paths are (m, 3) poses at the truth's times."""
 
 from typing import NamedTuple
 
@@ -11,34 +8,27 @@ from ...frontend.factors import Map
 from ...frontend.se2 import Array, Ints, act, compose, wrap
 from ...frontend.truth_errors import difference, rows_of
 
-INSIDE_95 = {2: 5.991464547107982, 3: 7.814727903251178}
-"""The 95 % points of chi-square by degrees of freedom: 2 of a landmark, 3 of a pose."""
-
-ROUNDING = 1e-14
-"""Where a covariance's variances along its axes differ by more than this, the smallest cannot be told from zero."""
+INSIDE_95 = {2: 5.991464547107982, 3: 7.814727903251178}  # chi-square's 95 % points of a landmark, a pose
+ROUNDING = 1e-14  # ratio of a covariance's smallest to largest variance below which the smallest may be zero
 
 
-STRAIGHT = 1e-12
-"""Share of a path's extent that it may extend to the side and still be straight."""
-
-ULPS = 16
-"""By which a coordinate less the mean of its column may be off: its own rounding, and that of a sum of any order."""
+STRAIGHT = 1e-12  # share of a path's extent that it may extend to the side and still be straight
+ULPS = 16  # rounding error of a coordinate less the mean of its column, summed in any order
 
 
 class Alignment(NamedTuple):
-    """The rigid motion of the plane that is put on an estimate before it is compared with the truth."""
+    """The rigid motion applied to an estimate before it is compared with the truth."""
 
     motion: Array  # (3,) x, y, heading
     translation_only: bool  # the path is straight or standing, so that no rotation was looked for
 
 
 def align(estimate: Array, truth: Array) -> Alignment:
-    """The motion with the least sum of squared position errors: rotation and translation, no reflection, no scale.
+    """Finds the motion with the least sum of squared position errors: no reflection, no scale.
 
     With the centred positions e and t, the rotation is atan2(sum e x t, sum e . t): Umeyama's solution (PAMI 13(4),
-    1991) in two dimensions, in which the best proper rotation has this closed form even where a reflection would fit
-    better. A path whose points lie on one line, or on one point, but for the rounding of its coordinates, is only
-    shifted.
+    1991) in two dimensions, where the best proper rotation has this closed form even if a reflection would fit better.
+    A path on one line, or one point, but for rounding, is only shifted.
     """
     e, t = estimate[:, :2], truth[:, :2]
     mean_e, mean_t = e.mean(axis=0), t.mean(axis=0)
@@ -56,27 +46,27 @@ def align(estimate: Array, truth: Array) -> Alignment:
 
 
 def _rounding(positions: Array) -> float:
-    """The Frobenius norm, at most, of what rounding does to the centred `positions` (m, 2)."""
+    """Bounds the Frobenius norm of what rounding does to the centred `positions` (m, 2)."""
     return float(ULPS * np.finfo(np.float64).eps * np.abs(positions).max(initial=0.0) * np.sqrt(positions.size))
 
 
 def aligned(alignment: Alignment, estimate: Array) -> Array:
-    """The poses (m, 3) of `estimate` after the alignment."""
+    """Returns the poses (m, 3) of `estimate` after the alignment."""
     return compose(np.broadcast_to(alignment.motion, estimate.shape), estimate)
 
 
 def ate(estimate: Array, truth: Array) -> float:
-    """Absolute trajectory error, m: the root mean square of the distance between the positions."""
+    """Computes the absolute trajectory error, m: the root mean square distance between the positions."""
     return float(np.sqrt(((estimate[:, :2] - truth[:, :2]) ** 2).sum(axis=1).mean()))
 
 
 def heading_error(estimate: Array, truth: Array) -> float:
-    """Root mean square of the wrapped difference of the headings, rad."""
+    """Computes the root mean square of the wrapped heading differences, rad."""
     return float(np.sqrt((wrap(estimate[:, 2] - truth[:, 2]) ** 2).mean()))
 
 
 def map_rmse(estimate: Map, truth: Map, alignment: Alignment) -> float | None:
-    """Root mean square distance, m, of the landmarks both maps have, after the path's alignment; None with none."""
+    """Computes the RMS distance, m, of the landmarks in both maps, aligned as the path; None without any."""
     _, mine, theirs = np.intersect1d(estimate.ids, truth.ids, return_indices=True)
     if not len(mine):
         return None
@@ -85,7 +75,7 @@ def map_rmse(estimate: Map, truth: Map, alignment: Alignment) -> float | None:
 
 
 def own_map_rmse(estimate: Map, truth: Map) -> float | None:
-    """As `map_rmse`, the landmarks that both maps have aligned by themselves; None with fewer than three of them."""
+    """Computes as `map_rmse`, the shared landmarks aligned by themselves; None with fewer than three."""
     _, mine, theirs = np.intersect1d(estimate.ids, truth.ids, return_indices=True)
     if len(mine) < 3:
         return None
@@ -93,20 +83,20 @@ def own_map_rmse(estimate: Map, truth: Map) -> float | None:
 
 
 def missed(estimate: Map, truth: Map, sighted: Ints) -> int:
-    """How many of the known landmarks that were sighted, by the ids (s,) of the sightings, are not in the map."""
+    """Counts the known landmarks that were sighted, by the ids (s,) of the sightings, and are not in the map."""
     return len(np.setdiff1d(np.intersect1d(truth.ids, sighted), estimate.ids))
 
 
 def spurious(estimate: Map, truth: Map) -> int:
-    """How many landmarks of the map are none of the known ones."""
+    """Counts the landmarks of the map that are none of the known ones."""
     return len(np.setdiff1d(estimate.ids, truth.ids))
 
 
 def landmark_nees(estimate: Map, truth: Map, fixed: Ints) -> Array:
-    """NEES (m,), of 2 degrees of freedom, of each landmark both maps have, in its block of the map's covariance.
+    """Computes the NEES (m,), 2 degrees of freedom, of each landmark in both maps.
 
-    As `nees`: from the known start, not aligned. Landmarks whose ids are among `fixed` were given without covariance
-    and are left out; empty where the map has no covariance.
+    From the known start, not aligned, as `nees`. Landmarks with ids in `fixed` were given without covariance and are
+    left out; empty where the map has no covariance.
     """
     if estimate.cov is None:
         return np.zeros(0)
@@ -116,23 +106,23 @@ def landmark_nees(estimate: Map, truth: Map, fixed: Ints) -> Array:
 
 
 def covariances(joint: Array) -> Array:
-    """The blocks (n, 2, 2) on the diagonal of a map's joint covariance (2n, 2n)."""
+    """Returns the diagonal blocks (n, 2, 2) of a map's joint covariance (2n, 2n)."""
     n = len(joint) // 2
     return joint.reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
 
 
 def nees(estimate: Array, cov: Array, truth: Array) -> Array:
-    """Normalised estimation error squared (m,) of each pose: e' C^-1 e, which is chi-square with 3 dof where C is true.
+    """Computes the NEES (m,) of each pose: e' C^-1 e, chi-square with 3 degrees of freedom if C is right.
 
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), eq. (5.4.2-3). `cov`
-    is (m, 3, 3). NaN where there is no covariance, or none that is positive definite. The error is taken from the known
-    start, not aligned: it is the belief in the world frame that is judged.
+    is (m, 3, 3). NaN without a positive definite covariance. The error is in the world frame, from the known start, not
+    aligned.
     """
     return squared_distances(difference(estimate, truth), cov)
 
 
 def squared_distances(error: Array, cov: Array) -> Array:
-    """Mahalanobis distances squared (m,): e' C^-1 e of each error (m, k); NaN where C (m, k, k) is not definite."""
+    """Computes e' C^-1 e (m,) of each error (m, k); NaN where C (m, k, k) is not definite."""
     known = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
     spread, axes = np.linalg.eigh(cov[known])
     definite = spread[:, 0] > ROUNDING * spread[:, -1]
@@ -143,17 +133,17 @@ def squared_distances(error: Array, cov: Array) -> Array:
 
 
 class Consistency(NamedTuple):
-    """How a belief's errors compare with its covariances."""
+    """The errors of a belief relative to its covariances."""
 
-    mean: float  # of NEES over its degrees of freedom: 1 where the belief is as wide as its errors
+    mean: float  # of NEES over its degrees of freedom: 1 if consistent
     inside: float  # share inside the belief's own 95 % bound
 
 
 def consistency(values: Array, dof: int) -> Consistency | None:
-    """Of the NEES (m,), each with `dof` degrees of freedom; None where none is known.
+    """Summarises NEES (m,) with `dof` degrees of freedom; None where none is known.
 
-    A belief that has no usable covariance has no bound to be inside of, and counts as outside: a filter that has
-    collapsed must not be judged by its better moments.
+    A step without a usable covariance counts as outside: a filter that has collapsed must not be judged by its better
+    moments.
     """
     known = values[np.isfinite(values)]
     if not len(known):

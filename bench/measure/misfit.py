@@ -1,8 +1,8 @@
-"""J_GraphSLAM of the survey: how badly a path and a map fit a log's factors.
+"""Computes J, the misfit of a path and a map to a log's factors: J_GraphSLAM of the survey.
 
     J = |x0 - prior|^2 + sum |x_t - g(u_t, x_t-1)|^2 + sum |z - h(m, x_t)|^2
 
-each term a squared Mahalanobis distance in the factor's own covariance. The batch optimum has the least J there is.
+each term a squared Mahalanobis distance in the factor's own covariance. The batch optimum has the least J.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from ...frontend.se2 import Array, between
 from ...frontend.truth_errors import difference, rows_of
 
 
-class Cost(NamedTuple):
+class Misfit(NamedTuple):
     """J by its terms."""
 
     prior: float
@@ -29,15 +29,11 @@ class Cost(NamedTuple):
         return sum(self)
 
 
-TERMS = Cost._fields
-"""The names of the terms."""
+TERMS = Misfit._fields  # the names of the terms
 
 
-def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
-    """J of `path` (n, 3) and `landmarks` on `log`; None where the map lacks a landmark that was sighted or given.
-
-    A given map with covariance is a part of the prior.
-    """
+def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
+    """Computes J, a given map being part of the prior; None where a sighted or given landmark is not mapped."""
     given = log.prior.map
     if given is not None and not np.isin(given.ids, landmarks.ids).all():
         return None
@@ -45,7 +41,7 @@ def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
     if sighted is None:
         return None
     step = log.loop_step
-    return Cost(
+    return Misfit(
         prior=_prior(log, path, landmarks),
         odometry=_squared(difference(between(path[:-1], path[1:]), log.delta[1:]), log.delta_cov[1:]),
         sightings=float(sighted.sum()),
@@ -54,7 +50,7 @@ def cost(log: Log, path: Array, landmarks: Map) -> Cost | None:
 
 
 def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
-    """The squared Mahalanobis distance (s,) of each of the log's sightings with an id; None where one is not mapped."""
+    """Computes the squared Mahalanobis distance (s,) of each sighting with an id; None where one is not mapped."""
     seen = log.ids != UNKNOWN
     row = rows_of(landmarks.ids, log.ids[seen])
     if (row < 0).any():
@@ -75,12 +71,11 @@ def _prior(log: Log, path: Array, landmarks: Map) -> float:
 
 
 def _squared(error: Array, cov: Array) -> float:
-    """Sum of e' C^-1 e over rows."""
     return float(_each_squared(error, cov).sum())
 
 
 def _each_squared(error: Array, cov: Array) -> Array:
-    """(n,) e' C^-1 e of every row."""
+    """Computes e' C^-1 e (n,) of every row."""
     if not len(error):
         return np.zeros(0)
     return np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])

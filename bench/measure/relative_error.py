@@ -1,8 +1,7 @@
-"""Relative pose error: how far off the motions along a path are, each over a stretch of a given length or duration.
+"""Relative pose error: errors of the motions along a path, each over a given length or duration.
 
-Sturm et al., A Benchmark for the Evaluation of RGB-D SLAM Systems (IROS 2012), eqs (1)-(3); which poses make a pair is
-evo's business, the errors of all pairs are worked out at once here. No alignment changes them. A pair begins where the
-one before it ended.
+Sturm et al., A Benchmark for the Evaluation of RGB-D SLAM Systems (IROS 2012), eqs (1)-(3). evo chooses the pairs of
+poses by length; each pair begins where the one before ended. No alignment changes these errors.
 """
 
 from typing import NamedTuple
@@ -11,8 +10,7 @@ import numpy as np
 
 from ...frontend.se2 import Array, Ints, between, wrap
 
-TOLERANCE = 0.1
-"""Share of a duration by which the time between two poses may differ from it."""
+TOLERANCE = 0.1  # share of a duration by which the time between two poses may differ from it
 
 
 class RelativeError(NamedTuple):
@@ -23,10 +21,10 @@ class RelativeError(NamedTuple):
 
 
 def pairs_by_path(poses: Array, distance: float) -> Ints:
-    """The pairs (p, 2) of poses that have `distance` (m) of path between them, or as little more as there is.
+    """Finds the pairs (p, 2) of poses with `distance` (m) of path between them, or as little more as there is.
 
-    By evo, as `evo_rpe --delta DISTANCE --delta_unit m --pairs_from_reference` has them, where `poses` (m, 3) are the
-    known ones. A rest that is too short is left out.
+    By evo, as `evo_rpe --delta DISTANCE --delta_unit m --pairs_from_reference` has them for the known `poses` (m, 3). A
+    rest that is too short is left out.
     """
     from evo.core.filters import filter_pairs_by_path
 
@@ -38,10 +36,10 @@ def pairs_by_path(poses: Array, distance: float) -> Ints:
 
 
 def pairs_by_time(t: Array, duration: float) -> Ints:
-    """The pairs (p, 2) of poses that are `duration` (s) apart, within TOLERANCE of it.
+    """Finds the pairs (p, 2) of poses that are `duration` (s) apart, within TOLERANCE of it.
 
-    evo has no such pairs. From the first pose on, the pose at the time that is nearest to `duration` later ends a pair,
-    and begins the next. Where that is off by more than the tolerance, as over a gap, the pair is left out.
+    evo has no such pairs. From the first pose on, the pose nearest in time to `duration` later ends a pair and begins
+    the next. A pair that is off by more than the tolerance, as over a gap, is left out.
     """
     if len(t) < 2:
         return np.zeros((0, 2), np.int64)
@@ -57,10 +55,7 @@ def pairs_by_time(t: Array, duration: float) -> Ints:
 
 
 def relative_error(estimate: Array, truth: Array, pairs: Ints) -> RelativeError | None:
-    """The error of the motions between the poses (m, 3) of each of the pairs (p, 2); None without any.
-
-    With the true motion Q and the estimated one P, it is Q^-1 P: its translation's length, and its rotation's angle.
-    """
+    """Computes the errors Q^-1 P of the motions of pairs (p, 2), Q the true and P the estimated one; None without."""
     if not len(pairs):
         return None
     first, second = pairs.T

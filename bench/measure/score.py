@@ -1,4 +1,4 @@
-"""What a cell is judged to be: its outcome held against the truth, its fit to the factors, and its costs."""
+"""Scores a cell: errors against ground truth, fit to the factors, CPU time."""
 
 from typing import Any, NamedTuple
 
@@ -13,14 +13,11 @@ from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
 from .metrics import covariances, nees
-from .misfit import Cost, cost
+from .misfit import Misfit, misfit
 from .times import length
 
-FEW = 0.9
-"""Truth at a smaller share of the steps than this is remarked on."""
-
-JOINT_MOST = 1_000
-"""Landmarks up to which a map's joint covariance is kept: 16 MB then, as float64; 0.4 MB for 150 of them."""
+FEW = 0.9  # truth at a smaller share of the steps is remarked on
+JOINT_MOST = 1_000  # landmarks up to which a map's joint covariance is kept: 16 MB then; 0.4 MB for 150 of them
 
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
 
@@ -34,7 +31,7 @@ class Score(NamedTuple):
 
 
 def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
-    """Judge an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
+    """Scores an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
     row: dict[str, Any] = {}
     arrays = _kept(log, outcome)
     remarks = _remarks(log, truth)
@@ -61,7 +58,8 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
         row["nis"] = float(np.nansum(outcome.nis)) / dof
     fit = _fit(log, outcome)
     if fit is not None:
-        row |= _fit_columns(fit, "j_online" if outcome.solution is None else "j_final")
+        row |= {"cost_j": fit.total, "j_online" if outcome.solution is None else "j_final": fit.total}
+        row |= {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
         arrays["cost_terms"] = np.array(fit)
     row["landmarks"] = len((outcome.solution or outcome).map.ids)
     row |= _measured_from(truth)
@@ -69,15 +67,12 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
 
 
 class _End(NamedTuple):
-    """What there is to judge: online, or final."""
-
     path: Array | None  # (n, 3)
     cov: Array | None  # (n, 3, 3)
     map: Map
 
 
 def _ends(outcome: Outcome) -> dict[str, _End]:
-    """By what the names of its columns begin with."""
     solution = outcome.solution
     ends = {} if solution is None else {"final_": _End(solution.path, solution.cov, solution.map)}
     if solution is None or outcome.online is not None:  # a batch method has nothing online
@@ -90,7 +85,6 @@ def _prefixed(prefix: str, row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _remarks(log: Log, truth: Truth | None) -> list[str]:
-    """What a reader of the row must know of the log."""
     said: list[str] = []
     given = log.prior.map
     if given is not None and not np.isin(given.ids, log.ids).any():
@@ -104,22 +98,12 @@ def _remarks(log: Log, truth: Truth | None) -> list[str]:
 
 
 def _measured_from(truth: Truth | None) -> dict[str, Any]:
-    """Of a log without ground truth: whether its map is measured from true places, and what its path is measured from.
-
-    The latter is absent where that is plainly the batch optimum.
-    """
+    """Returns the columns surveyed and reference; the latter is absent where that is the plain batch optimum."""
     surveyed = truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth"
     return {"surveyed": int(surveyed)} | ({"reference": truth.words} if truth is not None and truth.words else {})
 
 
-def _fit_columns(fit: Cost, total: str) -> dict[str, Any]:
-    """J by its terms, and their sum by that name; no term of loops where none is closed."""
-    terms = {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
-    return {"cost_j": fit.total, total: fit.total} | terms
-
-
 def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
-    """What goes on inside an estimator that tells: the fewest effective particles, the ancestors left, refusals."""
     row: dict[str, Any] = {}
     effective, ancestors = (values[np.isfinite(values)] for values in (outcome.n_eff, outcome.ancestors))
     if len(effective):
@@ -132,22 +116,22 @@ def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
     return row
 
 
-def _fit(log: Log, outcome: Outcome) -> Cost | None:
-    """J of the final, else the online, path and map; None where it is not defined."""
+def _fit(log: Log, outcome: Outcome) -> Misfit | None:
+    """Computes J of the final, else the online, path and map; None where it is not defined."""
     path, landmarks = outcome.online, outcome.map
     if outcome.solution is not None:
         path, landmarks = outcome.solution.path, outcome.solution.map
     try:
-        return None if path is None else cost(log, path, landmarks)
+        return None if path is None else misfit(log, path, landmarks)
     except Diverged:  # a landmark at a robot's very place has no bearing
         return None
 
 
 def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
-    """The arrays that a record keeps.
+    """Returns the arrays that a record keeps.
 
-    Of each map's covariance the blocks (n, 2, 2) on its diagonal; of the final map's, or the online one's where that of
-    the final is not known, the upper triangle of the whole as well, row by row: what another run can start from.
+    Of each map's covariance the diagonal blocks (n, 2, 2), and once, of the final map's if known, the whole upper
+    triangle row by row: another run can start from it.
     """
     arrays: dict[str, Array | Ints] = {
         "t": log.t,

@@ -1,4 +1,3 @@
-"""How a cell ends: the statuses that count as the worst."""
+"""The statuses of a cell."""
 
-FAILED = ("diverged", "timeout", "error")
-"""Ways for a cell to end that count as the worst there is."""
+FAILED = ("diverged", "timeout", "error")  # statuses that count as the worst error

@@ -1,4 +1,4 @@
-"""Whether a log's times are times: a log that has none numbers its steps."""
+"""Distinguishes logs with real times from those that number their steps."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from ...frontend.se2 import Array
 
 
 def numbered(t: Array) -> bool:
-    """Whether the times (n,) are the numbers of the steps."""
+    """Returns True if the times (n,) are the numbers of the steps."""
     return np.array_equal(t, np.arange(len(t)))
 
 
 def length(t: Array) -> float | None:
-    """s from first to last of the times (n,); None for a log of one step, or one that numbers its steps."""
+    """Returns the s from the first to the last of the times (n,); None for one step, or numbered steps."""
     return None if len(t) < 2 or numbered(t) else float(t[-1] - t[0])

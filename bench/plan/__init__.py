@@ -1,1 +1,1 @@
-"""What a user named, backends, datasets, options, seeds, a given map, as cells and logs that are ready."""
+"""Makes backends, datasets, options, seeds and a given map, as named by a user, into cells and logs."""

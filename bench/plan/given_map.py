@@ -1,7 +1,7 @@
-"""Map, then localise: the map that one run left, or a file of landmarks, as the prior of every log of another run.
+"""Gives the map of an earlier run, or of a file of landmarks, as the prior of every log of a run.
 
-A record keeps the joint covariance of the maps it holds, so localisation starts from all that the mapping run knew.
-A map.csv has the covariance of each landmark alone, and landmarks.csv none: a map without is held fixed.
+A record keeps the joint covariance of its maps, so localisation starts from all that the mapping run knew. A map.csv
+has the covariance of each landmark alone, and landmarks.csv none: such a map is held fixed.
 """
 
 import hashlib
@@ -22,28 +22,27 @@ from ..words.numerals import counted
 from .landmark_file import block_diagonal, read_landmarks
 from .spec import DatasetVariant
 
-NAMED = 6
-"""Cells that are named where one has to be chosen."""
+NAMED = 6  # cells that are named where one has to be chosen
 
 ARRAYS = tuple(f"{which}_{part}" for which in ("final_map", "map") for part in ("ids", "xy", "cov", "joint"))
-"""What a record has of a cell's maps."""
+"""the arrays of a cell's maps in a record"""
 
 JOINT, BLOCKS, FIXED = "with its joint covariance", "with the covariance of each landmark alone", "held fixed"
 
 
 @dataclass(frozen=True)
 class GivenMap:
-    """The map, or a map a seed, that every log of a run starts from."""
+    """The map, or one map per seed, that every log of a run starts from."""
 
     source: str  # as it was named
-    fixed: bool  # whatever is known of its covariance is left aside
-    maps: Mapping[int, Map]  # by the seed of the log that it was made of
+    fixed: bool  # its covariance is ignored
+    maps: Mapping[int, Map]  # by the seed of the log it was made from
     kinds: frozenset[str]  # what is known of their covariances
-    world: str  # the dataset it was made of, where that makes another world a seed; else ""
+    world: str  # the dataset it was made from, if each of its seeds is another world; else ""
     made_of: str = ""  # that dataset with its options, "" for a file
 
     def seeds(self, dataset: DatasetVariant, wanted: Iterable[int]) -> list[int]:
-        """Those of `wanted` whose log is of a world that was mapped. InputError where there is none."""
+        """Returns those of `wanted` whose log is of a world that was mapped; InputError where there is none."""
         if not self._by_seed(dataset):
             if len(self.maps) > 1:
                 raise InputError(
@@ -60,12 +59,12 @@ class GivenMap:
         return found
 
     def of(self, dataset: DatasetVariant, seed: int) -> Map:
-        """The map for a log."""
+        """Returns the map for a log."""
         return self.maps[seed] if self._by_seed(dataset) else next(iter(self.maps.values()))
 
     @property
     def digest(self) -> str:
-        """sha256, in hexadecimal, of all its numbers."""
+        """Returns the sha256 of all its numbers, in hexadecimal."""
         total = hashlib.sha256()
         for seed, known in sorted(self.maps.items()):
             total.update(f"{seed} {len(known.ids)} {known.cov is not None}\n".encode())
@@ -74,7 +73,7 @@ class GivenMap:
         return total.hexdigest()
 
     def words(self) -> str:
-        """What it is, for a reader of the report."""
+        """Describes the map for a report."""
         sizes = sorted({len(known.ids) for known in self.maps.values()})
         many = f"{sizes[0]} to {sizes[-1]} landmarks" if len(sizes) > 1 else counted(sizes[0], "landmark")
         return f"{many} from {self.source}, {' or '.join(sorted(self.kinds))}"
@@ -84,9 +83,9 @@ class GivenMap:
 
 
 def read(source: str, *, fixed: bool) -> GivenMap:
-    """The map in `source`: the folder of a run or of one of its cells, all seeds as *, or a CSV file of landmarks.
+    """Reads the map in `source`: a folder of a run or cell, all seeds as *, or a CSV file of landmarks.
 
-    InputError names the file, and the row, of what cannot be used, or the cells that there are to choose from.
+    InputError names the file, and the row, of what cannot be used, or the cells to choose from.
     """
     path = Path(source)
     if path.is_file():
@@ -100,7 +99,7 @@ def read(source: str, *, fixed: bool) -> GivenMap:
 
 
 def localising(log: Log, known: Map, where: str) -> Log:
-    """`log` with the map in its prior. InputError where it has one already."""
+    """Puts the map into the log's prior; InputError where it has one already."""
     if log.prior.map is not None:
         raise InputError(f"--map: {where} has a map of its own in its prior, expected a log without.")
     return replace(log, prior=log.prior._replace(map=known))
@@ -119,7 +118,7 @@ def _given(source: str, fixed: bool, found: Mapping[int, _Known], world: str, ma
 
 
 def _checked(known: Map, source: str) -> Map:
-    """`known` with read-only arrays; InputError where its covariance cannot be started from."""
+    """Makes the arrays read-only; InputError unless the covariance is positive definite."""
     if known.cov is not None:
         try:
             np.linalg.cholesky(known.cov)
@@ -135,7 +134,7 @@ def _checked(known: Map, source: str) -> Map:
 
 
 def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap:
-    """The maps of one backend on one dataset, of all seeds that `path` covers where each has a world of its own."""
+    """Reads the maps of one backend on one dataset: of all seeds that `path` covers, if each is another world."""
     found: dict[Path, Row] = {}
     with Store(folder) as store:
         slugs: dict[str, str] = store.run()["folders"]
@@ -158,7 +157,7 @@ def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap
 
 
 def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
-    """The arrays of a cell's map; InputError where the record has none."""
+    """Reads the arrays of a cell's map; InputError where the record has none."""
     arrays = store.arrays(row, ARRAYS)
     if not any(name in arrays for name in ("map_ids", "final_map_ids")):
         raise InputError(f"--map {source}: the study keeps no maps, expected one with keep = true, or a run.")
@@ -166,20 +165,19 @@ def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
 
 
 def _place(row: Row, slugs: Mapping[str, str]) -> Path:
-    """The cell's folder in that of its run."""
     c = row.columns
     dataset, backend = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
     return Path(slugs[dataset], str(c["seed"]), slugs[backend])
 
 
 def _covers(path: Path, place: Path) -> bool:
-    """Whether `place` is `path` or in it; a part of `path` may be *, for any seed."""
+    """Returns True if `place` is `path` or in it; a part of `path` may be *, for any seed."""
     parts, wanted = place.resolve().parts, path.resolve().parts
     return len(wanted) <= len(parts) and all(w in (part, "*") for w, part in zip(wanted, parts, strict=False))
 
 
 def _seeded(dataset: str) -> bool:
-    """Whether the dataset makes another world a seed."""
+    """Returns True if each seed of the dataset is another world."""
     try:
         return datasets.find(dataset).seeded
     except KeyError:
@@ -187,7 +185,7 @@ def _seeded(dataset: str) -> bool:
 
 
 def _from_arrays(arrays: Mapping[str, Any]) -> _Known:
-    """The map of a cell: the one whose covariance is known best, the final one where both are alike."""
+    """Returns the map of a cell: the one with the most covariance, the final one of two alike."""
     prefixes = [prefix for prefix in ("final_map", "map") if f"{prefix}_ids" in arrays]
     for kind, ending in ((JOINT, "joint"), (BLOCKS, "cov")):
         for prefix in prefixes:
@@ -199,7 +197,6 @@ def _from_arrays(arrays: Mapping[str, Any]) -> _Known:
 
 
 def _mirrored(triangle: Array) -> Array:
-    """The symmetric matrix (m, m) with the upper triangle (m (m + 1) / 2,), row by row."""
     m = (int(np.sqrt(8 * len(triangle) + 1)) - 1) // 2
     whole = np.zeros((m, m))
     whole[np.triu_indices(m)] = triangle

@@ -1,7 +1,7 @@
-"""A file of landmarks, such as the map.csv that a cell leaves or the landmarks.csv of a log, as a map to start from.
+"""Reads a file of landmarks as a map to start from, such as a cell's map.csv or a log's landmarks.csv.
 
 id,x,y                  each landmark's place, m
-id,x,y,cxx,cxy,cyy      and the covariance of each alone, m²; blank throughout where it is not known
+id,x,y,cxx,cxy,cyy      and each landmark's covariance, m²; blank throughout where unknown
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from ..record.files import MAP as COLUMNS
 
 
 def read_landmarks(path: Path) -> Map:
-    """The map in `path`; InputError names the file and the line of what cannot be used."""
+    """Reads the map in `path`; InputError names the file and the line of what cannot be used."""
     lines = text(path).rstrip("\n").split("\n")
     header = tuple(cell.strip() for cell in lines[0].split(","))
     if header not in (COLUMNS, COLUMNS[:3]):
@@ -44,7 +44,7 @@ def read_landmarks(path: Path) -> Map:
 
 
 def _cells(path: Path, number: int, line: str, header: tuple[str, ...]) -> list[float]:
-    """A line's numbers, NaN for a blank cell of the covariance."""
+    """Reads a line's numbers, NaN for a blank cell of the covariance."""
     cells = [cell.strip() for cell in line.split(",")]
     if len(cells) != len(header):
         raise InputError(f"{path}, line {number}: found {len(cells)} columns, expected {len(header)}.")
@@ -60,7 +60,7 @@ def _cells(path: Path, number: int, line: str, header: tuple[str, ...]) -> list[
 
 
 def block_diagonal(blocks: Array) -> Array:
-    """(2n, 2n) with the (n, 2, 2) `blocks` on its diagonal."""
+    """Returns the (2n, 2n) matrix with the (n, 2, 2) `blocks` on its diagonal."""
     n = len(blocks)
     whole = np.zeros((n, 2, n, 2))
     whole[np.arange(n), :, np.arange(n)] = blocks

@@ -1,4 +1,4 @@
-"""A dataset by its name, for Python: the log, and the truth where there is one."""
+"""Makes datasets by name, for Python: the log, and its ground truth if known."""
 
 from pathlib import Path
 
@@ -10,10 +10,7 @@ from .values import as_text, as_whole
 
 
 def load(name: str | Path, seed: int = 0) -> Dataset:
-    """What `bench run --dataset NAME` runs on: a name with its options in brackets, or a path. InputError as there.
-
-    A `Path` is one even where a dataset has the same name.
-    """
+    """Makes the dataset of `bench run --dataset NAME`; a `Path` is one even if a dataset has its name. InputError."""
     seed = as_whole("slamduel.load: seed", seed, 0)
     if isinstance(name, Path):
         return made(dataset_at(name, "slamduel.load"), seed)
@@ -21,7 +18,7 @@ def load(name: str | Path, seed: int = 0) -> Dataset:
 
 
 def one(text: str, caller: str) -> DatasetVariant:
-    """The dataset that `text` names; InputError, in the name of the `caller`, where there are several."""
+    """Finds the one dataset that `text` names; InputError, in the name of the `caller`, for several."""
     variants = dataset_variants(text, caller)
     if len(variants) != 1:
         raise InputError(f"{caller}: found {len(variants)} datasets, expected one.")
@@ -29,5 +26,5 @@ def one(text: str, caller: str) -> DatasetVariant:
 
 
 def made(variant: DatasetVariant, seed: int) -> Dataset:
-    """The dataset for `seed`; InputError where it cannot be made."""
+    """Makes the dataset for `seed`; InputError where it cannot be made."""
     return prepared(variant.name, variant.source, variant.options, seed)

@@ -1,4 +1,4 @@
-"""What a run consists of: dataset variants x backend variants x seeds, as cells."""
+"""The plan of a run: dataset variants x backend variants x seeds, as cells."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Cell:
 
     @property
     def key(self) -> tuple[str, str, str, str, int]:
-        """As in the record."""
+        """Returns the cell's key in the record."""
         return self.dataset.name, self.dataset.given, self.backend.name, self.backend.given, self.seed
 
     def __str__(self) -> str:
@@ -30,21 +30,18 @@ class Cell:
 
 @dataclass(frozen=True)
 class Plan:
-    """A run as it was asked for."""
+    """A run as requested."""
 
     backends: tuple[BackendVariant, ...]
     datasets: tuple[DatasetVariant, ...]
     seeds: int
     timeout_s: float
     memory_mb: int
-    map: GivenMap | None = None  # what every log's prior gets: the task is localisation then
-    oracle: bool = False  # backends that want to know are told the truth
+    map: GivenMap | None = None  # goes into every log's prior: localisation
+    oracle: bool = False  # backends that ask for the ground truth are given it
 
     def cells(self) -> list[Cell]:
-        """All cells.
-
-        Where neither the log nor the backend draws random numbers every seed would give the same cell: it is run once.
-        """
+        """Lists all cells; one seed where neither the log nor the backend is random."""
         return [
             Cell(dataset, backend, seed)
             for dataset in self.datasets
@@ -53,30 +50,28 @@ class Plan:
         ]
 
     def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
-        wanted = range(self.seeds if dataset.source.seeded or _random(backend) else 1)
+        wanted = range(self.seeds if dataset.source.seeded or (backend.builder and backend.builder.random) else 1)
         return wanted if self.map is None else self.map.seeds(dataset, wanted)
 
     def remarks(self) -> str:
-        """What a given map leaves out or may not fit, in sentences: seeds whose world nobody mapped, other places."""
+        """Says in sentences which seeds a given map leaves out, and where it may not fit."""
         if self.map is None:
             return ""
         sentences: list[str] = []
         for dataset in self.datasets:
             made_of = self.map.made_of
             if made_of == dataset.label:
-                sentences.append(f"{dataset.label}: the map was made of this very log, whose sightings count twice.")
+                sentences.append(f"{dataset.label}: the map was made from this very log, whose sightings count twice.")
             elif made_of:
-                sentences.append(f"{dataset.label}: the map is of {made_of}, and no help but in the same place.")
+                sentences.append(f"{dataset.label}: the map is of {made_of}, and only helps in the same place.")
             run = self.map.seeds(dataset, range(self.seeds))
             if dataset.source.seeded and len(run) < self.seeds:
                 seeds = ", ".join(str(seed) for seed in run)
-                sentences.append(
-                    f"{dataset.label}: run for seed {seeds} of {self.seeds} alone, whose world the map is of."
-                )
+                sentences.append(f"{dataset.label}: run for seed {seeds} of {self.seeds} alone, the world of the map.")
         return " ".join(sentences)
 
     def words(self) -> dict[str, Any]:
-        """The plan in the words of the command line, from which `from_words` makes it again."""
+        """Writes the plan in the terms of the command line, from which `from_words` makes it again."""
         return {
             "backend": ",".join(variant.label for variant in self.backends),
             "dataset": ",".join(variant.label for variant in self.datasets),
@@ -91,7 +86,7 @@ class Plan:
 
     @classmethod
     def from_words(cls, words: dict[str, Any]) -> "Plan":
-        """InputError where a name, an option or a limit is not right."""
+        """Makes a plan; InputError for a name, an option or a limit that is wrong."""
         return cls(
             tuple(backend_variants(as_text("backend", words["backend"]))),
             tuple(dataset_variants(as_text("dataset", words["dataset"]))),
@@ -104,7 +99,7 @@ class Plan:
 
 
 def _map(words: dict[str, Any]) -> GivenMap | None:
-    """The given map that the words name; InputError where it is no longer the one whose digest they have."""
+    """Reads the given map; InputError where its digest is no longer the recorded one."""
     source, expected = words.get("map"), words.get("map_digest")  # a run of an earlier version has neither
     fixed = as_switch("map_fixed", words.get("map_fixed", False))
     if source is None:
@@ -118,7 +113,3 @@ def _map(words: dict[str, Any]) -> GivenMap | None:
             f"{expected[:12]}; run into another folder."
         )
     return found
-
-
-def _random(backend: BackendVariant) -> bool:
-    return backend.builder is not None and backend.builder.random

@@ -1,4 +1,4 @@
-"""Makes the log that a dataset's name stands for: checked, and with a reference where its truth is not known."""
+"""Makes the log of a dataset, with a reference where its ground truth is not known."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from .reference import known
 
 
 def prepared(name: str, options: Any, seed: int, given: Map | None = None) -> Dataset:
-    """The log with its truth or reference; `given` goes into its prior. InputError where it cannot be had."""
+    """Makes the log with its truth or reference; `given` goes into its prior. InputError where it cannot be made."""
     made = cache.prepared(name, datasets.find(name), options, seed)
     log = made.log if given is None else localising(made.log, given, f"dataset {name}")
     return Dataset(log, known(log, made.truth))

@@ -1,8 +1,8 @@
-"""The batch optimum of a log whose truth nobody knows: what the online estimates can be measured from, and no truth.
+"""Computes the batch optimum of a log without ground truth, a reference for online estimates.
 
 It is a maximum-likelihood estimate from the same factors that every backend gets, so smoothers come close to it by
-construction, and no verdict on accuracy is drawn from it. Where sightings do not fit the others, as wrong ids do not,
-they must not rule it: the optimum is then that of a Cauchy loss, and says so.
+construction, and no verdict on accuracy is drawn from it. Where outliers such as wrong ids would rule it, the optimum
+is that of a Cauchy loss, and says so.
 """
 
 import contextlib
@@ -22,36 +22,26 @@ from ...frontend.se2 import act
 from ..measure.metrics import align
 from ..measure.misfit import misfits
 
-MEDIAN = 1.386
-"""Of chi-square with 2 degrees of freedom."""
-
-FAR = 18.42
-"""Beyond this chi-square with 2 degrees of freedom has one part in 10,000."""
-
-MANY = 5e-3
-"""Share of sightings beyond FAR from which on they rule the optimum: fifty times what a right noise has there."""
-
-FEWEST = 3
-"""Landmarks by which two maps can be laid over one another."""
+MEDIAN = 1.386  # median of chi-square with 2 degrees of freedom
+FAR = 18.42  # chi-square with 2 degrees of freedom exceeds it once in 10,000
+MANY = 5e-3  # share of sightings beyond FAR that rules the optimum: fifty times that of correct noise
+FEWEST = 3  # landmarks needed to align two maps
 
 
 class Outliers(NamedTuple):
-    """The sightings that do not fit an optimum."""
+    """The number of sightings that do not fit an optimum."""
 
     found: int
     of: int
 
     @property
     def many(self) -> bool:
-        """Whether there are more of them than chance would have."""
+        """True if there are more of them than chance explains."""
         return self.found > max(2, MANY * self.of)
 
 
 def reference(log: Log) -> Truth | None:
-    """The optimum of J by `graph`, which another solver's confirm (`tests/backends/test_graph.py`); None where none is.
-
-    Kept in the user's cache by the log's digest.
-    """
+    """Finds the optimum of J by `graph`; None where there is none. Kept in the user's cache by the log's digest."""
     entry = cache.folder() / f"reference-{_key(log)}.npz"
     with contextlib.suppress(InputError):
         return archive.load(entry).truth
@@ -64,10 +54,7 @@ def reference(log: Log) -> Truth | None:
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:
-    """What there is to measure estimates from: `truth` where it has a path, else a reference for the path.
-
-    Landmarks whose true places are known keep them beside a reference path, moved as a whole to where that has them.
-    """
+    """Returns `truth` if it has a path, else a reference, aligned with true landmarks if there are any."""
     if truth is not None and len(truth.t):
         return truth
     path = reference(log)
@@ -79,10 +66,7 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
 
 
 def outliers(log: Log, solution: Solution) -> Outliers:
-    """How many sightings of `log` do not fit its optimum.
-
-    A noise that is stated too small makes all of them fit badly, and is none: what is far is so beside the typical one.
-    """
+    """Counts the sightings that do not fit an optimum, relative to the typical misfit: noise may be misstated."""
     squared = misfits(log, solution.path, solution.map)
     if squared is None or not len(squared):
         return Outliers(0, int((log.ids != UNKNOWN).sum()))
@@ -91,7 +75,7 @@ def outliers(log: Log, solution: Solution) -> Outliers:
 
 
 def _beside(places: Map, onto: Map) -> Map:
-    """The landmarks turned and moved, all as one, to lie where `onto` has those that it knows too."""
+    """Aligns all landmarks, as one, with those that `onto` has too."""
     _, mine, theirs = np.intersect1d(places.ids, onto.ids, return_indices=True)
     if len(mine) < FEWEST:
         return places
@@ -125,7 +109,7 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
 
 
 def _key(log: Log) -> str:
-    """What the optimum depends on: the factors, the code that finds it and the library it uses."""
+    """Returns the cache key: the factors, the code that finds the optimum and the library it uses."""
     total = hashlib.sha256(f"{log.digest} numba {metadata.version('numba')}\n".encode())
     for file in [Path(__file__), *sorted(Path(backends.__file__).parent.rglob("*.py"))]:
         total.update(file.read_bytes())

@@ -1,4 +1,4 @@
-"""What a user names on the command line, `ekf,fastslam[particles=1000]`, as backends and datasets with options."""
+"""Parses names from the command line, `ekf,fastslam[particles=1000]`, into backends and datasets with options."""
 
 import hashlib
 import os
@@ -29,22 +29,24 @@ class Variant:
 
     @cached_property
     def given(self) -> str:
-        """The options that differ from their defaults, as `name=value,...`."""
+        """Returns the options that differ from their defaults, as `name=value,...`."""
         changed = [
             (field.name, value)
             for field in fields(self.options)
             if (value := getattr(self.options, field.name)) != field.default
         ]
-        return ",".join(f"{name}={_quoted(_text(value))}" for name, value in changed)
+        texts = [(name, _text(value)) for name, value in changed]
+        odd = {text for _, text in texts if any(c in text for c in ",[]") or text != text.strip()}
+        return ",".join(f'{name}="{text}"' if text in odd else f"{name}={text}" for name, text in texts)
 
     @cached_property
     def label(self) -> str:
-        """The name, and in brackets the options that differ from their defaults: what the command line would take."""
+        """Returns the name, and in brackets the options that differ from their defaults, as on the command line."""
         return f"{self.name}[{self.given}]" if self.given else self.name
 
     @property
     def slug(self) -> str:
-        """The label as the name of a folder: a variant with options is its name and a short hash of them."""
+        """Returns the label as the name of a folder: with options, the name and a short hash."""
         plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in self.name)
         if plain == self.name and not self.given:
             return plain
@@ -53,7 +55,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class BackendVariant(Variant):
-    """A backend; `builder` is None, and `missing` says why, where it is known by name but cannot be imported."""
+    """A backend; `builder` is None, and `missing` says why, for a known name that cannot be imported."""
 
     builder: Builder | None
     missing: str = ""
@@ -70,7 +72,7 @@ V = TypeVar("V", bound=Variant)
 
 
 def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant]:
-    """The backends named in `text`. InputError names who asked, what is wrong, and the nearest right name."""
+    """Finds the backends named in `text`; InputError names who asked, what is wrong, and the nearest right name."""
     found: list[BackendVariant] = []
     for name, given in _split(text, asker):
         try:
@@ -87,7 +89,7 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
 
 
 def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant]:
-    """The datasets named in `text`; the path of a log, of a graph or of a recording is one too. InputError as above."""
+    """Finds the datasets named in `text`, or at the path of a log, graph or recording. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, asker):
         graph = name.lower().endswith(graph_kind.SUFFIXES)
@@ -105,10 +107,7 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
 
 
 def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVariant:
-    """The dataset that reads what is at `path`, whatever that is called; a log that is yet to come has its `kind` told.
-
-    InputError, in the name of the `asker`, for a path that a label cannot hold.
-    """
+    """Finds the dataset that reads `path`, of that `kind` if it is yet to be written; InputError for a quote in it."""
     text = str(path)
     if '"' in text:
         raise InputError(f"{asker}: {path}: found a double quote in the path, expected one without.")
@@ -119,14 +118,13 @@ def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVarian
 
 
 def _kind(path: str) -> str:
-    """The dataset that reads what is at `path`."""
     if Path(path).suffix.lower() in graph_kind.SUFFIXES and not os.path.isdir(path):
         return graph_kind.format_of(Path(path))
     return "recording" if os.path.isfile(path) or os.path.isfile(os.path.join(path, "robot.toml")) else "log"
 
 
 def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any:
-    """The options dataclass `cls` from `name=value` pairs; InputError for one unknown, unreadable or out of range."""
+    """Makes the options dataclass `cls`; InputError for a name=value that is unknown, unreadable or out of range."""
     known = {field.name: field for field in fields(cls)}
     values: dict[str, Any] = {}
     for name, text in given:
@@ -140,7 +138,7 @@ def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any
 
 
 def describe(cls: type) -> list[tuple[str, str, str]]:
-    """(name, default, summary with range or choices) of every option of a dataclass, for `bench list`."""
+    """Lists (name, default, summary with range or choices) of every option of a dataclass."""
     return [(field.name, _text(field.default), _help(field)) for field in fields(cls)]
 
 
@@ -195,15 +193,15 @@ def _help(field: Field[Any]) -> str:
 
 
 def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
-    """`a,"b,c"[x=1,y="2,3"]` as [("a", []), ("b,c", [("x", "1"), ("y", "2,3")])]."""
+    """Parses `a,"b,c"[x=1,y="2,3"]` into [("a", []), ("b,c", [("x", "1"), ("y", "2,3")])]."""
     found: list[tuple[str, list[tuple[str, str]]]] = []
-    for part in _pieces(text, flag):
+    for part in pieces(text, flag):
         quoted, rest = re.fullmatch(r'("[^"]*")?(.*)', part, re.DOTALL).groups("")  # pyright: ignore[reportOptionalMemberAccess]
         name, bracket, inside = rest.partition("[")
         if bracket and not inside.endswith("]"):
             raise InputError(f"{flag} {part}: expected the brackets to close at the end, as in name[option=value].")
         given: list[tuple[str, str]] = []
-        for pair in _pieces(inside[:-1], flag) if inside[:-1].strip() else []:
+        for pair in pieces(inside[:-1], flag) if inside[:-1].strip() else []:
             option, equals, value = pair.partition("=")
             if not equals:
                 raise InputError(f"{flag} {part}: found {pair!r}, expected option=value.")
@@ -216,7 +214,7 @@ def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 def _unquoted(text: str, flag: str) -> str:
-    """`text` without the space around it, or as it is between double quotes; it has none within."""
+    """Strips space and double quotes around `text`; InputError for quotes within."""
     text = text.strip()
     bare = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
     if '"' in bare:
@@ -224,8 +222,8 @@ def _unquoted(text: str, flag: str) -> str:
     return bare
 
 
-def _pieces(text: str, flag: str) -> list[str]:
-    """`text` cut at the commas that are neither in brackets nor in double quotes."""
+def pieces(text: str, flag: str) -> list[str]:
+    """Splits `text` at the commas that are neither in brackets nor in double quotes."""
     pieces, depth, quoted = [""], 0, False
     for c in text:
         quoted ^= c == '"'
@@ -250,7 +248,3 @@ def _without_repeats(found: list[V], flag: str) -> list[V]:
 
 def _text(value: Any) -> str:
     return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _quoted(text: str) -> str:
-    return f'"{text}"' if any(c in text for c in ",[]") or text != text.strip() else text

@@ -1,54 +1,68 @@
-"""What the commands' options are read with, and the ranges that Python's arguments have in common with them."""
+"""Reads and checks the values of options, on the command line and from Python."""
 
 import math
 from argparse import ArgumentTypeError
+from collections.abc import Sequence
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 from ...frontend.errors import InputError
 
 
 def seed(text: str) -> int:
-    """A whole number, at least 0; argparse's own error for another, as in all that read text."""
+    """Reads a whole number, at least 0; raises argparse's own error, as all functions that read text."""
     return _read(text, 0)
 
 
 def count(text: str) -> int:
-    """A whole number, at least 1."""
+    """Reads a whole number, at least 1."""
     return _read(text, 1)
 
 
 def positive(text: str) -> float:
-    """A number above 0."""
+    """Reads a number above 0."""
     try:
         return as_positive("", float(text))
     except (ValueError, InputError):
         raise ArgumentTypeError(f"found {text}, expected {_POSITIVE}") from None
 
 
+def check_file(flag: str, path: Path | None, endings: Sequence[str] = ()) -> None:
+    """Raises InputError unless `path`, if any, can be a file with one of the endings in a folder that exists."""
+    if path is None:
+        return
+    if endings and path.suffix.lower() not in endings:
+        raise InputError(f"{flag} {path}: found a name that ends in {path.suffix!r}, expected {' '.join(endings)}.")
+    if path.is_dir():
+        raise InputError(f"{flag} {path}: found a folder, expected the name of a file.")
+    if not path.absolute().parent.is_dir():
+        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected one that is there.")
+
+
 def as_whole(name: str, value: Any, least: int) -> int:
-    """`value` as a whole number, at least `least`; InputError in the `name` of the argument for anything else."""
+    """Returns `value` as a whole number, at least `least`; InputError names the argument."""
     if type(value) is bool or not isinstance(value, Integral) or int(value) < least:
         raise InputError(f"{name}: found {value!r}, expected {_whole(least)}.")
     return int(value)
 
 
 def as_positive(name: str, value: Any) -> float:
-    """`value` as a number above 0; InputError in the `name` of the argument for anything else."""
+    """Returns `value` as a number above 0; InputError names the argument."""
     if type(value) is bool or not isinstance(value, Real) or not 0 < float(value) < math.inf:
         raise InputError(f"{name}: found {value!r}, expected {_POSITIVE}.")
     return float(value)
 
 
 def as_switch(name: str, value: Any) -> bool:
-    """`value` as True or False; InputError in the `name` of the argument for anything else."""
+    """Returns `value` as True or False; InputError names the argument."""
     if not isinstance(value, bool):
         raise InputError(f"{name}: found {value!r}, expected True or False.")
     return value
 
 
 def as_text(name: str, value: Any) -> str:
-    """`value` as a text; InputError in the `name` of the argument for anything else."""
+    """Returns `value` as a text; InputError names the argument."""
     if not isinstance(value, str):
         raise InputError(f"{name}: found {value!r}, expected a text.")
     return value

@@ -1,1 +1,1 @@
-"""What is kept on disk of a run or study, how it is read back, and what code and machine made it."""
+"""Writes and reads the records of runs and studies, with fingerprints of code and machine."""

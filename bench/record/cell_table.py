@@ -1,4 +1,4 @@
-"""The cells of a record as columns: parameters, status, and the measures that were asked for."""
+"""The cells of a record as columns: parameters, status, and the requested measures."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,22 +21,22 @@ class CellTable:
         return len(self.columns["status"])
 
     def rows(self, where: Mapping[str, Any]) -> NDArray[np.intp]:
-        """The places of the rows whose parameters have these values."""
+        """Returns the indices of the rows whose parameters have these values."""
         chosen = np.ones(len(self), bool)
         for name, value in where.items():
             chosen &= self.columns[name] == value
         return np.flatnonzero(chosen)
 
     def values(self, name: str, rows: NDArray[np.intp]) -> list[Any]:
-        """The values that the rows have of a parameter, each once, in the order of the plan."""
+        """Returns the distinct values of a parameter in these rows, in the order of the plan."""
         return list(dict.fromkeys(self.columns[name][rows].tolist()))
 
 
 def words(values: Sequence[Any]) -> NDArray[Any]:
-    """A column of whatever objects these are."""
+    """Makes a column of objects."""
     return np.fromiter(values, object, len(values))
 
 
 def numbers(values: Sequence[Any]) -> NDArray[np.float64]:
-    """A column of float64, NaN where there is None."""
+    """Makes a column of float64, NaN for None."""
     return np.array(values, float)

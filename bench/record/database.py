@@ -1,4 +1,4 @@
-"""Opens the SQLite file of a record, makes a new one, and refuses what is damaged or something else in one sentence."""
+"""Opens or makes a record's SQLite file; refuses one that is damaged or something else in one sentence."""
 
 import sqlite3
 from pathlib import Path
@@ -6,22 +6,17 @@ from pathlib import Path
 from ...frontend.errors import InputError
 from .schema import APPLICATION, FILE, KINDS, SCHEMA, VERSION, VIEW
 
-BROKEN = (sqlite3.Error, UnicodeDecodeError)
-"""Raised by a damaged file: the words of an error may be damaged, too."""
-
-DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")
-"""First letters of the errors that are about the file's content; the last is a missing table or column."""
-
-FORMER = "study.sqlite"
-"""The record of a study before runs and studies had the same."""
+BROKEN = (sqlite3.Error, UnicodeDecodeError)  # raised by a damaged file: the words of an error may be damaged, too
+DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")  # prefixes; the last: missing table or column
+FORMER = "study.sqlite"  # a study's record before runs and studies shared a format
 
 
 class Empty(InputError):
-    """A record without tables: whoever made it was killed before anything was written."""
+    """A record without tables: its writer was killed before it wrote anything."""
 
 
 def damaged(path: Path, error: object) -> InputError:
-    """The refusal of a file that cannot be read: what is wrong, and what can be done."""
+    """Makes the refusal of a file that cannot be read."""
     said = " ".join(str(error).split())[:120]
     table = "; cells.csv beside it has the results" if path.with_name("cells.csv").is_file() else ""
     return InputError(
@@ -31,7 +26,7 @@ def damaged(path: Path, error: object) -> InputError:
 
 
 def unwritable(path: Path, error: Exception) -> InputError:
-    """The refusal of a file that could not be written to."""
+    """Makes the refusal of a file that could not be written to."""
     code = getattr(error, "sqlite_errorname", "")
     if not code or code.startswith(DAMAGED):  # a failed check has no code
         return damaged(path, error)
@@ -39,7 +34,7 @@ def unwritable(path: Path, error: Exception) -> InputError:
 
 
 def writable(folder: Path) -> sqlite3.Connection:
-    """The record in the folder, a new one where there is none."""
+    """Opens the record in the folder for writing; makes one where there is none."""
     path = folder / FILE
     if not path.exists() and (folder / FORMER).exists():
         raise InputError(f"--out {folder}: {_FORMER}; expected a new folder.")
@@ -64,7 +59,7 @@ def writable(folder: Path) -> sqlite3.Connection:
 
 
 def read_only(folder: Path) -> sqlite3.Connection:
-    """The record in the folder, for reading: while it is written, and where nothing can be written."""
+    """Opens the record in the folder for reading, also while it is written and where nothing can be written."""
     path = folder / FILE
     if not path.is_file():
         found = _FORMER if (folder / FORMER).is_file() else f"{FILE} is not here"
@@ -103,7 +98,7 @@ def _is_empty(db: sqlite3.Connection) -> bool:
 
 
 def _check(db: sqlite3.Connection, path: Path) -> None:
-    """InputError where it is no record of this version's format."""
+    """Raises InputError unless it is a record of this version's format."""
     mark, version = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
     if mark != APPLICATION and version == 1 and _has(db, "run") and _has(db, "cells"):
         raise InputError(
@@ -125,7 +120,7 @@ def _has(db: sqlite3.Connection, table: str) -> bool:
 
 
 def _make_sound(db: sqlite3.Connection) -> None:
-    """Refuse a damaged file, and add the columns that a record of an earlier version lacks."""
+    """Refuses a damaged file, and adds the columns that a record of an earlier version lacks."""
     for table in ("about", "logs", "results", "plan"):
         fault = db.execute(f"PRAGMA integrity_check({table})").fetchone()[0]
         if fault != "ok":

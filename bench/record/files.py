@@ -20,23 +20,21 @@ STEPS = (
     "step", "t", "x", "y", "heading", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt",
     "error_m", "nees", "nis", "nis_dof", "n_eff", "step_us", "wall_us", "belief_us", "ancestors", "refused",
 )  # fmt: skip
-"""The columns of steps.csv. error_m is of the aligned path; a blank is not known."""
+"""The columns of steps.csv: error_m is of the aligned path; blank where not known."""
 
-COST = (*KEY, "path", *TERMS, "total")
-"""The columns of cost.csv: J by its terms, at the final path and map, at the online ones where there are no final."""
+COST = (*KEY, "path", *TERMS, "total")  # the columns of cost.csv; path: final or online
 
 MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
 
 
 def export(store: Store) -> None:
-    """Write every file of the run's folder anew."""
+    """Writes every file of the run's folder anew."""
     run, folder, rows = store.run(), store.folder, list(store.cells())
     slugs: dict[str, str] = run["folders"]
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
     write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
     write_whole(
-        folder / "metrics.csv",
-        _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows)),
+        folder / "metrics.csv", _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows))
     )
     terms: list[list[Any]] = []
     for row in rows:
@@ -54,7 +52,6 @@ def export(store: Store) -> None:
 
 
 def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
-    """The cell's row of cost.csv; none where its J is not defined."""
     if "cost_terms" not in arrays:
         return []
     values = arrays["cost_terms"].tolist()
@@ -82,7 +79,7 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
     error, consistency = np.full((2, n), np.nan)
 
     def known(name: str) -> Array:
-        return arrays.get(name, np.full(n, np.nan))  # a record of an earlier version, or of others, has not every one
+        return arrays.get(name, np.full(n, np.nan))  # an earlier version's record may lack some
 
     if "aligned" in arrays:
         error[arrays["at"]] = np.hypot(*(arrays["aligned"] - truth["poses"])[:, :2].T)
@@ -99,7 +96,6 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
 
 
 def _blank(values: Array) -> list[float | None]:
-    """As plain floats, those that are not a number as None."""
     return [None if value != value else value for value in values.tolist()]
 
 

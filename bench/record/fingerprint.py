@@ -1,7 +1,7 @@
-"""What a result depends on beside its input: the code that made it, and the versions of the libraries that it uses.
+"""Fingerprints the code that a result depends on: a module, all that it imports, and library versions.
 
 A module's fingerprint is over its own source, that of every module of its own package and of this one that it imports,
-theirs in turn, the files beside these that they name, and the versions of the libraries that any of them imports. So a
+directly or not, the files beside these that they name, and the versions of the libraries that any of them imports. So a
 change to one backend changes the fingerprints of what uses that backend, and no others.
 
 Imports are read from the source: at the top of a module, inside a function, or by a literal name in a call, as in
@@ -9,25 +9,64 @@ Imports are read from the source: at the top of a module, inside a function, or 
 backend a cell has is in its key.
 """
 
+import ast
 import functools
 import hashlib
 import platform
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterator, Sequence
 from importlib import util
 from pathlib import Path
+from typing import NamedTuple
 
-from .imports import NONE, Imports, imports
 from .library_version import is_library, located, version
+
+_CALLED = re.compile(rb"""\(\s*["'](\.{0,2}[A-Za-z_][\w.]*)["']""")  # a literal name as first argument
+
+_TEXT = re.compile(rb"""["']([\w./-]{2,100})["']""")
+
+
+class Imports(NamedTuple):
+    """Names as written in a module's source: relative ones begin with dots."""
+
+    modules: tuple[tuple[str, tuple[str, ...]], ...]  # `from x import y, z` is (x, (y, z)), `import x` is (x, ())
+    called: frozenset[str]  # dotted names that are the first argument of a call
+    texts: frozenset[str]  # possible names of files
+
+
+NONE = Imports((), frozenset(), frozenset())
+
+
+@functools.cache
+def imports(source: bytes) -> Imports:
+    """Lists a module's imports, those for the type checker left out; SyntaxError where it is not Python."""
+    modules = tuple(_modules(ast.parse(source).body))
+    called = frozenset(found.decode() for found in _CALLED.findall(source) if b"." in found)
+    return Imports(modules, called, frozenset(found.decode() for found in _TEXT.findall(source)))
+
+
+def _modules(body: Sequence[ast.AST]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Walks through statements alone: an import is one, and most of a tree is expressions."""
+    for node in body:
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, ()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or ""), tuple(alias.name for alias in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from _modules(node.orelse)
+        else:
+            for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+                inner = getattr(node, name, None)
+                if isinstance(inner, list):  # that of a lambda is an expression
+                    yield from _modules(inner)
+
 
 PACKAGE = __name__.partition(".")[0]
 
 
 @functools.cache
 def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
-    """sha256 of all the code that the module of that full name runs, but for the modules `beyond`.
-
-    A module that cannot be found has a fingerprint, too: that of nothing.
-    """
+    """Returns the sha256 of all code that the module runs, except modules `beyond`; also for a missing module."""
     files, libraries = closure(module, beyond)
     total = hashlib.sha256(platform.python_version().encode())
     for name in sorted(files):
@@ -38,10 +77,7 @@ def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
 
 
 def closure(module: str, beyond: Collection[str] = frozenset()) -> tuple[dict[str, Path], set[str]]:
-    """The files of the module's code, and the libraries that it uses by their top-level names.
-
-    The modules `beyond` are not among them, nor is what none but these import.
-    """
+    """Finds the module's files and libraries, without the modules `beyond` and what only these import."""
     home = module.partition(".")[0]
     own = {PACKAGE, home}
     files: dict[str, Path] = {}
@@ -68,7 +104,7 @@ def closure(module: str, beyond: Collection[str] = frozenset()) -> tuple[dict[st
 
 @functools.cache
 def read(path: Path) -> bytes:
-    """The content of a file; none where it is gone by now."""
+    """Reads a file; b"" where it no longer exists."""
     try:
         return path.read_bytes()
     except OSError:
@@ -77,7 +113,7 @@ def read(path: Path) -> bytes:
 
 @functools.cache
 def source(name: str) -> Path | None:
-    """The file of the module of that full name; None where there is none, or it is Python's own."""
+    """Finds the file of the named module; None where there is none, or it is Python's own."""
     package, _, last = name.rpartition(".")
     if not package:
         spec = located(name)
@@ -91,7 +127,7 @@ def source(name: str) -> Path | None:
 
 @functools.cache
 def folder_of(package: str) -> Path | None:
-    """Where the package's modules are; nothing is imported to find that out."""
+    """Finds the folder of the package's modules, without importing anything."""
     outer, _, last = package.rpartition(".")
     if not outer:
         spec = located(package)
@@ -102,7 +138,7 @@ def folder_of(package: str) -> Path | None:
 
 
 def _parents(name: str) -> Iterator[str]:
-    """The packages that Python runs before the module; this one's outermost runs nothing."""
+    """Yields the packages that Python runs before the module; this one's outermost runs nothing."""
     parts = name.split(".")
     for k in range(1 + (parts[0] == PACKAGE), len(parts)):
         yield ".".join(parts[:k])
@@ -116,7 +152,7 @@ def _imports(path: Path) -> Imports:
 
 
 def _imported(name: str, path: Path, found: Imports) -> Iterator[str]:
-    """Full names of what the module imports; `from x import y` is x, and x.y where that is a module."""
+    """Yields full names of what the module imports; `from x import y` is x, and x.y where that is a module."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     for module, names in (*found.modules, *((called, ()) for called in found.called)):
         try:
@@ -128,7 +164,7 @@ def _imported(name: str, path: Path, found: Imports) -> Iterator[str]:
 
 
 def _beside(folder: Path, texts: Collection[str]) -> Iterator[Path]:
-    """The files of a package that lie beside a module and are named in it, or are in a folder that is."""
+    """Yields the files of a package that lie beside a module and are named in it, or are in a folder that is."""
     if not (folder / "__init__.py").is_file():
         return
     for text in texts:

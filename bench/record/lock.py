@@ -1,4 +1,4 @@
-"""A folder for one process alone: made where it is not there, and locked while that process writes to it."""
+"""Locks a folder for one process, and makes it where it does not exist."""
 
 import contextlib
 import fcntl
@@ -13,7 +13,7 @@ LOCK = ".lock"
 
 @contextlib.contextmanager
 def claimed(folder: Path) -> Generator[None]:
-    """The folder, made where it is not there, for this process alone; if nothing came of it, it is gone again."""
+    """Locks the folder, made if needed; a folder made here that stays empty is removed again."""
     made = _make(folder)
     lock = _locked(folder)
     try:
@@ -23,12 +23,11 @@ def claimed(folder: Path) -> Generator[None]:
             (folder / LOCK).unlink()
         os.close(lock)
         for path in made:
-            with contextlib.suppress(OSError):  # not empty: something came of it
+            with contextlib.suppress(OSError):  # not empty
                 path.rmdir()
 
 
 def _locked(folder: Path) -> int:
-    """A descriptor of the folder's lock, which is ours."""
     while True:
         try:
             lock = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
@@ -40,7 +39,7 @@ def _locked(folder: Path) -> int:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_at(folder / LOCK, lock):
                 return lock
-            os.close(lock)  # its last holder took it away in between
+            os.close(lock)  # its last holder removed it in between
         except OSError:
             os.close(lock)
             raise InputError(
@@ -49,14 +48,13 @@ def _locked(folder: Path) -> int:
 
 
 def _is_at(path: Path, descriptor: int) -> bool:
-    """Whether the file that is open is the one at that path."""
     with contextlib.suppress(FileNotFoundError):
         return os.path.samestat(os.stat(path), os.fstat(descriptor))
     return False
 
 
 def _make(folder: Path) -> list[Path]:
-    """Make the folder and its missing parents; those that were made, the innermost first."""
+    """Makes the folder and its missing parents; returns those that were made, the innermost first."""
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)

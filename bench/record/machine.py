@@ -1,4 +1,4 @@
-"""Where a run took place: machine, versions, revision. What a reader needs to repeat it, or to doubt it."""
+"""Describes the machine, versions and revision of a run, for readers who repeat it or doubt it."""
 
 import contextlib
 import os
@@ -8,17 +8,16 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-INSTRUCTIONS = ("sse4_2", "fma", "avx2", "avx512f")
-"""By which numerical libraries choose code: with others, last bits of a result differ."""
+INSTRUCTIONS = ("sse4_2", "fma", "avx2", "avx512f")  # by which numerical libraries choose code: last bits differ
 
 PACKAGES = ("slamduel", "numpy", "scipy", "gtsam", "opencv-contrib-python-headless", "evo", "matplotlib")
 
 
 def environment() -> dict[str, Any]:
-    """The machine, its system, Python, and the versions of the packages that bear on a result."""
+    """Returns the machine, its system, Python, and the versions of the packages that affect a result."""
     return {
-        "processor": _processor(),
-        "instructions": _instructions(),
+        "processor": _reported("model name") or platform.processor() or platform.machine(),
+        "instructions": " ".join(name for name in INSTRUCTIONS if name in _reported("flags").split()),
         "cores": os.cpu_count(),
         "memory_gb": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
         "system": platform.platform(),
@@ -28,18 +27,8 @@ def environment() -> dict[str, Any]:
     }
 
 
-def _processor() -> str:
-    return _told("model name") or platform.processor() or platform.machine()
-
-
-def _instructions() -> str:
-    """Those of INSTRUCTIONS that the processor has; "" where the system does not tell."""
-    flags = _told("flags").split()
-    return " ".join(name for name in INSTRUCTIONS if name in flags)
-
-
-def _told(name: str) -> str:
-    """What Linux tells of the first processor; "" where it does not."""
+def _reported(name: str) -> str:
+    """Returns what Linux reports of the first processor; "" elsewhere."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.partition(":")[0].strip() == name:
@@ -55,7 +44,7 @@ def _version(name: str) -> str | None:
 
 
 def _revision() -> str | None:
-    """The checkout's git revision, with + where it has uncommitted changes; None outside a checkout."""
+    """Returns the checkout's git revision, with + for uncommitted changes; None outside a checkout."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

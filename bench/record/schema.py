@@ -16,34 +16,22 @@ import numpy as np
 
 from ..words.columns import CELLS, METRICS
 
-COLUMNS = tuple(column.name for column in CELLS)
-"""The columns of cells.csv, in order."""
-
-KEY = tuple(column.name for column in CELLS if column.kind.names_cell)
-"""Those that name a cell."""
-
-MORE = tuple(column.name for column in METRICS)
-"""The columns of metrics.csv after those that name the cell, in order."""
-
-KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}
-"""The SQL types of both."""
-
-TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")
-"""Those of both that hold no number."""
+COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
+KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell
+MORE = tuple(column.name for column in METRICS)  # the columns of metrics.csv after those that name the cell, in order
+KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}  # the SQL types of both
+TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")  # those of both that hold no number
 
 FILE = "results.sqlite"
 VERSION = 2
-APPLICATION = 0x536C6144
-"""SQLite's application_id: "SlaD"."""
+APPLICATION = 0x536C6144  # SQLite's application_id: "SlaD"
 
 MEASURED = {name: kind for name, kind in KINDS.items() if name not in (*KEY, "status", "reason")}
-"""The columns that a result fills, with their types."""
 
 ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REAL", "traceback": "TEXT"}
-"""Where a result came from: wall time, machine, when it was recorded (s since 1970), and an error's traceback."""
+"""where a result came from: wall time, machine, time of recording (s since 1970), and an error's traceback"""
 
-RESULT = (*COLUMNS, *MORE, *ABOUT)
-"""The columns of a result after its key."""
+RESULT = (*COLUMNS, *MORE, *ABOUT)  # the columns of a result after its key
 
 _LAST = ", ".join(f"results.{name}" for name in (*MEASURED, *ABOUT, "key"))
 _FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log"))
@@ -56,7 +44,7 @@ CREATE VIEW cells AS
     FROM plan LEFT JOIN results ON plan.key = results.key WHERE results.key IS NULL
     ORDER BY 1;
 """
-"""In two halves, since a column of a view has a type only where it is a table's."""
+"""In two halves: a column of a view has a type only where it is a table's."""
 
 SCHEMA = f"""
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -74,12 +62,12 @@ PRAGMA user_version = {VERSION};
 
 
 def label(name: str, options: str) -> str:
-    """A variant as the command line takes it."""
+    """Writes a variant as on the command line."""
     return f"{name}[{options}]" if options else name
 
 
 class Row(NamedTuple):
-    """A cell that has ended: its columns by name, those of MORE among them; None where there is no value."""
+    """A cell that has ended: its columns by name, those of MORE included; None where there is no value."""
 
     columns: Mapping[str, Any]
     traceback: str
@@ -88,20 +76,20 @@ class Row(NamedTuple):
 
     @property
     def key(self) -> tuple[str, str, str, str, int]:
-        """Tells this cell from every other."""
+        """Returns what identifies the cell in its record."""
         c = self.columns
         return c["dataset"], c["dataset_options"], c["backend"], c["options"], c["seed"]
 
 
 def packed(arrays: Mapping[str, Any]) -> bytes:
-    """An archive of arrays, as numpy writes it."""
+    """Packs arrays into an archive, as numpy writes it."""
     file = io.BytesIO()
     np.savez_compressed(file, allow_pickle=False, **arrays)
     return file.getvalue()
 
 
 def unpacked(blob: Any, names: Collection[str] | None = None) -> dict[str, Any]:
-    """The arrays of an archive; any exception at all where it is damaged."""
+    """Unpacks the arrays of an archive; any exception at all where it is damaged."""
     if not isinstance(blob, bytes) or not blob.startswith(b"PK"):
         raise ValueError("found no archive of arrays")
     with np.load(io.BytesIO(blob), allow_pickle=False) as members:

@@ -1,8 +1,8 @@
-"""Reads and writes a record, while at most one process writes and any number reads.
+"""Reads and writes a record; at most one process writes, any number reads.
 
-Every result is committed as it comes, which costs a fraction of a millisecond, so that a killed writer loses none. A
-result stays, whatever comes later under its key; but one that failed is replaced, and so is one without arrays by the
-same with them.
+Every result is committed as it comes, in a fraction of a millisecond, so that a killed writer loses none. A result
+stays, whatever comes later under its key; but a failed one is replaced, and so is one without arrays by the same with
+them.
 """
 
 import contextlib
@@ -22,8 +22,7 @@ from .database import BROKEN, damaged, read_only, unwritable, writable
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
 from .validity import wrong_arrays, wrong_row
 
-COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT
-"""The columns of a result that a table may have, and their types."""
+COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT  # columns of a result in a table
 
 _PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
 
@@ -37,7 +36,7 @@ class Known(NamedTuple):
 
 
 class Planned(NamedTuple):
-    """A cell as the record has it."""
+    """A planned cell of the record."""
 
     key: tuple[str, str, str, str, int]  # dataset, its options, backend, its options, seed
     parameters: Mapping[str, Any]
@@ -46,7 +45,7 @@ class Planned(NamedTuple):
 
 
 class Store:
-    """An open record. InputError where the folder has none, or it cannot be used: then nothing has been changed."""
+    """An open record. InputError, with nothing changed, where the folder has none or it cannot be used."""
 
     def __init__(self, folder: Path, *, writing: bool = False) -> None:
         self.folder = folder
@@ -59,25 +58,22 @@ class Store:
         self.close()
 
     def close(self) -> None:
-        """Close the file; what was written is in it."""
+        """Closes the file."""
         self._db.close()
 
     def about(self) -> dict[str, Any]:
-        """Facts of the whole by name, such as command, environment, started; a study's text, a run's plan."""
+        """Reads the facts of the whole: command, environment, started; a study's text, a run's plan."""
         with self._read():
             return {name: json.loads(value) for name, value in self._all("SELECT name, value FROM about")}
 
     def put_about(self, facts: Mapping[str, Any]) -> None:
-        """Keep such facts."""
+        """Writes such facts."""
         rows = [(name, json.dumps(value)) for name, value in facts.items()]
         with self._writing() as db:
             db.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", rows)
 
     def run(self) -> dict[str, Any]:
-        """The facts of the whole, with `sketches` and `truths`' digests by log: what run.json has.
-
-        InputError where the record has nothing yet.
-        """
+        """Reads run.json's content: facts, `sketches` and `truths`' digests by log. InputError for an empty record."""
         about = self.about()
         if "folders" not in about:
             raise InputError(f"{self.folder}: nothing of a run or a study is in it yet; expected one that was begun.")
@@ -93,7 +89,7 @@ class Store:
         return about | {"sketches": sketches, "truths": truths}
 
     def planned(self) -> list[Planned]:
-        """Every cell of the plan, in its order."""
+        """Reads every cell of the plan, in its order."""
         names = ", ".join(KEY)
         with self._read():
             return [
@@ -104,10 +100,7 @@ class Store:
             ]
 
     def cells(self) -> Iterator[Row]:
-        """Every cell that has ended, by dataset, backend and seed.
-
-        InputError where a row makes no sense, as after somebody has edited it.
-        """
+        """Yields every cell that has ended, by dataset, backend and seed; InputError for an invalid row."""
         names = (*COLUMNS, *MORE)
         there = {row[1] for row in self._all("PRAGMA table_info(cells)")}
         asked = ", ".join(name if name in there else f"NULL AS {name}" for name in names)
@@ -120,24 +113,24 @@ class Store:
             yield row
 
     def truth(self, row: Row) -> dict[str, Any]:
-        """The arrays of the cell's log: `t`, `poses`, where landmarks are known `ids`, `xy`; empty without truth."""
+        """Reads the arrays of the cell's ground truth: `t`, `poses`, `ids` and `xy` if known; empty without."""
         return self.archive(row.log)
 
     def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
-        """A cell's arrays by name; of `names`, where given, those that it has."""
+        """Reads a cell's arrays by name; of `names`, where given, those that it has."""
         found = self.archive(row.result, names)
         if problem := wrong_arrays(found, row.columns["steps"]):
             raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
         return found
 
     def logs(self, *, arrays: bool = False) -> dict[str, Known]:
-        """What is known of logs, by their keys; with `arrays`, but for those whose truth's are not kept."""
+        """Reads the known logs by key; with `arrays`, only those whose truth's arrays are kept, if it has any."""
         kept = " AND (truth_kind = '' OR key IN (SELECT key FROM arrays))" if arrays else ""
         found = self._all(f"SELECT key, digest, truth_digest, truth_kind FROM logs WHERE digest IS NOT NULL{kept}")
         return {key: Known(*rest) for key, *rest in found}
 
     def logs_made(self) -> dict[tuple[str, str, int], list[Known]]:
-        """What is known of every log that was ever made, by any code, by its dataset, options and seed."""
+        """Reads every log that was ever made, by any code, by its dataset, options and seed."""
         made: dict[tuple[str, str, int], list[Known]] = {}
         columns = "dataset, dataset_options, seed, digest, truth_digest, truth_kind"
         for *of, digest, truth, kind in self._all(f"SELECT {columns} FROM logs WHERE digest IS NOT NULL"):
@@ -145,34 +138,34 @@ class Store:
         return made
 
     def logs_unmade(self) -> set[str]:
-        """The keys of those that could not be made."""
+        """Reads the keys of the logs that could not be made."""
         return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
 
     def put_log(
         self, key: str, of: tuple[str, str, int], known: Known, arrays: Mapping[str, Any], sketch: Any = None
     ) -> None:
-        """Keep what is known of a log; `of` are dataset, options and seed, `arrays` those of its truth."""
+        """Writes a log's facts; `of` are dataset, options and seed, `arrays` those of its truth."""
         with self._writing() as db:
             same = db.execute("SELECT 1 FROM logs WHERE key = ? AND truth_digest = ?", (key, known[1])).fetchone()
-            db.execute("INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (key, *of, *known, _json(sketch)))
+            db.execute(
+                "INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                (key, *of, *known, None if sketch is None else json.dumps(sketch)),
+            )
             if arrays or not same:
                 _keep(db, key, arrays)
 
     def put_unmade(self, key: str, of: tuple[str, str, int]) -> None:
-        """Keep that a log could not be made, unless it once could; `of` as above."""
+        """Records that a log could not be made, unless it once could; `of` as above."""
         with self._writing() as db:
             db.execute("INSERT OR IGNORE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL, NULL)", (key, *of))
 
     def statuses(self, *, arrays: bool = False) -> dict[str, str]:
-        """The status of every result, by its key; with `arrays`, without those that ought to have some and do not."""
+        """Reads the status of every result by key; with `arrays`, without those done that have no arrays."""
         kept = " WHERE status <> 'done' OR key IN (SELECT key FROM arrays)" if arrays else ""
         return dict(self._all(f"SELECT key, status FROM results{kept}"))
 
     def put_result(self, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any]) -> bool:
-        """Keep a result, unless the store has one of that key that stays; whether it was kept.
-
-        `row` has columns of RESULT, those that it has not are empty.
-        """
+        """Writes a result, columns of RESULT, unless the record has one that stays; True if it was written."""
         with self._writing() as db:
             before = db.execute("SELECT status FROM results WHERE key = ?", (key,)).fetchone()
             bare = not db.execute("SELECT 1 FROM arrays WHERE key = ?", (key,)).fetchone()
@@ -183,7 +176,7 @@ class Store:
         return True
 
     def archive(self, key: str, names: Collection[str] | None = None) -> dict[str, Any]:
-        """Those of a log's truth or of a result, by name; none where they were not to be kept."""
+        """Reads the arrays of a log's truth or of a result, by name; none where they were not kept."""
         found = self._all("SELECT archive FROM arrays WHERE key = ?", (key,))
         try:
             return unpacked(found[0][0], names) if found else {}
@@ -191,16 +184,13 @@ class Store:
             raise damaged(self.folder / FILE, f"the arrays of {key} cannot be read") from error
 
     def seconds(self) -> dict[tuple[str, str, str, str], tuple[float, int]]:
-        """By dataset, its options, backend and its options: s of wall time that results took on average; how many."""
+        """Returns the mean wall time in s and the number of results, by dataset and backend with their options."""
         names = "dataset, dataset_options, backend, options"
         query = f"SELECT {names}, avg(seconds), count(*) FROM results WHERE seconds IS NOT NULL GROUP BY {names}"
         return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
 
     def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
-        """The study's cells from now on: (dataset, dataset_options, backend, options, seed, parameters, log, key) each.
-
-        Only what differs from what is there is written.
-        """
+        """Writes changes of the plan: (dataset, its options, backend, its options, seed, parameters, log, key) each."""
         texts: dict[str, str] = {}
         encoded = [(*row[:5], _encoded(row[5], texts), *row[6:]) for row in rows]
         query = f"SELECT {', '.join(KEY)}, parameters, log, key FROM plan ORDER BY place"
@@ -214,15 +204,12 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
 
     def settle(self, place: int, key: str | None, trouble: str | None) -> None:
-        """The key of a cell's result, or why there is none."""
+        """Writes the key of a cell's result, or why there is none."""
         with self._writing() as db:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
     def table(self, measures: Sequence[str]) -> CellTable:
-        """The study's cells: their parameters, status, reason and digest, and these columns of COLUMN_KINDS.
-
-        A parameter that is called as one of the columns is the one that has the name.
-        """
+        """Reads parameters, status, reason, digest and these columns; a parameter precedes a column of its name."""
         there = {row[1] for row in self._all("PRAGMA table_info(results)")}
         names = ["status", "reason", *(name for name in dict.fromkeys(("digest", *measures)) if name in there)]
         keys, *columns = _columns(self._all(f"SELECT key, {', '.join(names)} FROM results"), 1 + len(names))
@@ -234,7 +221,7 @@ class Store:
             table = _parameters(texts, seeds)
             for name, values in zip(names, columns, strict=True):
                 table.setdefault(name, (words if COLUMN_KINDS[name] == "TEXT" else numbers)([*values, None])[at])
-        for name in measures:  # of which a store of an earlier version has none
+        for name in measures:  # an earlier version's record lacks some
             table.setdefault(name, numbers([None] * len(at)))
         trouble, missing = words(troubles), at < 0
         table["status"][missing] = ["waiting" if said is None else "error" for said in trouble[missing]]
@@ -242,10 +229,7 @@ class Store:
         return CellTable(table)
 
     def view(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
-        """The view `cells`: the names of its columns, what its `parameters` mean, and its rows, each as it is read.
-
-        The seed is not among the parameters, since it has a column. What is written meanwhile is not seen.
-        """
+        """Opens the view `cells`: columns' names, decoded `parameters` without the seed, and rows, read one by one."""
         try:
             self._db.execute("BEGIN")
             texts = self._all("SELECT DISTINCT parameters FROM plan")
@@ -267,7 +251,7 @@ class Store:
 
     @contextlib.contextmanager
     def _read(self) -> Generator[None]:
-        """InputError where what the file holds makes no sense."""
+        """Raises InputError for content that cannot be decoded."""
         try:
             yield
         except (ValueError, TypeError, AttributeError) as error:
@@ -281,13 +265,13 @@ class Store:
 
     @contextlib.contextmanager
     def together(self) -> Generator[sqlite3.Connection]:
-        """Whatever is put meanwhile is kept as one, or nothing of it."""
+        """Makes one transaction of all writes within."""
         with self._writing() as db:
             yield db
 
     @contextlib.contextmanager
     def _writing(self) -> Generator[sqlite3.Connection]:
-        """One transaction, or a part of one; InputError where the file cannot be written to: all before is safe."""
+        """Opens a transaction, or joins the open one; InputError where the file cannot be written to."""
         if self._db.in_transaction:
             yield self._db
             return
@@ -307,24 +291,18 @@ def _named(row: Row) -> str:
     return f"{label(dataset, dataset_options)} \N{MIDDLE DOT} {label(backend, options)} \N{MIDDLE DOT} seed {seed}"
 
 
-def _json(value: Any) -> str | None:
-    return None if value is None else json.dumps(value)
-
-
 def _keep(db: sqlite3.Connection, key: str, arrays: Mapping[str, Any]) -> None:
-    """These arrays under the key, and no others."""
     db.execute("DELETE FROM arrays WHERE key = ?", (key,))
     if arrays:
         db.execute("INSERT INTO arrays VALUES (?, ?)", (key, packed(arrays)))
 
 
 def _columns(rows: Sequence[Any], count: int) -> list[Sequence[Any]]:
-    """Rows of so many values, turned."""
     return list(zip(*rows, strict=True)) or [()] * count
 
 
 def _encoded(parameters: Mapping[str, Any], known: dict[str, str]) -> str:
-    """As JSON, without the seed, which has a column; what is `known` is not encoded again."""
+    """Encodes parameters as JSON, without the seed, which has a column; `known` caches texts."""
     rest = {name: value for name, value in parameters.items() if name != "seed"}
     spelt = repr(rest)
     if spelt not in known:
@@ -333,7 +311,7 @@ def _encoded(parameters: Mapping[str, Any], known: dict[str, str]) -> str:
 
 
 def _parameters(texts: Sequence[str], seeds: Sequence[int]) -> dict[str, NDArray[Any]]:
-    """Cells' parameters in columns, the seed third."""
+    """Returns the cells' parameters as columns, the seed third."""
     known: dict[str, dict[str, Any]] = {text: json.loads(text) for text in dict.fromkeys(texts)}
     names = dict.fromkeys(["dataset", "backend", "seed", *(name for found in known.values() for name in found)])
     columns: dict[str, NDArray[Any]] = {}

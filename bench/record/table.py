@@ -1,7 +1,7 @@
-"""Exports the cells of a study or of a run as one table for other programs: one row per cell, with all its values.
+"""Exports the cells of a study or of a run as a table for other programs: one row per cell.
 
-Of a study its parameters come first, each in a column of its name; a measure that has the name of a parameter, as
-`steps` may, is called `measured_steps` then. Of a run the columns are those of cells.csv and metrics.csv.
+A study's parameters come first, each in a column of its name; a measure with the name of a parameter, as `steps` may
+have, is then called `measured_steps`. A run's columns are those of cells.csv and metrics.csv.
 """
 
 import contextlib
@@ -16,33 +16,25 @@ from .schema import COLUMNS, FILE, KINDS, MORE
 from .store import COLUMN_KINDS, Store
 from .table_files import CsvFile, ParquetFile, TableFile
 
-ROWS = 2_000
-"""Of a table that are held at once."""
-
-NAMES = {"dataset": "TEXT", "backend": "TEXT", "seed": "INTEGER"}
-"""The parameters that the cells of every study have."""
-
-INNER = ("place", "parameters", "log", "traceback")
-"""Columns of the view that an exported table leaves out."""
+ROWS = 2_000  # rows of a table that are held at once
+NAMES = {"dataset": "TEXT", "backend": "TEXT", "seed": "INTEGER"}  # the parameters of every study's cells
+INNER = ("place", "parameters", "log", "traceback")  # columns of the view that an exported table leaves out
 
 
 class Cells(NamedTuple):
-    """A table that is read as it goes along."""
+    """A table that is read row by row."""
 
     kinds: Mapping[str, str]  # every column, in order -> TEXT, INTEGER, REAL or BOOLEAN
     rows: Iterator[Sequence[Any]]
 
 
 def holds_cells(folder: Path) -> bool:
-    """Whether it is the folder of a study or of a run."""
+    """Returns True for the folder of a study or of a run."""
     return (folder / FILE).is_file()
 
 
 def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[tuple[Path, str]]:
-    """Write the cells of the study or run in `folder`, all files or none; the files with what is in them.
-
-    InputError where a file cannot be written, or the cells not be read.
-    """
+    """Writes a folder's cells, all files or none; returns each with its content. InputError where impossible."""
     wanted = [(made, path) for made, path in ((CsvFile, csv), (ParquetFile, parquet)) if path is not None]
     for _, path in wanted:
         if path.is_dir() or path.name.startswith(FILE):  # with what SQLite keeps beside them
@@ -59,7 +51,7 @@ def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[t
 
 
 def _written(files: Sequence[TableFile], rows: Iterator[Sequence[Any]]) -> int:
-    """How many rows there were; no file is in its place before all are whole."""
+    """Writes the rows to all files and counts them; no file is replaced before all are complete."""
     count = 0
     with contextlib.ExitStack() as stack:
         for file in files:
@@ -106,7 +98,6 @@ def _of_study(store: Store) -> Cells:
 
 
 def _kind(values: Sequence[Any]) -> str:
-    """Of a parameter that has these values."""
     types = {type(value) for value in values} - {type(None)}
     for among, found in (({bool}, "BOOLEAN"), ({int}, "INTEGER"), ({int, float}, "REAL")):
         if types and types <= among:
@@ -115,5 +106,5 @@ def _kind(values: Sequence[Any]) -> str:
 
 
 def _spelt(value: Any, kind: str) -> Any:
-    """As its column takes it: beside words, numbers are words as a study file has them."""
+    """Converts a value for its column: in one of texts, numbers are written as a study file has them."""
     return value if value is None or kind != "TEXT" or isinstance(value, str) else json.dumps(value)

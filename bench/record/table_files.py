@@ -1,4 +1,4 @@
-"""Tables of cells as files, CSV and Parquet, written chunk by chunk and there whole or not at all."""
+"""Writes tables as CSV and Parquet, chunk by chunk; a file is replaced as a whole or not at all."""
 
 import contextlib
 import csv
@@ -13,7 +13,7 @@ from ...frontend.files import beside
 
 
 class TableFile(ABC):
-    """A file in the making: rows go to a hidden place beside its own, and are gone if it is not published."""
+    """A table file being written: rows go to a hidden part file, removed unless it is published."""
 
     def __init__(self, path: Path, kinds: Mapping[str, str]) -> None:
         self.path = path
@@ -22,7 +22,7 @@ class TableFile(ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Open the part, and write what comes before the rows."""
+        """Opens the part file and writes what comes before the rows."""
 
     @abstractmethod
     def write(self, rows: Sequence[Sequence[Any]]) -> None:
@@ -30,10 +30,10 @@ class TableFile(ABC):
 
     @abstractmethod
     def finish(self) -> None:
-        """Write what comes after the rows, and close the part; it may be closed already."""
+        """Writes what comes after the rows and closes the part file; it may be closed already."""
 
     def publish(self) -> None:
-        """Put the part in its place."""
+        """Replaces the file by the part file."""
         os.replace(self.part, self.path)
 
     def __enter__(self) -> Self:
@@ -52,10 +52,10 @@ class TableFile(ABC):
 
 
 class CsvFile(TableFile):
-    """Numbers with as many digits as tell them from every other; a blank where there is none."""
+    """CSV: floats round-trip; blank where there is no value."""
 
     def begin(self) -> None:
-        """Write the names of the columns."""
+        """Writes the names of the columns."""
         self._switches = [k for k, kind in enumerate(self.kinds.values()) if kind == "BOOLEAN"]
         self._file = self.part.open("w", encoding="utf-8", newline="")
         self._writer = csv.writer(self._file, lineterminator="\n")
@@ -70,15 +70,15 @@ class CsvFile(TableFile):
             self._writer.writerow(values)
 
     def finish(self) -> None:
-        """Nothing comes after the rows."""
+        """Closes the file."""
         self._file.close()
 
 
 class ParquetFile(TableFile):
-    """By pyarrow; null where there is no value."""
+    """Parquet, by pyarrow; null where there is no value."""
 
     def begin(self) -> None:
-        """InputError where pyarrow is not installed."""
+        """Opens the file; InputError where pyarrow is not installed."""
         try:
             import pyarrow as arrow
             from pyarrow import parquet
@@ -93,13 +93,13 @@ class ParquetFile(TableFile):
         self._file: Any = parquet.ParquetWriter(self._part, self._schema)
 
     def write(self, rows: Sequence[Sequence[Any]]) -> None:
-        """Add rows, as a group."""
+        """Adds rows, as a group."""
         columns = zip(zip(*rows, strict=True), self._schema.types, strict=True)
         arrays = [self._arrow.array(values, type=kind) for values, kind in columns]
         self._file.write_batch(self._arrow.RecordBatch.from_arrays(arrays, schema=self._schema))
 
     def finish(self) -> None:
-        """Write the footer."""
+        """Writes the footer."""
         try:
             self._file.close()
         finally:

@@ -1,4 +1,4 @@
-"""Checks of what a record holds, against somebody who has edited it: a row by its columns, arrays by their shapes."""
+"""Checks a record's rows by their columns and its arrays by their shapes, against edits by hand."""
 
 import math
 from collections.abc import Mapping
@@ -30,11 +30,11 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "final_map_xy": ("f", 2),
     "final_map_cov": ("f", 2, 2),
 }
-"""The arrays of a cell: n steps, m of them with a known pose, l landmarks of the online map and f of the final one."""
+"""The arrays of a cell: n steps, m of them with a known pose, l landmarks of the online map, f of the final one."""
 
 
 def wrong_row(columns: Mapping[str, Any]) -> str:
-    """The first value that cannot be: what was found, and what was expected; "" where all can."""
+    """Describes the first invalid value: what was found and expected; "" where all are valid."""
     for name in TEXTS:
         value = columns[name]
         if value is not None and (not isinstance(value, str) or "\N{REPLACEMENT CHARACTER}" in value):
@@ -43,7 +43,9 @@ def wrong_row(columns: Mapping[str, Any]) -> str:
         if columns[name] not in known:
             return f"{name} is {_cut(columns[name])}, expected {', '.join(filter(None, known))}"
     least = 1 if columns["status"] == "done" else 0
-    if not isinstance(columns["seed"], int) or (least and not _whole(columns["steps"], 1)):
+    if not isinstance(columns["seed"], int) or (
+        least and not (isinstance(columns["steps"], int) and columns["steps"] > 0)
+    ):
         return f"seed is {_cut(columns['seed'])} and steps {_cut(columns['steps'])}, expected whole numbers"
     for name, value in columns.items():
         if name in TEXTS or value is None:
@@ -56,7 +58,7 @@ def wrong_row(columns: Mapping[str, Any]) -> str:
 
 
 def wrong_arrays(arrays: Mapping[str, Any], steps: int | None) -> str:
-    """The first array that does not fit the others or the number of steps; "" where all do."""
+    """Describes the first array that does not fit the others or the number of steps; "" where all do."""
     sizes: dict[str, int] = {} if steps is None else {"n": steps}
     for name, shape in SHAPES.items():
         if name not in arrays:
@@ -71,10 +73,6 @@ def wrong_arrays(arrays: Mapping[str, Any], steps: int | None) -> str:
     if "at" in arrays and "n" in sizes and not np.isin(arrays["at"], np.arange(sizes["n"])).all():
         return f"at names a step outside the {sizes['n']} there are"
     return ""
-
-
-def _whole(value: Any, least: int) -> bool:
-    return isinstance(value, int) and value >= least
 
 
 def _cut(value: Any) -> str:

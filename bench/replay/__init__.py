@@ -1,1 +1,1 @@
-"""A recorded cell driven once more, as page, film or recording."""
+"""Repeats a recorded cell, as page, film or recording."""

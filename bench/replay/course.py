@@ -1,4 +1,4 @@
-"""A backend driven through its log once more, in a process of its own, and asked at some steps what it thinks."""
+"""Drives a backend through its log once more, in a process of its own, and asks for its map on the way."""
 
 import time
 from pathlib import Path
@@ -10,12 +10,11 @@ from ...backends import registry as backends
 from ...backends.api import Backend, Diverged, Map, WantsTruth
 from ...datasets import archive
 from ...frontend.errors import SlamduelError
-from ...frontend.factors import Step, Truth
+from ...frontend.factors import Step
 from ...frontend.se2 import Array, Ints
 from ..measure import cell as cells
 
-MAP_S = 20.0
-"""CPU time that asking for maps may take all in all: a smoother's takes long where there are thousands of steps."""
+MAP_S = 20.0  # s of CPU time for all maps: a smoother's map is slow where there are thousands of steps
 
 
 class ReplayTask(NamedTuple):
@@ -27,7 +26,7 @@ class ReplayTask(NamedTuple):
 
 
 class Landmarks(NamedTuple):
-    """A map without what its landmarks have in common."""
+    """A map without correlations between landmarks."""
 
     ids: Ints  # (n,)
     xy: Array  # (n, 2)
@@ -35,18 +34,18 @@ class Landmarks(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What a backend did on its way, as far as it came."""
+    """The course of a backend, as far as it got."""
 
     path: Array  # (m, 3) of the first m steps
     cov: Array  # (g, 3, 3) at the first g frames, NaN where not known
     maps: list[Landmarks]  # (g,)
-    asked: int  # at how many of these frames the map was asked for; at the others it is that of the frame before
-    final: bool  # the path and the map are those of the end: there are none on the way
-    ended: str  # why it came no farther, "" where it came to the end
+    asked: int  # number of frames whose map was asked for; the others repeat the one before
+    final: bool  # path and map are those of the end, there are no online ones
+    ended: str  # why it stopped, "" where it reached the end
 
 
 def run(task: ReplayTask) -> Course:
-    """Step by step as in the run. Nothing a backend raises gets out of here: it ends the course."""
+    """Repeats the run step by step; an exception of the backend ends the course."""
     cell, course = task.job, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
     try:
         log, truth = archive.load(task.log)
@@ -55,8 +54,8 @@ def run(task: ReplayTask) -> Course:
             return course._replace(ended="the log has loop closures, which this backend does not take")
         log = log if builder.associates else log.identified()
         backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
-        if cell.oracle and truth is not None:
-            _tell(backend, truth)
+        if cell.oracle and truth is not None and truth.kind == "truth" and isinstance(backend, WantsTruth):
+            backend.tell(truth)  # as in the run
     except Exception as error:
         return course._replace(ended=_said(error))
     way = _Way(task.frames)
@@ -72,8 +71,6 @@ def run(task: ReplayTask) -> Course:
 
 
 class _Way:
-    """Collects a course."""
-
     def __init__(self, frames: Ints) -> None:
         self.frames = frames
         self.path: list[Array] = []
@@ -82,7 +79,7 @@ class _Way:
         self._asked, self._spent, self._steps = 0, 0.0, 0
 
     def go(self, backend: Backend, step: Step) -> None:
-        """Fold the step in, and ask if it is that of a frame."""
+        """Makes a step, and asks for belief and map if it is that of a frame."""
         pose = backend.step(step)
         self._steps += 1
         if pose is None:
@@ -100,24 +97,24 @@ class _Way:
             self._maps.append(known)
 
     def spend(self, seconds: float) -> None:
-        """Count a map and what it took."""
+        """Counts a map and its CPU time."""
         self._asked, self._spent = self._asked + 1, self._spent + seconds
 
     def course(self, ended: str) -> Course:
-        """What has come together."""
+        """Returns the course so far."""
         path = np.array(self.path).reshape(-1, 3)
         return Course(path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended)
 
     def _due(self, frame: int) -> bool:
-        """At the first frame, the last, and as long as the time lasts, evenly spent."""
+        """Returns True for the first frame, the last, and as long as the time lasts, evenly spent."""
         return not frame or frame == len(self.frames) - 1 or self._spent <= MAP_S * frame / len(self.frames)
 
 
 def _whole(backend: Backend, frames: Ints) -> Course:
-    """The course of a backend that has a path only once the log is over: at every frame as at the end."""
+    """Returns the course of a backend with a final path only: the same map at every frame."""
     solution = backend.finish()
     if solution is None:
-        return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor at the end")
+        return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor final")
     cov = np.full((len(frames), 3, 3), np.nan) if solution.cov is None else np.array(solution.cov[frames])
     known = _split(solution.map)
     return Course(np.array(solution.path, float), cov, [known] * len(frames), len(frames), True, "")
@@ -138,13 +135,7 @@ def _split(known: Map) -> Landmarks:
     return Landmarks(np.array(known.ids, np.int64), np.array(known.xy, float).reshape(n, 2), blocks)
 
 
-def _tell(backend: Backend, truth: Truth) -> None:
-    """As the run did: a batch optimum is no truth."""
-    if truth.kind == "truth" and isinstance(backend, WantsTruth):
-        backend.tell(truth)
-
-
 def _said(error: Exception) -> str:
-    """What the exception says, with its type where it is none of ours."""
+    """Returns the exception's message, with its type where it is none of ours."""
     said = " ".join(str(error).split())
     return said if isinstance(error, SlamduelError) else f"{type(error).__name__}: {said}"

@@ -1,8 +1,6 @@
-"""A replay as a GIF or an MP4, written beside its place and moved there when it is whole."""
+"""Writes a replay as a GIF or an MP4, beside its place and moved there when complete."""
 
-import contextlib
-import os
-from collections.abc import Generator, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,25 +8,18 @@ import cv2
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.files import beside
+from ...frontend.files import replaced
 from .frames import INK, PAPER, RULE, SOFT, pictures
 from .view import View
 
-CODECS = ("vp09", "mp4v")
-"""VP9, which browsers play and which OpenCV's wheels can write; else MPEG-4, which players play and browsers do not."""
-
-RATE = 15
-"""Frames a second."""
-
-LAST_MS = 2500
-"""How long a GIF stands still at its end."""
-
-SHADES = 6
-"""Of each colour towards paper, in a GIF's palette: what anti-aliasing needs."""
+CODECS = ("vp09", "mp4v")  # VP9, which browsers play; else MPEG-4, which only players play
+RATE = 15  # frames per second
+LAST_MS = 2500  # ms that a GIF's last frame stays
+SHADES = 6  # shades of each colour towards paper, in a GIF's palette, for anti-aliasing
 
 
 def write_gif(path: Path, view: View) -> None:
-    """In a fixed palette, so that what stands still from frame to frame costs nothing; it goes round for ever."""
+    """Writes a GIF in a fixed palette, so that unchanged pixels cost nothing; it repeats for ever."""
     from PIL import Image
 
     palette = _palette(view)
@@ -40,13 +31,13 @@ def write_gif(path: Path, view: View) -> None:
         image.putpalette(palette.astype(np.uint8).ravel().tolist())
         images.append(image)
     ms = [round(1000 / RATE, -1)] * (len(images) - 1) + [LAST_MS]
-    with _whole(path, ".gif") as part:
+    with replaced(path, ".gif") as part:
         images[0].save(part, save_all=True, append_images=images[1:], duration=ms, loop=0, optimize=True, disposal=1)
 
 
 def write_mp4(path: Path, view: View) -> None:
-    """InputError where this OpenCV has no codec for it."""
-    with _whole(path, ".mp4") as part:
+    """Writes an MP4; InputError where this OpenCV has no codec for it."""
+    with replaced(path, ".mp4") as part:
         for codec in CODECS:
             if _written(part, pictures(view), codec):
                 return
@@ -54,7 +45,6 @@ def write_mp4(path: Path, view: View) -> None:
 
 
 def _written(part: Path, frames: Iterable[Any], codec: str) -> bool:
-    """Whether this OpenCV has the codec, and the film is there."""
     writer: Any = None
     try:
         for frame in frames:
@@ -70,20 +60,8 @@ def _written(part: Path, frames: Iterable[Any], codec: str) -> bool:
     return part.is_file() and part.stat().st_size > 0
 
 
-@contextlib.contextmanager
-def _whole(path: Path, suffix: str) -> Generator[Path]:
-    """A place to write to, whose file takes the place of the one at `path` at the end."""
-    part = beside(path)
-    part = part.with_name(part.name + suffix)
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def _palette(view: View) -> Any:
-    """(k, 3) of red, green, blue: every colour of the pictures and its shades."""
+    """Returns (k, 3) red, green, blue of every colour of the pictures and its shades."""
     drawn = [(*reversed(colour),) for colour in (INK, SOFT, RULE)]
     drawn += [tuple(int(p.look.colour[k : k + 2], 16) for k in (1, 3, 5)) for p in view.panels] + [(168, 59, 0)]
     weights = np.linspace(1, 0, SHADES, endpoint=False)[:, None]
@@ -92,7 +70,7 @@ def _palette(view: View) -> Any:
 
 
 def _nearest(palette: Any) -> Any:
-    """(32, 32, 32) uint8: the place in the palette of each colour, by its five highest bits."""
+    """Returns (32, 32, 32) uint8: the palette's nearest entry of each colour, by its five highest bits."""
     step = np.arange(32) * 255 / 31
     colours = np.stack(np.meshgrid(step, step, step, indexing="ij"), axis=-1).reshape(-1, 1, 3)
     found = [((piece - palette) ** 2).sum(axis=-1).argmin(axis=-1) for piece in np.array_split(colours, 32)]

@@ -1,4 +1,4 @@
-"""The frames of a replay as pictures: OpenCV's anti-aliased lines on a ground drawn once, not a figure a frame."""
+"""Draws the frames of a replay with OpenCV's anti-aliased lines on a background drawn once."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -10,29 +10,22 @@ import numpy as np
 from ...frontend.se2 import Array
 from .view import Panel, View, ellipses, said, when
 
-WIDTH = 420
-"""Pixels, of a panel."""
+WIDTH = 420  # px, of a panel
+HEAD, FOOT, KEY, GAP = 30, 26, 40, 10  # px above and below a plane, of the line below all, between panels
 
-HEAD, FOOT, KEY, GAP = 30, 26, 40, 10
-"""Pixels: above and below a panel's plane, for the line of words under all panels, between panels."""
-
-PAPER, INK, SOFT, RULE, TRUE = (255, 255, 255), (33, 30, 28), (107, 99, 92), (227, 223, 220), (175, 170, 165)
-RECKONED, BAD = (140, 140, 140), (0, 59, 168)
-"""Colours, as blue, green, red: those of the report by day."""
-
-DASH = 6
-"""Pixels, of the dashes of a reference."""
-
+PAPER, INK, SOFT, RULE = (255, 255, 255), (33, 30, 28), (107, 99, 92), (227, 223, 220)
+RECKONED, BAD = (140, 140, 140), (0, 59, 168)  # colours, as blue, green, red: those of the report in light mode
+DASH = 6  # px, of the dashes of a reference
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
 
 
 def columns(panels: int) -> int:
-    """How many panels stand side by side."""
+    """Returns how many panels stand side by side."""
     return panels if panels <= 3 else -(-panels // 2) if panels <= 8 else 4
 
 
 def pictures(view: View) -> Iterator[Any]:
-    """Every frame, (h, w, 3) uint8 in the order blue, green, red; width and height are even."""
+    """Yields every frame, (h, w, 3) uint8 in the order blue, green, red; width and height are even."""
     plane = _Plane(view)
     wide = columns(len(view.panels))
     rows = -(-len(view.panels) // wide)
@@ -57,8 +50,6 @@ def pictures(view: View) -> Iterator[Any]:
 
 
 class _Plane:
-    """From metres to pixels."""
-
     def __init__(self, view: View) -> None:
         size = view.high - view.low
         self.scale = WIDTH / size[0]
@@ -66,14 +57,14 @@ class _Plane:
         self._low, self._high = view.low, view.high
 
     def pixels(self, xy: Array) -> Any:
-        """(k, 2) int32 with fractional bits; what is far outside stays so."""
+        """Returns (k, 2) int32 with fractional bits, clipped far outside."""
         u = (xy[..., 0] - self._low[0]) * self.scale
         v = (self._high[1] - xy[..., 1]) * self.scale
         return np.clip(np.rint(np.stack((u, v), axis=-1) * (1 << _SHIFT)), -(1 << 24), 1 << 24).astype(np.int32)
 
 
 class _Canvas:
-    """One panel: its ground, and a frame on top of it."""
+    """One panel: its background, and a frame on top of it."""
 
     def __init__(self, view: View, panel: Panel, plane: _Plane) -> None:
         self._view, self._panel, self._plane = view, panel, plane
@@ -85,7 +76,7 @@ class _Canvas:
         cv2.rectangle(self._ground, (0, 0), (WIDTH - 1, plane.height - 1), RULE, 1)
 
     def drawn(self, frame: int) -> Any:
-        """The panel at that frame; frames are asked for in order."""
+        """Draws the panel at that frame; frames are asked for in order."""
         view, panel, canvas = self._view, self._panel, self._ground.copy()
         behind = slice(int(view.at[frame]))
         self._line(canvas, view.reckoned[behind], RECKONED, 1)
@@ -113,7 +104,15 @@ class _Canvas:
         seen = panel.sighted[frame]
         origin = plane.pixels(seen.origin).tolist()
         for end in plane.pixels(seen.ends):
-            cv2.line(canvas, origin, end.tolist(), _pale(self._colour), 1, cv2.LINE_AA, _SHIFT)
+            cv2.line(
+                canvas,
+                origin,
+                end.tolist(),
+                tuple((value + 255) // 2 for value in self._colour),
+                1,
+                cv2.LINE_AA,
+                _SHIFT,
+            )
         self._ellipse(canvas, plane.pixels(panel.pose[frame, :2]), panel.ellipse[frame], 2)
         x, y, heading = panel.pose[frame]
         turned = heading + np.array((0, 2.5, np.pi, -2.5))
@@ -122,7 +121,7 @@ class _Canvas:
         cv2.fillPoly(canvas, [plane.pixels(corners)], self._colour, cv2.LINE_AA, _SHIFT)
 
     def _line(self, canvas: Any, xy: Array, colour: tuple[int, ...], width: int) -> None:
-        """Through the points, broken where one is not known."""
+        """Draws a line through the points, broken where one is not known."""
         gaps = np.flatnonzero(~np.isfinite(xy).all(axis=1))
         pieces = [piece[np.isfinite(piece).all(axis=1)] for piece in np.split(xy, gaps)]
         lines = [self._plane.pixels(piece) for piece in pieces if len(piece) > 1]
@@ -134,7 +133,7 @@ class _Canvas:
         cv2.drawMarker(self._ground, (x, y), SOFT, cv2.MARKER_CROSS, 9, 1)
 
     def _ellipse(self, canvas: Any, centre: Any, shape: Array, width: int = 1) -> None:
-        """Of half axes and angle; none where they are not known, or too small or too large to be seen."""
+        """Draws an ellipse of half axes and angle, unless unknown, or too small or too large to be seen."""
         half = shape[:2] * self._plane.scale
         if not np.isfinite(half).all() or half[0] < 2 or half[0] > 20 * WIDTH:
             return
@@ -144,7 +143,7 @@ class _Canvas:
 
 
 def _name(strip: Any, panel: Panel) -> None:
-    """A panel's head: the backend's name in its colour, and what must be known of it."""
+    """Draws a panel's head: the backend's name in its colour, and a remark."""
     colour = tuple(int(panel.look.colour[k : k + 2], 16) for k in (5, 3, 1))
     x = _write(strip, panel.label, (2, 20), colour, 19, 700)
     if panel.remark:
@@ -152,7 +151,6 @@ def _name(strip: Any, panel: Panel) -> None:
 
 
 def _key(strip: Any, view: View, frame: int) -> None:
-    """Time, step, and what is what."""
     width = strip.shape[1]
     cv2.rectangle(strip, (GAP, 0), (width - GAP, 3), RULE, -1)
     done = frame / max(len(view.steps) - 1, 1)
@@ -173,7 +171,7 @@ def _lines(view: View) -> Iterator[tuple[str, tuple[int, int, int], int]]:
 
 
 def _write(strip: Any, text: str, at: tuple[int, int], colour: tuple[int, ...], size: int, weight: int = 400) -> int:
-    """Write on one line, what has no room cut off; where it ends."""
+    """Writes on one line, cut off where there is no room; returns its end."""
     font, room = _font(), strip.shape[1] - at[0]
     while text and cv2.getTextSize((0, 0), text, (0, 0), font, size, weight)[2] > room:
         text = text[:-2].rstrip("… ") + "…" if len(text) > 2 else ""
@@ -182,17 +180,11 @@ def _write(strip: Any, text: str, at: tuple[int, int], colour: tuple[int, ...], 
 
 
 def _dashed(xy: Array, plane: _Plane) -> Array:
-    """The path with every other stretch of DASH pixels taken out."""
+    """Removes every other stretch of DASH pixels from the path."""
     along = np.nancumsum(np.hypot(*np.diff(xy, axis=0, prepend=xy[:1]).T)) * plane.scale
     return np.where((along // DASH % 2 == 0)[:, None], xy, np.nan)
 
 
 @cache
 def _font() -> Any:
-    """The one that comes with OpenCV."""
     return cv2.FontFace("sans")
-
-
-def _pale(colour: tuple[int, ...]) -> tuple[int, ...]:
-    """Half way to paper."""
-    return tuple((value + 255) // 2 for value in colour)

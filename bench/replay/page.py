@@ -1,7 +1,7 @@
-"""A replay as one HTML page that needs no network: panels side by side, and without script the end of the run.
+"""Writes a replay as one HTML page that needs no network; without scripts it shows the end of the run.
 
 Every panel is an SVG of UNITS across. The script has whole numbers of these units, and of a map only what has changed
-since the frame before; what it makes of them is what `_still` makes here of the last frame.
+since the frame before; it draws what `_still` draws here of the last frame.
 """
 
 import json
@@ -18,18 +18,13 @@ from ..words.numerals import number
 from ..words.styles import BASELINE
 from .view import Panel, View, ellipses, said, when
 
-UNITS = 1000
-"""Across a panel."""
-
-CHART = 150
-"""Units that the chart of errors is high."""
-
-SEEN = 3
-"""Units that an ellipse's longer half axis is at least."""
+UNITS = 1000  # across a panel
+CHART = 150  # units that the chart of errors is high
+SEEN = 3  # units that an ellipse's longer half axis is at least
 
 
 def write_page(path: Path, view: View) -> None:
-    """Write it, whole or not at all."""
+    """Writes it, whole or not at all."""
     last = len(view.steps) - 1
     panels = [_panel(view, panel) for panel in view.panels]
     top = _top(view)
@@ -44,7 +39,7 @@ def write_page(path: Path, view: View) -> None:
     }
     page = {
         "view": view,
-        "height": _height(view),
+        "height": round(UNITS * (view.high - view.low)[1] / (view.high - view.low)[0]),
         "known": _line(run["truth"]),
         "reckoned": _line(run["reckoned"]),
         "places": "".join(f"M{u - 9} {v}h18M{u} {v - 9}v18" for u, v in places),
@@ -59,20 +54,14 @@ def write_page(path: Path, view: View) -> None:
     write_whole(path, rendered("replay.html.jinja", page))
 
 
-def _height(view: View) -> int:
-    size = view.high - view.low
-    return round(UNITS * size[1] / size[0])
-
-
 def _pairs(view: View, xy: Array) -> list[Any]:
-    """u0, v0, u1, v1, ... in whole units; None where not known. What is far outside is put not quite as far."""
+    """Returns u0, v0, u1, v1, ... in whole units; None where not known, clipped far outside."""
     scale = UNITS / (view.high[0] - view.low[0])
     uv = np.stack(((xy[..., 0] - view.low[0]) * scale, (view.high[1] - xy[..., 1]) * scale), axis=-1)
     return [None if c != c else round(c) for c in np.clip(uv, -9999, 9999).ravel().tolist()]
 
 
 def _panel(view: View, panel: Panel) -> dict[str, Any]:
-    """What the script is told of a panel."""
     pose = _pairs(view, panel.pose[:, :2])
     degrees = np.rint(-np.degrees(panel.pose[:, 2])).astype(int).tolist()
     return {
@@ -86,7 +75,7 @@ def _panel(view: View, panel: Panel) -> dict[str, Any]:
 
 
 def _shape(view: View, shape: Array) -> list[int]:
-    """Half axes in units and angle in degrees, clockwise; zeros where there is none, or none that can be seen."""
+    """Returns half axes in units and angle in degrees, clockwise; zeros where unknown or too small to be seen."""
     half = shape[:2] * UNITS / (view.high[0] - view.low[0])
     if not np.isfinite(half).all() or half[0] < SEEN or half[0] > 20 * UNITS:
         return [0, 0, 0]
@@ -95,7 +84,7 @@ def _shape(view: View, shape: Array) -> list[int]:
 
 
 def _changes(view: View, panel: Panel) -> Iterable[list[list[int]]]:
-    """For every frame the landmarks that are gone, and place and shape of those that are new or have changed."""
+    """Yields, for every frame, landmarks that are gone, and place and shape of new or changed ones."""
     slots: dict[int, int] = {}
     known: dict[int, list[int]] = {}
     for k, landmarks in enumerate(panel.maps):
@@ -116,14 +105,14 @@ def _changes(view: View, panel: Panel) -> Iterable[list[list[int]]]:
 
 
 def _differs(mark: list[int], before: list[int] | None) -> bool:
-    """Whether anybody could see it: by more than a unit, or 3 degrees."""
+    """Returns True if a change is visible: more than a unit, or 3 degrees."""
     if before is None or any(abs(a - b) > 1 for a, b in zip(mark[:4], before[:4], strict=True)):
         return True
     return 3 < (mark[4] - before[4]) % 180 < 177
 
 
 def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
-    """The paths of a panel at the last frame, by name; all of them empty for a backend that has none."""
+    """Returns the paths of a panel at the last frame, by name; all empty for a backend that has none."""
     names = ("trail", "marks", "dots", "rays", "belief", "robot")
     if not panel["pose"]:
         return dict.fromkeys(names, "") | {"said": panel["said"][-1]}
@@ -147,7 +136,6 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
 
 
 def _line(pairs: Sequence[int | None]) -> str:
-    """Through the points, broken where one is not known."""
     d, pen = "", "M"
     for u, v in zip(pairs[::2], pairs[1::2], strict=True):
         d, pen = (d, "M") if u is None else (f"{d}{pen}{u} {v}", "L")
@@ -167,7 +155,7 @@ def _dot(pair: Sequence[int | None]) -> str:
 
 
 def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:
-    """An arrow; where it has stopped, a cross."""
+    """Returns an arrow; where it has stopped, a cross."""
     if stopped:
         return f"M{u - 16} {v - 16}l32 32m-32 0l32 -32"
     turned = np.radians(degree) + np.array((0, 2.5, np.pi, -2.5))
@@ -177,7 +165,6 @@ def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:
 
 
 def _top(view: View) -> float | None:
-    """The largest error that the chart shows, of what is more than dead reckoning; None where there is no error."""
     able = [p for p in view.panels if p.label != BASELINE] or view.panels
     errors = np.concatenate([panel.error for panel in able])
     errors = errors[np.isfinite(errors)]

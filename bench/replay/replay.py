@@ -1,10 +1,9 @@
-"""A run lived through again: its log made from the record's plan, and every backend driven through it once more.
+"""Repeats a recorded run: its log is made again, and every backend driven through it once more.
 
-The record has paths and the map at the end, but not how the map came to be. So each backend is asked along the way, and
-its path must be the recorded one to the last bit; where it is not, the replay shows another run, and says so.
+The record has paths and the final map, but not how the map evolved. So each backend is asked along the way, and its
+path must be the recorded one to the last bit; where it is not, the replay says so.
 """
 
-import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,9 +21,8 @@ from ..engine.key import log_seed
 from ..engine.log_files import LogFiles
 from ..plan.plan import Cell
 from ..plan.prepare import prepared
-from ..plan.recorded import recorded
-from ..plan.spec import Variant
-from ..plan.work import PlannedCell, Work
+from ..plan.spec import Variant, pieces
+from ..plan.work import PlannedCell, Work, recorded
 from ..record.schema import Row
 from ..record.store import Store
 from ..words.numerals import listed
@@ -43,11 +41,11 @@ class Part(NamedTuple):
     look: Look
     course: Course
     step_us: Array  # (n,) recorded CPU time of each step, NaN where there is none
-    remark: str  # what a viewer must know of it, "" for nothing
+    remark: str  # for the viewer, "" for none
 
 
 class Replay(NamedTuple):
-    """A log and what the backends made of it."""
+    """A log and the backends' courses."""
 
     dataset: str  # label
     seed: int
@@ -58,12 +56,12 @@ class Replay(NamedTuple):
 
     @property
     def known(self) -> str:
-        """What the known path is: "truth", "reference", or "" where there is none."""
+        """Returns the kind of the known path: "truth", "reference", or "" where there is none."""
         truth = self.log.truth
         return truth.kind if truth is not None and len(truth.t) else ""
 
 
-class Choice(NamedTuple):
+class ReplayRequest(NamedTuple):
     """The cells of one log."""
 
     work: Work
@@ -73,17 +71,14 @@ class Choice(NamedTuple):
     rows: dict[tuple[str, str, str, str, int], Row]  # the record's, by the cell's key
 
 
-def choose(store: Store, dataset: str | None, names: str | None, seed: int | None) -> Choice:
-    """The cells to show: of the named dataset, else of the first; of all backends where none is named.
-
-    InputError, which says what there is, for a name or a seed that the run has not.
-    """
+def choose(store: Store, dataset: str | None, names: str | None, seed: int | None) -> ReplayRequest:
+    """Selects cells: of the named dataset, else the first, and the named backends, else all. InputError else."""
     work = recorded(store)
     rows = {row.key: row for row in store.cells()}
     datasets = list(dict.fromkeys(cell.cell.dataset for cell in work.cells))
     backends = list(dict.fromkeys(cell.cell.backend for cell in work.cells))
     chosen = datasets[0] if dataset is None else _named(dataset, datasets, "--dataset")
-    wanted = [_named(name, backends, "--backend") for name in _names(names)] if names else backends
+    wanted = [_named(name, backends, "--backend") for name in pieces(names, "--backend")] if names else backends
     cells = [c.cell for c in work.cells if c.cell.dataset == chosen and c.cell.backend in wanted]
     done = {cell.seed for cell in cells if cell.key in rows and rows[cell.key].columns["status"] == "done"}
     seeds = sorted({cell.seed for cell in cells})
@@ -94,88 +89,80 @@ def choose(store: Store, dataset: str | None, names: str | None, seed: int | Non
         raise InputError(f"--seed {seed}: this run has no such log of {chosen.label}, expected {there}.")
     shown = [_cell(cells, backend, seed) for backend in dict.fromkeys(wanted)]
     others = [other.label for other in datasets if other != chosen]
-    return Choice(work, [cell for cell in shown if cell is not None], seed, others, rows)
+    return ReplayRequest(work, [cell for cell in shown if cell is not None], seed, others, rows)
 
 
-def replay(store: Store, choice: Choice, frames: int, workers: int) -> Replay:
-    """Make the log again and drive every backend through it, at most `frames` steps shown.
-
-    InputError where the log cannot be made, or is no longer the one of the record.
-    """
+def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> Replay:
+    """Repeats the cells on their log, at most `frames` steps shown; InputError where the log has changed."""
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         path = Path(scratch) / "log.npz"
-        log = _log(store, choice, path)
+        log = _log(store, request, path)
         n = len(log.log)
         shown = np.unique(np.linspace(0, n - 1, min(frames, n)).round().astype(np.int64))
-        look = looks(cell.cell.backend.label for cell in choice.work.cells)
-        parts = list(_parts(store, choice, path, shown, workers))
-    labels = [cell.backend.label for cell in choice.cells]
+        look = looks(cell.cell.backend.label for cell in request.work.cells)
+        parts = list(_parts(store, request, path, shown, workers))
+    labels = [cell.backend.label for cell in request.cells]
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
-    return Replay(choice.cells[0].dataset.label, choice.seed, log, shown, dead_reckoned(log.log), named)
+    return Replay(request.cells[0].dataset.label, request.seed, log, shown, dead_reckoned(log.log), named)
 
 
-def _log(store: Store, choice: Choice, path: Path) -> Dataset:
-    """The log of the cells, its archive at `path`: the one that is kept beside the record, else made again.
-
-    InputError where it is another than the recorded one.
-    """
-    cell = choice.cells[0]
-    dataset, given = cell.dataset, choice.work.map
+def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
+    """Loads or makes the cells' log and archives it at `path`; InputError where it is not the recorded one."""
+    cell = request.cells[0]
+    dataset, given = cell.dataset, request.work.map
     of = next(planned.log for planned in store.planned() if planned.key == cell.key)
     before = store.logs().get(of)
     made = None if before is None else LogFiles(store.folder).read(dataset.name, before)
     if made is None:
-        known = None if given is None else given.of(dataset, choice.seed)
+        known = None if given is None else given.of(dataset, request.seed)
         made = prepared(dataset.name, dataset.options, log_seed(cell), known)
     if before is not None and made.log.digest != before.digest:
         raise InputError(
-            f"{store.folder}: {dataset.label}, seed {choice.seed}, is another log now than when this was run: its "
+            f"{store.folder}: {dataset.label}, seed {request.seed}, is another log now than when this was run: its "
             f"digest is {made.log.digest[:12]}, expected {before.digest[:12]}; run it into a new folder to replay it."
         )
     archive.save(path, made)
     return made
 
 
-def _parts(store: Store, choice: Choice, path: Path, frames: Ints, workers: int) -> Iterator[tuple[Course, Array, str]]:
-    """Course, recorded step times and remark of every cell, in order."""
-    able = [cell for cell in choice.cells if cell.backend.builder is not None]
-    jobs = [job_of(choice.work, PlannedCell(cell, {})) for cell in able]
+def _parts(
+    store: Store, request: ReplayRequest, path: Path, frames: Ints, workers: int
+) -> Iterator[tuple[Course, Array, str]]:
+    able = [cell for cell in request.cells if cell.backend.builder is not None]
+    jobs = [job_of(request.work, PlannedCell(cell, {})) for cell in able]
     tasks = [replay_cell.ReplayTask(job, path, frames) for job in jobs]
     courses: dict[Cell, Course] = {}
-    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=choice.work.timeout_s):
+    for ended in execute(replay_cell.run, tasks, workers=workers, timeout_s=request.work.timeout_s):
         courses[able[ended.task]] = ended.value or _none("took too long" if ended.death == "timeout" else ended.death)
-    for cell in choice.cells:
+    for cell in request.cells:
         course = courses.get(cell) or _none(cell.backend.missing)
-        row = choice.rows.get(cell.key)
+        row = request.rows.get(cell.key)
         arrays = {} if row is None else store.arrays(row, ("online", "final", "step_ns"))
         step_us = arrays["step_ns"] / 1e3 if "step_ns" in arrays else np.full(int(frames[-1]) + 1, np.nan)
         yield course, step_us, "; ".join(_remarks(course, row, arrays, len(frames)))
 
 
 def _none(why: str) -> Course:
-    """The course of a backend that went nowhere."""
     return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), list[Landmarks](), 0, False, why)
 
 
 def _remarks(course: Course, row: Row | None, arrays: dict[str, Any], frames: int) -> Iterator[str]:
-    """What is to be said of a course beside its record."""
     if course.ended:
         yield f"stops after {len(course.path)} steps: {course.ended}" if len(course.path) else course.ended
     elif course.final:
-        yield "no online path: shown is the one smoothed at the end"
+        yield "no online path: the final one is shown"
     if course.asked < len(course.maps):
-        yield f"its map was asked for at {course.asked} of {frames} frames, for it takes long"
+        yield f"its map was asked for at {course.asked} of {frames} frames, as it is slow"
     recorded = arrays.get("final" if course.final else "online")
     if row is None:
         yield "not in the record yet, so there is nothing to compare with"
     elif recorded is not None and recorded.tobytes() != course.path.tobytes():
         yield _difference(course.path, recorded)
     elif row.columns["status"] != "done" and not course.ended:
-        yield f"ended as {row.columns['status']} in the run, and came to the end this time"
+        yield f"ended as {row.columns['status']} in the run, and reached the end this time"
 
 
 def _difference(path: Array, recorded: Array) -> str:
-    """Where a path leaves the recorded one."""
     both = min(len(path), len(recorded))
     apart = np.flatnonzero((path[:both] != recorded[:both]).any(axis=1))
     if not len(apart):
@@ -185,19 +172,14 @@ def _difference(path: Array, recorded: Array) -> str:
 
 
 def _cell(cells: Sequence[Cell], backend: Variant, seed: int) -> Cell | None:
-    """The backend's cell on the log; where log and backend are the same for all seeds, the one there is."""
+    """Finds the backend's cell on the log; the only one where log and backend are the same for all seeds."""
     own = [cell for cell in cells if cell.backend == backend]
     same = [cell for cell in own if cell.seed == seed]
     return next(iter(same or [cell for cell in own if not cell.dataset.source.seeded]), None)
 
 
-def _names(text: str) -> list[str]:
-    """The names in `text`, cut at commas that are in no brackets."""
-    return [name.strip() for name in re.split(r",(?![^\[]*\])", text)]
-
-
 def _named(name: str, there: Sequence[V], flag: str) -> V:
-    """The variant of that label, or the only one of that name."""
+    """Finds the variant of that label, or the only one of that name."""
     found = [v for v in there if v.label == name] or [v for v in there if v.name == name]
     if len(found) == 1:
         return found[0]

@@ -1,9 +1,5 @@
-"""A replay as a recording for the Rerun viewer: an entity a backend, on the time lines `step` and `seconds`.
+"""Writes a replay for the Rerun viewer: one entity per backend. Its y points down, so every y is negated."""
 
-Rerun's plane has y pointing down, and shows no other: every y here is turned, so that the pictures are not.
-"""
-
-import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -11,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.files import beside
+from ...frontend.files import replaced
 from ...frontend.se2 import Array
 from .view import Panel, View, ellipses
 
@@ -21,13 +17,13 @@ GREY, PALE = (140, 140, 140), (190, 190, 190)
 
 
 def require() -> None:
-    """InputError, which says how to get it, where Rerun is not installed."""
+    """Raises InputError, with the way to get it, where Rerun is not installed."""
     if find_spec("rerun") is None:
         raise InputError(f"--out: a .rrd file is written with rerun-sdk, which is not installed; {INSTALL} has it.")
 
 
 def write_rrd(path: Path, view: View) -> None:
-    """All frames, and a layout with the backends side by side."""
+    """Writes all frames, and a layout with the backends side by side."""
     require()
     import rerun as rr
     import rerun.blueprint as rrb
@@ -42,9 +38,8 @@ def write_rrd(path: Path, view: View) -> None:
         for what, words in (("error", "error, m"), ("nees", "NEES (1 is consistent)"), ("step", "step, µs"))
     ]
     layout = rrb.Vertical(rrb.Grid(*planes), rrb.Horizontal(*plots), row_shares=[3, 1])
-    part = beside(path)
     recording = rr.RecordingStream("slamduel")
-    try:
+    with replaced(path) as part:
         recording.save(part, default_blueprint=rrb.Blueprint(layout, collapse_panels=True))
         recording.log("known/landmarks", rr.Points2D(_turned(view.places), colors=GREY, radii=-3.0), static=True)
         recording.log(
@@ -64,13 +59,9 @@ def write_rrd(path: Path, view: View) -> None:
                     _log(rr, recording, panel, name, frame, until)
         recording.flush()
         recording.disconnect()
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: int) -> None:
-    """One backend at one frame."""
     colour, known, seen = _rgb(panel), panel.maps[frame], panel.sighted[frame]
     trail = panel.trail[:until]
     recording.log(f"{name}/path", rr.LineStrips2D(_strips(trail), colors=colour))
@@ -90,7 +81,7 @@ def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: in
 
 
 def _ring(centre: Array, shape: Array) -> Array:
-    """An ellipse as a line, (17, 2)."""
+    """Returns an ellipse as a line, (17, 2)."""
     around = np.linspace(0, 2 * np.pi, 17)
     x, y = shape[0] * np.cos(around), shape[1] * np.sin(around)
     c, s = np.cos(shape[2]), np.sin(shape[2])
@@ -98,7 +89,7 @@ def _ring(centre: Array, shape: Array) -> Array:
 
 
 def _strips(xy: Array) -> list[Array]:
-    """The stretches of a path that are known."""
+    """Returns the stretches of a path that are known."""
     gaps = np.flatnonzero(~np.isfinite(xy).all(axis=1))
     pieces = [piece[np.isfinite(piece).all(axis=1)] for piece in np.split(xy, gaps)]
     return [_turned(piece) for piece in pieces if len(piece) > 1]
@@ -109,7 +100,6 @@ def _turned(xy: Array) -> Array:
 
 
 def _entity(label: str) -> str:
-    """The label as a part of a path."""
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in label)
 
 

@@ -1,4 +1,4 @@
-"""What a replay shows at each of its frames, in numbers: the same for a film, a page and a recording."""
+"""Computes what a replay shows at each of its frames, for film, page and Rerun alike."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,35 +13,28 @@ from ..words.styles import BASELINE, Look
 from .course import Landmarks
 from .replay import Part, Replay
 
-ELLIPSE_95 = 2.4477
-"""Half axes of a 95 % ellipse of two coordinates, in standard deviations: the root of chi-square's 95 % point."""
-
-TRAIL = 1500
-"""Points up to which a path is drawn as it is, more or less."""
-
-ASTRAY = 0.15
-"""Of the known path's extent, that the frame has room for dead reckoning beyond it."""
-
-FLATTEST, TALLEST = 0.3, 1.4
-"""Between which a panel's height is, in its widths: a straight drive is no line."""
+ELLIPSE_95 = 2.4477  # half axes of a 95 % ellipse, in standard deviations: root of chi-square's 95 % point
+TRAIL = 1500  # points up to which a path is drawn without thinning, roughly
+ASTRAY = 0.15  # share of the known path's extent that the frame leaves for dead reckoning beyond it
+FLATTEST, TALLEST = 0.3, 1.4  # bounds of a panel's height, in its widths: a straight drive is no line
 
 
 class Sighted(NamedTuple):
-    """The newest sightings since the frame before, from where the backend had the robot then."""
+    """The newest sightings since the frame before, from the backend's pose then."""
 
     origin: Array  # (2,)
     ends: Array  # (k, 2)
 
 
 class Panel(NamedTuple):
-    """One backend's part; g frames of it, as far as it came."""
+    """One backend's part; g frames of it, as far as it got."""
 
     label: str
     look: Look
     remark: str
     trail: Array  # (q, 2) the path at the trail's steps, as far as it came
     pose: Array  # (g, 3)
-    ellipse: Array  # (g, 3) half axes (m) and angle (rad) of where it takes itself to be, NaN where not known
+    ellipse: Array  # (g, 3) half axes (m) and angle (rad) of its position's covariance, NaN where not known
     maps: Sequence[Landmarks]  # (g,)
     sighted: Sequence[Sighted]  # (g,)
     error: Array  # (g,) m from the known path, not aligned
@@ -59,7 +52,7 @@ class View(NamedTuple):
     steps: Ints  # (f,)
     t: Array  # (f,) s since the log began
     timed: bool  # the log has times, and does not number its steps
-    at: Ints  # (f,) how many of the trail's points are behind at the frame, its own included
+    at: Ints  # (f,) number of the trail's points up to the frame
     truth: Array  # (q, 2) along the trail, NaN where not known
     robot: Array  # (f, 3) the known pose, NaN where there is none
     places: Array  # (l, 2) the known landmarks
@@ -68,7 +61,7 @@ class View(NamedTuple):
 
 
 def view(replay: Replay) -> View:
-    """All of it."""
+    """Computes the view."""
     log, truth = replay.log
     n = len(log)
     trail = np.unique(np.concatenate((replay.frames, np.linspace(0, n - 1, min(n, TRAIL)).round().astype(np.int64))))
@@ -97,7 +90,7 @@ def view(replay: Replay) -> View:
 
 
 def ellipses(cov: Array) -> Array:
-    """(k, 3) half axes (m), the longer first, and angle (rad) of the 95 % ellipses of (k, 2, 2); NaN where unknown."""
+    """Returns (k, 3) half axes (m), longer first, and angle (rad) of 95 % ellipses of (k, 2, 2); NaN if unknown."""
     found = np.full((len(cov), 3), np.nan)
     known = np.isfinite(cov).all(axis=(1, 2))
     if known.any():
@@ -108,7 +101,7 @@ def ellipses(cov: Array) -> Array:
 
 
 def said(view: View, panel: Panel, frame: int) -> str:
-    """A panel's numbers at the frame, in words; where it has stopped, that."""
+    """Writes a panel's numbers at the frame."""
     if frame >= len(panel.pose):
         return "stopped" if len(panel.pose) else "nothing to show"
     words: list[str] = []
@@ -122,7 +115,7 @@ def said(view: View, panel: Panel, frame: int) -> str:
 
 
 def when(view: View, frame: int) -> str:
-    """The frame's time and step."""
+    """Writes the frame's time and step."""
     step = f"step {view.steps[frame]:,} of {view.steps[-1]:,}"
     return f"{view.t[frame]:,.1f} s  ·  {step}" if view.timed else step
 
@@ -165,7 +158,7 @@ def _sighted(replay: Replay, path: Array, frame: int) -> Sighted:
 
 
 def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:
-    """The known path and map with some room; with none known, where the middle 98 % of all paths and maps are."""
+    """Frames the known path and map with some room; with none known, the middle 98 % of all paths and maps."""
     if replay.known:
         points = np.concatenate((poses[np.isfinite(poses).all(axis=1), :2], places))
         low, high = points.min(axis=0), points.max(axis=0)

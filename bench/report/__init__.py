@@ -1,1 +1,1 @@
-"""Which tables and figures a run's page has, per dataset."""
+"""Makes a run's page: tables and figures per dataset."""

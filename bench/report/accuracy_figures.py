@@ -8,54 +8,56 @@ from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array, wrap
 from ..drawing.axes import fitted, stretches
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
-from ..verdict.medians import Typical, typical
 from ..verdict.ranking import PATHS
 from ..verdict.statistics import FEWEST, Comparison
-from ..verdict.summary import Line
+from ..verdict.summary import Typical, typical
 from ..words.names import tags
 from ..words.numerals import number
 from ..words.styles import Look
-from .drawn_log import Scene, Trace
+from .drawn_log import DrawnLog, Trace
 from .time_curves import Series, along
 
-STRETCHES = 100
-"""Of a log, each drawn as one point."""
+STRETCHES = 100  # of a log, each drawn as one point
 
 
 def bars(found: Iterable[Typical]) -> str:
-    """What the ends of these stand for."""
+    """Names the ends of these bars."""
     counts = {one.n for one in found if one.n > 1}
     if not counts or max(counts) < FEWEST:
         return "range"
     return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (min(counts) < FEWEST)
 
 
-def by_log(name: str, scene: Scene) -> Exhibit | None:
+def by_log(name: str, log: DrawnLog) -> ReportFigure | None:
     """None where no backend ran on two logs."""
-    looks = scene.looks
-    shown = [line for line in scene.lines if any(column in line.values for column in PATHS.values())]
-    shown.sort(key=lambda line: scene.order.index(line.backend))
+    looks = log.looks
+    shown = [line for line in log.lines if any(column in line.values for column in PATHS.values())]
+    shown.sort(key=lambda line: log.order.index(line.backend))
     if not any(line.values[column].n > 1 for line in shown for column in PATHS.values() if column in line.values):
         return None
-    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    what = "distance from reference" if log.kind == "reference" else "ATE"
     drawn = [
         (k + 0.12 + (0.12 if column == "final_ate_m" else -0.12) * (len(having) - 1), line, column)
         for k, line in enumerate(shown)
         for having in [[column for column in PATHS.values() if column in line.values]]
         for column in having
     ]
-    runs = scene.logs == 1
+    runs = log.logs == 1
     errors = {
         (line.backend, column): [value for _, value in line.runs(column)] if runs else [*line.by_log(column).values()]
         for _, line, column in drawn
     }
     failed = any(np.isinf(error) for values in errors.values() for error in values)
     called = tags(looks)
-    names = [called[line.backend] + _lost(line) for line in shown]
+    names = [
+        called[line.backend]
+        + f" · {len(line.rows) - line.done} of {len(line.rows)} not done" * (line.done < len(line.rows))
+        for line in shown
+    ]
     both = any(column == "final_ate_m" for _, _, column in drawn)
 
     def draw(figure: Figure) -> None:
@@ -85,40 +87,35 @@ def by_log(name: str, scene: Scene) -> Exhibit | None:
         for values in [[error for error in errors[line.backend, column] if np.isfinite(error)]]
     ]
     title = f"{what[0].upper()}{what[1:]} by {'run' if runs else 'log'}"
-    return exhibit(name, title, caption, height(names), draw, curves=curves)
+    return report_figure(name, title, caption, height(names), draw, curves=curves)
 
 
-def _lost(line: Line) -> str:
-    lost = len(line.rows) - line.done
-    return f" · {lost} of {len(line.rows)} not done" if lost else ""
-
-
-def online_pairs(name: str, scene: Scene) -> Exhibit | None:
+def online_pairs(name: str, log: DrawnLog) -> ReportFigure | None:
     """The most accurate online path against every other one; None where no two are compared."""
-    return _against_the_best(name, scene, "online")
+    return _against_the_best(name, log, "online")
 
 
-def final_pairs(name: str, scene: Scene) -> Exhibit | None:
+def final_pairs(name: str, log: DrawnLog) -> ReportFigure | None:
     """The most accurate final path against every other one; None where no two are compared."""
-    return _against_the_best(name, scene, "final")
+    return _against_the_best(name, log, "final")
 
 
-def _against_the_best(name: str, scene: Scene, path: str) -> Exhibit | None:
+def _against_the_best(name: str, log: DrawnLog, path: str) -> ReportFigure | None:
     """A path on which only two are compared is no figure, but a sentence below that of the other path."""
-    found = _compared(scene) if scene.kind == "truth" else {}
-    called = tags(scene.looks)
+    found = _compared(log) if log.kind == "truth" else {}
+    called = tags(log.looks)
     said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
     best, against = found.get(path, ("", ()))
-    return _pairs(name, path, best, against, scene.looks, said) if len(against) > 1 else None
+    return _pairs(name, path, best, against, log.looks, said) if len(against) > 1 else None
 
 
-def _compared(scene: Scene) -> dict[str, tuple[str, Sequence[Comparison]]]:
+def _compared(log: DrawnLog) -> dict[str, tuple[str, Sequence[Comparison]]]:
     """By path: the most accurate backend, and its comparisons with the others for which there are intervals."""
     found: dict[str, tuple[str, Sequence[Comparison]]] = {}
     for path, column in PATHS.items():
-        compared = [c for c in scene.comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
+        compared = [c for c in log.comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
         known = {label for c in compared for label in (c.first, c.second)}
-        able = [line for line in scene.lines if line.backend in known]
+        able = [line for line in log.lines if line.backend in known]
         if not able:
             continue
         best = min(able, key=lambda line: typical(line, column).value).backend
@@ -135,7 +132,7 @@ def _said(path: str, called: Mapping[str, str], c: Comparison) -> str:
 
 
 def _over(best: str, c: Comparison) -> Comparison:
-    """The comparison with `best` first; an end of its interval may be nothing, or infinite, where runs failed."""
+    """Turns the comparison so that `best` is first; an end of its interval may be 0 or infinite, where runs failed."""
     if c.first == best:
         return c
     low, high = (1 / end if end else np.inf for end in (c.high, c.low))
@@ -144,7 +141,7 @@ def _over(best: str, c: Comparison) -> Comparison:
 
 def _pairs(
     name: str, path: str, best: str, against: Sequence[Comparison], looks: Mapping[str, Look], said: str
-) -> Exhibit:
+) -> ReportFigure:
     called = tags(looks)
 
     def draw(figure: Figure) -> None:
@@ -165,45 +162,45 @@ def _pairs(
     caption += " Open: not told apart." * any(not c.holds for c in against) + said
     curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
     title = f"Errors relative to {called[best]}'s, {path} path"
-    return exhibit(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)
+    return report_figure(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)
 
 
-def errors(name: str, scene: Scene) -> Exhibit | None:
-    """Of position, along the log."""
+def errors(name: str, log: DrawnLog) -> ReportFigure | None:
+    """Draws position errors along the log."""
 
     def squared(error: Array) -> Array:
         return (error[:, :2] ** 2).sum(axis=1)
 
-    where = "distance from reference" if scene.kind == "reference" else "position error"
+    where = "distance from reference" if log.kind == "reference" else "position error"
     caption = "Root mean square over short stretches, after alignment."
-    return _errors(name, scene, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
+    return _errors(name, log, f"{where.capitalize()} along the log", f"{where}, m", caption, squared)
 
 
-def headings(name: str, scene: Scene) -> Exhibit | None:
-    """Errors of heading along the log; None where nobody knows the true one."""
+def headings(name: str, log: DrawnLog) -> ReportFigure | None:
+    """Draws heading errors along the log; None without ground truth."""
 
     def squared(error: Array) -> Array:
         return np.degrees(wrap(error[:, 2])) ** 2
 
     caption = "Root mean square over short stretches, after alignment."
-    if scene.kind != "truth":
+    if log.kind != "truth":
         return None
-    return _errors(name, scene, "Heading error along the log", "heading error, degrees", caption, squared)
+    return _errors(name, log, "Heading error along the log", "heading error, degrees", caption, squared)
 
 
 def _errors(
-    name: str, scene: Scene, title: str, unit: str, caption: str, squared: Callable[[Array], Array]
-) -> Exhibit | None:
-    paths = {"aligned": False} if scene.kind == "reference" else {"aligned": False, "final_aligned": True}
+    name: str, log: DrawnLog, title: str, unit: str, caption: str, squared: Callable[[Array], Array]
+) -> ReportFigure | None:
+    paths = {"aligned": False} if log.kind == "reference" else {"aligned": False, "final_aligned": True}
     series = [
-        _mean(trace, squared(trace.arrays[path] - scene.known["poses"]), final)
-        for trace in scene.traces
+        _mean(trace, squared(trace.arrays[path] - log.known["poses"]), final)
+        for trace in log.traces
         for path, final in paths.items()
         if path in trace.arrays
     ]
     if any(one.final for one in series):
         caption += " Thin, with dots: final path."
-    return along(name, scene, title, unit, caption, series, group="accuracy")
+    return along(name, log, title, unit, caption, series, group="accuracy")
 
 
 def _mean(trace: Trace, squared: Array, final: bool) -> Series:

@@ -1,4 +1,4 @@
-"""What a backend's panel of paths holds: its paths and map in the frame of the known path, and ellipses of belief."""
+"""Prepares each backend's panel of paths: path and map in the frame of the known path, and ellipses."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,16 +10,11 @@ from ...frontend.se2 import Array, act, rotation
 from ..drawing.figure import Curve
 from ..drawing.figure_maker import curve
 from ..words.styles import BASELINE
-from .drawn_log import Scene, Trace
+from .drawn_log import DrawnLog, Trace
 
-ELLIPSE_95 = float(np.sqrt(chdtri(2, 0.05)))
-"""Half axes of a 95 % ellipse of two coordinates, in standard deviations."""
-
-POSES, LANDMARKS = 8, 40
-"""The most ellipses that a panel has."""
-
-MOST_POINTS = 300
-"""Of a path, that a page is told."""
+ELLIPSE_95 = float(np.sqrt(chdtri(2, 0.05)))  # half axes of a 95 % ellipse of two coordinates, in standard deviations
+POSES, LANDMARKS = 8, 40  # the most ellipses that a panel has
+MOST_POINTS = 300  # points of a path in a page's plot data
 
 
 class Panel(NamedTuple):
@@ -35,7 +30,7 @@ class Panel(NamedTuple):
 
     @property
     def curves(self) -> list[Curve]:
-        """Its paths, as a page is told."""
+        """Returns its paths as plot data."""
         paths = {False: self.online, True: self.final}
         return [
             curve(self.trace.label, *path.T, t=self.t, final=final, most=MOST_POINTS)
@@ -45,24 +40,24 @@ class Panel(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """What every panel shows of the plane."""
+    """The part of the plane that every panel shows."""
 
     low: Array  # (2,)
     high: Array  # (2,)
 
     @property
     def size(self) -> Array:
-        """(2,) m."""
+        """Returns its size (2,), m."""
         return self.high - self.low
 
 
-def panels(scene: Scene) -> list[Panel]:
-    """Of every backend that has a path."""
-    return [panel for trace in scene.traces if (panel := _panel(scene, trace)) is not None]
+def panels(log: DrawnLog) -> list[Panel]:
+    """Prepares a panel for every backend that has a path."""
+    return [panel for trace in log.traces if (panel := _panel(log, trace)) is not None]
 
 
-def _panel(scene: Scene, trace: Trace) -> Panel | None:
-    """None for a backend without any path."""
+def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
+    """Prepares a panel; None for a backend without any path."""
     a = trace.arrays
     online, final = (a.get(name, a.get(plain)) for name, plain in (("aligned", "online"), ("final_aligned", "final")))
     if online is None and final is None:
@@ -72,8 +67,8 @@ def _panel(scene: Scene, trace: Trace) -> Panel | None:
     landmarks = act(motion, a.get(f"{prefix}map_xy", np.zeros((0, 2))).reshape(-1, 2))
     nearest = online if online is not None else final
     error = None
-    if scene.known and nearest is not None and nearest.shape == scene.known["poses"].shape:
-        error = float(np.sqrt(((nearest - scene.known["poses"])[:, :2] ** 2).sum(axis=1).mean()))
+    if log.known and nearest is not None and nearest.shape == log.known["poses"].shape:
+        error = float(np.sqrt(((nearest - log.known["poses"])[:, :2] ** 2).sum(axis=1).mean()))
     t = a["t"][a["at"]] if "at" in a else a["t"]
     return Panel(
         trace,
@@ -105,7 +100,7 @@ def _map_ellipses(a: Any, prefix: str, landmarks: Array, motion: Array) -> Array
 
 
 def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
-    """(k, 5), turned with the alignment."""
+    """Returns ellipses (k, 5), turned with the alignment."""
     turn = rotation(motion[2])[:2, :2]
     values, vectors = np.linalg.eigh(turn @ covs @ turn.T)
     half = ELLIPSE_95 * np.sqrt(np.maximum(values, 0))
@@ -113,10 +108,10 @@ def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
     return np.column_stack((centres, half[:, 1], half[:, 0], angle))
 
 
-def framed(scene: Scene, panels: Sequence[Panel]) -> Frame:
-    """The known path and map with some room; with nothing known, where the middle 98 % of all paths are."""
-    if scene.known:
-        points = np.concatenate((scene.known["poses"][:, :2], scene.known.get("xy", np.zeros((0, 2)))))
+def framed(log: DrawnLog, panels: Sequence[Panel]) -> Frame:
+    """Frames the known path and map with some room; with nothing known, the middle 98 % of all paths."""
+    if log.known:
+        points = np.concatenate((log.known["poses"][:, :2], log.known.get("xy", np.zeros((0, 2)))))
         low, high = points.min(axis=0), points.max(axis=0)
     else:
         able = [p for p in panels if p.trace.label != BASELINE] or panels

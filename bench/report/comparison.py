@@ -1,4 +1,4 @@
-"""A comparison of two runs as a pull request, a terminal and a program read it."""
+"""A comparison of two runs as Markdown, as a table for the terminal, as JSON, and for Python."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from rich.text import Text
 from ..drawing.page import rendered
 from ..verdict import changes as judged
 from ..verdict.changes import FEW, GAIN, GONE, NEW, QUANTITIES, REGRESSION, Change, by_how_much, summary
-from ..verdict.pairing import Facing, facing, side
+from ..verdict.pairing import PairedRuns, paired_runs, side
 from ..words.names import called
 from ..words.numerals import listed, number
 
@@ -20,14 +20,14 @@ from ..words.numerals import listed, number
 class Comparison:
     """Compares the results of two folders; a notebook or a script reads its changes, or shows it."""
 
-    def __init__(self, found: Facing, least: float | None = None) -> None:
+    def __init__(self, found: PairedRuns, least: float | None = None) -> None:
         """`least`: the smallest share that counts as a change, for every quantity its own where None."""
         self.found, self.least = found, least
         self.changes: Sequence[Change] = judged.changes(found, least)
 
     @property
     def notes(self) -> Sequence[str]:
-        """Sentences on what was left out, or must be read with care."""
+        """Returns sentences on what was left out, or needs caution."""
         return self.found.notes
 
     @property
@@ -36,7 +36,7 @@ class Comparison:
         return judged.regressed(self.changes)
 
     def markdown(self) -> str:
-        """The comparison for a pull request."""
+        """Returns Markdown for a pull request."""
         return markdown(self.found, list(self.changes), self.least)
 
     def __repr__(self) -> str:
@@ -46,18 +46,10 @@ class Comparison:
 
 
 def compare(
-    old: Path | str,
-    new: Path | str,
-    *,
-    least: float | None = None,
-    any_machine: bool = False,
-    any_log: bool = False,
+    old: Path | str, new: Path | str, *, least: float | None = None, any_machine: bool = False, any_log: bool = False
 ) -> Comparison:
-    """Compare the results in two folders, of runs or studies, as `bench compare` does.
-
-    `least` is the smallest share that counts as a change. InputError where they cannot be compared.
-    """
-    found = facing(side(Path(old)), side(Path(new)), any_machine=any_machine, any_log=any_log)
+    """Compares two folders of runs or studies as `bench compare`; `least` is the smallest share that counts."""
+    found = paired_runs(side(Path(old)), side(Path(new)), any_machine=any_machine, any_log=any_log)
     return Comparison(found, least)
 
 
@@ -65,8 +57,8 @@ SIGNS = {REGRESSION: "🔴 ", GAIN: "🟢 "}
 STYLES = {REGRESSION: "bold red", GAIN: "green", FEW: "yellow", NEW: "cyan", GONE: "cyan"}
 
 
-def markdown(found: Facing, told: list[Change], least: float | None) -> str:
-    """For a pull request: a line, what has changed, and the rest in fold-outs."""
+def markdown(found: PairedRuns, told: list[Change], least: float | None) -> str:
+    """Writes Markdown for a pull request: a line, the changes, and the rest in fold-outs."""
     first = [change for change in told if _striking(change)]
     said = summary(told)
     page = {
@@ -88,7 +80,7 @@ def markdown(found: Facing, told: list[Change], least: float | None) -> str:
 
 
 def table(told: list[Change]) -> Table | None:
-    """For the terminal: what has changed by as much as counts; None if nothing has."""
+    """Makes a table for the terminal of what has changed by more than the least that counts; None if nothing has."""
     striking = [change for change in told if _striking(change)]
     if not striking:
         return None
@@ -108,8 +100,8 @@ def table(told: list[Change]) -> Table | None:
     return grid
 
 
-def document(found: Facing, told: list[Change], least: float | None) -> dict[str, Any]:
-    """For a program."""
+def document(found: PairedRuns, told: list[Change], least: float | None) -> dict[str, Any]:
+    """Returns the comparison as JSON takes it."""
     return {
         "status": int(judged.regressed(told)),
         "summary": summary(told),
@@ -123,16 +115,16 @@ def document(found: Facing, told: list[Change], least: float | None) -> dict[str
 
 
 def method(least: float | None) -> str:
-    """How it was compared, in words."""
+    """Describes the method of comparison."""
     counts = listed(
         [f"{100 * (q.least if least is None else least):g} % in {q.words.split(',')[0]}" for q in QUANTITIES]
     )
     return (
         "Old and new are medians over the logs that both ran on; the change is the typical one, log by log. It is a "
         "regression or a gain where the Wilcoxon signed-rank test, after Holm's correction over all comparisons of its "
-        "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval leaves no change out, and it "
-        f"is as large as counts: {counts}. A backend without randomness on factors that are the same to "
-        "the last bit needs no test: where there are too few logs for one, what changed is called so on these "
+        "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval excludes no change, and it "
+        f"is at least as large as counts: {counts}. A backend without randomness on factors that are the same to "
+        "the last bit needs no test: where there are too few logs for one, changes hold for these "
         "logs. NEES is compared by how far it is from 1, as a factor. A failure counts as worse "
         "than any error. A cell that was done and now fails or is skipped, "
         "or has no error or NEES any more, is a regression whatever the statistics."
@@ -140,12 +132,11 @@ def method(least: float | None) -> str:
 
 
 def shown(change: Change, value: float) -> str:
-    """A median, or how many failed; "" where there is none."""
+    """Writes a median, or how many failed; "" where there is none."""
     if change.kind == "failures":
         return f"{value:.0f}"
     return "" if math.isnan(value) else "failed" if math.isinf(value) else number(value)
 
 
 def _striking(change: Change) -> bool:
-    """Whether a reader wants to see it first."""
     return change.verdict in (REGRESSION, GAIN, NEW, GONE) or (change.verdict == FEW and change.beyond)

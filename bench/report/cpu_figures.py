@@ -1,4 +1,4 @@
-"""Figures of CPU time: along a run, over all of a run's steps, and as the log or the map grows."""
+"""Figures of CPU time: along a run, over all of a run's steps, and against the growing log or map."""
 
 from typing import Any, NamedTuple
 
@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array, Ints
 from ..drawing.axes import fitted, legend, stretches
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.legend import ROW, named
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
@@ -16,39 +16,36 @@ from ..measure.growth import NO_GROWTH, binned
 from ..words.names import tags
 from ..words.numerals import number, raised
 from ..words.styles import Look
-from .drawn_log import Scene, Trace
+from .drawn_log import DrawnLog, Trace
 from .time_curves import HEIGHT, Series, along
 
 STRETCHES = 60
 
-SHORTEST_US = 0.1
-"""µs; costs are drawn from here on: below it a step is lost in the clock's own noise."""
-
-FAR = 20
-"""Times the slowest step; the time between steps is not drawn where it is longer."""
+SHORTEST_US = 0.1  # µs; lower costs are drawn at it: a step below it is lost in the clock's noise
+FAR = 20  # times the slowest step; the time between steps is not drawn where it is longer
 
 
-def over_time(name: str, scene: Scene) -> Exhibit | None:
-    """Means of stretches, and the slowest step of each."""
+def over_time(name: str, log: DrawnLog) -> ReportFigure | None:
+    """Draws means of stretches, and the slowest step of each."""
     series: list[Series] = []
-    for trace in _timed(scene):
+    for trace in _timed(log):
         t, us = trace.arrays["t"], _us(trace)
         middle, mean = stretches(t, us, STRETCHES)
         peaks = None if len(t) <= STRETCHES else _highest(t, us, STRETCHES)
         series.append(Series(trace.label, trace.look, middle, mean, peaks=peaks, marked=not trace.alone))
     caption = "Line: mean of short stretches. Dots: the slowest step of each."
     title, unit = "Step cost along the log", "CPU time a step, µs"
-    return along(name, scene, title, unit, caption + _beside(scene), series, group="cost")
+    return along(name, log, title, unit, caption + _beside(log), series, group="cost")
 
 
-def spread(name: str, scene: Scene) -> Exhibit | None:
-    """How much steps differ."""
-    timed = _timed(scene)
+def spread(name: str, log: DrawnLog) -> ReportFigure | None:
+    """Draws the distribution of the steps' costs."""
+    timed = _timed(log)
     if not timed:
         return None
-    called = tags(trace.label for trace in scene.traces)
+    called = tags(trace.label for trace in log.traces)
     names = [called[trace.label] + "*" * (not trace.alone) for trace in timed]
-    interval = _interval(scene, timed[0])
+    interval = _interval(log, timed[0])
     beyond = interval is not None and interval > FAR * max(float(_us(trace).max()) for trace in timed)
 
     def draw(figure: Figure) -> None:
@@ -74,12 +71,12 @@ def spread(name: str, scene: Scene) -> Exhibit | None:
         caption += (
             f" {'Far to the right' if beyond else 'Dashed'}: {number(interval / 1e3)} ms, the time between steps."
         )
-    caption += _beside(scene)
+    caption += _beside(log)
     curves = [
         curve(trace.label, np.percentile(_us(trace), (50, 99, 100)), np.full(3, k + 0.12))
         for k, trace in enumerate(timed)
     ]
-    return exhibit(name, "What a step costs", caption, height(names), draw, group="cost", curves=curves)
+    return report_figure(name, "CPU time of a step", caption, height(names), draw, group="cost", curves=curves)
 
 
 class _Growth(NamedTuple):
@@ -89,29 +86,29 @@ class _Growth(NamedTuple):
     power: float | None
 
 
-def growth_over_steps(name: str, scene: Scene) -> Exhibit | None:
+def growth_over_steps(name: str, log: DrawnLog) -> ReportFigure | None:
     """Against the step's number, both logarithmic; None where no power is to be seen: each fit is flat, or none is."""
-    return _against(name, scene, "steps")
+    return _against(name, log, "steps")
 
 
-def growth_over_landmarks(name: str, scene: Scene) -> Exhibit | None:
+def growth_over_landmarks(name: str, log: DrawnLog) -> ReportFigure | None:
     """Against landmarks known, likewise."""
-    return _against(name, scene, "landmarks")
+    return _against(name, log, "landmarks")
 
 
-def _against(name: str, scene: Scene, along: str) -> Exhibit | None:
+def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
     """`along` is steps or landmarks."""
     column = f"growth_{along}"
-    powers = {line.backend: line.values[column].median for line in scene.lines if column in line.values}
+    powers = {line.backend: line.values[column].median for line in log.lines if column in line.values}
     grown = [
         _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label))
-        for trace in _timed(scene)
+        for trace in _timed(log)
         if (size := _sizes(trace, along)) is not None
     ]
     grown = [one for one in grown if len(one.size) > 2]
     if all(one.power is None or abs(one.power) < NO_GROWTH for one in grown):
         return None
-    key = named((one.trace.label for one in grown), scene.order, more=len(", " + _power("k", 0.5)))
+    key = named((one.trace.label for one in grown), log.order, more=len(", " + _power("k", 0.5)))
     letter, what = ("k", "step k") if along == "steps" else ("N", "landmarks known N")
 
     def draw(figure: Figure) -> None:
@@ -143,7 +140,9 @@ def _against(name: str, scene: Scene, along: str) -> Exhibit | None:
     )
     curves = [curve(one.trace.label, one.size, one.us) for one in grown]
     title = f"How the cost of a step grows with {'the log' if along == 'steps' else 'the map'}"
-    return exhibit(name, title, caption + _beside(scene), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves)
+    return report_figure(
+        name, title, caption + _beside(log), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves
+    )
 
 
 def _power(letter: str, power: float) -> str:
@@ -158,7 +157,7 @@ def _sizes(trace: Trace, along: str) -> Ints | None:
 
 
 def _highest(t: Array, values: Array, count: int) -> Array:
-    """(count,) the highest value in each of `axes.stretches`; NaN where it has none."""
+    """Returns (count,) the highest value in each of `axes.stretches`; NaN where it has none."""
     edges = np.linspace(t[0], t[-1], count + 1)
     place = np.clip(np.searchsorted(edges, t, "right") - 1, 0, count - 1)
     highest = np.full(count, -np.inf)
@@ -170,16 +169,16 @@ def _us(trace: Trace) -> Array:
     return np.maximum(trace.arrays["step_ns"] / 1e3, SHORTEST_US)
 
 
-def _timed(scene: Scene) -> list[Trace]:
-    return [trace for trace in scene.traces if len(trace.arrays.get("step_ns", ()))]
+def _timed(log: DrawnLog) -> list[Trace]:
+    return [trace for trace in log.traces if len(trace.arrays.get("step_ns", ()))]
 
 
-def _beside(scene: Scene) -> str:
-    return "" if all(trace.alone for trace in scene.traces) else " * timed while other cells ran beside it."
+def _beside(log: DrawnLog) -> str:
+    return "" if all(trace.alone for trace in log.traces) else " * timed while other cells ran beside it."
 
 
-def _interval(scene: Scene, trace: Trace) -> float | None:
-    """µs from step to step, the median; None where the log has no real times."""
-    if scene.lengths.get(scene.seed) is None:
+def _interval(log: DrawnLog, trace: Trace) -> float | None:
+    """Returns the median µs from step to step; None where the log has no real times."""
+    if log.lengths.get(log.seed) is None:
         return None
     return float(np.median(np.diff(trace.arrays["t"]))) * 1e6

@@ -1,7 +1,7 @@
-"""What the figures of a dataset show: the known path, and a run along it of every backend that has one."""
+"""Chooses the log that a dataset's figures show: the known path, and every backend's run along it."""
 
+import math
 from collections.abc import Mapping, Sequence
-from math import log
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ class Trace(NamedTuple):
     arrays: Mapping[str, Any]  # as in the record
 
 
-class Scene(NamedTuple):
+class DrawnLog(NamedTuple):
     """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians."""
 
     kind: str  # "truth", "reference" or "" where no path is known
@@ -41,35 +41,36 @@ class Scene(NamedTuple):
     nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
     nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
     logs: int = 1  # different ones that the dataset has
-    typical: bool = False  # whether the log was chosen among several by its errors
+    typical: bool = False  # the log was chosen among several by its errors
 
     @property
     def clock(self) -> str:
-        """What its times are, as an axis names them."""
+        """Returns the label of the time axis."""
         return "step" if self.lengths.get(self.seed) is None else "time, s"
 
     @property
     def which(self) -> str:
-        """Which of the logs is drawn; "" where there is one."""
+        """Says which of the logs is drawn; "" where there is one."""
         if self.logs == 1:
             return ""
         return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
 
 
-def scene(
+def drawn_log(
     store: Store,
     lines: Sequence[Line],
     looks: Mapping[str, Look],
     slugs: Mapping[str, str],
     comparisons: Mapping[str, Sequence[Comparison]] | None = None,
-) -> Scene | None:
-    """The scene of a dataset's lines; None where no cell is done."""
+) -> DrawnLog | None:
+    """Chooses the log of a dataset's lines; None where no cell is done."""
     done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
     if not done:
         return None
     seed, typical = _drawn(done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
-    return Scene(
+    first = {row.columns["seed"]: row for _, row in reversed(done)}  # of each log
+    return DrawnLog(
         kind=lines[0].truth_kind,
         seed=seed,
         known=store.truth(shown[0][1]),
@@ -78,7 +79,7 @@ def scene(
             for name, row in ((line.backend, row) for line, row in shown)
         ],
         missing=[line.backend for line in lines if all(line is not drawn for drawn, _ in shown)],
-        lengths=_lengths(store, [row for _, row in done]),
+        lengths={seed: length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()},
         lines=lines,
         looks=looks,
         comparisons=comparisons or {},
@@ -91,7 +92,7 @@ def scene(
 
 
 def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
-    """The seed that is drawn, and whether its errors say that it is."""
+    """Returns the seed that is drawn, and True if errors chose it."""
     by_seed: dict[int, list[tuple[Line, Row]]] = {}
     for line, row in done:
         by_seed.setdefault(row.columns["seed"], []).append((line, row))
@@ -102,13 +103,13 @@ def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
 
 
 def _off(cells: Sequence[tuple[Line, Row]]) -> float:
-    """How far the cells' errors are from their backends' medians: the sum of the ratios' logarithms, without signs."""
+    """Returns the distance of the cells' errors from their medians: the sum of absolute log ratios."""
     total = 0.0
     for line, row in cells:
         column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
         error = row.columns[column]
         if line.backend != BASELINE and error and line.values[column].median > 0:
-            total += abs(log(error / line.values[column].median))
+            total += abs(math.log(error / line.values[column].median))
     return total
 
 
@@ -119,7 +120,7 @@ def _error(line: Line) -> tuple[int, float]:
 
 
 def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
-    """Of each log's first run that has it: several on one log are not independent."""
+    """Reads NEES of each log's first run that has it: several on one log are not independent."""
     by_log: dict[str, tuple[Array, Array]] = {}
     for row in line.rows:
         if row.columns["nees"] is not None and row.columns["digest"] not in by_log:
@@ -130,7 +131,7 @@ def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
 
 
 def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:
-    """Of each log's first run that has it: s since the log began, NIS and its degrees of freedom, where it has any."""
+    """Reads NIS of each log's first run that has it: s since the log began, NIS and degrees of freedom."""
     by_log: dict[str, tuple[Array, Array, Array]] = {}
     for row in line.rows:
         if row.columns["nis"] is not None and row.columns["digest"] not in by_log:
@@ -139,8 +140,3 @@ def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:
                 seen = (a["nis_dof"] > 0) & np.isfinite(a["nis"])
                 by_log[row.columns["digest"]] = (a["t"] - a["t"][0])[seen], a["nis"][seen], a["nis_dof"][seen]
     return list(by_log.values())
-
-
-def _lengths(store: Store, rows: Sequence[Row]) -> dict[int, float | None]:
-    first = {row.columns["seed"]: row for row in reversed(rows)}
-    return {seed: length(store.arrays(row, ("t",)).get("t", np.zeros(0))) for seed, row in first.items()}

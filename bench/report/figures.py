@@ -1,10 +1,10 @@
-"""The figures of a dataset, in the order in which a report shows them."""
+"""Makes a dataset's figures, in the order in which a report shows them."""
 
 from collections.abc import Callable
 from importlib import import_module
 
-from ..drawing.figure import Exhibit
-from .drawn_log import Scene
+from ..drawing.figure import ReportFigure
+from .drawn_log import DrawnLog
 
 FIGURES = {
     "pareto": ".pareto:pareto",
@@ -20,21 +20,21 @@ FIGURES = {
     "cost-along": ".cpu_figures:over_time",
     "growth-steps": ".cpu_figures:growth_over_steps",
     "growth-landmarks": ".cpu_figures:growth_over_landmarks",
-    "effective": ".particle_figures:effective",
-    "ancestors": ".particle_figures:ancestors",
+    "effective": ".belief_figures:effective",
+    "ancestors": ".belief_figures:ancestors",
 }
-"""End of its file's name -> module of this room and the function `(name, scene)` in it.
+"""End of its file's name -> module of this room and the function `(name, log)` in it.
 
-The function returns None where the scene has nothing that the figure shows.
+The function returns None where the log has nothing that the figure shows.
 """
 
 
-def exhibits(name: str, scene: Scene) -> list[Exhibit]:
-    """Those for which a dataset has what they show; `name` begins their files'."""
-    made = (_function(place)(f"{name}-{end}", scene) for end, place in FIGURES.items())
-    return [exhibit for exhibit in made if exhibit is not None]
+def report_figures(name: str, log: DrawnLog) -> list[ReportFigure]:
+    """Makes those for which there is data; `name` begins their files' names."""
+    made = (_function(place)(f"{name}-{end}", log) for end, place in FIGURES.items())
+    return [figure for figure in made if figure is not None]
 
 
-def _function(place: str) -> Callable[[str, Scene], Exhibit | None]:
+def _function(place: str) -> Callable[[str, DrawnLog], ReportFigure | None]:
     module, _, function = place.partition(":")
     return getattr(import_module(module, __package__), function)

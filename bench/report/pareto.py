@@ -1,4 +1,4 @@
-"""What accuracy costs: every backend's error against its CPU time, and the front that no other one is before."""
+"""Draws accuracy against cost: every backend's error and CPU time, and the Pareto front."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -9,27 +9,24 @@ from matplotlib.figure import Figure
 
 from ...backends.api import COMPILED_HERE
 from ..drawing.axes import fitted, logarithmic
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.labels import Point, name_points
 from ..drawing.svg import INK
 from ..verdict.implementations import foreign
-from ..verdict.medians import Typical, typical
-from ..verdict.summary import Line
+from ..verdict.summary import Line, Typical, typical
 from ..words.names import tags
 from ..words.numerals import listed
 from ..words.styles import Look
 from .accuracy_figures import bars
-from .drawn_log import Scene
+from .drawn_log import DrawnLog
 
 HEIGHT = 200
 
-NAMED = 7
-"""The most points that have their names beside them: those of the fronts, and the most accurate of the others."""
+NAMED = 7  # the most points with names: those of the fronts, and the most accurate of the others
 
 
-RING: dict[str, Any] = {"markersize": 11, "markerfacecolor": "none", "markeredgewidth": 0.8}
-"""Round the points of what is not compiled here."""
+RING: dict[str, Any] = {"markersize": 11, "markerfacecolor": "none", "markeredgewidth": 0.8}  # not compiled here
 
 
 class _Choice(NamedTuple):
@@ -43,14 +40,14 @@ class _Choice(NamedTuple):
     ringed: bool  # not compiled here, where others are
 
 
-def pareto(name: str, scene: Scene) -> Exhibit | None:
+def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
     """None where there are no two to choose from."""
-    choices = list(_choices(scene.lines, scene.looks))
+    choices = list(_choices(log.lines, log.looks))
     choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
     if len({choice.label for choice in choices}) < 2:
         return None
     called = tags(choice.label for choice in choices)
-    what = "distance from reference" if scene.kind == "reference" else "ATE"
+    what = "distance from reference" if log.kind == "reference" else "ATE"
     both = len({choice.final for choice in choices}) > 1
 
     def draw(figure: Figure) -> None:
@@ -82,7 +79,7 @@ def pareto(name: str, scene: Scene) -> Exhibit | None:
         name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
 
     fronts = _fronts(choices)
-    caption = "Lower left is better. " * (scene.kind == "truth")
+    caption = "Lower left is better. " * (log.kind == "truth")
     if fronts:
         caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
     if any(choice.error.n > 1 for choice in choices):
@@ -93,18 +90,19 @@ def pareto(name: str, scene: Scene) -> Exhibit | None:
     elif choices[0].final:
         caption += f" Cost: {whole}."
     if any(choice.ringed for choice in choices):
-        caption += f" Ringed: {_ringed(scene.lines, choices)}."
+        caption += f" Ringed: {_ringed(log.lines, choices)}."
     if len(choices) > NAMED:
         caption += f" Of {len(choices)} points, {NAMED} are named."
     curves = [
         curve(choice.label, np.array([choice.us]), np.array([choice.error.value]), final=choice.final)
         for choice in choices
     ]
-    return exhibit(name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves)
+    return report_figure(
+        name, f"{what[0].upper()}{what[1:]} against cost", caption.strip(), HEIGHT, draw, curves=curves
+    )
 
 
 def _ringed(lines: Sequence[Line], choices: Sequence[_Choice]) -> str:
-    """What the ringed ones are."""
     ringed = {choice.label for choice in choices if choice.ringed}
     kinds = dict.fromkeys(line.implementation for line in lines if line.backend in ringed)
     return f"{listed(list(kinds))}; the others are {COMPILED_HERE}"
@@ -132,7 +130,7 @@ def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -
 
 
 def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
-    """Those that none is before, of online paths and of final ones, where there are several; the cheapest first."""
+    """Returns the Pareto fronts of online and of final paths, the cheapest first; none with a single point."""
     fronts: dict[bool, list[_Choice]] = {}
     for final in (False, True):
         front = [choice for choice in choices if choice.final == final and not any(_before(c, choice) for c in choices)]
@@ -142,6 +140,6 @@ def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
 
 
 def _before(one: _Choice, other: _Choice) -> bool:
-    """Whether `one` is cheaper and more accurate, for the same kind of path."""
+    """Returns True if `one` is cheaper and more accurate, for the same kind of path."""
     a, b = (one.us, one.error.value), (other.us, other.error.value)
     return one.final == other.final and a != b and a[0] <= b[0] and a[1] <= b[1]

@@ -1,10 +1,11 @@
-"""A run's report: report.html, one file that needs no network, and report.md with its figures and tables beside it."""
+"""Writes a run's report: report.html, one file that needs no network, and report.md with figures and tables."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from ...frontend.files import write_whole
+from ..drawing.figure import write_figures
 from ..drawing.latex import latex
 from ..drawing.page import PURPOSES, rendered, script
 from ..record.schema import Row, label
@@ -13,21 +14,21 @@ from ..words.columns import COLUMNS
 from .section import Section, sections
 from .tables import cells_table, paper_table
 
-FIGURES, TABLES = "figures", "tables"
-"""Folders beside the page."""
+FIGURES, TABLES = "figures", "tables"  # folders beside the page
 
 
 def write_report(store: Store, figures: Sequence[str] = ()) -> None:
-    """Write report.html, report.md, figures/ and tables/ into the record's folder, each file all or nothing.
-
-    `figures` are further forms that every figure is to be there in: "pdf", "png" (300 dpi).
-    """
+    """Writes the report, each file whole, with every figure also in the formats `figures`: "pdf", "png" (300 dpi)."""
     run, rows = store.run(), list(store.cells())
     parts, look = sections(store)
     page = {
         "run": run,
         "sections": parts,
-        "purposes": _purposes(parts),
+        "purposes": {
+            name: heading
+            for name, heading in PURPOSES.items()
+            if any(name == u.purpose for p in parts for u in p.verdict.uses)
+        },
         "looks": look,
         "cells": cells_table(rows, run["folders"]),
         "counts": _counts(rows, run.get("cells", 0)),
@@ -38,25 +39,13 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         "script": script("report.js"),
     }
     for section in parts:
-        _write_figures(store.folder / FIGURES, section, figures)
+        write_figures(store.folder / FIGURES, (*section.panels, *section.figures), figures)
         _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))
 
 
-def _write_figures(folder: Path, section: Section, forms: Sequence[str]) -> None:
-    from ..drawing.svg import alone  # matplotlib: a run should not wait for it before it begins
-
-    folder.mkdir(exist_ok=True)
-    for exhibit in (*section.panels, *section.exhibits):
-        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
-        if exhibit.printed is not None:
-            for form in forms:
-                write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))
-
-
 def _write_tables(folder: Path, section: Section) -> None:
-    """Those that have a row, for LaTeX."""
     folder.mkdir(exist_ok=True)
     tables = {
         "main": section.accuracy,
@@ -74,14 +63,8 @@ def _write_tables(folder: Path, section: Section) -> None:
             write_whole(folder / f"{section.anchor}-{name}.tex", text)
 
 
-def _purposes(parts: Sequence[Section]) -> dict[str, str]:
-    """Heading by purpose, of those that any section has a use for."""
-    named = {use.purpose for part in parts for use in part.verdict.uses}
-    return {purpose: heading for purpose, heading in PURPOSES.items() if purpose in named}
-
-
 def _counts(rows: Sequence[Row], planned: int) -> str:
-    """How many cells ended how, how many of those planned have not been run, and what a cell is."""
+    """Counts cells by status, with those not run yet, and defines a cell."""
     statuses = [row.columns["status"] for row in rows]
     counts = {status: statuses.count(status) for status in sorted(statuses)}
     counts |= {"not run yet": planned - len(rows)} if planned > len(rows) else {}
@@ -90,7 +73,7 @@ def _counts(rows: Sequence[Row], planned: int) -> str:
 
 
 def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    """(log, digest), each once; one that is the same for all seeds has no seed."""
+    """Lists (log, digest), each once; without a seed where it is the same for all."""
     by_log: dict[str, dict[int, str]] = {}
     for row in rows:
         c = row.columns

@@ -1,11 +1,11 @@
-"""What a report says of one dataset: verdict, tables, figures, and what failed."""
+"""A report's section on one dataset: verdict, tables, figures, and what failed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..drawing.figure import GROUPS, Exhibit
+from ..drawing.figure import GROUPS, ReportFigure
 from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
@@ -14,10 +14,8 @@ from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
-from .drawn_log import Scene, scene
-from .figures import exhibits
-from .pairs_table import pairs_table
-from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table
+from .drawn_log import DrawnLog, drawn_log
+from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table, pairs_table
 
 
 class Failure(NamedTuple):
@@ -31,42 +29,39 @@ class Failure(NamedTuple):
 
 
 class Section(NamedTuple):
-    """All on one dataset."""
+    """A report's section on one dataset."""
 
     dataset: str  # label
-    name: str  # what people call it
+    name: str  # display name
     anchor: str
     kind: str  # "truth", "reference" or ""
-    places: str  # whose the known landmarks' places are, if any are known: "truth" or "reference"
+    places: str  # source of the known landmarks' places, if any: "truth" or "reference"
     verdict: Verdict
     facts: str
     accuracy: Table  # the small one that answers most questions
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
     cost: Table  # of a step, and of the log
-    cost_note: str  # whose programs are compared, where they are of several
+    cost_note: str  # the programs that are compared, if several
     growth: Table  # of a step, along the log
     fit: Table  # J by its terms
     fit_note: str
     inner: Table  # particles and gates
-    scene: Scene | None
-    panels: Sequence[Exhibit]  # the paths
-    exhibits: Sequence[Exhibit]
+    log: DrawnLog | None
+    panels: Sequence[ReportFigure]  # the paths
+    figures: Sequence[ReportFigure]
     failures: Sequence[Failure]
 
     @property
-    def groups(self) -> dict[str, list[Exhibit]]:
-        """The figures by what they are about, in the order in which a report shows them.
-
-        Those of accuracy over time are beside those of consistency; the others stand by themselves, first.
-        """
-        timed = [e for e in self.exhibits if e.group == "accuracy" and e.plot is not None and e.plot.timed]
-        by_group = {group: [e for e in self.exhibits if e.group == group and e not in timed] for group in GROUPS}
+    def groups(self) -> dict[str, list[ReportFigure]]:
+        """Groups the figures by subject, in order; those of accuracy over time go with those of consistency."""
+        timed = [e for e in self.figures if e.group == "accuracy" and e.plot is not None and e.plot.timed]
+        by_group = {group: [e for e in self.figures if e.group == group and e not in timed] for group in GROUPS}
         return by_group | {"consistency": timed + by_group["consistency"]}
 
 
 def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
-    """What there is to say of each dataset, and how each backend looks in all of it."""
+    """Makes a section for each dataset, and the backends' looks in all of them."""
     run = store.run()
     found = lines(store.cells(), run.get("implementations"))
     look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
@@ -75,10 +70,11 @@ def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
 
 
 def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
-    from .trajectories import trajectories
+    from .figures import report_figures
+    from .path_figures import trajectories
 
     ruling = verdict(found)
-    shown = scene(store, found, look, run["folders"], ruling.comparisons)
+    shown = drawn_log(store, found, look, run["folders"], ruling.comparisons)
     known, slug = representative(found), run["folders"][found[0].dataset]
     return Section(
         dataset=found[0].dataset,
@@ -97,9 +93,9 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         fit=fit_table(found),
         fit_note=_fit_note(found),
         inner=inner_table(found),
-        scene=shown,
+        log=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
-        exhibits=exhibits(slug, shown) if shown else [],
+        figures=report_figures(slug, shown) if shown else [],
         failures=[failure for line in found for failure in _failures(line)],
     )
 
@@ -111,17 +107,18 @@ def _failures(line: Line) -> list[Failure]:
         if c["status"] != "done" or c["reason"]:
             alike.setdefault((c["status"], c["reason"] or ""), []).append(row)
     return [
-        Failure(line.backend, _seeds(rows), status, reason, rows[0].traceback)
+        Failure(
+            line.backend,
+            f"seed{'s' * (len(rows) > 1)} {listed([str(r.columns['seed']) for r in rows])}",
+            status,
+            reason,
+            rows[0].traceback,
+        )
         for (status, reason), rows in alike.items()
     ]
 
 
-def _seeds(rows: Sequence[Row]) -> str:
-    return f"seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
-
-
-def _facts(found: Sequence[Line], shown: Scene | None) -> str:
-    """What the log is, in a line."""
+def _facts(found: Sequence[Line], shown: DrawnLog | None) -> str:
     first = {name: value for line in reversed(found) for name, value in line.values.items()}
     said = [counted(round(first[name].median), name[:-1]) for name in ("steps", "sightings") if name in first]
     length = shown and shown.lengths.get(shown.seed)
@@ -131,7 +128,6 @@ def _facts(found: Sequence[Line], shown: Scene | None) -> str:
 
 
 def _fit_note(found: Sequence[Line]) -> str:
-    """What J is to be held against: its size were all stated noise true; and why that of an online path is large."""
     numbers = {
         (3 * (c["steps"] - 1), 2 * (c["sightings"] - c["ignored"]))
         for c in (row.columns for line in found for row in line.rows)
@@ -143,6 +139,6 @@ def _fit_note(found: Sequence[Line]) -> str:
         said = f"True noise would give about {number(motions)} of odometry and {number(seen)} of sightings at the true "
         said += "path and map; an optimum has less."
     if any("j_online" in line.values for line in found):
-        said += " A filter's online path jumps where a sighting corrects it, and no odometry has reported the jump: "
-        said += "its J is large by nature, and no fault."
+        said += " A filter's online path jumps where a sighting corrects it, and odometry does not explain the jump: "
+        said += "its large J is no defect."
     return said

@@ -1,20 +1,21 @@
-"""The report's tables: a small one that answers most questions, those of its details, and one of every cell."""
+"""Makes the report's tables: a small one of the main results, detailed ones, one of every cell, and one of pairs."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 
 from ..drawing.table import Entry, Table, TableRow
 from ..record.schema import Row, label
+from ..verdict.accuracy import between
 from ..verdict.consistency import belief_word
-from ..verdict.medians import Typical, typical
-from ..verdict.ranking import contest, ordered, standing
-from ..verdict.statistics import FEWEST
-from ..verdict.summary import Line, logs, representative
-from ..words.columns import about
+from ..verdict.ranking import ordered, ranking, standing
+from ..verdict.statistics import FEWEST, Comparison
+from ..verdict.summary import Line, Typical, logs, representative, typical
+from ..verdict.verdict import Verdict
+from ..words.columns import PAIRS, about
 from ..words.names import called
 from ..words.numerals import counted, number
 
-WHOSE = "implementation"
-"""The column of words that stands before those of numbers wherever costs are compared."""
+WHOSE = "implementation"  # the column of words before those of numbers wherever costs are compared
 
 MAIN = (
     WHOSE, "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
@@ -45,8 +46,7 @@ CELLS = (
     "step_us_p50", "step_us_p99", "cpu_s", "peak_mb",
 )  # fmt: skip
 
-WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}
-"""Columns of the small table whose interval is beside the median."""
+WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}  # with an interval
 
 FROM_REFERENCE = {
     "ate_m": "online path from reference",
@@ -55,11 +55,11 @@ FROM_REFERENCE = {
     "map_rmse_m": "map from reference",
     "final_map_rmse_m": "final map from reference",
 }
-"""Headings where distances are not errors."""
+"""headings where distances are not errors"""
 
 
 def accuracy_table(lines: Sequence[Line]) -> Table:
-    """How good, how sure of itself, how dear: what a reader wants first. The best are marked where that is tested."""
+    """Makes the small table: accuracy, consistency, cost. The best are marked where that is tested."""
     known = representative(lines)
     kept = {"map_rmse_m", "final_map_rmse_m"} if known.surveyed else set[str]()
     reference = known.truth_kind == "reference"
@@ -80,11 +80,13 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
     names = MAIN if known.truth_kind else ("landmarks", *MAIN)
     table = laid(ordered(lines), names, entry, "", headings)
     bold = any(e.best for row in table.rows for e in row.entries)
-    return table._replace(caption=f"{_basis(lines)}{'; bold: none is more accurate for sure' * bold}{_marks(lines)}")
+    return table._replace(
+        caption=f"{_basis(lines)}{'; bold: none is significantly more accurate' * bold}{_marks(lines)}"
+    )
 
 
 def paper_table(main: Table) -> Table:
-    """What of the small table has room in a column of a paper; a count of cells only where some are not done."""
+    """Makes the small table for a column of a paper; counts of cells only where some are not done."""
     names = [column.name for column in main.headings]
     wanted = PAPER if "nees" in names else PAPER_MAPS
     kept = [k for k, name in enumerate(names) if name in wanted]
@@ -94,7 +96,7 @@ def paper_table(main: Table) -> Table:
 
 
 def details_tables(lines: Sequence[Line]) -> list[Table]:
-    """What the small table leaves out, of the online path and map and of those smoothed at the end; medians."""
+    """Makes tables of what the small one leaves out, of online and final path and map; medians."""
     return [
         laid(having, names, _median, f"{what} in detail: {_basis(lines, ends=False)}")
         for what, names in (("Online path and map", ONLINE), ("Path and map smoothed at the end", FINAL))
@@ -103,16 +105,13 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
 
 
 def cost_table(lines: Sequence[Line]) -> Table:
-    """What a step and the log cost: medians; a time is marked * where other cells ran beside any of the line's."""
+    """Makes the table of costs of a step and of the log: medians; * where other cells ran at the same time."""
     caption = f"Cost of a step and of the whole log: {_basis(lines, ends=False)}{_marks(lines)}"
     return laid(ordered(lines), COST, _median, caption)
 
 
 def growth_table(lines: Sequence[Line]) -> Table:
-    """How that grows along the log, and whether it keeps up with it: a question apart, for which the other has no room.
-
-    An exponent has its standard error beside it.
-    """
+    """Makes the table of costs along the log: growth, and real time; exponents with standard errors."""
 
     def entry(line: Line, name: str) -> Entry:
         error = line.values.get(f"{name}_se")
@@ -123,7 +122,7 @@ def growth_table(lines: Sequence[Line]) -> Table:
 
 
 def fit_table(lines: Sequence[Line]) -> Table:
-    """J and what it is made of: medians, and the least of all marked."""
+    """Makes the table of J by its terms: medians, and the least of all marked."""
     totals = {line.backend: line.values[name].median for line in lines for name in FIT[-2:] if name in line.values}
     least = min(totals, key=lambda name: totals[name]) if len(totals) > 1 else ""
 
@@ -140,12 +139,12 @@ def fit_table(lines: Sequence[Line]) -> Table:
 
 
 def inner_table(lines: Sequence[Line]) -> Table:
-    """What goes on inside the estimators that tell: those of particles, and those that gate."""
+    """Makes the table of particles and gates."""
     return laid(_having(lines, INNER), INNER, _median, f"Particles and gates: {_basis(lines, ends=False)}")
 
 
 def cells_table(rows: Sequence[Row], folders: Mapping[str, str]) -> Table:
-    """Every cell by itself; what is not done has a status and no numbers."""
+    """Makes the table of every cell; one that is not done has a status and no numbers."""
     names = [name for name in CELLS if any(row.columns[name] is not None for row in rows)]
     datasets = called([label(row.columns["dataset"], row.columns["dataset_options"]) for row in rows])
     found: list[TableRow] = []
@@ -173,7 +172,7 @@ def laid(
     caption: str,
     headings: Mapping[str, str] | None = None,
 ) -> Table:
-    """A row a line, a column a name in which any has an entry; `headings` replace those of the definitions."""
+    """Makes a table, one row per line and one column per name with any entry; `headings` replace the usual ones."""
     other = headings or {}
     columns = [[entry(line, name) for line in lines] for name in names]
     kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
@@ -183,13 +182,13 @@ def laid(
 
 
 def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
-    done = Entry(f"{line.done}/{len(line.rows)}", "told the truth" if line.told else "", value=line.done)
+    done = Entry(f"{line.done}/{len(line.rows)}", "given the ground truth" if line.told else "", value=line.done)
     return TableRow(line.backend, [done, *entries], "done" if line.done == len(line.rows) else "some failed")
 
 
 def _best(lines: Sequence[Line], name: str) -> list[str]:
-    """Those that none is more accurate than for sure; [] where nothing is tested, or nobody is beaten."""
-    found = contest(lines, name)
+    """Lists those that are not significantly beaten; [] where nothing is tested, or nobody is beaten."""
+    found = ranking(lines, name)
     if found is None or found.logs < FEWEST:
         return []
     beaten = {c.second for c in found.comparisons if c.first == found.lines[0].backend and standing(c) == "better"}
@@ -197,12 +196,10 @@ def _best(lines: Sequence[Line], name: str) -> list[str]:
 
 
 def _having(lines: Sequence[Line], names: Sequence[str]) -> list[Line]:
-    """Those that have any of the columns."""
     return [line for line in ordered(lines) if any(name in line.values for name in names)]
 
 
 def _words(line: Line, name: str) -> Entry:
-    """The entry of a column in which the line has no number."""
     return Entry(line.implementation if name == WHOSE else "")
 
 
@@ -215,19 +212,18 @@ def _median(line: Line, name: str) -> Entry:
 
 
 def shown(name: str, value: float, *, alone: bool) -> str:
-    """A column's value; a time is marked where other cells ran beside."""
+    """Writes a column's value; a time is marked where other cells ran at the same time."""
     kind = about(name).kind
     return kind.shown(value) + "*" * (kind.is_time and not alone)
 
 
 def _ends(found: Typical, of: int) -> str:
-    """The interval, or the range; which of them it is stands in the caption, where most of the logs are there."""
+    """Writes the interval, or the range; the caption says which, if most logs are there."""
     word = "range " if of >= FEWEST and not found.interval else ""
     return "" if found.low == found.high else f"{word}{number(found.low)}\N{EN DASH}{number(found.high)}"
 
 
 def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
-    """What the numbers are."""
     n = logs(lines)
     if n == 1:
         runs = max(len(line.rows) for line in lines)
@@ -243,3 +239,39 @@ def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
 def _marks(lines: Sequence[Line]) -> str:
     failed = "; a failure counts as ∞" * any(line.failed and line.done for line in lines)
     return failed + "; * timed while other cells ran beside it" * (not all(line.alone for line in lines))
+
+
+WORDS = {
+    "better": "closer",
+    "worse": "further off",
+    "alike": "alike",
+    "open": "not significant",
+    "unproven": "not supported by the test",
+    "few": "too few logs",
+}
+
+
+def pairs_table(found: Verdict) -> Table:
+    """Makes the table of comparisons, one row each, in the verdict's order."""
+    rows = [
+        TableRow(c.first, [Entry(c.second), Entry(about(column).heading), *_entries(c)])
+        for column, comparisons in found.comparisons.items()
+        for c in comparisons
+    ]
+    caption = (
+        "Every pair on the same logs: how many times the first one's error the second one's is, and its 95 % interval; "
+        "those with dead reckoning are corrected among themselves"
+    )
+    return Table(PAIRS, rows, caption)
+
+
+def _entries(c: Comparison) -> list[Entry]:
+    tested = c.n >= FEWEST
+    ends = f"{number(c.low)}\N{EN DASH}{number(c.high)}" if tested else ""
+    return [
+        Entry("" if isnan(c.ratio) else number(c.ratio), note=ends, value=None if isnan(c.ratio) else c.ratio),
+        Entry(WORDS[standing(c)], note=between(c) if tested and standing(c) == "open" else ""),
+        Entry(("<0.0001" if c.adjusted < 1e-4 else f"{c.adjusted:.2g}") * tested, value=c.adjusted if tested else None),
+        Entry(f"{c.effect:.2f}" if tested else "", value=c.effect if tested else None),
+        Entry(f"{c.closer} of {c.n}", value=c.closer),
+    ]

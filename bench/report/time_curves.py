@@ -1,4 +1,4 @@
-"""Curves over the time since a log began, over steps where it has no times."""
+"""Draws curves over the time since a log began, over steps where it is not timed."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,20 +9,19 @@ from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array
 from ..drawing.axes import fitted, legend
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import curve, exhibit, of
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.legend import ROW, named
 from ..drawing.svg import INK
 from ..words.numerals import listed, number
 from ..words.styles import Look
-from .drawn_log import Scene
+from .drawn_log import DrawnLog
 
-HEIGHT = 165
-"""Points, without the legend."""
+HEIGHT = 165  # points, without the legend
 
 
 class Series(NamedTuple):
-    """A backend's."""
+    """A backend's curve."""
 
     label: str
     look: Look
@@ -34,7 +33,7 @@ class Series(NamedTuple):
 
 
 class Band(NamedTuple):
-    """Where values should be."""
+    """The band in which values should be."""
 
     t: Array
     low: Array
@@ -43,7 +42,7 @@ class Band(NamedTuple):
 
 def along(
     name: str,
-    scene: Scene,
+    log: DrawnLog,
     title: str,
     unit: str,
     caption: str,
@@ -54,11 +53,11 @@ def along(
     most: float = np.inf,
     band: Band | None = None,
     start: float | None = None,
-) -> Exhibit | None:
-    """The exhibit; None without any series.
+) -> ReportFigure | None:
+    """Draws the curves; None without any.
 
-    `start` is when the log began, if not with the first of the series. `level` is where values should be. Those above
-    `most` are left out, and told of, where that leaves something to see.
+    `start` is when the log began, if not with the first of the series. `level` is where values should be. Values above
+    `most` are left out and listed in the caption, unless nothing would be left.
     """
     series = [one for one in series if len(one.t)]
     if not series:
@@ -68,7 +67,7 @@ def along(
     beyond = {one.label: highest for one in series if (highest := float(np.nanmax(one.values))) > most}
     if beyond:
         caption += f" Beyond the top: {listed([f'{label}, up to {number(high)}' for label, high in beyond.items()])}."
-    key = named((one.label for one in series), scene.order)
+    key = named((one.label for one in series), log.order)
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
@@ -87,13 +86,13 @@ def along(
             values.append(level)
         fitted("y", axes, [min(value, most) for value in values])
         axes.margins(x=0.02)
-        axes.set_xlabel(scene.clock)
+        axes.set_xlabel(log.clock)
         axes.set_ylabel(unit)
         legend(figure, axes, key.columns)
 
     height = HEIGHT + ROW * key.rows
     curves = [curve(one.label, one.t - begun, one.values, final=one.final) for one in series]
-    return exhibit(name, title, caption, height, draw, group=group, curves=curves, timed=True)
+    return report_figure(name, title, caption, height, draw, group=group, curves=curves, timed=True)
 
 
 def _median(values: Array) -> float:

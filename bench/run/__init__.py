@@ -1,1 +1,1 @@
-"""A whole run: plan to folder, progress, what the terminal and `slamduel.run` show."""
+"""Runs a plan into a folder, with progress and results for the terminal and `slamduel.run`."""

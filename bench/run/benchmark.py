@@ -1,4 +1,4 @@
-"""A whole run, from words to a folder with its report: what `bench run` and `slamduel.run` both do."""
+"""A whole run, from its settings to a folder with its report: what `bench run` and `slamduel.run` do."""
 
 import contextlib
 import shlex
@@ -10,7 +10,7 @@ from ...frontend.errors import InputError, Interrupted
 from ..plan.plan import Plan
 from ..record.store import Store
 from ..report.report import write_report
-from ..verdict.walsh import MOST
+from ..verdict.statistics import MOST
 from ..workers.executor import Executor
 from .progress import Screen
 from .runner import recorded_plan, run
@@ -25,7 +25,7 @@ DEFAULTS: dict[str, Any] = {
     "map_fixed": False,
     "oracle": False,
 }
-"""What a run is when nothing is said."""
+"""the settings of a run where nothing is given"""
 
 
 def benchmark(
@@ -37,17 +37,14 @@ def benchmark(
     *,
     retry: bool = False,
 ) -> Plan:
-    """Run what `given` says, and DEFAULTS where it says nothing, into `out`; or go on with the run that is in there.
-
-    InputError where that run is another one than what is asked for.
-    """
+    """Runs `given` and DEFAULTS into `out`, or continues its run; InputError where that has other settings."""
     plan = planned(given, out)
     try:
         run(plan, out, executor, command, watcher, retry=retry)
     except KeyboardInterrupt:
         if not begun(out):
             raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None
-        raise Interrupted(f"bench run --out {shlex.quote(str(out))} goes on where this stopped") from None
+        raise Interrupted(f"bench run --out {shlex.quote(str(out))} continues from here") from None
     watcher.reporting()
     with Store(out) as store:
         write_report(store)
@@ -55,7 +52,7 @@ def benchmark(
 
 
 def planned(given: Mapping[str, Any], out: Path) -> Plan:
-    """The plan of the run in `out`, else what `given` and DEFAULTS say. InputError as for `benchmark`."""
+    """Returns the plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
     plan = recorded_plan(out)
     if plan is None:
         plan = Plan.from_words(DEFAULTS | dict(given))
@@ -67,19 +64,19 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
 
 
 def begun(out: Path) -> bool:
-    """Whether `out` holds a run to go on with."""
+    """Returns True if `out` holds a run to continue."""
     with contextlib.suppress(InputError):
         return recorded_plan(out) is not None
     return False
 
 
 def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> None:
-    """InputError where `out` holds a run of another plan than the one asked for."""
+    """Raises InputError where `out` holds a run with other settings than those given."""
     recorded = plan.words()
     asked = Plan.from_words(recorded | {"map_digest": None} | dict(given)).words()
     for name, value in asked.items():
         if value != recorded[name]:
             raise InputError(
                 f"--out {out}: holds a run with {name} {recorded[name]}, found {name} {value}; expected the same, or "
-                "nothing but --out to go on with it, or another folder."
+                "nothing but --out to continue it, or another folder."
             )

@@ -13,19 +13,19 @@ ESTIMATES = (
     "ate_m", "final_ate_m", "heading_rad", "map_rmse_m", "final_map_rmse_m", "nees", "nees_inside", "step_us_p50",
     "step_us_p99", "cpu_s",
 )  # fmt: skip
-"""Columns whose medians over the logs are given."""
+"""columns whose medians over the logs are given"""
 
 SCHEMA = """\
 folder, report    where everything is, and its page
 status            the exit status
 datasets          one each:
-  dataset, name   its label, and what people call it
+  dataset, name   its label, and its display name
   truth_kind      "truth", "reference" or ""
-  logs            how many different ones
+  logs            the number of different ones
   verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],
                   comparisons: {column: [{first, second, n, closer, ratio, low,
                   high, p, adjusted, effect}]}
-  lines           one a backend: backend, implementation, done, cells,
+  lines           one per backend: backend, implementation, done, cells,
                   timing_alone, estimates: {column: {value, low, high, n}}
 cells             one each, by column of cells.csv and of metrics.csv
 remarks           on a given map
@@ -33,13 +33,13 @@ remarks           on a given map
 An estimate is the median over n logs with its 95 % interval, whose ends are
 null where there are too few. Errors are infinite where the backend failed:
 infinity is the text "inf", and what is not a number is null."""
-"""What is in it."""
+"""the document's content"""
 
 
 def document(
     folder: str, report: str, status: int, lines: Sequence[Line], verdicts: Mapping[str, Verdict], remarks: str
 ) -> dict[str, Any]:
-    """The document, as SCHEMA says; `verdicts` are by dataset label."""
+    """Makes the document, as SCHEMA says; `verdicts` are by dataset label."""
     rows: list[Row] = [row for line in lines for row in line.rows]
     return _valid(
         {
@@ -81,7 +81,6 @@ def _line(line: Line) -> dict[str, Any]:
 
 
 def _valid(value: Any) -> Any:
-    """`value` as JSON has it."""
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):

@@ -1,8 +1,9 @@
-"""A run while it goes on: on a terminal tables that fill up and the time left, elsewhere a line a finished cell."""
+"""Shows a run's progress: tables that fill up and the time left; without a terminal, a line per cell."""
 
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from statistics import fmean
 from typing import Any
 
 from rich import box
@@ -19,17 +20,64 @@ from ..verdict.summary import Line, lines
 from ..words.console import plain, watched
 from ..words.names import called
 from ..words.numerals import counted
-from .pace import Pace, words
 from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
 
-AGAIN_S = 30.0
-"""s between two lines that tell the time left."""
+Kind = tuple[str, str]  # a cell's dataset and backend, by their labels
 
-REFRESHED = 1.0
-"""Times a second that the terminal is drawn: each takes some milliseconds of a core from what is measured."""
 
-BAR = 24
-"""Columns of the bar, where there is room."""
+class Pace:
+    """Estimates the time left from the wall time of the cells so far, by dataset and backend."""
+
+    def __init__(self, kinds: Iterable[Kind], workers: int) -> None:
+        self._left = list(kinds)
+        self._workers = workers
+        self._taken: dict[Kind, list[float]] = {}
+
+    def took(self, kind: Kind, seconds: float) -> None:
+        """Counts a cell of that kind."""
+        self._left.remove(kind)
+        self._taken.setdefault(kind, []).append(seconds)
+
+    def left(self) -> float | None:
+        """Returns the s from the latest to the last cell's end, at least those of the longest cell; None before any."""
+        if not self._taken:
+            return None
+        known = {kind: fmean(seconds) for kind, seconds in self._taken.items()}
+        guessed = {kind: _guess(known, kind) for kind in set(self._left)}
+        awaited = [guessed[kind] for kind in self._left]
+        return max(sum(awaited) / self._workers, max(awaited, default=0.0))
+
+
+def _guess(known: Mapping[Kind, float], kind: Kind) -> float:
+    """Guesses a kind's time: its own mean, else from ratios, at last the mean of all.
+
+    As this backend is to another one on another dataset, so it is on this one; without two such, the mean of those that
+    share its dataset or its backend.
+    """
+    if kind in known:
+        return known[kind]
+    dataset, backend = kind
+    told = [
+        known[dataset, other] * known[place, backend] / seconds
+        for (place, other), seconds in known.items()
+        if seconds > 0 and (dataset, other) in known and (place, backend) in known
+    ]
+    alike = [seconds for other, seconds in known.items() if dataset == other[0] or backend == other[1]]
+    return fmean(told or alike or known.values())
+
+
+def words(seconds: float) -> str:
+    """Writes the time left, no finer than it is known."""
+    if seconds < 10:
+        return "some seconds left"
+    if seconds < 90:
+        return f"about {10 * round(seconds / 10)} s left"
+    return f"about {seconds / 60:.0f} min left" if seconds < 5400 else f"about {seconds / 3600:.1f} h left"
+
+
+AGAIN_S = 30.0  # s between two lines that report the time left
+REFRESHED = 1.0  # redraws per second: each takes some milliseconds of a core from what is measured
+BAR = 24  # columns of the bar, where there is room
 
 
 class Screen:
@@ -58,23 +106,23 @@ class Screen:
         self._live.stop()
 
     def looking(self, logs: int) -> None:
-        """So many logs are to be made: from now on there is something to see."""
+        """Announces the making of so many logs; the screen starts."""
         if watched(self._console) and not self._console.quiet:
             self._live.start()
         if logs:
             self._stage, self._done, self._total = "preparing logs", 0, logs
 
     def looked(self, name: str) -> None:
-        """One is ready."""
+        """Counts a log."""
         del name
         self._done += 1
 
     def say(self, sentence: str) -> None:
-        """Print a remark for the user."""
+        """Prints a remark for the user."""
         self._console.print(plain(sentence), highlight=False, soft_wrap=True)
 
     def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
-        """These cells are to be run; `recorded` have a result already."""
+        """Announces the cells to be run; `recorded` have a result already."""
         if done:
             self._console.print(
                 f"{counted(done, 'cell')} in the record already, {len(cells)} to be run", highlight=False
@@ -90,7 +138,7 @@ class Screen:
         self._draw()
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
-        """One has ended; on a terminal it is said at once, and once, where it did not go well, elsewhere always."""
+        """Counts a cell; prints it, on a terminal only if it did not go well, each message once."""
         self._rows.append(Row({name: row.get(name) for name in (*COLUMNS, *MORE)}, ""))
         self._done += 1
         self._latest = time.monotonic()
@@ -104,7 +152,7 @@ class Screen:
         self._draw()
 
     def reporting(self) -> None:
-        """All have; the report is written."""
+        """Announces the report."""
         self._stage, self._done, self._total = "writing the report", 0, 0
 
     def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
@@ -124,20 +172,20 @@ class Screen:
         )
 
     def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
-        """Say once that a log shows nothing: its backends are not worth waiting for."""
+        """Warns once about a log without sightings."""
         if row["status"] == "done" and unseen([row["sightings"]]) and dataset not in self._warned:
             self._warned.add(dataset)
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 
     def _left(self) -> str | None:
-        """The time left, in words; None before it can be told, and when nothing is."""
+        """Returns the time left, in words; None before the first cell has ended, and at the end."""
         left = self._pace.left()
         if left is None or self._done == self._total:
             return None
         return words(max(0.0, left - (time.monotonic() - self._latest)))
 
     def _draw(self) -> None:
-        """Work the tables out anew: where they are too tall to be written over, a line a dataset, or nothing."""
+        """Recomputes the tables; where they are too tall, one line per dataset, or none."""
         if not self._live.is_started:
             return
         found = {(line.dataset, line.backend): line for line in lines(self._rows)}
@@ -148,7 +196,6 @@ class Screen:
                 return
 
     def _compact(self, every: Sequence[Line]) -> Table:
-        """A line a dataset."""
         shown = Table(box=box.SIMPLE_HEAD, collapse_padding=True)
         room = max(8, (self._console.width - 34) // 2)
         shown.add_column("dataset", no_wrap=True, overflow="ellipsis", max_width=room)
@@ -168,7 +215,6 @@ class Screen:
         return shown
 
     def _renderable(self) -> RenderableType:
-        """The tables, and below them how far it is."""
         parts = [self._stage]
         if self._total:
             parts.append(f"{self._done} of {self._total}")

@@ -1,4 +1,4 @@
-"""What a run left in its folder, for Python and for a notebook, where it shows itself."""
+"""The results of a run's folder, for Python and for notebooks: `slamduel.run`."""
 
 import base64
 import contextlib
@@ -29,14 +29,9 @@ from .progress import Screen
 from .runner import LOGS
 from .terminal import conclude, verdicts
 
-ASKER = "slamduel.run"
-"""In whose name arguments are refused."""
-
-LONGEST = 60
-"""Letters of a log's name that its folder has: no file system takes more than 255 bytes."""
-
-Named = str | Path | Log | Dataset
-"""A dataset: as on the command line, the path of a log or of a recording, or a log that Python holds."""
+ASKER = "slamduel.run"  # who refuses arguments, in messages
+LONGEST = 60  # letters of a log's name in its folder's: no file system takes more than 255 bytes
+Named = str | Path | Log | Dataset  # on the command line or as a path, or a log in memory
 
 
 class Result:
@@ -51,13 +46,13 @@ class Result:
 
     @property
     def cells(self) -> list[dict[str, Any]]:
-        """A dictionary a cell, by column of cells.csv; None where there is no value."""
+        """Returns one dictionary per cell, by column of cells.csv; None where there is no value."""
         with Store(self.folder) as store:
             return [dict(row.columns) for row in store.cells()]
 
     @property
     def table(self) -> Any:
-        """The cells as a pandas frame, one row each. InputError where pandas is not installed."""
+        """Returns the cells as a pandas frame, one row each; InputError where pandas is not installed."""
         try:
             import pandas
         except ImportError:
@@ -66,7 +61,7 @@ class Result:
 
     @property
     def verdict(self) -> dict[str, Verdict]:
-        """By dataset, as `cells` and the command line name it: what can be said of the backends on it.
+        """Returns the verdict on each dataset, by its label.
 
         `uses` says which backend to use for the path online, for the final one and for the map, and why; `sentences`
         say more, the most important first; `comparisons` are, by column of cells.csv, the tests of every two backends.
@@ -76,13 +71,13 @@ class Result:
 
     @property
     def report(self) -> Path:
-        """The page with everything."""
+        """Returns the path of the report's page."""
         return self.folder / "report.html"
 
     def path(
         self, backend: str, dataset: str | None = None, seed: int = 0, *, final: bool = False
     ) -> tuple[Array, Array]:
-        """Times (n,) and poses (n, 3) of one cell: those given step by step, or `final`, smoothed over the whole log.
+        """Returns times (n,) and poses (n, 3) of one cell: online, or `final`, smoothed over the whole log.
 
         `backend` and `dataset` are named as in the tables; the dataset may be left out where there is only one.
         InputError where there is no such path.
@@ -110,11 +105,17 @@ class Result:
         return captured.get().rstrip("\n") + f"\nreport: {self.report}"
 
     def _repr_html_(self) -> str:
-        """Verdicts, tables and paths, with no style of their own but the tables': a notebook has one."""
+        """Returns verdicts, tables and paths as HTML, in the notebook's own style."""
         with Store(self.folder) as store:
             found, look = sections(store)
         return rendered(
-            "result.html.jinja", {"sections": found, "looks": look, "report": self.report, "picture": _data}
+            "result.html.jinja",
+            {
+                "sections": found,
+                "looks": look,
+                "report": self.report,
+                "picture": lambda svg: f"data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}",
+            },
         )
 
 
@@ -134,11 +135,11 @@ def run(
     retry: bool = False,
     quiet: bool = True,
 ) -> Result:
-    """Run backends on datasets as `bench run` does and return the results.
+    """Runs backends on datasets as `bench run` does and returns the results.
 
     `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
-    `Log`. Results go to `out`, by default results/DATE-TIME; a run that was stopped goes on where it was. The other
-    arguments are the options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
+    `Log`. Results go to `out`, by default results/DATE-TIME; a run that was stopped is continued. The other arguments
+    are the options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
     """
     folder = (
         Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
@@ -174,7 +175,6 @@ def _kind(name: str, value: Any, kind: Any) -> Any:
 
 
 def _backends(backend: Any) -> str:
-    """The backends as the command line names them."""
     several = [backend] if isinstance(backend, str) else backend if isinstance(backend, Sequence) else [None]
     if not all(isinstance(one, str) for one in several):
         raise InputError(f"{ASKER}: backend is {backend!r}, expected names: a text, or a list of texts.")
@@ -184,7 +184,6 @@ def _backends(backend: Any) -> str:
 
 
 def _each(dataset: Any, truth: Any) -> list[Named]:
-    """The datasets, a log together with its truth."""
     several: list[Any] = [dataset]
     if isinstance(dataset, Iterable) and not isinstance(dataset, str | Log | Dataset):
         several = list(dataset)
@@ -205,10 +204,7 @@ def _astray() -> InputError:
 
 
 def _word(dataset: Named, folder: Path, held: dict[Path, Dataset]) -> str:
-    """What the command line would call the dataset; a log that Python holds is `held`, by its place in the folder.
-
-    InputError where it cannot be used, or where its place is taken by another one.
-    """
+    """Returns the dataset's label; a log in memory is put into `held`. InputError where it cannot be used."""
     if isinstance(dataset, str):
         dataset_variants(dataset, ASKER)
         return dataset
@@ -235,7 +231,7 @@ def _word(dataset: Named, folder: Path, held: dict[Path, Dataset]) -> str:
 
 
 def _same(kept: Dataset, given: Dataset) -> bool:
-    """Whether `given` is what was `kept`: written and read as well, it has the same factors and the same truth."""
+    """Returns True if `given` is the `kept` log: written and read, it has the same factors and the same truth."""
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         log_folder.write(Path(scratch) / LOGS, *given)
         again = log_folder.read(Path(scratch) / LOGS)
@@ -245,7 +241,7 @@ def _same(kept: Dataset, given: Dataset) -> bool:
 
 @contextlib.contextmanager
 def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
-    """The logs that Python holds in their places; gone again, with what was made for them, if no run was begun."""
+    """Writes the logs that Python holds into their places; removes them again if no run was begun."""
     missing = [path for path in (folder / LOGS, folder, *folder.parents) if not path.exists()]
     new = [place for place in held if not place.exists()]
     try:
@@ -259,8 +255,3 @@ def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
             for path in missing if new else ():
                 with contextlib.suppress(OSError):  # not empty: somebody else's
                     path.rmdir()
-
-
-def _data(svg: str) -> str:
-    """A figure as the address of an image: nothing of it can meet the page's own style."""
-    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...frontend.errors import InputError
-from ..engine.engine import Wanted, Watcher
+from ..engine.engine import RunRequest, Watcher
 from ..engine.engine import run as run_cells
 from ..engine.log_files import FOLDER as LOGS
 from ..plan.plan import Plan
@@ -25,10 +25,7 @@ __all__ = ["LOGS", "recorded_plan", "run"]
 def run(
     plan: Plan, folder: Path, executor: Executor, command: Sequence[str], watcher: Watcher, *, retry: bool = False
 ) -> None:
-    """Run the plan's cells into `folder`, or those that its record still lacks; then write the folder's files.
-
-    InputError where a log cannot be had or the folder not be used; nothing is left behind then that was not there.
-    """
+    """Runs the plan's missing cells, then writes the folder's files. InputError leaves nothing new behind."""
 
     def about(known: Mapping[str, Any]) -> Mapping[str, Any]:
         _refuse_a_study(folder, known)
@@ -38,15 +35,15 @@ def run(
             "command": shlex.join(command),
             "map": None if plan.map is None else plan.map.words(),
         }
-        return {**facts, **known}  # a run that goes on is what it was started as
+        return {**facts, **known}  # a continued run keeps its first facts
 
-    run_cells(work_of(plan), folder, executor, Wanted(retry=retry), about, watcher)
+    run_cells(work_of(plan), folder, executor, RunRequest(retry=retry), about, watcher)
     with Store(folder) as store:
         export(store)
 
 
 def recorded_plan(folder: Path) -> Plan | None:
-    """The plan of the run in `folder`; None where it holds none. InputError where it holds something else."""
+    """Reads the plan of the run in `folder`; None where it holds none, InputError where it holds something else."""
     if (folder / FILE).is_file():
         with contextlib.suppress(Empty), Store(folder) as store:
             known = store.about()

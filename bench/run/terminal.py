@@ -1,4 +1,4 @@
-"""What a run comes to, in the terminal: a table a dataset, which backend to use, and what went wrong."""
+"""Prints a run's results: one table per dataset, which backend to use, and what went wrong."""
 
 import io
 import math
@@ -12,36 +12,26 @@ from rich.padding import Padding
 from rich.table import Table
 
 from ..verdict.implementations import sentence
-from ..verdict.medians import typical
 from ..verdict.statistics import FEWEST
-from ..verdict.summary import Line, logs
+from ..verdict.summary import Line, logs, typical
 from ..verdict.verdict import Verdict, verdict
 from ..words.console import plain, watched, wrapped
 from ..words.names import called
 from ..words.numerals import counted
 
-LOST = 1e6
-"""m, or NEES, from which on a figure is shown by its order."""
-
-LABEL = (18, 28, 60)
-"""Columns that a backend's label may take before it is wrapped: below NARROW, below MEDIUM, and beyond."""
+LOST = 1e6  # m, or NEES, from which on only the order of magnitude is shown
+LABEL = (18, 28, 60)  # columns of a backend's label before it is wrapped: below NARROW, below MEDIUM, and beyond
 
 NARROW, MEDIUM = 70, 100
 
-FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")
-"""Columns that are left out where there is no room; before intervals are, the first three, and `done` where all is."""
-
+FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")  # where space is short; three of them before intervals
 STATUS_STYLE = {"done": "green", "skipped": "magenta"}  # others are red; yellow cannot be read on white
-
-PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}
-"""What is before the backend that a verdict names, by purpose."""
-
-PURPOSE = 11
-"""Columns of the longest, and of what mishaps are headed by."""
+PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}  # headings of recommendations, by purpose
+PURPOSE = 11  # columns of the headings
 
 
 def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
-    """The lines of each dataset, by its label."""
+    """Groups the lines by dataset label."""
     found: dict[str, list[Line]] = {}
     for line in lines:
         found.setdefault(line.dataset, []).append(line)
@@ -49,16 +39,20 @@ def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
 
 
 def verdicts(lines: Sequence[Line]) -> dict[str, Verdict]:
-    """The verdict on each dataset, by its label."""
+    """Returns the verdict on each dataset, by its label."""
     return {dataset: verdict(mine) for dataset, mine in by_dataset(lines).items()}
 
 
 def conclude(console: Console, lines: Sequence[Line]) -> None:
-    """Print what the run came to, dataset by dataset."""
+    """Prints the results, dataset by dataset."""
     found = by_dataset(lines)
     for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
         console.print(table)
-        said = [*(_uses(verdict(mine)) if any(line.done for line in mine) else ()), *_programs(mine), *mishaps(mine)]
+        said = [
+            *(_uses(verdict(mine)) if any(line.done for line in mine) else ()),
+            *([("costs", programs)] if (programs := sentence(mine)) else []),
+            *failures(mine),
+        ]
         if watched(console):
             console.print(_folded(said), highlight=False)
         for heading, text in () if watched(console) else said:
@@ -67,7 +61,6 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
 
 
 def _folded(said: Sequence[tuple[str, str]]) -> Padding:
-    """Headings beside what they are about."""
     shown = Table.grid(padding=(0, 2))
     shown.add_column(no_wrap=True, style="dim", min_width=PURPOSE)
     shown.add_column()
@@ -77,21 +70,14 @@ def _folded(said: Sequence[tuple[str, str]]) -> Padding:
 
 
 def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
-    """What to use for which purpose, and why; where nothing is named, the verdict's first sentence."""
     for use in found.uses:
         yield PURPOSES.get(use.purpose, use.purpose), f"{use.backend}: {use.why}" if use.backend else use.why
     if not found.uses and found.sentences:
         yield "verdict", found.sentences[0]
 
 
-def _programs(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    """Whose programs the costs are of, where they are of several."""
-    if said := sentence(lines):
-        yield "costs", said
-
-
-def mishaps(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    """What did not go as it should, on one dataset: cells that are not done, by backend, and logs that show nothing."""
+def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
+    """Yields what went wrong on one dataset: cells not done, by backend, and logs without sightings."""
     rows = [row.columns for line in lines for row in line.rows]
     if rows and all(row["status"] == "skipped" for row in rows):
         yield "nothing run", f"all of {counted(len(rows), 'cell')} were skipped, so there is nothing to compare"
@@ -107,25 +93,25 @@ def mishaps(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
         yield "remark", NO_SIGHTING
 
 
-NO_SIGHTING = "there is no sighting in it, and without any every backend gives dead reckoning"
+NO_SIGHTING = "there is no sighting in it, so every backend gives dead reckoning"
 
 
 def unseen(sightings: Sequence[int | None]) -> bool:
-    """Whether no log has a sighting, by the column of that name."""
+    """Returns True if no log has a sighting, by the column of that name."""
     return bool(sightings) and not any(sightings)
 
 
 def status(lines: Sequence[Line]) -> int:
-    """A run's exit status: 0 where something was done and nothing failed. All skipped is no comparison: 1."""
+    """Returns a run's exit status: 0 where something was done and nothing failed; 1 also if all were skipped."""
     ends = [row.columns["status"] for line in lines for row in line.rows]
     return 0 if "done" in ends and set(ends) <= {"done", "skipped"} else 1
 
 
 def tables(lines: Sequence[Line], width: int, planned: Mapping[tuple[str, str], int] | None = None) -> list[Table]:
-    """The run at a glance, a table a dataset, with the columns that there is room for.
+    """Makes one table per dataset, with the columns that fit into `width`.
 
-    Medians over the logs, and their 95 % intervals from FEWEST logs on, else ranges over the cells. While the run goes
-    on, `planned` are its cells by dataset and backend; then there are no intervals yet.
+    Medians over the logs, and their 95 % intervals from FEWEST logs on, else ranges over the cells. During a run,
+    `planned` are its cells by dataset and backend; then there are no intervals yet.
     """
     groups = by_dataset(lines)
     names = called(list(groups))
@@ -146,29 +132,25 @@ _RULER = Console(width=1000, file=io.StringIO())
 
 
 class _Form(NamedTuple):
-    """What a table leaves out."""
-
     without: Sequence[str]
     ranges: bool
     label: int  # columns
 
 
 def _forms(width: int, with_ranges: Sequence[int]) -> Iterator[_Form]:
-    """The richest first; `with_ranges` are how many columns may go before ranges do."""
+    """Yields forms, the richest first; `with_ranges` are how many columns may go before ranges do."""
     label = min(LABEL[(width >= NARROW) + (width >= MEDIUM)], max(8, width - 28))
     yield from (_Form(FIRST_TO_GO[:k], True, label) for k in with_ranges)
     yield from (_Form(FIRST_TO_GO[:k], False, label) for k in range(len(FIRST_TO_GO) + 1))
 
 
 class _Entry(NamedTuple):
-    """A median, and what is in brackets after it where there is room."""
-
     text: str
     ends: str = ""
 
 
 def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[str, _Entry]:
-    """A line's entries by heading; the map's where it is held against true places."""
+    """Returns a line's entries by heading; the map's where true places are known."""
     v = line.values
     spreads = {
         "ATE, m": ("ate_m",),
@@ -191,7 +173,7 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
 
 
 def _ends(line: Line, column: str, *, final: bool) -> tuple[float, float, float]:
-    """The column's median and the ends of its interval, or range; NaN ends where there is but one value."""
+    """Returns the column's median and the ends of its interval, or range; NaN ends for a single value."""
     value = line.values[column]
     median, low, high = typical(line, column)[:3] if final else (value.median, value.low, value.high)
     return (median, low, high) if low < high else (median, math.nan, math.nan)
@@ -214,7 +196,7 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
     for line, row in zip(lines, texts, strict=True):
         shown.add_row(plain(wrapped(line.backend, form.label)) + " \N{DAGGER}" * line.told, *row)
     notes = ["* timed while other cells ran beside it"] * ("p99" in headings and not all(line.alone for line in lines))
-    notes += ["\N{DAGGER} was told the truth (--oracle)"] * any(line.told for line in lines)
+    notes += ["\N{DAGGER} was given the ground truth (--oracle)"] * any(line.told for line in lines)
     if notes:
         shown.caption, shown.caption_justify = "\n".join(notes), "left"
     return shown
@@ -225,7 +207,7 @@ def _whole(value: float) -> str:
 
 
 def _metres(median: float, low: float, high: float) -> _Entry:
-    """To a millimetre, or to a thousandth where that is coarser; what is lost altogether by its order alone."""
+    """Writes metres to a millimetre, or to a thousandth where that is coarser; beyond LOST the order of magnitude."""
     highest = median if math.isnan(high) else high
     if math.isinf(median):
         return _Entry("failed")

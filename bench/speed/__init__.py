@@ -1,1 +1,1 @@
-"""What a step, a corner and a pool cost, beside references timed in the same process."""
+"""Times steps, corner refinements and the batch optimum, with references timed in the same process."""

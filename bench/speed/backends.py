@@ -1,4 +1,4 @@
-"""`bench speed`: CPU time of every backend's step against the size of the map, beside stated references.
+"""`bench speed`: CPU time of every backend's step against the size of the map, beside references.
 
 Each backend and size has a process of its own, one thread, one at a time, in which its references are timed too.
 """
@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from ...frontend.errors import InputError
 from ...frontend.files import write_whole
 from ..plan.spec import BackendVariant, backend_variants
-from ..words.console import plain
+from ..words.console import ProgressBar, plain
 from ..workers.tasks import execute
 from .mrpt import built
 from .process import Extent, Process, Subject, lost, measure
@@ -26,10 +25,9 @@ from .tables import as_csv, backend_table, part_table, ratio_table, ratios_as_cs
 from .timing import Row
 
 BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam[version=1],fastslam,smoother,isam2,fixed-lag"
-"""Those that have a cost each step; `graph` has one at the end alone."""
+"""those with a cost per step; `graph` has one at the end alone"""
 
-OPTIONS = ("backend", "sizes", "particles", "sightings", "steps", "seconds", "scattered")
-"""The study's own."""
+OPTIONS = ("backend", "sizes", "particles", "sightings", "steps", "seconds", "scattered")  # the study's own options
 
 
 class _Size(NamedTuple):
@@ -43,12 +41,11 @@ FULL = _Size((10, 30, 100, 300, 1000), (100, 1000, 10_000), 5000, 5.0)
 QUICK = _Size((10, 30, 100), (100,), 200, 1.0)
 SIGHTINGS = 6
 
-OVERDUE = 1800.0
-"""s of wall clock after which a process is ended."""
+OVERDUE = 1800.0  # s of wall clock after which a process is killed
 
 
 def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
-    """Add the study's own options."""
+    """Adds the study's own options."""
     add = group.add_argument
     add("--backend", metavar="NAMES", help=f"as in bench run ({BACKENDS})")
     add("--sizes", metavar="N,...", help=f"landmarks on the map ({_listed(FULL.sizes)}; quick {_listed(QUICK.sizes)})")
@@ -73,16 +70,23 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
 
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
-    """Measure and print; the files written."""
+    """Measures and prints; returns the files written."""
     sizes, particles, extent = _asked(namespace)
     variants = backend_variants(namespace.backend or BACKENDS)
     rows = _measured(list(_processes(variants, sizes, particles, extent)), console)
     together = _together(variants, sizes, extent, console)
     rows += [Row("backend", v.label, size, reason=v.missing) for v in variants if v.missing for size in sizes]
     order = [variant.label for variant in variants]
-    rows.sort(key=lambda row: (_place(order, row), row.particles or 0, row.landmarks))
+    rows.sort(
+        key=lambda row: (
+            order.index(row.name) if row.kind == "backend" else len(order),
+            row.particles or 0,
+            row.landmarks,
+        )
+    )
     reached = ratios(rows, {variant.label: variant.options for variant in variants})
-    title = _words(extent)
+    which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
+    title = f"{extent.sightings} sightings a step, of {which}, one thread"
     _print(rows, reached, title, console)
     if together:
         console.print(together_table(together, REFERENCE))
@@ -90,7 +94,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 
 def _asked(namespace: argparse.Namespace) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
-    """Numbers of landmarks and of particles, and how far to go; InputError for what cannot be."""
+    """Returns numbers of landmarks and of particles, and the extent; InputError for invalid ones."""
     usual = QUICK if namespace.quick else FULL
     sizes = _counts("--sizes", namespace.sizes, usual.sizes)
     particles = _counts("--particles", namespace.particles, usual.particles)
@@ -113,7 +117,7 @@ def _asked(namespace: argparse.Namespace) -> tuple[tuple[int, ...], tuple[int, .
 def _processes(
     variants: Sequence[BackendVariant], sizes: tuple[int, ...], particles: tuple[int, ...], extent: Extent
 ) -> Iterator[Process]:
-    """One a backend and size; of a backend with particles, one a number of these, with all sizes in it."""
+    """Yields one process per backend and size; with particles, one per number of these, with all sizes in it."""
     here = [variant for variant in variants if variant.builder is not None]
     for name in dict.fromkeys(variant.name for variant in here):
         mine = [variant for variant in here if variant.name == name]
@@ -127,7 +131,6 @@ def _processes(
 
 
 def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
-    """Every process's rows, one process at a time."""
     rows: list[Row] = []
     for process, found, death in _executed(measure, processes, console):
         rows += lost(process, death) if death else found
@@ -135,7 +138,7 @@ def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
 
 
 def _together(variants: Sequence[BackendVariant], sizes: Sequence[int], extent: Extent, console: Console) -> list[Row]:
-    """The rows of what is timed in turns, a process a size; none where fewer than two of those are asked for."""
+    """Measures what is timed in turns, one process per size; nothing where fewer than two are asked for."""
     subjects, rows = chosen(variants), list[Row]()
     if not subjects:
         return rows
@@ -153,20 +156,16 @@ T = TypeVar("T")
 def _executed(
     function: Callable[[T], list[Row]], tasks: Sequence[T], console: Console
 ) -> Iterator[tuple[T, list[Row], str]]:
-    """Each task with its rows, or with why its process died, one process at a time."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        shown = progress.add_task("timing", total=len(tasks))
+    """Yields each task with its rows, or with why its process died, one process at a time."""
+    with ProgressBar(console, "timing", len(tasks)) as bar:
         for ended in execute(function, tasks, workers=1, timeout_s=OVERDUE):
             said = f"it took longer than {OVERDUE:g} s" if ended.death == "timeout" else ended.death
             console.print(f"[dim]timed {plain(str(tasks[ended.task]))}[/]", highlight=False)
-            progress.advance(shown)
+            bar.update(advance=1)
             yield tasks[ended.task], [] if said else ended.value, said
 
 
 def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: Console) -> None:
-    """The tables that have something in them."""
     backends = [row for row in rows if row.kind == "backend"]
     for with_particles in (False, True):
         mine = [row for row in backends if (row.particles is not None) == with_particles]
@@ -184,7 +183,6 @@ def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: C
 def _written(
     namespace: argparse.Namespace, rows: Sequence[Row], together: Sequence[Row], reached: Sequence[Ratio], title: str
 ) -> list[Path]:
-    """The files that were asked for."""
     written, every = list[Path](), [*rows, *together]
     if namespace.csv is not None:
         write_whole(namespace.csv, as_csv(every))
@@ -202,7 +200,7 @@ def _written(
 
 
 def _counts(flag: str, text: str | None, usual: tuple[int, ...]) -> tuple[int, ...]:
-    """Whole numbers above 0, separated by commas, sorted."""
+    """Parses whole numbers above 0, separated by commas, and sorts them."""
     if text is None:
         return usual
     try:
@@ -212,17 +210,6 @@ def _counts(flag: str, text: str | None, usual: tuple[int, ...]) -> tuple[int, .
     if counts[0] < 1:
         raise InputError(f"{flag} {text}: expected whole numbers above 0, separated by commas")
     return tuple(counts)
-
-
-def _place(order: Sequence[str], row: Row) -> int:
-    """Backends as they were named, references and parts after all of them."""
-    return order.index(row.name) if row.kind == "backend" else len(order)
-
-
-def _words(extent: Extent) -> str:
-    """What a step holds."""
-    which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
-    return f"{extent.sightings} sightings a step, of {which}, one thread"
 
 
 def _listed(counts: Sequence[int]) -> str:

@@ -1,8 +1,8 @@
 """`bench speed --batch`: the batch optimum by our solver and by GTSAM's Levenberg-Marquardt, from the same start.
 
-GTSAM's is timed with both of its multifrontal solvers. What is timed is ordering, linearising, eliminating and stepping
-until J falls no more; writing down the factors, reading the log and covariances are not. Where two solvers end at
-different minima, as from dead reckoning that is of no use, their times say nothing and there is no ratio.
+GTSAM's is timed with both of its multifrontal solvers. Timed are ordering, linearising, eliminating and stepping until
+J stops falling, but not writing down the factors, reading the log or covariances. Where two solvers end at different
+minima, as from bad dead reckoning, there is no ratio.
 """
 
 import argparse
@@ -23,14 +23,9 @@ from ...frontend.files import write_whole
 from ...frontend.se2 import Array
 from ..words.console import plain
 
-OPTIONS = ("rounds",)
-"""The study's own."""
-
-ROUNDS, QUICK = 5, 1
-"""How often each solver is timed, in turns; the fastest counts."""
-
-LONG = 5.0
-"""s of CPU; after a round that takes longer there is no other."""
+OPTIONS = ("rounds",)  # the study's own options
+ROUNDS, QUICK = 5, 1  # rounds in which each solver is timed, in turns; the fastest counts
+LONG = 5.0  # s of CPU; after a round that takes longer there is no other
 
 LOGS = {
     "bailey": {},
@@ -42,15 +37,12 @@ LOGS = {
 STARTS = ("incremental", "odometry")
 SOLVERS = ("MULTIFRONTAL_CHOLESKY", "MULTIFRONTAL_SOLVER")
 
-TOLERANCE, ITERATIONS = 1e-12, 1000
-"""As both solvers have them."""
-
-THE_SAME = 1e-3
-"""Share by which J may differ at one minimum, the two residuals of a motion being different."""
+TOLERANCE, ITERATIONS = 1e-12, 1000  # of both solvers
+THE_SAME = 1e-3  # share by which J may differ at one minimum, as the two residuals of a motion differ
 
 
 class Run(NamedTuple):
-    """One solver, once."""
+    """One run of a solver."""
 
     ms: float  # of CPU; infinite where it gave up
     cost: float  # its J
@@ -66,19 +58,19 @@ class Row(NamedTuple):
 
     @property
     def ratio(self) -> float | None:
-        """How many times faster ours is; None where they end at different minima."""
+        """Returns how many times faster ours is; None where they end at different minima."""
         most = max(self.own.cost, self.gtsam.cost)
         same = most < np.inf and abs(self.own.cost - self.gtsam.cost) <= THE_SAME * most
         return self.gtsam.ms / self.own.ms if same else None
 
 
 def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
-    """Add the study's own options."""
+    """Adds the study's own options."""
     group.add_argument("--rounds", type=int, metavar="N", help=f"the fastest of which counts ({ROUNDS}; quick {QUICK})")
 
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
-    """Measure and print; the files written."""
+    """Measures and prints; returns the files written."""
     rounds = max(1, namespace.rounds or (QUICK if namespace.quick else ROUNDS))
     names = list(LOGS)[:1] if namespace.quick else list(LOGS)
     rows = list[Row]()
@@ -97,7 +89,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 
 def measured(name: str, log: Log, start: str, rounds: int) -> Row:
-    """Both solvers in turns, so many times; the fastest run of each. Our first, which loads code, is not counted."""
+    """Times both solvers in turns; the fastest run of each counts. Our first, which loads code, is not counted."""
     path, landmarks = started(log, start)
     own, gtsam = [_own(log, path, landmarks)], list[Run]()
     for _ in range(rounds):
@@ -110,7 +102,7 @@ def measured(name: str, log: Log, start: str, rounds: int) -> Row:
 
 
 def started(log: Log, start: str) -> tuple[Array, Map]:
-    """Where the batch `graph` begins with that option `start`: the path (n, 3) and the landmarks."""
+    """Returns where the batch `graph` begins with that option `start`: path (n, 3) and landmarks."""
     from ...backends.graphs.batch import Batch
 
     batch = Batch(log, 0, 0.0)
@@ -122,7 +114,7 @@ def started(log: Log, start: str) -> tuple[Array, Map]:
 
 
 def geometric_mean(rows: Sequence[Row]) -> float:
-    """Of the ratios that there are."""
+    """Returns the geometric mean of the known ratios."""
     return float(np.exp(np.mean([np.log(row.ratio) for row in rows if row.ratio])))
 
 

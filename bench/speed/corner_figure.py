@@ -1,4 +1,4 @@
-"""The front end's study in one picture: bias, spread and honesty by distance, a line a refinement."""
+"""Draws the front end's study: bias, spread and consistency by distance, one line per refinement."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,12 +11,11 @@ from ..drawing.picture import picture
 from ..words.styles import looks
 from .corners import Accuracy
 
-HONEST = (0.8, 1.2)
-"""The band in which a mean normalised squared error, over its degrees of freedom, is taken for honest."""
+HONEST = (0.8, 1.2)  # band of the mean normalised squared error, over its degrees of freedom, that counts as consistent
 
 
 def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
-    """Draw the rows of a still camera into `path`, a PNG, whole or not at all; of a moving one, the last panel's."""
+    """Draws a still camera's rows into `path`, a PNG, whole or not at all; the last panel is a moving one's."""
     still = [row for row in rows if row.streak == 0]
     with picture(path, (12.5, 4.2)) as figure:
         bias, spread, honesty = figure.subplots(1, 3)
@@ -46,7 +45,7 @@ def _lines(axes: Axes, rows: Sequence[Accuracy], value: Callable[[Accuracy], flo
 
 
 def _honesty(axes: Axes, rows: Sequence[Accuracy]) -> None:
-    """Of one refinement, still and moving, with intervals."""
+    """Draws NEES of one refinement, still and moving, with intervals."""
     axes.axhspan(*HONEST, color="#e8f0e8", zorder=0)
     axes.axhline(1, color="#8c8c8c", linewidth=0.8)
     for look, streak in zip(looks("ab").values(), dict.fromkeys(row.streak for row in rows), strict=False):

@@ -1,4 +1,4 @@
-"""The front end's study as tables for the terminal, and as CSV."""
+"""Writes the front end's study as tables for the terminal, and as CSV."""
 
 import csv
 import io
@@ -21,7 +21,7 @@ Row = Cost | Accuracy | Misreadings
 
 
 def cost_table(costs: Sequence[Cost]) -> Table:
-    """CPU time, frame rate and ratio, a row a refinement, columns for each size of frame."""
+    """Makes the table of CPU time, frame rate and ratio, one row per refinement, columns per frame size."""
     table = _table(f"CPU time of a frame with {CROWD} markers, one thread", "refinement")
     cameras = list(dict.fromkeys(cost.camera for cost in costs))
     for camera in cameras:
@@ -38,7 +38,7 @@ def cost_table(costs: Sequence[Cost]) -> Table:
 
 
 def accuracy_table(rows: Sequence[Accuracy]) -> Table:
-    """Every refinement at every distance, beside each other."""
+    """Makes the table of every refinement at every distance."""
     streak = rows[0].streak
     camera = f"a camera that moves, streaks up to {streak:g} px" if streak else "a still camera"
     table = _table(f"{rows[0].placements} placements a distance, {camera}", "m", "refinement")
@@ -66,7 +66,7 @@ def accuracy_table(rows: Sequence[Accuracy]) -> Table:
 
 
 def misreading_table(rows: Sequence[Misreadings]) -> Table:
-    """Wrong ids."""
+    """Makes the table of wrong ids."""
     table = _table("Ids that are not there", "frames of", "refinement")
     for heading in ("frames", "sightings", "wrong ids"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -76,7 +76,7 @@ def misreading_table(rows: Sequence[Misreadings]) -> Table:
 
 
 def as_csv(rows: Sequence[Row]) -> str:
-    """A line a row, in COLUMNS; blank where a study has no such figure."""
+    """Writes one line per row, in COLUMNS; blank where a study has no such figure."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()

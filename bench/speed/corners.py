@@ -1,4 +1,4 @@
-"""What each corner refinement costs, and what its corners are worth, on frames whose truth is known."""
+"""Measures the cost and accuracy of each corner refinement, on frames with known truth."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,7 +11,7 @@ import numpy as np
 
 from ...datasets.rendering.cameras import CAMERAS, MOUNTING
 from ...datasets.rendering.clutter import clutter
-from ...datasets.rendering.marker_shots import Crowd, Placement, crowds, placements
+from ...datasets.rendering.marker_shots import Placement, crowds, placements
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector, Image, Refinement
 from ...frontend.markers.markers import Markers
@@ -19,31 +19,21 @@ from ...frontend.markers.noise import PropagatedNoise
 from ...frontend.se2 import Array, wrap
 
 REFINEMENTS: tuple[Refinement, ...] = ("none", "subpix", "contour", "apriltag", "template")
-"""The first is the one the others' costs are compared with."""
 
 MARKERS = Markers("4X4_50", 0.16)
 
 SMALL = CAMERAS["pinhole"]
 LARGE = Camera(1280, 720, (1002.1, 1000.8), (641.3, 357.9), (-0.208, 0.062, 0.0008, -0.0006, 0.0), MOUNTING)
 
-STILL = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-"""m, the distances from a still camera."""
-
-MOVING = (1.0, 2.0, 3.0, 4.0)
-"""m, the distances from one that moves."""
-
-STREAK = 4.0
-"""px, the most that a moving camera draws a marker out."""
-
-NEAR, FAR, CROWD = 0.8, 3.5, 6
-"""m, between which the markers of a crowded frame are, and how many there are."""
-
-NORMAL_95 = 1.96
-"""Standard deviations either side of the mean that hold 95 % of a normal distribution."""
+STILL = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)  # m, the distances from a still camera
+MOVING = (1.0, 2.0, 3.0, 4.0)  # m, the distances from a moving one
+STREAK = 4.0  # px, the most that motion blurs a marker
+NEAR, FAR, CROWD = 0.8, 3.5, 6  # m, range of the markers of a crowded frame, and their number
+NORMAL_95 = 1.96  # standard deviations either side of the mean that hold 95 % of a normal distribution
 
 
 class Cost(NamedTuple):
-    """One refinement's, at one size of frame."""
+    """The cost of one refinement at one frame size."""
 
     refinement: Refinement
     camera: Camera
@@ -52,12 +42,12 @@ class Cost(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """Frames a second on one core."""
+        """Returns frames per second on one core."""
         return 1e3 / self.ms
 
 
 class Accuracy(NamedTuple):
-    """One refinement's, at one distance."""
+    """The accuracy of one refinement at one distance."""
 
     refinement: Refinement
     distance: float  # m
@@ -73,7 +63,7 @@ class Accuracy(NamedTuple):
 
 
 class Misreadings(NamedTuple):
-    """How often a marker was seen that was not there."""
+    """The number of detections of markers that were not there."""
 
     kind: str  # of frames
     refinement: Refinement
@@ -83,7 +73,7 @@ class Misreadings(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """How much is looked at."""
+    """The extent of the study."""
 
     timed: int  # frames of either size
     placements: int  # for each distance
@@ -96,13 +86,13 @@ QUICK, FULL = Extent(10, 20, 20, 20), Extent(40, 200, 200, 200)
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """The detectors, one a refinement, on the same frames."""
+    """The detectors, one per refinement, on the same frames."""
 
     seed: int = 0
     refinements: Sequence[Refinement] = REFINEMENTS
 
     def costs(self, frames: int, progress: Callable[[], None]) -> Iterator[Cost]:
-        """Every refinement's CPU time on frames of two sizes, in turn so that whatever disturbs one disturbs all."""
+        """Yields every refinement's CPU time on frames of two sizes, in turn so that disturbances affect all."""
         cv2.setNumThreads(1)
         for number, camera in enumerate((SMALL, LARGE)):
             detectors: dict[Refinement, Detector] = {n: Detector(MARKERS, camera, n) for n in self.refinements}
@@ -119,7 +109,7 @@ class Study:
                 yield Cost(name, camera, frames, 1e3 * float(np.median(times)))
 
     def accuracy(self, distance: float, streak: float, count: int, progress: Callable[[], None]) -> list[Accuracy]:
-        """Every refinement's at one distance."""
+        """Measures every refinement at one distance."""
         rng = self._rng(2, round(1000 * distance), round(1000 * streak))
         found: dict[Refinement, list[tuple[float, float, float]]] = {name: [] for name in self.refinements}
         wrong = dict.fromkeys(self.refinements, 0)
@@ -135,11 +125,11 @@ class Study:
         ]
 
     def misreadings(self, extent: Extent, progress: Callable[[], None]) -> Iterator[Misreadings]:
-        """Wrong ids in clutter and in crowded frames: with no refinement, as OpenCV reads them, and with the last."""
+        """Counts wrong ids in clutter and crowded frames: with no refinement, as OpenCV reads them, and the last."""
         nobody = ((frozenset[int](), image) for image in clutter(SMALL, extent.clutter, self._rng(3)))
         crowded = crowds(SMALL, (NEAR, FAR), CROWD, extent.crowded, self._rng(4), samples=4)
         yield from self._misread("clutter", nobody, progress)
-        yield from self._misread("six markers", map(_listed, crowded), progress)
+        yield from self._misread("six markers", ((frozenset(crowd.ids), crowd.image) for crowd in crowded), progress)
 
     def _misread(
         self, kind: str, frames: Iterable[tuple[frozenset[int], Image]], progress: Callable[[], None]
@@ -165,16 +155,13 @@ class Study:
 
 
 def steps(extent: Extent) -> int:
-    """How many times a study of that extent reports progress."""
+    """Returns how often a study of that extent reports progress."""
     still_and_moving = len(STILL) + len(MOVING)
     return 2 * (extent.timed + 1) + still_and_moving * extent.placements + extent.clutter + extent.crowded
 
 
 def errors_in(detector: Detector, shot: Placement) -> tuple[list[tuple[float, float, float]], int]:
-    """Errors of distance (m) and bearing (rad) of the marker, if it was found, and the normalised squared error.
-
-    Also how many markers were found that are not there.
-    """
+    """Returns errors of distance (m) and bearing (rad), normalised squared errors, and the number of wrong ids."""
     sightings, _ = detector.detect(shot.image)
     right = [sighting for sighting in sightings if sighting.id == shot.id]
     mounting = detector.camera.mounting
@@ -196,7 +183,3 @@ def _accuracy(
     (bias, bearing_bias, square), (sd, _, scatter) = errors.mean(axis=0).tolist(), errors.std(axis=0, ddof=1).tolist()
     nees, half = square / 2, NORMAL_95 * scatter / 2 / float(np.sqrt(len(errors)))
     return Accuracy(refinement, distance, streak, count, len(errors), wrong, bias, sd, bearing_bias, nees, half)
-
-
-def _listed(crowd: Crowd) -> tuple[frozenset[int], Image]:
-    return frozenset(crowd.ids), crowd.image

@@ -1,7 +1,7 @@
-"""The study of the backends' speed in one picture: µs a step against landmarks and against particles, both logarithmic.
+"""Draws the study of the backends' speed: µs per step against landmarks and particles, both logarithmic.
 
 A point is the median step, the line up from it ends at the 99th percentile, and the dot above is the slowest; every
-curve is named where it ends, with the power with which it grows. References are grey.
+curve is named at its end, with its exponent. References are grey.
 """
 
 from collections.abc import Sequence
@@ -19,17 +19,10 @@ from .ratios import exponent
 from .timing import Row
 
 GREY = "#777777"
-ASIDE = 1.04
-"""From one backend's points to the next one's, of the same size."""
-
-SHORTEST_US = 0.1
-"""µs; what is shorter is not drawn at its height."""
-
-LINE = 11.5
-"""Points from one name to the next at least."""
-
-HEIGHT = 6.6
-"""Inches."""
+ASIDE = 1.04  # ratio of one backend's abscissas to the next one's, at the same size
+SHORTEST_US = 0.1  # µs; shorter times are not drawn at their height
+LINE = 11.5  # points from one name to the next at least
+HEIGHT = 6.6  # inches
 
 
 class _Curve(NamedTuple):
@@ -43,16 +36,13 @@ class _Curve(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Its name, and how its cost grows."""
+        """Returns its name and exponent."""
         power = exponent(self.at.tolist(), self.p50.tolist())
         return short(self.name) + ("" if np.isnan(power) else f"  {self.letter}^{power:z.1f}")
 
 
 def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
-    """Draw the rows into `path`, a PNG, whole or not at all; `what` says in words what a step holds.
-
-    False where nothing was timed, and nothing drawn.
-    """
+    """Draws the rows into `path`, a PNG, with a description of a step; False where nothing was timed."""
     backends = [row for row in rows if row.kind == "backend"]  # those of a panel first: colours go round
     shown = looks(row.name for row in sorted(backends, key=lambda row: row.particles is not None))
     timed = [row for row in rows if row.timing is not None and row.kind != "part"]
@@ -82,7 +72,7 @@ def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
                 axes.tick_params(labelleft=False)
         every[0].set_ylabel("CPU time a step, µs")
         figure.suptitle(
-            f"What a step costs: {what}\nPoint: median step; the line up from it ends at the 99th percentile; "
+            f"CPU time of a step: {what}\nPoint: median step; the line up from it ends at the 99th percentile; "
             "dot: the slowest.\nGrey: references. N^2: twice the landmarks cost 2² times as much; fitted to the three "
             "largest sizes.",
             x=0.01,
@@ -93,13 +83,13 @@ def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
 
 
 def _common(rows: Sequence[Row]) -> int:
-    """The number of landmarks at which most rows are, the largest of several: references are not timed everywhere."""
+    """Returns the number of landmarks of most rows, the largest of several: references are not timed everywhere."""
     counts = {n: sum(row.landmarks == n for row in rows) for n in {row.landmarks for row in rows}}
     return max(counts, key=lambda n: (counts[n], n))
 
 
 def _curves(rows: Sequence[Row], shown: dict[str, Look], along: str) -> list[_Curve]:
-    """A curve a name; of a reference beside several backends, the one beside the first."""
+    """Makes one curve per name; of a reference beside several backends, the one beside the first."""
     curves: list[_Curve] = []
     letter = "N" if along == "landmarks" else "M"
     for name in dict.fromkeys(row.name for row in rows):
@@ -114,7 +104,6 @@ def _curves(rows: Sequence[Row], shown: dict[str, Look], along: str) -> list[_Cu
 
 
 def _scale(axes: Axes, curves: Sequence[_Curve], costs: Sequence[float]) -> None:
-    """Both axes logarithmic, the sizes that were timed marked."""
     sizes = sorted({float(size) for curve in curves for size in curve.at})
     logarithmic("x", axes, sizes[0], sizes[-1])
     logarithmic("y", axes, max(min(costs), SHORTEST_US), max(costs))
@@ -122,7 +111,7 @@ def _scale(axes: Axes, curves: Sequence[_Curve], costs: Sequence[float]) -> None
 
 
 def _draw(axes: Axes, curve: _Curve, backends: Sequence[str]) -> None:
-    """Draw one of the `backends`, a little beside the others so that no percentile hides another; or a reference."""
+    """Draws a reference, or one of the `backends`, offset so that percentiles do not hide each other."""
     look = curve.look
     if look.colour == GREY:
         axes.plot(curve.at, curve.p50, color=GREY, linestyle=look.dash, linewidth=1, marker=look.marker, markersize=5)
@@ -135,7 +124,7 @@ def _draw(axes: Axes, curve: _Curve, backends: Sequence[str]) -> None:
 
 
 def _name(axes: Axes, curves: Sequence[_Curve]) -> None:
-    """Every curve's name to the right of the axes, as high as its last point, moved apart where they would touch."""
+    """Writes every curve's name right of the axes at its last point's height, moved apart where they would touch."""
     low, high = np.log10(axes.get_ylim())
     room = 0.82 * HEIGHT * 72  # points, about what the axes are high
     wanted = [(np.log10(curve.p50[-1]) - low) / (high - low) * room for curve in curves]
@@ -154,12 +143,14 @@ def _name(axes: Axes, curves: Sequence[_Curve]) -> None:
 
 
 def apart(wanted: Sequence[float], distance: float) -> list[float]:
-    """Heights near those `wanted`, in the same order, no two nearer than `distance`."""
+    """Returns heights near those `wanted`, in the same order, no two nearer than `distance`."""
     order = np.argsort(wanted, kind="stable")
     blocks: list[list[float]] = []  # [sum of wanted heights, how many]
     for index in order:
         blocks.append([wanted[index], 1.0])
-        while len(blocks) > 1 and _touch(blocks[-2], blocks[-1], distance):
+        while len(blocks) > 1 and (
+            _middle(blocks[-1]) - _middle(blocks[-2]) < distance * (blocks[-1][1] + blocks[-2][1]) / 2
+        ):
             total, count = blocks.pop()
             blocks[-1][0] += total
             blocks[-1][1] += count
@@ -167,10 +158,6 @@ def apart(wanted: Sequence[float], distance: float) -> list[float]:
         _middle(block) + distance * (place - (block[1] - 1) / 2) for block in blocks for place in range(int(block[1]))
     ]
     return [heights[rank] for rank in np.argsort(order)]
-
-
-def _touch(lower: Sequence[float], upper: Sequence[float], distance: float) -> bool:
-    return _middle(upper) - _middle(lower) < distance * (upper[1] + lower[1]) / 2
 
 
 def _middle(block: Sequence[float]) -> float:

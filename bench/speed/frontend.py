@@ -1,22 +1,21 @@
-"""`bench speed --frontend`: what every corner refinement costs, side by side with how good and how honest it is."""
+"""`bench speed --frontend`: cost, accuracy and consistency of every corner refinement."""
 
 import argparse
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ...frontend.errors import InputError
 from ...frontend.files import write_whole
+from ..words.console import ProgressBar
 from .corner_tables import Row, accuracy_table, as_csv, cost_table, misreading_table
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
 
-OPTIONS = ("placements", "clutter", "crowded")
-"""The study's own."""
+OPTIONS = ("placements", "clutter", "crowded")  # the study's own options
 
 
 def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
-    """Add the study's own options."""
+    """Adds the study's own options."""
     add = group.add_argument
     add("--placements", type=int, metavar="N", help=f"markers looked at for each distance ({FULL.placements})")
     add(
@@ -26,7 +25,7 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
 
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
-    """Measure and print; the files written."""
+    """Measures and prints; returns the files written."""
     extent = _extent(namespace)
     rows = _measure(Study(namespace.seed), extent, console)
     written: list[Path] = []
@@ -39,7 +38,6 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 
 def _extent(namespace: argparse.Namespace) -> Extent:
-    """What was asked for; InputError for a number that makes no study."""
     extent = QUICK if namespace.quick else FULL
     for flag, least in (("placements", 2), ("clutter", 0), ("crowded", 0)):
         count = getattr(namespace, flag)
@@ -51,26 +49,22 @@ def _extent(namespace: argparse.Namespace) -> Extent:
 
 
 def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
-    """Every study in turn, each table printed as soon as it is there."""
     rows: list[Row] = []
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(compact=True))
-    hidden = console.quiet or not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
-        task = progress.add_task("timing", total=steps(extent))
+    with ProgressBar(console, "timing", steps(extent)) as bar:
 
         def advance() -> None:
-            progress.advance(task)
+            bar.update(advance=1)
 
         costs = list(study.costs(extent.timed, advance))
         console.print(cost_table(costs))
         rows += costs
         for name, distances, streak in (("placements", STILL, 0.0), ("moving", MOVING, STREAK)):
-            progress.update(task, description=name)
+            bar.update(description=name)
             found = [study.accuracy(distance, streak, extent.placements, advance) for distance in distances]
             console.print(accuracy_table([row for at in found for row in at]))
             rows += [row for at in found for row in at]
         if extent.clutter + extent.crowded:
-            progress.update(task, description="wrong ids")
+            bar.update(description="wrong ids")
             misread = list(study.misreadings(extent, advance))
             console.print(misreading_table(misread))
             rows += misread
@@ -78,7 +72,6 @@ def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
 
 
 def _write(folder: Path, rows: list[Row]) -> list[Path]:
-    """The figures and the picture of them, in `folder`."""
     from .corner_figure import write_figure
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
-"""Where a step of iSAM2 goes: GTSAM's update, its query of the latest pose, and what is left to Python.
+"""Times the parts of an iSAM2 step: GTSAM's update, its query of the latest pose, and Python's own.
 
-And what is no part of a step: the pose's marginal covariance, and back-substitution for every pose and landmark.
+It also times what is no part of a step: the pose's marginal covariance, and back-substitution for all variables.
 """
 
 import gc
@@ -11,24 +11,19 @@ from typing import Any
 import numpy as np
 
 from ...frontend.factors import Step
-from ...frontend.se2 import Ints
 from ..measure.clock import clock_cost
 from .timing import Row, timing
 
-EVERY = 20
-"""Steps between two looks at what is no part of a step."""
-
-PYTHON = "Python's own"
-"""The part of a step that is spent neither in the update nor in the query of the latest pose: making factors."""
+EVERY = 20  # steps between two timings of what is no part of a step
+PYTHON = "Python's own"  # the rest of a step: making factors
 
 PARTS = ("update", "latest pose", PYTHON)
 
-_UPDATE, _LATEST, _ISAM = "_update", "_latest", "_isam"
-"""What they are called in the backend."""
+_UPDATE, _LATEST, _ISAM = "_update", "_latest", "_isam"  # their names in the backend
 
 
 class Stopwatch:
-    """Takes the CPU time that an object spends in some of its methods, ns by the method's name."""
+    """Measures the CPU time of an object's methods, in ns by the method's name."""
 
     def __init__(self) -> None:
         self.spent: dict[str, int] = {}
@@ -36,7 +31,7 @@ class Stopwatch:
         self.clock = clock_cost()
 
     def watch(self, owner: Any, name: str) -> None:
-        """From now on take the time of that method; a method that fails still counts."""
+        """Starts timing that method; one that fails still counts."""
         method = getattr(owner, name)
 
         def timed(*arguments: Any, **named: Any) -> Any:
@@ -51,7 +46,7 @@ class Stopwatch:
 
 
 def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: int, beside: str) -> list[Row]:
-    """Rows for the parts of the steps of an `isam2` that has been through its survey; none for any other backend."""
+    """Times the parts of the steps of an `isam2` after its survey; none for any other backend."""
     from ...backends.graphs.isam2 import Isam2
 
     if not isinstance(backend, Isam2):
@@ -82,14 +77,13 @@ def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: 
                 parts["back-substitution"].append(_spent(solved) - watch.clock)
     finally:
         gc.enable()
-    return [Row("part", name, landmarks, timing=timing(_positive(ns)), beside=beside) for name, ns in parts.items()]
+    return [
+        Row("part", name, landmarks, timing=timing(np.maximum(np.array(ns, np.int64), 0)), beside=beside)
+        for name, ns in parts.items()
+    ]
 
 
 def _spent(call: Any) -> int:
     start = time.process_time_ns()
     call()
     return time.process_time_ns() - start
-
-
-def _positive(ns: list[int]) -> Ints:
-    return np.maximum(np.array(ns, np.int64), 0)

@@ -1,7 +1,7 @@
-"""MRPT's EKF-SLAM on the steps of a world: a well-known program of the same filter, where MRPT is installed.
+"""Times MRPT's EKF-SLAM, a well-known implementation of the same filter, where MRPT is installed.
 
 MRPT comes as a C++ library, with no package for pip: `mrpt_ekf.cpp` is compiled against it for the run. It times the
-filter's step alone; the messages that the filter is handed are made outside of the clock.
+filter's step alone; the filter's input messages are made outside of the clock.
 """
 
 import shutil
@@ -19,8 +19,7 @@ from .world import SIGHTING_SD, World
 NAME = "MRPT's EKF"
 NOT_INSTALLED = "not installed; it takes libmrpt-slam-dev (Debian, Ubuntu), cmake and a C++ compiler"
 SOURCE = Path(__file__).with_name("mrpt_ekf.cpp")
-GIVEN_UP = 3
-"""The program's exit status where the survey takes too long."""
+GIVEN_UP = 3  # the program's exit status where the survey takes too long
 
 RECIPE = """\
 cmake_minimum_required(VERSION 3.16)
@@ -42,7 +41,7 @@ class Program(NamedTuple):
 
 
 def built(folder: Path) -> Program:
-    """Compile the program into `folder`; half a minute where MRPT is installed, a second or two where it is not."""
+    """Compiles the program into `folder`; half a minute where MRPT is installed, else a second or two."""
     cmake, build = shutil.which("cmake"), folder / "build"
     if cmake is None:
         return Program(None, "", NOT_INSTALLED)
@@ -56,7 +55,7 @@ def built(folder: Path) -> Program:
 
 
 def mrpt_row(program: Program, here: World, seconds: float, patience: float) -> Row:
-    """Its steps of the drive, after the survey, until `seconds` are spent; a survey is given up after `patience`, s."""
+    """Times its steps of the drive until `seconds` are spent; a survey is given up after `patience`, s."""
     size = len(here.map.ids)
     if program.path is None:
         return Row("together", NAME, size, reason=program.reason)
@@ -73,13 +72,13 @@ def mrpt_row(program: Program, here: World, seconds: float, patience: float) -> 
 
 
 def _lines(here: World) -> Iterator[str]:
-    """A line a step, survey and drive, as the program reads them."""
+    """Yields one line per step, survey and drive, as the program reads them."""
     for step in (*here.survey, *here.drive):
         yield " ".join(map(str, (*_motion(step), len(step.sightings.ids), *_sightings(step))))
 
 
 def _motion(step: Step) -> list[float]:
-    """The motion, and the upper triangle of its covariance."""
+    """Returns the motion, and the upper triangle of its covariance."""
     if step.odometry is None:
         return [0.0] * 9
     return [*step.odometry.delta.tolist(), *step.odometry.cov[np.triu_indices(3)].tolist()]

@@ -1,11 +1,10 @@
-"""One process of the study: a backend's variants at its sizes, and the references beside them."""
+"""Measures in one process: a backend's variants at its sizes, and the references beside them."""
 
 import dataclasses
 import os
 import resource
 import sys
 import time
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,18 +13,15 @@ from ...backends import registry as backends
 from ...backends.api import Backend
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
-from ..measure.cell import generator
+from ..measure.cell import generator, located
 from ..measure.drive import WARM_UP
 from .isam2_parts import isam2_parts
 from .references import Floors, particle_loop, textbook
 from .timing import Row, array_bytes, holds_foreign, stepped, timing
 from .world import World, world
 
-GAUSSIAN = ("ekf", "ukf", "invariant-ekf")
-"""Backends with a covariance of everything, which is what dsyrk and memory are floors for."""
-
-PATIENCE = 60.0
-"""s of CPU for a survey, which is not timed."""
+GAUSSIAN = ("ekf", "ukf", "invariant-ekf")  # with a full covariance: dsyrk and memory are lower bounds
+PATIENCE = 60.0  # s of CPU for a survey, which is not timed
 
 
 class Subject(NamedTuple):
@@ -37,7 +33,7 @@ class Subject(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """How much of a world a backend is taken through."""
+    """The part of a world that a backend is driven through."""
 
     steps: int
     sightings: int
@@ -48,7 +44,7 @@ class Extent(NamedTuple):
 
 @dataclass(frozen=True)
 class Process:
-    """All that is measured in one process, so that it can be compared."""
+    """All that is measured in one process, so that it is comparable."""
 
     subjects: tuple[Subject, ...]  # variants of one backend
     sizes: tuple[int, ...]
@@ -57,7 +53,7 @@ class Process:
 
     @property
     def name(self) -> str:
-        """The backend's."""
+        """Returns the backend's name."""
         return self.subjects[0].name
 
     def __str__(self) -> str:
@@ -67,7 +63,7 @@ class Process:
 
 
 def measure(process: Process) -> list[Row]:
-    """Every row; a backend that fails is a row with the reason."""
+    """Measures every row; a backend that fails is a row with the reason."""
     rows: list[Row] = []
     e = process.extent
     for landmarks in process.sizes:
@@ -88,7 +84,7 @@ def measure(process: Process) -> list[Row]:
 
 
 def lost(process: Process, reason: str, kind: str = "backend") -> list[Row]:
-    """The rows of a process that died."""
+    """Returns the rows of a process that died."""
     return [
         Row(kind, subject.label, landmarks, process.particles, reason=reason)
         for landmarks in process.sizes
@@ -97,7 +93,7 @@ def lost(process: Process, reason: str, kind: str = "backend") -> list[Row]:
 
 
 def _attempted(subject: Subject, here: World, process: Process) -> list[Row]:
-    """The backend's row, and those of its parts; if it fails, the reason in place of what is missing."""
+    """Measures the backend's row and those of its parts; if it fails, the reason replaces what is missing."""
     landmarks, rows = len(here.map.ids), list[Row]()
     try:
         rows.append(_timed(subject, here, process))
@@ -111,11 +107,10 @@ def _attempted(subject: Subject, here: World, process: Process) -> list[Row]:
 
 
 def said_of(error: Exception) -> str:
-    """Why there are no figures; of what is no sentence for users, where it was raised."""
+    """Describes an error; one that is no sentence for users with the line that raised it."""
     if isinstance(error, SlamduelError):
         return str(error)
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+    return located(error)
 
 
 def _timed(subject: Subject, here: World, process: Process) -> Row:
@@ -146,7 +141,7 @@ def _timed(subject: Subject, here: World, process: Process) -> Row:
 
 
 def surveyed(subject: Subject, here: World, process: Process) -> Backend:
-    """A fresh backend after the survey."""
+    """Makes a backend and drives it through the survey."""
     options = subject.options
     if process.particles is not None:
         options = dataclasses.replace(options, particles=process.particles)
@@ -161,11 +156,11 @@ def surveyed(subject: Subject, here: World, process: Process) -> Backend:
 
 
 class TooSlow(SlamduelError):
-    """A backend with which the study cannot go on."""
+    """A backend that is too slow to be timed."""
 
 
 def _resident() -> int:
-    """Bytes of memory that the process has now; on systems other than Linux the most that it had."""
+    """Returns the bytes of memory that the process has now; elsewhere than on Linux the most it had."""
     if sys.platform == "linux":
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,4 +1,4 @@
-"""What the backends' costs are held to: ratios of timings from one process, beside what is expected of them."""
+"""Compares the backends' costs with expectations: ratios of timings from one process."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,26 +11,20 @@ from ..words.numerals import number
 from .isam2_parts import PARTS, PYTHON
 from .timing import Row, Timing
 
-AGAINST_TEXTBOOK = {10: 10, 30: 20, 100: 80, 300: 400, 1000: 1000}
-"""Landmarks -> how many times faster than the textbook `ekf` is to be."""
-
-COMPRESSED = {1000: 15, 3000: 25}
-"""Landmarks -> how many times cheaper the compressed filter is to be than the dense one, on average."""
+AGAINST_TEXTBOOK = {10: 10, 30: 20, 100: 80, 300: 400, 1000: 1000}  # landmarks -> expected speedup
+COMPRESSED = {1000: 15, 3000: 25}  # landmarks -> expected ratio of the dense to the compressed filter, on average
 
 AGAINST_DSYRK, FROM_LANDMARKS = 1.5, 300
 AGAINST_LOOP, LOOP_PARTICLES, LOOP_LANDMARKS = 300, 100, 100
 LARGE_MAP, SMALL_MAP, MANY, MAP_GROWTH = 1000, 100, 10_000, 1.2
 SECOND_VERSION = 4.0
 PYTHON_SHARE = 8.0
-FLAT = 1.5
-"""How many times dearer the compressed filter's median step may become with the map before it counts as growing."""
-
-FITTED = 3
-"""Sizes, the largest, through which an exponent is fitted: small ones are ruled by what does not grow."""
+FLAT = 1.5  # growth of the compressed filter's median step with the map that still counts as flat
+FITTED = 3  # number of largest sizes through which an exponent is fitted: constant costs rule the small ones
 
 
 class Ratio(NamedTuple):
-    """One comparison."""
+    """A comparison with an expectation."""
 
     what: str
     expected: str
@@ -40,12 +34,12 @@ class Ratio(NamedTuple):
 
     @property
     def found(self) -> str:
-        """As a reader wants it."""
+        """Writes the value with its unit."""
         return f"{number(self.reached)} {self.unit}"
 
 
 def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
-    """The power of size with which cost grows over the largest sizes, by least squares in logarithms; NaN from one."""
+    """Fits the power of size with which cost grows over the largest sizes, by least squares in logarithms."""
     if len(sizes) < 2:
         return math.nan
     largest = np.argsort(sizes)[-FITTED:]
@@ -54,7 +48,7 @@ def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
 
 
 def growth(rows: Sequence[Row]) -> dict[str, float]:
-    """The exponent of the map's size in every backend's median step; of one with particles, with the most of them."""
+    """Fits the exponent of the map's size in every backend's median step, with the most particles."""
     found: dict[str, float] = {}
     timed = [row for row in rows if row.kind == "backend" and row.timing]
     for name in dict.fromkeys(row.name for row in timed):
@@ -66,20 +60,12 @@ def growth(rows: Sequence[Row]) -> dict[str, float]:
 
 
 def ratios(rows: Sequence[Row], options: Mapping[str, Any]) -> list[Ratio]:
-    """Every comparison that `rows` have both sides of; `options` are those of each backend's label."""
+    """Makes every comparison that `rows` have both sides of; `options` are those of each backend's label."""
     known = _Known(rows, options)
-    return [
-        *_textbook(known),
-        *_dsyrk(known),
-        *_compressed(known),
-        *_particle_filters(known),
-        *_python(rows),
-    ]
+    return [*_textbook(known), *_dsyrk(known), *_compressed(known), *_particle_filters(known), *_python(rows)]
 
 
 class _Known:
-    """Timings by what they are of."""
-
     def __init__(self, rows: Sequence[Row], options: Mapping[str, Any]) -> None:
         self.options = options
         self._timings = {
@@ -92,7 +78,7 @@ class _Known:
         return self._timings.get((name, landmarks, particles))
 
     def ekf(self, landmarks: int, *, compressed: bool) -> Timing | None:
-        """That of the plain filter that is compressed, or is not, on a map of this size."""
+        """Returns that of the plain filter that is compressed, or is not, on a map of this size."""
         for label, options in self.options.items():
             if label.partition("[")[0] == "ekf" and _changed(options) <= {"compress_above"}:
                 above = getattr(options, "compress_above", math.inf)
@@ -173,7 +159,7 @@ def _python(rows: Sequence[Row]) -> Iterator[Ratio]:
 
 
 def step_of_parts(rows: Sequence[Row], beside: str, landmarks: int) -> float:
-    """The mean step, in µs, of which the parts beside that backend are parts."""
+    """Returns the mean step, in µs, of which the parts beside that backend are parts."""
     mine = [row for row in rows if row.kind == "part" and (row.beside, row.landmarks) == (beside, landmarks)]
     return sum(row.timing.mean for row in mine if row.name in PARTS and row.timing)
 

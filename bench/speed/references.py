@@ -1,9 +1,9 @@
-"""What backends are held against, timed in their own process: so that a ratio is one of algorithms, not of machines.
+"""Times references in the backend's own process, so that a ratio compares algorithms, not machines.
 
 `dsyrk`: one BLAS call that updates a triangle of the covariance by as many columns as the step's sightings have
-numbers; no dense filter that folds a step in at once does less. `memory`: that triangle read and written once, at the
-bandwidth that an array too large for the caches is copied with. `textbook`: EKF-SLAM in NumPy, every matrix in full.
-`particle loop`: FastSLAM 1.0 with a Python loop over particles.
+numbers; no dense filter that makes a step at once does less. `memory`: that triangle read and written once, at the
+bandwidth of copying an array too large for the caches. `textbook`: EKF-SLAM in NumPy, every matrix in full. `particle
+loop`: FastSLAM 1.0 with a Python loop over particles.
 """
 
 import time
@@ -17,20 +17,11 @@ from ..measure.clock import clock_cost
 from .timing import Row, stepped, timing
 from .world import World
 
-BUDGET = 2.0
-"""s of CPU for each reference, at least three steps."""
-
-CALLS = 300
-"""Of BLAS or of a copy, at most."""
-
-LARGE = 64 << 20
-"""Bytes; an array that no cache holds."""
-
-LARGEST_TEXTBOOK = 1000
-"""Landmarks up to which the textbook is timed: its step takes 3 s there, and the cube of that beyond."""
-
-MOST_IN_A_LOOP = 1000
-"""Particles up to which a loop over them is timed: a step takes half a second there."""
+BUDGET = 2.0  # s of CPU for each reference, at least three steps
+CALLS = 300  # calls of BLAS or copies, at most
+LARGE = 64 << 20  # bytes of an array that no cache holds
+LARGEST_TEXTBOOK = 1000  # landmarks; its step takes 3 s there, and the cube of that beyond
+MOST_IN_A_LOOP = 1000  # particles up to which a loop over them is timed: a step takes half a second there
 
 
 class Floors:
@@ -43,7 +34,7 @@ class Floors:
         self._dsyrk, self._copies = list[Ints](), list[Ints]()
 
     def measure(self) -> None:
-        """Time both once more."""
+        """Times both once more."""
         from scipy.linalg import blas
 
         dsyrk: Any = blas.dsyrk  # pyright: ignore[reportAttributeAccessIssue] - made when SciPy is built
@@ -55,7 +46,7 @@ class Floors:
         self._copies.append(_called(lambda: np.copyto(target, source), seconds=0.2))
 
     def rows(self, beside: str) -> list[Row]:
-        """What was measured."""
+        """Returns the measured rows."""
         bytes_a_step = 2 * 8 * self._n * (self._n + 1) / 2
         streamed = (bytes_a_step / (2 * LARGE)) * np.concatenate(self._copies).astype(np.float64)
         return [
@@ -65,7 +56,7 @@ class Floors:
 
 
 def textbook(world: World, beside: str) -> Row:
-    """The textbook filter's steps, from a map that it is handed: its cost is the same as if it had made it."""
+    """Times the textbook filter from a given map: its cost is the same as if it had made it."""
     from .textbook_ekf import TextbookEkf
 
     landmarks = len(world.map.ids)
@@ -77,7 +68,7 @@ def textbook(world: World, beside: str) -> Row:
 
 
 def particle_loop(world: World, particles: int, seed: int, beside: str) -> Row:
-    """The loop's steps, from a map that it is handed."""
+    """Times the loop from a given map."""
     from .textbook_fastslam import TextbookFastSlam
 
     landmarks = len(world.map.ids)
@@ -90,7 +81,7 @@ def particle_loop(world: World, particles: int, seed: int, beside: str) -> Row:
 
 
 def _called(call: Callable[[], Any], seconds: float = BUDGET / 4) -> Ints:
-    """CPU time (n,) in ns of calling `call`, after one call that is not counted, the clock's own cost taken off."""
+    """Measures CPU time (n,) in ns of calling `call`, after an uncounted first call, the clock's cost subtracted."""
     call()
     spent, clock = list[int](), clock_cost()
     while len(spent) < CALLS and sum(spent) < seconds * 1e9:

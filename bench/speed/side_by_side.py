@@ -1,7 +1,7 @@
-"""EKF, smoother and iSAM2 side by side: the same steps of the same log, in turns within one process.
+"""Times EKF, smoother and iSAM2 on the same steps of the same log, in turns within one process.
 
-This is what a ratio of their costs is to be taken from: whatever slows the machine meanwhile slows all of them. MRPT's
-EKF, a program of its own, goes through the same steps right after.
+Ratios of their costs are taken from here: disturbances slow all of them. MRPT's EKF, a program of its own, goes through
+the same steps right after.
 """
 
 from collections.abc import Sequence
@@ -17,12 +17,11 @@ from .timing import Row, in_turns, timing
 from .world import World, world
 
 TOGETHER = ("ekf", "smoother", "isam2")
-REFERENCE = TOGETHER[0]
-"""Whose costs the others' are divided by."""
+REFERENCE = TOGETHER[0]  # the others' costs are divided by its
 
 
 class Together(NamedTuple):
-    """One process of it, of one size."""
+    """One process, of one size."""
 
     process: Process
     mrpt: Program
@@ -32,14 +31,14 @@ class Together(NamedTuple):
 
 
 def chosen(variants: Sequence[BackendVariant]) -> tuple[Subject, ...]:
-    """Those of the backends that are compared so, with default options; () where there are no two."""
+    """Selects those of the backends that are compared so, with default options; () where there are no two."""
     here = [v for v in variants if v.builder is not None and v.label in TOGETHER]
     found = tuple(Subject(v.label, v.name, v.options) for v in sorted(here, key=lambda v: TOGETHER.index(v.label)))
     return found if len(found) > 1 else ()
 
 
 def measure_together(task: Together) -> list[Row]:
-    """A row for each backend, and MRPT's where the reference is there; one that fails has the reason."""
+    """Measures a row for each backend, and MRPT's beside the reference; one that fails has the reason."""
     process, rows = task.process, list[Row]()
     extent = process.extent
     for landmarks in process.sizes:
@@ -56,7 +55,6 @@ def measure_together(task: Together) -> list[Row]:
 
 
 def _timed(process: Process, here: World) -> list[Row]:
-    """The backends' rows in one world."""
     landmarks, lost, there = len(here.map.ids), list[Row](), dict[Subject, Backend]()
     for subject in process.subjects:
         try:

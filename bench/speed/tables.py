@@ -1,4 +1,4 @@
-"""The study of the backends' speed as tables for the terminal, and as CSV."""
+"""Writes the study of the backends' speed as tables for the terminal, and as CSV."""
 
 import csv
 import io
@@ -19,17 +19,18 @@ COLUMNS = (
     *("max_us", *(f"fifth{k}_us" for k in range(1, FIFTHS + 1)), "finish_ms", "array_bytes", "resident_bytes"),
     "implementation",
 )
-"""kind: backend, reference, part of a backend's step, or together: in turns with others on the same steps. beside: in
-which backend's process a reference or part was timed. reason: why a row has no figures. fifth1_us ...: means over the
-fifths of the run. finish_ms: the smoothing at the end, once. array_bytes: NumPy arrays that the backend holds.
-resident_bytes: what the process grew by, where a backend's memory is GTSAM's. implementation: whose program it is."""
+"""kind: backend, reference, part of a backend's step, or together: in turns with others on the same steps. beside:
+the backend in whose process a reference or part was timed. reason: why a row has no figures. fifth1_us ...: means
+over the fifths of the run. finish_ms: the smoothing at the end, once. array_bytes: NumPy arrays that the backend
+holds. resident_bytes: growth of the process, where a backend's memory is GTSAM's. implementation: whose program it
+is."""
 
 CAUTION = "Costs compare implementations, not algorithms alone."
-STATE = "State: NumPy arrays held, with their room to grow; *: what the process grew by, the memory being GTSAM's."
+STATE = "State: NumPy arrays held, with their room to grow; *: growth of the process, as GTSAM holds the memory."
 
 
 def backend_table(rows: Sequence[Row], title: str) -> Table:
-    """Every backend at every size; the number of particles is a column where one has it."""
+    """Makes the table of every backend at every size; particles are a column where one has them."""
     table = _table(title, "backend")
     particles = any(row.particles is not None for row in rows)
     headings = ("N", *(["M"] if particles else []), "steps", "mean", "p50", "p95", "p99", "max", "1st ⅕", "last ⅕")
@@ -58,7 +59,7 @@ def backend_table(rows: Sequence[Row], title: str) -> Table:
 
 
 def together_table(rows: Sequence[Row], reference: str) -> Table:
-    """What was timed in turns, every figure beside its ratio to the reference's at that size."""
+    """Makes the table of what was timed in turns, every figure with its ratio to the reference's at that size."""
     table = _table(f"In turns on the same steps, µs, and how many times {plain(reference)}'s", "N", "backend")
     table.add_column("implementation", no_wrap=True)
     for heading in ("steps", "mean", "", "p50", "", "p99", ""):
@@ -82,7 +83,7 @@ def together_table(rows: Sequence[Row], reference: str) -> Table:
 
 
 def reference_table(rows: Sequence[Row]) -> Table:
-    """What they are held against; of what was timed beside several backends, beside the first."""
+    """Makes the table of references; of one timed beside several backends, beside the first."""
     table = _table("References, µs, each timed in the backend's own process", "reference", "beside")
     for heading in ("N", "M", "steps", "mean", "p50", "p99"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -99,7 +100,7 @@ def reference_table(rows: Sequence[Row]) -> Table:
 
 
 def part_table(rows: Sequence[Row]) -> Table:
-    """Where a step of iSAM2 goes, and what is no part of it."""
+    """Makes the table of an iSAM2 step's parts."""
     table = _table("Where a step of iSAM2 goes, µs, timed apart", "backend", "part")
     for heading in ("N", "mean", "of a step", "p50", "p99"):
         table.add_column(heading, justify="right", no_wrap=True)
@@ -113,7 +114,7 @@ def part_table(rows: Sequence[Row]) -> Table:
 
 
 def ratio_table(ratios: Sequence[Ratio]) -> Table:
-    """What is expected, and what was reached."""
+    """Makes the table of expectations and values reached."""
     table = _table("What is expected of them", "what", "expected")
     table.add_column("reached", justify="right", no_wrap=True)
     table.columns[0].no_wrap = False
@@ -124,7 +125,7 @@ def ratio_table(ratios: Sequence[Ratio]) -> Table:
 
 
 def as_csv(rows: Sequence[Row]) -> str:
-    """A line a row, in COLUMNS; blank where there is no such figure."""
+    """Writes one line per row, in COLUMNS; blank where there is no such figure."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
@@ -135,7 +136,7 @@ def as_csv(rows: Sequence[Row]) -> str:
 
 
 def ratios_as_csv(ratios: Sequence[Ratio]) -> str:
-    """A line a comparison: what, expected, reached, unit, holds."""
+    """Writes one line per comparison: what, expected, reached, unit, holds."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("what", "expected", "reached", "unit", "holds"))
@@ -152,7 +153,6 @@ def _figures(row: Row) -> dict[str, float | str]:
 
 
 def _programs(rows: Sequence[Row]) -> list[str]:
-    """Whose programs were timed, where they are of several."""
     by_kind: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.implementation:
@@ -163,7 +163,7 @@ def _programs(rows: Sequence[Row]) -> list[str]:
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Why rows have no figures, each reason once, with the sizes at which it holds."""
+    """Lists why rows have no figures, each reason once, with the sizes at which it holds."""
     sizes: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         if row.reason:
@@ -173,7 +173,6 @@ def _reasons(rows: Sequence[Row]) -> list[str]:
 
 
 def _state(row: Row) -> str:
-    """Bytes as a reader wants them."""
     size = row.array_bytes if row.resident_bytes is None else max(row.resident_bytes, 0)
     if size is None:
         return ""

@@ -1,10 +1,10 @@
-"""EKF-SLAM as the ArUco EKF document writes it, with every matrix in full: the yardstick other filters are held to.
+"""EKF-SLAM as the ArUco EKF document writes it, with every matrix in full: a reference for other filters.
 
-Nothing here is quick and nothing is shared with the package's own estimators: the equations stand as printed, (5)-(9)
-for the motion, (11)-(16) for a sighting and (17)-(20) for a new landmark, with what the document leaves out put right.
-The motion is any body-frame delta, of which the document's midpoint model is one, and its noise is turned to the world
-by the heading before the motion; bearings of innovations are wrapped; a new landmark is correlated with everything the
-pose is correlated with; the sighting that creates a landmark is used for nothing else.
+It is slow and shares nothing with the package's own estimators: the equations stand as printed, (5)-(9) for the motion,
+(11)-(16) for a sighting and (17)-(20) for a new landmark, with corrections of what the document leaves out. The motion
+is any body-frame delta, of which the document's midpoint model is one, and its noise is turned to the world by the
+heading before the motion; bearings of innovations are wrapped; a new landmark is correlated with everything the pose is
+correlated with; the sighting that creates a landmark is used for nothing else.
 """
 
 from collections.abc import Sequence
@@ -14,20 +14,19 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, Step, Truth
 from ...frontend.se2 import Array
 
-Sighting = tuple[int, Array, Array]
-"""id, z (2,) and its covariance (2, 2)."""
+Sighting = tuple[int, Array, Array]  # id, z (2,) and its covariance (2, 2)
 
 
 class TextbookEkf:
     """Dense EKF-SLAM with known ids; the state is (x, y, heading, then x and y of each landmark).
 
     One sighting after another, in the log's order, each linearised where the last one left the mean. With `together`
-    the sightings of landmarks known before the step are stacked into a single update, linearised at the prediction,
-    and the new landmarks are added after it: a different filter, equal only where the models are linear.
+    the sightings of landmarks known before the step are stacked into a single update, linearised at the prediction, and
+    new landmarks are added after it: a different filter, equal only where the models are linear.
 
     `jacobians`: "standard" takes them at the mean; "first-estimates" (Huang, Mourikis and Roumeliotis, IJRR 29(5),
     2010) at the pose's predictions and at each landmark's first estimate; "ideal" at `truth`. `gate`: a sighting whose
-    squared Mahalanobis distance exceeds it is refused, or makes the landmark anew if fewer than `confirm` sightings
+    squared Mahalanobis distance exceeds it is rejected, or makes the landmark anew if fewer than `confirm` sightings
     have agreed with it.
     """
 
@@ -58,7 +57,7 @@ class TextbookEkf:
         self.there = self.pose_to_linearise_at(0.0) if truth is not None else self.mean[:3].copy()
 
     def step(self, step: Step) -> Array:
-        """Predict, then fold the sightings in; returns the pose (3,)."""
+        """Predicts, then corrects by the sightings; returns the pose (3,)."""
         self.nis, self.nis_dof, self.refused = 0.0, 0, 0
         if step.odometry is not None:
             self.predict(step.odometry, step.t)
@@ -77,7 +76,7 @@ class TextbookEkf:
         return self.mean[:3].copy()
 
     def predict(self, odometry: Odometry, t: float = 0.0) -> None:
-        """The motion, eqs (5)-(9)."""
+        """Predicts the motion, eqs (5)-(9)."""
         n = len(self.mean)
         before = self.mean[:3] if self.jacobians == "standard" else self.there
         theta = self.mean[2]
@@ -99,10 +98,7 @@ class TextbookEkf:
         self.cov = G @ self.cov @ G.T + F.T @ noisy @ odometry.cov @ noisy.T @ F  # eqs (6), (8), (9)
 
     def update(self, sightings: Sequence[Sighting]) -> list[int]:
-        """Sightings of landmarks that are on the map, stacked into one update: eqs (11)-(16).
-
-        Returns the landmarks that are to be made anew from theirs.
-        """
+        """Updates by sightings of mapped landmarks at once, eqs (11)-(16); returns landmarks to be made anew."""
         if not sightings:
             return []
         k = len(sightings)
@@ -128,7 +124,7 @@ class TextbookEkf:
         return astray
 
     def gated(self, landmarks: list[int], innovation: Array, S: Array) -> tuple[list[int], list[int]]:
-        """Which rows of the innovation pass, each pair given those before it that do; and which landmarks are wrong."""
+        """Gates each pair of rows given the accepted ones before; returns accepted rows and wrong landmarks."""
         used, astray = list[int](), list[int]()
         for i, landmark in enumerate(landmarks):
             rows = [2 * i, 2 * i + 1]
@@ -145,7 +141,7 @@ class TextbookEkf:
         return used, astray
 
     def expected(self, landmark: int) -> tuple[Array, Array]:
-        """The sighting (2,) of a landmark as the mean has it, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""
+        """Predicts the sighting (2,) of a landmark, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""
         j = 3 + 2 * self.ids.index(landmark)
         x, y, theta = self.mean[:3]
         delta_x, delta_y = self.mean[j] - x, self.mean[j + 1] - y
@@ -154,10 +150,7 @@ class TextbookEkf:
         q = delta_x**2 + delta_y**2
         r = np.sqrt(q)
         H_v = np.array(
-            [
-                [-r * delta_x, -r * delta_y, 0, r * delta_x, r * delta_y],
-                [delta_y, -delta_x, -q, -delta_y, delta_x],
-            ]
+            [[-r * delta_x, -r * delta_y, 0, r * delta_x, r * delta_y], [delta_y, -delta_x, -q, -delta_y, delta_x]]
         )
         F_i = np.zeros((5, len(self.mean)))
         F_i[:3, :3] = np.eye(3)
@@ -165,10 +158,7 @@ class TextbookEkf:
         return z, H_v @ F_i / q
 
     def add(self, landmark: int, z: Array, Q: Array) -> None:
-        """A landmark seen for the first time, eqs (17)-(20), and its cross-covariance with all that was there.
-
-        One that is on the map already is made anew: of the old one, rows and columns are left out, which marginalises.
-        """
+        """Adds a landmark, eqs (17)-(20), with its cross-covariance; a mapped one is first marginalised out."""
         if landmark in self.ids:
             self.forget(landmark)
         x, y, theta = self.mean[:3]
@@ -187,7 +177,7 @@ class TextbookEkf:
         self.cov = np.block([[self.cov, cross.T], [cross, own]])
 
     def forget(self, landmark: int) -> None:
-        """Take a landmark off the map."""
+        """Removes a landmark from the map."""
         i = self.ids.index(landmark)
         rows = [3 + 2 * i, 4 + 2 * i]
         self.mean = np.delete(self.mean, rows)
@@ -195,7 +185,7 @@ class TextbookEkf:
         del self.ids[i]
 
     def lever(self, landmark: int) -> Array:
-        """(2,) m, from the pose to a landmark, both where they are linearised: all that a Jacobian depends on."""
+        """Returns (2,) m, from the pose to a landmark, both at the linearisation point, as Jacobians need it."""
         if self.jacobians == "standard":
             j = 3 + 2 * self.ids.index(landmark)
             return self.mean[j : j + 2] - self.mean[:2]
@@ -206,18 +196,18 @@ class TextbookEkf:
         return self.truth.map.xy[self.truth.map.ids.tolist().index(landmark)] - self.there[:2]
 
     def pose_to_linearise_at(self, t: float) -> Array:
-        """(3,) the mean's, or at time t (s) the true one."""
+        """Returns the mean's pose (3,), or the true one at time t (s)."""
         if self.truth is None:
             return self.mean[:3].copy()
         return self.truth.poses[int(np.argmin(np.abs(self.truth.t - t)))]
 
 
 def turn(theta: float) -> Array:
-    """The (3, 3) that turns a body-frame motion by a heading (rad)."""
+    """Returns the (3, 3) that turns a body-frame motion by a heading (rad)."""
     return np.array([[np.cos(theta), -np.sin(theta), 0], [np.sin(theta), np.cos(theta), 0], [0, 0, 1]])
 
 
 def wrapped(angle: float) -> float:
-    """An angle (rad) in (-pi, pi]."""
+    """Wraps an angle (rad) into (-pi, pi]."""
     turned = float(np.arctan2(np.sin(angle), np.cos(angle)))
     return np.pi if turned == -np.pi else turned

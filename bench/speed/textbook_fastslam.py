@@ -1,8 +1,8 @@
-"""FastSLAM 1.0 and 2.0 as they are written on paper: a Python loop over particles, each with a map of its own.
+"""FastSLAM 1.0 and 2.0 as published: a Python loop over particles, each with a map of its own.
 
-The reference that the package's particle filter is timed against, and held to in the tests: Probabilistic Robotics,
-tables 13.1 and 13.3 and, for several sightings a step, section 4.3 of Montemerlo's thesis (2003). Nothing here is quick
-and nothing is shared with the package's own estimator but the order in which random numbers are drawn.
+The package's particle filter is timed against it, and compared with it in the tests: Probabilistic Robotics, tables
+13.1 and 13.3 and, for several sightings per step, section 4.3 of Montemerlo's thesis (2003). It is slow and shares
+nothing with the package's own estimator but the order in which random numbers are drawn.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from ...backends.api import Array, Odometry, Pose, Prior, Step
 
 
 class Landmark(NamedTuple):
-    """A landmark's EKF; a correction makes a new one, so particles may hold the same."""
+    """A landmark's EKF; a correction makes a new one, so particles may share one."""
 
     mean: Array  # (2,) m
     cov: Array  # (2, 2)
@@ -22,7 +22,7 @@ class Landmark(NamedTuple):
 
 @dataclass
 class Particle:
-    """A guess of where the robot is, and of where the landmarks then are."""
+    """A hypothesis of the robot's pose, with its map."""
 
     pose: Array  # (3,)
     map: dict[int, Landmark] = field(default_factory=dict[int, Landmark])
@@ -32,8 +32,8 @@ class Particle:
 class TextbookFastSlam:
     """FastSLAM of a `version`, 1 or 2; `resampling` is one of systematic, stratified, residual, multinomial.
 
-    Random numbers are drawn as the package's own does: first what resampling needs, then three rows of standard normal
-    numbers, a column a particle, wherever poses are sampled.
+    Random numbers are drawn as in the package's own: first those of resampling, then three rows of standard normal
+    numbers, one column per particle, wherever poses are sampled.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class TextbookFastSlam:
                     particle.map[landmark] = Landmark(prior.map.xy[k], cov)
 
     def step(self, step: Step) -> Pose:
-        """Fold the step in; the weighted mean of the poses."""
+        """Makes a step; returns the weighted mean of the poses."""
         weights = self.weights()
         if 1 / np.sum(weights**2) < self._resample_below * len(weights) * (1 - 1e-9):
             self._resample(weights)
@@ -81,23 +81,23 @@ class TextbookFastSlam:
         return self.mean_pose()
 
     def weights(self) -> Array:
-        """(M,) the particles' shares of the weight."""
+        """Returns the particles' normalised weights (M,)."""
         logs = np.array([particle.log_weight for particle in self.particles])
         weights = np.exp(logs - logs.max())
         return weights / weights.sum()
 
     def mean_pose(self) -> Pose:
-        """(3,) the weighted mean; headings are averaged as directions."""
+        """Returns the weighted mean (3,); headings are averaged as directions."""
         poses = np.array([particle.pose for particle in self.particles])
         x, y, c, s = self.weights() @ np.column_stack((poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])))
         return np.array([x, y, np.arctan2(s, c)])
 
     def _motion_of(self, step: Step) -> Odometry | None:
-        """At the first step the prior's covariance, about a pose that has not moved."""
+        """Returns the motion; at the first step the prior's covariance, about a pose at rest."""
         return Odometry(np.zeros(3), self._prior.cov) if self._first else step.odometry
 
     def _in_world(self, particle: Particle, motion: Odometry) -> tuple[Array, Array]:
-        """The pose after the motion, and the matrix that turns the motion's errors to the world's axes."""
+        """Returns the pose after the motion, and the matrix that turns the motion's errors to the world's axes."""
         c, s = np.cos(particle.pose[2]), np.sin(particle.pose[2])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         mean = particle.pose + turn @ motion.delta
@@ -105,13 +105,13 @@ class TextbookFastSlam:
         return mean, np.eye(3) if is_prior else turn
 
     def _move(self, particle: Particle, motion: Odometry, normals: Array) -> None:
-        """Probabilistic Robotics, table 13.1: sample from the motion model."""
+        """Samples from the motion model: Probabilistic Robotics, table 13.1."""
         mean, turn = self._in_world(particle, motion)
         particle.pose = mean + turn @ np.linalg.cholesky(motion.cov) @ normals
         particle.pose[2] = _wrapped(particle.pose[2])
 
     def _propose(self, particle: Particle, motion: Odometry, normals: Array, step: Step, known: list[int]) -> None:
-        """Probabilistic Robotics, table 13.3: the Gaussian of motion and sightings, one after another."""
+        """Samples from motion and sightings, one after another: Probabilistic Robotics, table 13.3."""
         mean, turn = self._in_world(particle, motion)
         cov = turn @ motion.cov @ turn.T
         for k in known:
@@ -148,7 +148,7 @@ class TextbookFastSlam:
 
 
 def _found(weights: Array, points: Array) -> list[int]:
-    """The particle in whose part of the line from 0 to 1 each point falls."""
+    """Returns the particle in whose share of the cumulative weight each point falls."""
     upto = np.cumsum(weights) / np.sum(weights)
     return [int(np.searchsorted(upto, point, side="right")) for point in points]
 
@@ -158,7 +158,7 @@ def _wrapped(angle: float) -> float:
 
 
 def _sight(pose: Array, at: Array) -> tuple[Array, Array, Array]:
-    """Expected (range, bearing) and its Jacobians by pose (2, 3) and landmark (2, 2): ArUco EKF SLAM, eqs (12)-(16)."""
+    """Predicts (range, bearing), Jacobians by pose (2, 3) and landmark (2, 2): ArUco EKF SLAM, eqs (12)-(16)."""
     dx, dy = at - pose[:2]
     r = np.hypot(dx, dy)
     by_landmark = np.array([[dx / r, dy / r], [-dy / r**2, dx / r**2]])
@@ -167,14 +167,13 @@ def _sight(pose: Array, at: Array) -> tuple[Array, Array, Array]:
 
 
 def _seen_first(pose: Array, z: Array, R: Array) -> Landmark:
-    """A new landmark: ArUco EKF SLAM, eqs (17) and (20)."""
     c, s = np.cos(pose[2] + z[1]), np.sin(pose[2] + z[1])
     by_z = np.array([[c, -z[0] * s], [s, z[0] * c]])
     return Landmark(pose[:2] + z[0] * np.array([c, s]), by_z @ R @ by_z.T)
 
 
 def _correct(landmark: Landmark, pose: Array, z: Array, R: Array) -> tuple[Landmark, float]:
-    """The landmark's EKF update, and the log-likelihood of the sighting."""
+    """Updates the landmark's EKF; returns it and the log-likelihood of the sighting."""
     expected, _, H = _sight(pose, landmark.mean)
     innovation = z - expected
     innovation[1] = _wrapped(innovation[1])

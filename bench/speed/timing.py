@@ -1,4 +1,4 @@
-"""Timing one stepper: CPU time step by step until a budget is spent, what its distribution is, and bytes of state."""
+"""Times steppers: CPU time per step until a budget is spent, its distribution, and bytes of state."""
 
 import gc
 from collections.abc import Iterator, Sequence
@@ -13,18 +13,13 @@ from ..measure.clock import clock_cost
 from ..measure.drive import timing_pass
 
 FIFTHS = 5
-CHUNK = 50
-"""Steps between two looks at the budget."""
-
-LEAST = 3
-"""Steps that are timed however long they take."""
-
-FOREIGN = ("gtsam",)
-"""Packages whose objects hold memory that Python cannot see."""
+CHUNK = 50  # steps between two checks of the budget
+LEAST = 3  # steps that are timed however long they take
+FOREIGN = ("gtsam",)  # packages whose objects hold memory that Python cannot see
 
 
 class Timing(NamedTuple):
-    """Microseconds of CPU a step."""
+    """µs of CPU per step."""
 
     steps: int
     mean: float
@@ -36,7 +31,7 @@ class Timing(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One thing that was timed at one size, or why it could not be."""
+    """A timing at one size, or why there is none."""
 
     kind: str  # backend | reference | part (of a backend's step) | together (with others, in turns)
     name: str
@@ -52,7 +47,7 @@ class Row(NamedTuple):
 
 
 def timing(ns: Ints | Array) -> Timing:
-    """The distribution of CPU times (n,), n > 0, given in ns in the order in which they were spent."""
+    """Summarises CPU times (n,), n > 0, in ns in the order in which they were spent."""
     us = ns / 1e3
     p50, p95, p99 = np.percentile(us, (50, 95, 99)).tolist()
     fifths = tuple(float(part.mean()) if len(part) else np.nan for part in np.array_split(us, FIFTHS))
@@ -60,18 +55,12 @@ def timing(ns: Ints | Array) -> Timing:
 
 
 def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
-    """CPU time (n,) in ns of each `stepper.step(step)`, until `seconds` are spent or the steps are over.
-
-    Garbage collection is off meanwhile, and the clock's own cost is taken off.
-    """
+    """Measures ns of CPU (n,) of each `stepper.step(step)`, without collection, until `seconds` are spent."""
     return in_turns([stepper], steps, seconds)[0]
 
 
 def in_turns(steppers: Sequence[Any], steps: Sequence[Step], seconds: float) -> list[Ints]:
-    """As `stepped`, of each of the steppers on the same steps: some steps of one, the same steps of the next.
-
-    `seconds` are for all of them together.
-    """
+    """Measures as `stepped`, each stepper on the same steps, a chunk in turn; `seconds` are for all together."""
     spent = [[np.zeros(0, np.int64)] for _ in steppers]
     clock, first, chunk = clock_cost(), 0, LEAST
     gc.collect()
@@ -90,15 +79,12 @@ def in_turns(steppers: Sequence[Any], steps: Sequence[Step], seconds: float) -> 
 
 
 def array_bytes(backend: object) -> int:
-    """Bytes of the NumPy arrays that can be reached from `backend`, each counted once and whole.
-
-    Read-only ones are left out: those are the log's, not the backend's.
-    """
+    """Sums the bytes of NumPy arrays reachable from `backend`, each whole; read-only ones are the log's."""
     return sum({id(array): array.nbytes for array in _arrays(backend)}.values())
 
 
 def holds_foreign(backend: object) -> bool:
-    """Whether it holds objects of a package whose memory Python cannot see."""
+    """Returns True if it holds objects of a package whose memory Python cannot see."""
     return any(type(thing).__module__.split(".")[0] in FOREIGN for thing in _reached(backend))
 
 
@@ -112,7 +98,7 @@ def _arrays(backend: object) -> Iterator[np.ndarray[Any, Any]]:
 
 
 def _reached(start: object) -> Iterator[object]:
-    """Every object that can be reached from `start`, itself first; not through classes, functions and modules."""
+    """Yields every object reachable from `start`, itself first; not through classes, functions and modules."""
     seen, todo = {id(start)}, [start]
     while todo:
         thing = todo.pop()

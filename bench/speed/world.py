@@ -1,9 +1,8 @@
-"""The world in which backends are timed: a square of landmarks, surveyed first, then driven through at random.
+"""Makes the world in which backends are timed: a square of landmarks, surveyed first, then driven at random.
 
-One landmark stands on every 4 m², anywhere, so that the map's size is all that changes with their number. The survey
-goes over the square in rows, 2 m a step, and sights every landmark; the drive, of which the clock is run, goes on from
-there 0.1 m a step, and at each sights the nearest landmarks, or as many anywhere on the map. Errors are drawn from the
-very covariances that the factors state.
+One landmark stands on every 4 m², anywhere, so that only the map's size changes with their number. The survey goes over
+the square in rows, 2 m a step, and sights every landmark; the timed drive goes on from there 0.1 m a step, and at each
+sights the nearest landmarks, or as many anywhere on the map. Errors are drawn from the stated covariances.
 """
 
 from typing import NamedTuple
@@ -13,35 +12,20 @@ import numpy as np
 from ...frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from ...frontend.se2 import Array, Ints, between, compose, wrap
 
-AREA = 4.0
-"""m² for each landmark."""
-
-NEAREST = 1.0
-"""m; what is nearer is not sighted: its bearing would say next to nothing."""
-
-REACH = 3.2
-"""m, how far the survey sees; its steps are so close that no landmark is left out."""
-
-PACE, ROW, STRIDE = 2.0, 4.0, 0.1
-"""m: a step of the survey at most, from row to row at most, and a step of the drive."""
-
-ODOMETRY_SD = (0.01, 0.002, 0.01)
-"""m, m, rad a step: ahead, sideways, turning."""
-
-SIGHTING_SD = (0.1, 0.03)
-"""m, rad."""
-
-PRIOR_SD = (0.01, 0.01, 0.001)
-"""m, m, rad; of the pose that a survey, or a filter that is handed the map, starts from."""
-
-MAP_SD = 0.1
-"""m, of each coordinate of a map that is handed over."""
+AREA = 4.0  # m² for each landmark
+NEAREST = 1.0  # m; nearer landmarks are not sighted: their bearing would be nearly uninformative
+REACH = 3.2  # m, range of the survey's sensor; its steps are so close that no landmark is left out
+PACE, ROW, STRIDE = 2.0, 4.0, 0.1  # m: step and row distance of the survey at most, and a step of the drive
+ODOMETRY_SD = (0.01, 0.002, 0.01)  # m, m, rad a step: ahead, sideways, turning
+SIGHTING_SD = (0.1, 0.03)  # m, rad
+PRIOR_SD = (0.01, 0.01, 0.001)  # m, m, rad; of the start of a survey, or of a filter with a given map
+MAP_SD = 0.1  # m, of each coordinate of a given map
 
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 
 class World(NamedTuple):
-    """A map that is not known at first, and the way through it."""
+    """An unknown map, and the path through it."""
 
     prior: Prior  # at the survey's first step, without a map
     survey: list[Step]  # every landmark is sighted
@@ -50,13 +34,13 @@ class World(NamedTuple):
     start: Array  # (3,) the true pose at the survey's last step
 
     def surveyed(self) -> Prior:
-        """A belief that holds before the drive, with the whole map: for what does not make its own."""
+        """Returns a prior for the drive with the whole map, for what does not make its own."""
         n = 2 * len(self.map.ids)
         return Prior(self.start, self.prior.cov, self.map._replace(cov=MAP_SD**2 * np.eye(n)))
 
 
 def world(landmarks: int, steps: int, sightings: int, seed: int, *, scattered: bool = False) -> World:
-    """`landmarks` of them, a drive of `steps`, and at each the `sightings` nearest; `scattered`: any of them all."""
+    """Makes `landmarks`, and a drive of `steps` that sight the `sightings` nearest; `scattered`: any of them."""
     rng = np.random.default_rng([seed, landmarks])
     side = float(np.sqrt(AREA * landmarks))
     ids = rng.permutation(landmarks).astype(np.int64)
@@ -72,14 +56,17 @@ def world(landmarks: int, steps: int, sightings: int, seed: int, *, scattered: b
             seen = np.flatnonzero((away > NEAREST) & (away < REACH))
         else:
             seen = _chosen(away, sightings, rng if scattered else None)
-        odometry = None if k == 0 else _odometry(poses[k - 1], pose, rng)
+        odometry = None
+        if k:
+            delta = between(poses[k - 1], pose) + np.array(ODOMETRY_SD) * rng.standard_normal(3)
+            odometry = Odometry(delta, np.diag(np.square(ODOMETRY_SD)))
         every.append(Step(0.1 * k, odometry, _sightings(pose, ids[seen], xy[seen], rng), NO_LOOPS))
     steps_of = list(Log.from_steps(f"square of {landmarks} landmarks", prior, every))
     return World(prior, steps_of[: len(there)], steps_of[len(there) :], Map(ids, xy, None), there[-1])
 
 
 def _rows(side: float) -> Array:
-    """The survey's poses (n, 3): rows over the square, to and fro."""
+    """Returns the survey's poses (n, 3): rows over the square, to and fro."""
     along = np.linspace(-side / 2, side / 2, int(np.ceil(side / PACE)) + 1)
     rows = [
         np.column_stack((along[::way], np.full(len(along), y), np.full(len(along), 0.0 if way > 0 else np.pi)))
@@ -92,7 +79,7 @@ _TO_AND_FRO = [1, -1] * 10_000
 
 
 def _wander(pose: Array, steps: int, side: float, rng: np.random.Generator) -> Array:
-    """Poses (steps, 3) of a drive that bends at random, and turns back where it leaves the square."""
+    """Returns poses (steps, 3) of a drive that bends at random, and turns back where it leaves the square."""
     poses, turn = np.empty((steps, 3)), 0.0
     for k in range(steps):
         turn = 0.9 * turn + 0.02 * rng.standard_normal()
@@ -103,18 +90,13 @@ def _wander(pose: Array, steps: int, side: float, rng: np.random.Generator) -> A
 
 
 def _chosen(away: Array, count: int, rng: np.random.Generator | None) -> Ints:
-    """Which landmarks are sighted, by their distances (n,): the nearest, or with `rng` any; fewer where fewer are."""
+    """Chooses the sighted landmarks by their distances (n,): the nearest, or with `rng` any; fewer where fewer are."""
     seen = np.flatnonzero(away > NEAREST)
     if len(seen) <= count:
         return seen
     if rng is not None:
         return rng.choice(seen, count, replace=False)
     return seen[np.argpartition(away[seen], count - 1)[:count]]
-
-
-def _odometry(before: Array, after: Array, rng: np.random.Generator) -> Odometry:
-    error = np.array(ODOMETRY_SD) * rng.standard_normal(3)
-    return Odometry(between(before, after) + error, np.diag(np.square(ODOMETRY_SD)))
 
 
 def _sightings(pose: Array, ids: Ints, xy: Array, rng: np.random.Generator) -> RangeBearing:

@@ -1,1 +1,1 @@
-"""A TOML file read into cells, checked, and run through an executor into the store."""
+"""Reads a study's TOML file into cells, and estimates and shows their progress."""

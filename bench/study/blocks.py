@@ -1,4 +1,4 @@
-"""The [[cells]] of a study file: datasets x backends x what is swept x seeds, as combinations and then as cells."""
+"""Reads the [[cells]] of a study file: datasets x backends x swept options x seeds, as combinations of cells."""
 
 import itertools
 import math
@@ -15,15 +15,12 @@ from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variant
 from ..plan.work import PlannedCell
 
 KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
-TAKEN = ("dataset", "backend", "seed", "status", "reason")
-"""Names that an option cannot have by itself: swept, it goes by its full one."""
-
-MOST = 1_000_000
-"""Cells of a study: more take gigabytes before the first is run."""
+TAKEN = ("dataset", "backend", "seed", "status", "reason")  # not names of options: swept, they go by full names
+MOST = 1_000_000  # cells of a study: more take gigabytes before the first is run
 
 
 class Combination(NamedTuple):
-    """All of a study's cells that differ by their seed alone."""
+    """The cells of a study that differ by their seed alone."""
 
     dataset: DatasetVariant
     backend: BackendVariant
@@ -33,13 +30,13 @@ class Combination(NamedTuple):
     key: tuple[Any, ...]  # another for all that are not the same cells
 
     def cells(self) -> Iterator[PlannedCell]:
-        """A cell a seed."""
+        """Yields one cell per seed."""
         for seed in self.seeds:
             yield PlannedCell(Cell(self.dataset, self.backend, seed), {**self.parameters, "seed": seed}, self.timed)
 
 
 class _Side:
-    """A dataset or a backend as the file names it, and its variants by what is swept of it."""
+    """A dataset or a backend as named in the file, and its variants by swept options."""
 
     def __init__(self, words: TomlTable, side: str, label: str, place: Place) -> None:
         self.words, self.side, self.label = words, side, label
@@ -54,16 +51,16 @@ class _Side:
         self.variants: dict[tuple[Any, ...], tuple[Variant, str]] = {}
 
     def has(self, option: str) -> bool:
-        """Whether it takes that option; of one that cannot be imported nobody knows."""
+        """Returns True if it has that option; assumed of one that cannot be imported."""
         return self.missing or hasattr(self.base.options, option)
 
     def set(self, option: str) -> bool:
-        """Whether its label gives the option a value."""
+        """Returns True if its label gives the option a value."""
         inside = self.label.partition("[")[2].removesuffix("]")
         return any(pair.partition("=")[0].strip() == option for pair in inside.split(","))
 
     def read(self, option: str, value: Any, place: Place) -> Any:
-        """The option's value as the dataset or backend takes it; InputError for one that it does not."""
+        """Reads the option's value; InputError for an invalid one."""
         if self.missing:
             return value
         try:
@@ -73,7 +70,7 @@ class _Side:
             raise self.words.at(place, str(error)) from None
 
     def variant(self, swept: Mapping[str, Any]) -> tuple[Any, str]:
-        """With these values, that have been read, and its label; the same object for the same values."""
+        """Returns the variant with these values, already read, and its label; the same object for the same values."""
         key = tuple(swept.items())
         if key not in self.variants:
             options = self.base.options if self.missing else replace(self.base.options, **swept)
@@ -94,12 +91,12 @@ class _Block:
 
     @property
     def swept(self) -> list[str]:
-        """Full names of the options."""
+        """Returns the full names of the swept options."""
         return list(dict.fromkeys(name for axis in self.axes for step in axis for name in step))
 
 
 def combinations(file: TomlTable, *, timed: bool) -> list[Combination]:
-    """Those of all [[cells]], which have to be there; InputError for what cannot be, or is there twice."""
+    """Reads the combinations of all [[cells]]; InputError for missing, invalid or repeated ones."""
     blocks = [_block(words, file) for words in file.tables("cells", "[[cells]] with a dataset and a backend")]
     if not blocks:
         raise file.lacks("cells", "[[cells]] with a dataset and a backend")
@@ -122,7 +119,7 @@ def combinations(file: TomlTable, *, timed: bool) -> list[Combination]:
 
 
 def _check_number(blocks: Iterable[_Block]) -> None:
-    """InputError where there are more cells than are kept in mind at once, told before any of them is made."""
+    """Raises InputError for too many cells, before any of them is made."""
     count = 0
     for block in blocks:
         lengths = [len(block.datasets), len(block.backends), *map(len, block.axes), len(block.seeds)]
@@ -165,7 +162,7 @@ def _combined(block: _Block, names: Mapping[str, str], *, timed: bool) -> Iterat
 
 
 def _names(swept: Iterable[str]) -> dict[str, str]:
-    """What the parameters are called, by the full names of the options: x for backend.x where only one side has it."""
+    """Names the parameters by the full names of the options: x for backend.x where only one side has it."""
     short = [name.partition(".")[2] for name in swept]
     return {
         full: full if short.count(name) > 1 or name in TAKEN else name for full, name in zip(swept, short, strict=True)
@@ -175,7 +172,8 @@ def _names(swept: Iterable[str]) -> dict[str, str]:
 def _block(words: TomlTable, file: TomlTable) -> _Block:
     words.only(KEYS)
     sides = {side: _sides(words, side) for side in ("dataset", "backend")}
-    axes = [*_grid(words), *_zip(words), *_list(words)]
+    axes = [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
+    axes += [*_zip(words), *_list(words)]
     block = _Block(words, sides["dataset"], sides["backend"], axes, _seeds(words, file))
     by: dict[str, Place] = {}
     for axis in axes:
@@ -188,7 +186,6 @@ def _block(words: TomlTable, file: TomlTable) -> _Block:
 
 
 def _sides(words: TomlTable, side: str) -> list[_Side]:
-    """Those that the block names, each once."""
     labels = words.names(side)
     places = [(*words.place, side, k) for k in range(len(labels))]
     for k, (label, place) in enumerate(zip(labels, places, strict=True)):
@@ -198,7 +195,7 @@ def _sides(words: TomlTable, side: str) -> list[_Side]:
 
 
 def _seeds(words: TomlTable, file: TomlTable) -> Sequence[int]:
-    """So many from the first one on, or a list; one where nothing is said. What a block lacks the file says for it."""
+    """Reads seeds, a count from the first one or a list, else one; defaults are those of the file."""
     here = words if words.has("seeds") else file
     found = here.entries.get("seeds", 1)
     first = (words if words.has("first_seed") else file).whole("first_seed", 0, 0)
@@ -216,13 +213,7 @@ def _seeds(words: TomlTable, file: TomlTable) -> Sequence[int]:
     return found
 
 
-def _grid(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
-    """An axis an option."""
-    return [[{name: step} for step in steps] for name, steps in _columns(words.table("grid"), distinct=True).items()]
-
-
 def _zip(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
-    """One axis, along which all the options go together."""
     columns = _columns(words.table("zip"), distinct=False)
     lengths = {name: len(steps) for name, steps in columns.items()}
     if len(set(lengths.values())) > 1:
@@ -234,7 +225,7 @@ def _zip(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
 
 
 def _columns(table: TomlTable, *, distinct: bool) -> dict[str, list[tuple[Any, Place]]]:
-    """The values of every option, none of them empty, and where each stands."""
+    """Reads the values of every option, at least one each, and where each stands."""
     found: dict[str, list[tuple[Any, Place]]] = {}
     for name, (values, place) in table.flat().items():
         if not isinstance(values, list) or not values:
@@ -247,7 +238,6 @@ def _columns(table: TomlTable, *, distinct: bool) -> dict[str, list[tuple[Any, P
 
 
 def _list(words: TomlTable) -> list[list[dict[str, tuple[Any, Place]]]]:
-    """One axis, every step of which is written out."""
     expected = "a list of tables, as in list = [{ dataset.x = 1, backend.y = 2 }]"
     tables = words.tables("list", expected)
     if words.has("list") and not (tables and all(table.entries for table in tables)):
@@ -266,7 +256,7 @@ def _scalar(words: TomlTable, name: str, value: Any, place: Place) -> Any:
 
 
 def _check_option(words: TomlTable, full: str, place: Place, sides: Mapping[str, Sequence[_Side]]) -> None:
-    """InputError unless every dataset, or backend, of the block has the option, and none has it set already."""
+    """Raises InputError unless every dataset, or backend, of the block has the option, and none sets it already."""
     side, _, option = full.partition(".")
     if side not in sides or not option:
         raise words.at(place, f'{full!r}: expected the name of an option, as in "dataset.x" or "backend.x".')

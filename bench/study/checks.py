@@ -1,4 +1,4 @@
-"""What a study's claims and figures name, held against its cells: parameters that they have, values, and columns."""
+"""Checks a study's claims and figures against its cells: parameters, values and columns that they name."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -8,22 +8,18 @@ from ...frontend.nearest import nearest
 from ...frontend.toml.table import TomlTable, is_number, shown
 from ..words.columns import CELLS, METRICS
 from .blocks import Combination
-from .claim import Claim
-from .study import Figure
+from .study import Claim, Figure
 
 COLUMNS = (*CELLS, *METRICS)
-MEASURES = tuple(column.name for column in COLUMNS if column.kind.is_measured)
-"""The columns that are numbers."""
-
-MOST = 8
-"""Values that a sentence names."""
+MEASURES = tuple(column.name for column in COLUMNS if column.kind.is_measured)  # the columns that are numbers
+MOST = 8  # values that a sentence names
 
 Cells = Sequence[Combination]
 Selection = Mapping[str, Any]
 
 
 def check_claim(claim: Claim, words: TomlTable, cells: Cells) -> None:
-    """InputError where the claim names what no cell has, does not vary, or leaves open which cells are meant."""
+    """Raises InputError where a claim names what no cell has, does not vary, or leaves the cells ambiguous."""
     _check_measure(words, "measure", claim.measure, cells)
     _check_selection(words, "where", claim.where, cells)
     keys = {"value": ("of",), "grows": ("of",), "alike": ("alike", "to")}.get(claim.kind, ("less", "than"))
@@ -49,7 +45,7 @@ def check_claim(claim: Claim, words: TomlTable, cells: Cells) -> None:
 
 
 def check_figure(figure: Figure, words: TomlTable, cells: Cells) -> None:
-    """InputError where the figure names what no cell has, or has nothing to draw."""
+    """Raises InputError where the figure names what no cell has, or has nothing to draw."""
     _check_measure(words, "y", figure.y, cells)
     _check_selection(words, "where", figure.where, cells)
     there = [one for one in cells if all(_has(one, name, value) for name, value in figure.where.items())]
@@ -65,7 +61,7 @@ def check_figure(figure: Figure, words: TomlTable, cells: Cells) -> None:
 
 
 def _side(words: TomlTable, key: str, selection: Selection, where: Selection, cells: Cells) -> Cells:
-    """The cells of one side: with its own values, and those of `where` that its cells know of."""
+    """Selects the cells of one side: with its own values, and those of `where` that its cells have."""
     inside = words.table(key)
     if "measure" in selection:
         _check_measure(inside, "measure", str(selection["measure"]), cells)
@@ -89,7 +85,7 @@ def _none(words: TomlTable, key: str, selection: Selection) -> InputError:
 
 
 def _known(cells: Cells, selection: Selection) -> Cells:
-    """Those with all the values, but for the values of a parameter that none of the cells has."""
+    """Selects cells with all the values, except of parameters that none of them has."""
     for name, value in selection.items():
         if _values(name, cells):
             cells = [one for one in cells if _has(one, name, value)]
@@ -101,20 +97,19 @@ def _has(one: Combination, name: str, value: Any) -> bool:
 
 
 def _values(name: str, cells: Iterable[Combination]) -> list[Any]:
-    """The values that the cells have of a parameter, each once."""
     if name == "seed":
         return sorted({seed for seeds in {tuple(one.seeds) for one in cells} for seed in seeds})
     return [v for v in dict.fromkeys(one.parameters[name] for one in cells) if v is not None]
 
 
 def _common(name: str, sides: Sequence[Cells]) -> list[Any]:
-    """The values that all sides have whose cells have the parameter at all."""
+    """Lists the values that all sides have whose cells have the parameter at all."""
     first, *others = [values for side in sides if (values := _values(name, side))] or [[]]
     return [value for value in first if all(value in values for values in others)]
 
 
 def _logs(side: Cells, sides: Sequence[Cells]) -> set[tuple[str, int]]:
-    """What tells the side's logs apart: the seed where it makes the log, the dataset where there are several."""
+    """Identifies the side's logs: by seed where it makes the log, by dataset where there are several."""
     several = any(len(_values("dataset", one)) > 1 for one in sides)
     return {
         (one.parameters["dataset"] if several else "", seed if one.dataset.source.seeded else 0)
@@ -138,7 +133,7 @@ def _check_parameter(words: TomlTable, key: str, name: str, cells: Cells) -> Non
 
 
 def _check_selection(words: TomlTable, key: str, selection: Selection, cells: Cells) -> None:
-    """InputError for a parameter or a value that no cell has; `key` is the selection's in `words`, "" for itself."""
+    """Raises InputError for a parameter or value that no cell has; `key` is the selection's, "" for `words` itself."""
     inside = words.table(key) if key else words
     for name, value in selection.items():
         _check_parameter(inside, name, name, cells)
@@ -149,7 +144,7 @@ def _check_selection(words: TomlTable, key: str, selection: Selection, cells: Ce
 
 
 def _check_varies(words: TomlTable, key: str, name: str, sides: Sequence[Cells], *, numbers: bool) -> None:
-    """InputError unless the parameter has two values or more in common to all sides that have it."""
+    """Raises InputError unless the parameter has two values or more common to all sides that have it."""
     _check_parameter(words, key, name, sides[0])
     if name == "seed":
         raise words.fault(key, "a parameter that is not the seed: intervals are over seeds")
@@ -163,10 +158,7 @@ def _check_varies(words: TomlTable, key: str, name: str, sides: Sequence[Cells],
 
 
 def _check_one(words: TomlTable, key: str, along: str, side: Cells) -> None:
-    """InputError where the side is no one configuration: only the seed may vary, and what the claim goes along.
-
-    So may the dataset where each is a single log.
-    """
+    """Raises InputError unless only the seed and `along` vary, or the dataset where each is a single log."""
     for name in side[0].parameters:
         found = dict.fromkeys(one.parameters[name] for one in side)
         single = name == "dataset" and not any(one.dataset.source.seeded and len(one.seeds) > 1 for one in side)

@@ -1,4 +1,4 @@
-"""How long a study will take, before it is run: from the results that are there, else from a few cells timed now."""
+"""Estimates how long a study will take, from recorded results, else from a few cells timed now."""
 
 import contextlib
 import random
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from ..engine.engine import Wanted, batch_of
+from ..engine.engine import RunRequest, batch_of
 from ..engine.key import log_key, log_seed, made_once, result_key
 from ..engine.log_files import LogFiles
 from ..measure.status import FAILED
@@ -18,31 +18,26 @@ from ..workers.batch import KeptLog
 from ..workers.executor import Executor
 from .study import Study
 
-BUDGET_S = 20.0
-"""Of wall time for cells that are timed now."""
-
-WARM_S = 1.0
-"""A cell that took less is timed once more: of the first, much was the loading of code."""
-
-Pair = tuple[str, str, str, str]
-"""Dataset and its options, backend and its options."""
+BUDGET_S = 20.0  # s of wall time for cells that are timed now
+WARM_S = 1.0  # s; a faster cell is timed once more, as loading code ruled the first time
+Pair = tuple[str, str, str, str]  # dataset and its options, backend and its options
 
 
 class Share(NamedTuple):
-    """What the study has of one backend on one dataset, both as its file names them."""
+    """The study's cells of one backend on one dataset, both as its file names them."""
 
     dataset: str
     backend: str
     cells: int
     done: int
     todo: int  # now
-    seconds: float  # of its cells to be done, one after another, as far as that is known
-    unknown: int  # of them, those of which nothing is known
+    seconds: float  # of its cells to be done, one after another, as far as known
+    unknown: int  # of them, those without any timing
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Of what is to be run now. The making of logs is not in it."""
+    """The estimate for what is to be run now, without the making of logs."""
 
     shares: Sequence[Share]
     slots: int
@@ -52,18 +47,18 @@ class Estimate:
 
     @property
     def cells(self) -> int:
-        """Of the study."""
+        """Counts the cells of the study."""
         return sum(share.cells for share in self.shares)
 
     @property
     def todo(self) -> int:
-        """Cells that are to be run now."""
+        """Counts the cells to be run now."""
         return sum(share.todo for share in self.shares)
 
     def sentences(self) -> list[str]:
-        """How many cells, how long, and of what nothing is known."""
+        """States in sentences how many cells, how long, and what is not known."""
         done = sum(share.done for share in self.shares)
-        alone = f", {self.alone:,} of them alone on their machine since their times are wanted" if self.alone else ""
+        alone = f", {self.alone:,} of them alone on their machine, as they are timed" if self.alone else ""
         said = [f"{self.cells:,} cells, {done:,} done, {self.todo:,} to be run now{alone}."]
         if not self.todo:
             return said
@@ -72,16 +67,16 @@ class Estimate:
             known = f"by {counted(self.timed_now, 'cell')} timed now" if self.timed_now else "by cells done before"
             slots = f", {self.slots} at a time" if self.alone < self.todo else ""
             how_long = f"About {lasting(self.wall_s)}" if self.wall_s >= 1 else "Less than 1 s"
-            said.append(f"{how_long}{slots}, {known}; the making of logs comes on top.")
+            said.append(f"{how_long}{slots}, {known}; making the logs takes additional time.")
         said += [
             f"Not known: how long {share.unknown:,} of {share.dataset} with {share.backend} will take."
             for share in unknown
         ]
-        again = "There was no time to try more; asked again it knows more, since code compiled meanwhile is kept."
+        again = "There was no time to try more; a second --dry-run tries more, as compiled code is kept."
         return said + [again] * bool(unknown)
 
     def table(self) -> list[tuple[str, ...]]:
-        """A head and a row a share: dataset, backend, cells, done, to do, and how long these take one after another."""
+        """Returns a head and one row per share: dataset, backend, cells, done, to do, and their time in sequence."""
         rows: list[tuple[str, ...]] = [("dataset", "backend", "cells", "done", "to do", "one after another")]
         for share in self.shares:
             took = "" if share.unknown == share.todo else lasting(share.seconds) + " and more" * (share.unknown > 0)
@@ -90,18 +85,18 @@ class Estimate:
 
 
 def estimate(
-    study: Study, store: Store | None, executor: Executor, wanted: Wanted, budget_s: float = BUDGET_S
+    study: Study, store: Store | None, executor: Executor, request: RunRequest, budget_s: float = BUDGET_S
 ) -> Estimate:
-    """How long the cells that are wanted of the study will take with as many slots as the executor has.
+    """Estimates how long the requested cells of the study will take on the executor's slots.
 
-    A cell takes as long as the store's of the same variants did on average, else as those of the same names, else as
-    some that the executor is given now, at random and one at a time, until `budget_s` is over. Nothing is written but
-    to the cache of logs that are costly to make.
+    A cell takes as long as the record's of the same variants did on average, else as those of the same names, else as
+    some that the executor is given now, at random and one at a time, until `budget_s` is over. Only the cache of logs
+    that are costly to make is written to.
     """
-    done = _done(study, store, wanted)
-    todo = [cell for cell, is_done in zip(study.cells, done, strict=True) if not is_done and wanted.chosen(cell)]
+    done = _done(study, store, request)
+    todo = [cell for cell, is_done in zip(study.cells, done, strict=True) if not is_done and request.chosen(cell)]
     random.Random(0).shuffle(todo)
-    todo = todo[: wanted.limit]
+    todo = todo[: request.limit]
     seconds = {} if store is None else store.seconds()
     names = {_names(pair) for pair in seconds}
     new = [cell for cell in todo if _names(_pair(cell)) not in names]
@@ -115,7 +110,7 @@ def estimate(
 
 
 class _Averages:
-    """Seconds of a cell on average, by its variants or by their names."""
+    """Mean seconds of a cell, by its variants or by their names."""
 
     def __init__(self, seconds: Mapping[Pair, tuple[float, int]]) -> None:
         self._by_pair = {pair: mean for pair, (mean, _) in seconds.items()}
@@ -126,7 +121,7 @@ class _Averages:
         self._by_names = {names: s / n for names, (s, n) in total.items()}
 
     def of(self, pair: Pair) -> float | None:
-        """None where nothing is known."""
+        """Returns the mean; None where nothing is known."""
         return self._by_pair.get(pair, self._by_names.get(_names(pair)))
 
 
@@ -138,8 +133,8 @@ def _names(pair: Pair) -> tuple[str, str]:
     return pair[0], pair[2]
 
 
-def _done(study: Study, store: Store | None, wanted: Wanted) -> list[bool]:
-    """Whether each cell has ended, and is not to be run again."""
+def _done(study: Study, store: Store | None, request: RunRequest) -> list[bool]:
+    """Returns for each cell True if it has ended and is not to be run again."""
     if store is None:
         return [False] * len(study.cells)
     logs, statuses = store.logs(), store.statuses() | dict.fromkeys(store.logs_unmade(), "error")
@@ -152,17 +147,17 @@ def _done(study: Study, store: Store | None, wanted: Wanted) -> list[bool]:
             known[place] = logs.get(made_of, made_of)
         log = known[place]
         key = log if isinstance(log, str) else result_key(cell.cell, log, timed=cell.timed, oracle=study.oracle)
-        done.append(key in statuses and not (wanted.retry and wanted.chosen(cell) and statuses[key] in FAILED))
+        done.append(key in statuses and not (request.retry and request.chosen(cell) and statuses[key] in FAILED))
     return done
 
 
 def _timed_now(
     study: Study, store: Store | None, cells: Sequence[PlannedCell], executor: Executor, budget_s: float
 ) -> dict[Pair, tuple[float, int]]:
-    """What one cell a pair takes, of as many pairs as there is time for.
+    """Times one cell per pair, of as many pairs as there is time for.
 
-    The cells come in random order, so the mean over those that were timed is as good as any for the others; first one
-    of every dataset and backend, whatever their options.
+    The cells come in random order, so the mean of those timed is unbiased; first one of every dataset and backend,
+    whatever their options.
     """
     end, found = time.monotonic() + budget_s, {}
     for cell in _first_of_each(cells):
@@ -172,7 +167,7 @@ def _timed_now(
             break
         for _ in range(2):
             took, ended = _took(study, cell, kept, executor, min(left, study.timeout_s))
-            if not ended and took < study.timeout_s:  # stopped for want of time: it takes longer, nobody knows how much
+            if not ended and took < study.timeout_s:  # stopped for lack of time
                 break
             found[_pair(cell)] = took, 1
             left = end - time.monotonic()
@@ -182,7 +177,7 @@ def _timed_now(
 
 
 def _first_of_each(cells: Iterable[PlannedCell]) -> list[PlannedCell]:
-    """A cell a pair: in rounds, of which each has one pair of every two names."""
+    """Returns one cell per pair, in rounds with one pair of every two names."""
     by_names: dict[tuple[str, str], dict[Pair, PlannedCell]] = {}
     for cell in cells:
         by_names.setdefault(_names(_pair(cell)), {}).setdefault(_pair(cell), cell)
@@ -191,7 +186,7 @@ def _first_of_each(cells: Iterable[PlannedCell]) -> list[PlannedCell]:
 
 
 def _kept(store: Store, cell: PlannedCell) -> KeptLog | None:
-    """The cell's log, where the study has a copy of it."""
+    """Returns the cell's log, where the study has a copy of it."""
     log = store.logs().get(log_key(cell.cell)) if made_once(cell.cell) else None
     entry = log and LogFiles(store.folder).entry(cell.cell.dataset.name, log)
     return entry if entry and entry.path.is_file() else None
@@ -200,7 +195,7 @@ def _kept(store: Store, cell: PlannedCell) -> KeptLog | None:
 def _took(
     study: Study, cell: PlannedCell, kept: KeptLog | None, executor: Executor, timeout_s: float
 ) -> tuple[float, bool]:
-    """Seconds that the cell takes, and whether it came to an end of its own."""
+    """Times a cell; returns its seconds, and False where it was stopped."""
     mine = replace(batch_of(study, cell, {0: cell}, kept), timeout_s=timeout_s, keep=False)
     with contextlib.closing(executor.run([mine], alone=True)) as ended:
         finished = next(iter(ended))
@@ -210,7 +205,6 @@ def _took(
 def _shares(
     study: Study, done: Sequence[bool], todo: Sequence[PlannedCell], each: Sequence[float | None]
 ) -> list[Share]:
-    """By dataset and backend, in the order of the study."""
     rows: dict[tuple[str, str], list[float]] = {}
     for cell, is_done in zip(study.cells, done, strict=True):
         row = rows.setdefault((cell.parameters["dataset"], cell.parameters["backend"]), [0, 0, 0, 0.0, 0])

@@ -4,13 +4,13 @@
     question   what is asked
     source     who asked or answered it before
     finding    what was found then
-    note       what a reader of the answer has to know
+    note       what a reader of the answer needs to know
     seeds      of every [[cells]] that has none of its own (1)
     first_seed likewise, the seed to count from where seeds is a number (0)
     timed      true: each cell alone on its machine
                (true where a figure or a claim is about a time)
     keep       true: paths and other arrays are stored, too (false)
-    oracle     true: backends that ask for the truth are told it (false)
+    oracle     true: backends that ask for the ground truth are given it (false)
     timeout_s, memory_mb   limits of a cell (600, 4000)
 
     [[cells]]  as many as needed; the study has the cells of all, none twice
@@ -37,7 +37,7 @@
     [[figure]] medians of y over x with their intervals
     x          a parameter
     y          a column of cells.csv or metrics.csv
-    by         a parameter, a line each (backend; dataset where that is x)
+    by         a parameter, one line per value (backend; dataset where that is x)
     where      { parameter = value, ... }: the cells that are drawn (all)
     log        "x", "y" or "xy": which axes are logarithmic
     title, caption
@@ -46,7 +46,7 @@
     says       the sentence
     measure    a column; any selection may have another `measure`
     where      { parameter = value, ... }: of all its cells
-    each       a parameter: it has to be true for every value
+    each       a parameter: the claim has to hold for every value
 
     and one of these; {} is such a selection as `where`, bounds are above,
     below or within = [low, high]:
@@ -67,23 +67,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ...frontend.errors import InputError
 from ...frontend.nearest import nearest
-from ...frontend.toml.table import TomlTable, shown
+from ...frontend.toml.lines import Place
+from ...frontend.toml.table import LARGEST, TomlTable, called, shown, too_deep
 from ..words.columns import about
 from .blocks import combinations
 from .checks import check_claim, check_figure
-from .claim import Claim
-from .sizes import sized
-from .study import Figure, Study
+from .study import Claim, Figure, Study
 
-FORMAT = (__doc__ or "").partition("\n\n")[2]
-"""The format, for `bench ablate --help`."""
-
-PACKAGED = Path(__file__).parent / "studies"
-"""The studies that come along, each NAME.toml."""
+FORMAT = (__doc__ or "").partition("\n\n")[2]  # the format, for `bench ablate --help`
+PACKAGED = Path(__file__).parent / "studies"  # the packaged studies, each NAME.toml
 
 KEYS = (
     "title", "question", "source", "finding", "note", "seeds", "first_seed", "timed", "keep", "oracle", "timeout_s",
@@ -98,18 +94,18 @@ CLAIMS: Mapping[str, tuple[str, ...]] = {
     "alike": ("alike", "to", "by"),
     "value": ("of", *BOUNDS),
 }
-"""The kinds of claims, each told by the first of its keys where it is none of those before."""
+"""the kinds of claims, each recognised by the first of its keys where it is none of those before"""
 
 COMMON = ("says", "measure", "where", "each")
 
 
 def packaged() -> list[str]:
-    """The names of the studies that come along."""
+    """Lists the names of the packaged studies."""
     return sorted(path.stem for path in PACKAGED.glob("*.toml"))
 
 
 def read(which: str, *, full: bool) -> Study:
-    """The packaged study of that name, or the file at that path, in its quick or full size; InputError as below."""
+    """Reads the packaged study of that name, or the file at that path, in its quick or full size."""
     path = PACKAGED / f"{which}.toml" if which in packaged() else Path(which)
     try:
         text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
@@ -121,7 +117,7 @@ def read(which: str, *, full: bool) -> Study:
 
 
 def made(file: str, text: str, *, full: bool) -> Study:
-    """The study of this text; `file` is what it is called by in errors, and without its folder and ending by readers.
+    """Parses a study; `file` is its name in errors, and without its folder and ending for readers.
 
     InputError names the file, the line and the key of the first thing that is wrong, what was found and what expected.
     """
@@ -139,7 +135,7 @@ def made(file: str, text: str, *, full: bool) -> Study:
 
 
 def reread(file: str, text: str, *, full: bool) -> Study:
-    """The study of a text that was read before, without its cells: nothing is looked up that may have gone since."""
+    """Parses a text that was read before, without its cells: nothing is looked up that may no longer exist."""
     return _without_cells(_words(file, text, full=full), text, full=full)
 
 
@@ -210,7 +206,6 @@ def _claim(words: TomlTable) -> Claim:
 
 
 def _bounds(words: TomlTable, *, needed: bool) -> tuple[float, float]:
-    """Those within which the measure has to be."""
     if not words.has("within"):
         low, high = words.number("above", -inf), words.number("below", inf)
         if needed and not (words.has("above") or words.has("below")):
@@ -234,7 +229,7 @@ def _side(words: TomlTable, key: str) -> dict[str, Any]:
 
 
 def _selection(words: TomlTable, key: str) -> dict[str, Any]:
-    """Parameter -> value."""
+    """Reads a selection: parameter -> value."""
     inside = words.table(key)
     for name, value in inside.entries.items():
         if isinstance(value, dict):
@@ -244,3 +239,34 @@ def _selection(words: TomlTable, key: str) -> dict[str, Any]:
         if name == "measure":
             inside.text(name)
     return dict(inside.entries)
+
+
+Size = Literal["quick", "full"]
+
+
+def sized(file: TomlTable, size: Size) -> TomlTable:
+    """Returns the file in that size; InputError for other sizes, and a number beyond 64 bits."""
+    lines, found = file.lines(), dict[Place, int]()
+
+    def chosen(value: Any, stood: Place, place: Place) -> Any:
+        """Returns the value that `stood` in the file and has the `place` in what is left."""
+        if stood in lines:
+            found[place] = lines[stood]
+        if isinstance(value, dict) and ("quick" in value or "full" in value):
+            if set(value) != {"quick", "full"}:
+                given = f"{called(stood) or 'the file'}: found {' and '.join(value)}"
+                raise file.at(stood, f"{given}, expected quick and full, each with a value, and nothing else.")
+            return chosen(value[size], (*stood, size), place)
+        if isinstance(value, dict):
+            return {name: chosen(inner, (*stood, name), (*place, name)) for name, inner in value.items()}
+        if isinstance(value, list):
+            return [chosen(inner, (*stood, k), (*place, k)) for k, inner in enumerate(value)]
+        if isinstance(value, int) and abs(value) > LARGEST:
+            raise file.at(stood, f"found {shown(value)}, expected {LARGEST:,} at most.")
+        return value
+
+    try:
+        entries = chosen(file.entries, (), ())
+    except RecursionError:
+        raise too_deep(file.file) from None
+    return replace(file, lines=lambda: found, entries=entries)

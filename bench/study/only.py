@@ -1,4 +1,4 @@
-"""`--only NAME=VALUE[,VALUE]`: which of a study's cells are meant."""
+"""Parses `--only NAME=VALUE[,VALUE]` into a selection of a study's cells."""
 
 import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -9,20 +9,17 @@ from ...frontend.nearest import nearest
 from ..plan.work import PlannedCell
 from .study import Study
 
-MOST = 12
-"""Values that a sentence names."""
-
-_VALUE = re.compile(r"""(?:"[^"]*"|\[[^\]]*\]|[^,\["])+""")
-"""One of those between commas; those in brackets are part of it, as in ekf[gate=3,confirm=2]."""
+MOST = 12  # values that a sentence names
+_VALUE = re.compile(r"""(?:"[^"]*"|\[[^\]]*\]|[^,\["])+""")  # a value; commas in brackets are part of it
 
 _LIST = re.compile(f"{_VALUE.pattern}(?:,{_VALUE.pattern})*")
 
 
 def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
-    """Whether a cell is meant by all of `only`, of which each is the text after an --only.
+    """Returns a function that is True for cells selected by all of `only`, each the text after an --only.
 
-    Values of one parameter are alternatives, in one --only or in several; a * in one stands for anything, a ? for any
-    letter. InputError for a parameter or a value that no cell has, and where nothing is left.
+    Values of one parameter are alternatives, in one --only or in several; * stands for anything, ? for any letter.
+    InputError for a parameter or a value that no cell has, and where nothing is left.
     """
     allowed: dict[str, set[Hashable]] = {}
     for text in only:
@@ -53,7 +50,7 @@ def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
 
 
 def _is_meant(pattern: str, value: Any) -> bool:
-    """Whether the pattern is the value: as a text, with its * and ?, or as a number."""
+    """Returns True if the pattern matches the value: as a text, with its * and ?, or as a number."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
             return float(pattern) == value
@@ -64,7 +61,7 @@ def _is_meant(pattern: str, value: Any) -> bool:
 
 
 def text_of(value: Any) -> str:
-    """A parameter's value as --only takes it; of a cell that has no such option it is empty."""
+    """Writes a parameter's value as --only takes it; "" for a cell without such an option."""
     return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 

@@ -1,55 +1,52 @@
-"""All that a report says of a study, worked out from its store alone: how far it is, its numbers, its answers."""
+"""Collects a study's evidence from its record: progress, numbers, answers."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...backends import registry as backends
+from ...datasets import registry as datasets
 from ...frontend.errors import InputError
 from ..claims import answer as claim_answer
 from ..claims.answer import Answer
 from ..claims.conclusion import Conclusion, conclude
 from ..claims.curves import Medians, medians
-from ..claims.found import Verdict
+from ..claims.finding import Verdict
 from ..claims.standing import Standing, standing
-from ..drawing.figure import Exhibit
+from ..drawing.figure import ReportFigure
 from ..record.cell_table import CellTable
 from ..record.store import Store
 from ..study import file as study_file
 from ..study.study import Study
 from ..words.columns import about
 from ..words.numerals import counted
-from .option_words import option_words
 
-SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}
-"""By verdict: of a claim, and of the study."""
-
-WORDS = ("name", "text", "size", "command", "executor", "environment", "started")
-"""What the store has to know of the study."""
+SIGNS = {"holds": "✓", "fails": "✗", "open": "?", "yes": "✓", "no": "✗"}  # by verdict: of a claim, and of the study
+WORDS = ("name", "text", "size", "command", "executor", "environment", "started")  # required facts
 
 VERDICTS = {"holds": "holds", "fails": "fails", "open": "open", "yes": "holds", "no": "fails"}
-"""The class of each in a page."""
+"""the class of each in a page"""
 
 
-MOST_TELLING = 3
-"""Claims that a page with many studies has room for, of each."""
+MOST_TELLING = 3  # claims that a page with many studies has room for, of each
 
 
-class Finding(NamedTuple):
-    """What became of a claim, in the parts in which a page sets it."""
+class ClaimSummary(NamedTuple):
+    """A claim's result, in the parts in which a page shows it."""
 
     verdict: Verdict
     says: str
-    measured: str  # the numbers, the bounds, and what else a reader must know
+    measured: str  # the numbers, the bounds, and remarks
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """A study as it stands."""
+    """A study's current evidence."""
 
     folder: Path
     study: Study
@@ -59,12 +56,12 @@ class Evidence:
 
     @property
     def answers(self) -> Sequence[Answer]:
-        """What became of each claim."""
+        """Returns the answer to each claim."""
         return self.conclusion.answers
 
     @property
     def answered(self) -> tuple[str, str]:
-        """What the study comes to: the words that say it, and what they are due to in few words."""
+        """Returns the conclusion, and its reason in few words."""
         head, _, why = self.conclusion.sentence.partition(": ")
         if not self.answers or self.conclusion.reproduced == "yes":
             return head, why
@@ -75,34 +72,41 @@ class Evidence:
         return head, f"{', '.join(said)}."
 
     @property
-    def findings(self) -> Sequence[Finding]:
-        """Every claim with what it was found to be, in the file's order."""
-        return [Finding(found.verdict, found.claim.says.rstrip("."), _measured(found)) for found in self.answers]
+    def findings(self) -> Sequence[ClaimSummary]:
+        """Lists every claim with its result, in the file's order."""
+        return [
+            ClaimSummary(
+                found.verdict,
+                found.claim.says.rstrip("."),
+                found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2],
+            )
+            for found in self.answers
+        ]
 
     @property
-    def most_telling(self) -> Sequence[Finding]:
-        """What a reader has to see: all claims that do not hold, and of the others the first ones."""
+    def most_telling(self) -> Sequence[ClaimSummary]:
+        """Lists all claims that do not hold, and of the others the first ones."""
         others = [found for found in self.findings if found.verdict != "holds"]
         held = [found for found in self.findings if found.verdict == "holds"]
         return [*others, *held[: max(MOST_TELLING - len(others), 1)]]
 
     @cached_property
     def standing(self) -> Standing:
-        """How far it is."""
+        """Returns the study's progress."""
         return standing(self.table)
 
     @cached_property
     def medians(self) -> Sequence[Medians]:
-        """The numbers of each figure."""
+        """Returns the numbers of each figure."""
         return [medians(figure, self.table) for figure in self.study.figures]
 
     @cached_property
-    def exhibits(self) -> Sequence[Exhibit]:
-        """The figures."""
+    def figures(self) -> Sequence[ReportFigure]:
+        """Draws the figures."""
         from .figure import study_figure  # matplotlib
 
         backends = self.table.values("backend", np.arange(len(self.table)))
-        drawn: list[Exhibit] = []
+        drawn: list[ReportFigure] = []
         for k, found in enumerate(self.medians, 1):
             x = option_words(found.figure.x, self.table)
             one = study_figure(f"{self.study.name}-{k}", found, backends, self.answers, x)
@@ -111,11 +115,11 @@ class Evidence:
 
     @property
     def seconds(self) -> float:
-        """s of wall time that its cells took, one after another."""
+        """Sums the s of wall time of its cells."""
         return float(np.nansum(self.table.columns["seconds"]))
 
     def _timing(self, column: str) -> str:
-        """Of a time, whether other cells ran on the same machine meanwhile."""
+        """Says of a time whether other cells ran on the same machine meanwhile."""
         if not about(column).kind.is_time:
             return ""
         beside = self.table.columns["timing_alone"] == 0
@@ -124,13 +128,8 @@ class Evidence:
         return f" Timed while other cells ran on the same machine: {beside.sum():,} of {len(beside):,}."
 
 
-def _measured(found: Answer) -> str:
-    """What its sentence says after what is claimed."""
-    return found.sentence.partition(f"{found.claim.says.rstrip('.')}: ")[2]
-
-
 def evidence(folder: Path) -> Evidence:
-    """Of the study in the folder; InputError where there is none."""
+    """Reads the evidence of the study in the folder; InputError where there is none."""
     with Store(folder) as store:
         words = store.about()
         lacks = [name for name in WORDS if name not in words]
@@ -143,3 +142,29 @@ def evidence(folder: Path) -> Evidence:
         table = store.table(list(dict.fromkeys([*columns, "seconds", "timing_alone"])))
     conclusion = conclude([claim_answer.answer(claim, table) for claim in study.claims], study.finding)
     return Evidence(folder, study, words, table, conclusion)
+
+
+LONGEST = 84  # letters that an axis has room for, in two lines
+
+
+def option_words(parameter: str, table: CellTable) -> str:
+    """Describes a swept option with its unit, if its help is short; else returns its name."""
+    name = parameter.rpartition(".")[2]
+    plain = name.replace("_", " ")
+    having = np.flatnonzero(table.columns[parameter] != None)  # noqa: E711 - of each element
+    if not len(having) or parameter in ("dataset", "backend", "seed"):
+        return plain
+    for column, registry in (("dataset", datasets), ("backend", backends)):
+        summary = _summary(registry, str(table.columns[column][having[0]]).partition("[")[0], name)
+        if summary and ":" not in summary:  # what stands after it tells the default, or one choice from another
+            said = summary if plain in summary else f"{summary} ({plain})"
+            return said if len(said) <= LONGEST else plain
+    return plain
+
+
+def _summary(registry: Any, who: str, name: str) -> str:
+    """Returns the first half of a built-in's option help; "" where there is none."""
+    if who not in registry.BUILTIN:
+        return ""
+    options = {field.name: field for field in fields(registry.find(who).options)}
+    return options[name].metadata["summary"].partition(";")[0] if name in options else ""

@@ -1,4 +1,4 @@
-"""A study's figure: medians with their intervals over x, a line for every value of `by`; or rows, where x is a word."""
+"""Draws a study's figure: medians with intervals over x, one line per value of `by`; or rows, where x is a word."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -14,8 +14,8 @@ from ...frontend.se2 import Array
 from ..claims.answer import Answer
 from ..claims.curves import Medians, Place
 from ..drawing.axes import logarithmic, short
-from ..drawing.figure import Exhibit
-from ..drawing.figure_maker import exhibit
+from ..drawing.figure import ReportFigure
+from ..drawing.figure_maker import report_figure
 from ..verdict.statistics import FEWEST
 from ..words.columns import about
 from ..words.numerals import TIMES, counted, plain
@@ -24,30 +24,17 @@ from .line_looks import line_looks
 from .marks import Marks, draw_across, marks
 from .rows import draw_rows, rows_height
 
-WIDTH, HEIGHT = 310, 205
-"""Points."""
-
-LETTERS = 18
-"""Of a line of a name, at the end of its curve."""
-
-LABEL = 52
-"""Letters of a line below the axis."""
-
-MOST_MARKS = 8
-"""Values of x that each have a mark on its axis, where there is room."""
-
-LEVEL = (0, (1, 1.5))
-"""The line of what has no value of x, in its colour."""
-
-EDGE = 1e-3
-"""Of the axis: a mark nearer to its end may be taken to be outside, and not be drawn."""
-
-TIGHT = 0.07
-"""Of the axis: how near two marks on it may be."""
+WIDTH, HEIGHT = 310, 205  # points
+LETTERS = 18  # letters of a line of a name at the end of its curve
+LABEL = 52  # letters of a line below the axis
+MOST_MARKS = 8  # values of x that each have a tick, where there is room
+LEVEL = (0, (1, 1.5))  # line style of what has no value of x
+EDGE = 1e-3  # share of the axis: a tick nearer to its end may not be drawn
+TIGHT = 0.07  # share of the axis between two ticks at least
 
 
-def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: Iterable[Answer], x: str) -> Exhibit:
-    """The figure drawn; `x` is what its axis is called."""
+def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: Iterable[Answer], x: str) -> ReportFigure:
+    """Draws the figure; `x` labels its axis."""
     looks, drawn = line_looks(found, backends), marks(found, answers)
     measure = about(found.figure.y)
     y = measure.with_unit
@@ -55,7 +42,7 @@ def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: It
     title = found.figure.title or f"{plain[:1].upper()}{plain[1:]}"
     if not found.numeric:
         height = rows_height(found)
-        return exhibit(
+        return report_figure(
             name, title, _caption(found, drawn), height, lambda c: draw_rows(c, found, looks, drawn, y), width=WIDTH
         )
 
@@ -67,7 +54,7 @@ def study_figure(name: str, found: Medians, backends: Iterable[Any], answers: It
     slopes = drawn.slopes if found.figure.log == "xy" else {}
     named = {by: _lines(found.called[by], slopes.get(by)) for by in found.bys}
     height = max(HEIGHT, 60 + 10 * sum(len(lines) for lines in named.values()))
-    return exhibit(name, title, _caption(found, drawn), height, draw, width=WIDTH)
+    return report_figure(name, title, _caption(found, drawn), height, draw, width=WIDTH)
 
 
 def _draw_lines(
@@ -98,7 +85,7 @@ def _draw_lines(
 
 
 def _draw_line(axes: Axes, look: Look, places: Sequence[Place], at: Array) -> float:
-    """Of one value of `by`; the height at which it ends, NaN where nothing is drawn."""
+    """Draws one value of `by`; returns the height at which it ends, NaN where nothing is drawn."""
     value = np.array([place.value for place in places])
     low, high = (np.clip([getattr(place, end) for place in places], *axes.get_ylim()) for end in ("low", "high"))
     shown = np.isfinite(value)
@@ -112,7 +99,7 @@ def _draw_line(axes: Axes, look: Look, places: Sequence[Place], at: Array) -> fl
 
 
 def _draw_level(axes: Axes, look: Look, place: Place) -> float:
-    """What has no value of the figure's parameter, across it: its height, NaN where there is none."""
+    """Draws what has no value of the figure's parameter across it; returns its height, NaN where there is none."""
     if not np.isfinite(place.value):
         return np.nan
     axes.axhline(place.value, color=look.colour, linestyle=LEVEL, linewidth=1)
@@ -120,7 +107,7 @@ def _draw_level(axes: Axes, look: Look, place: Place) -> float:
 
 
 def _set_x(axes: Axes, xs: Sequence[float], *, log: bool) -> None:
-    """Over all of them with some room, logarithmic where that is asked for and can be."""
+    """Sets the x axis over all of them with some room, logarithmic if requested and possible."""
     log = log and min(xs) > 0
     if log:
         axes.set_xscale("log")
@@ -140,10 +127,7 @@ def _set_y(axes: Axes, found: Medians, drawn: Marks) -> None:
 
 
 def span(found: Medians, drawn: Marks) -> tuple[float, float, bool]:
-    """From where to where the axis goes, and whether it is logarithmic.
-
-    Over all medians, and of their intervals over as much as leaves the medians more than a third of the axis.
-    """
+    """Returns the y axis's ends around all medians, and intervals as far as there is room; True if logarithmic."""
     values = [place.value for place in found.places.values()] + drawn.values
     values = [value for value in values if np.isfinite(value)] or [1.0]
     expected = about(found.figure.y).kind.expected
@@ -158,7 +142,7 @@ def span(found: Medians, drawn: Marks) -> tuple[float, float, bool]:
 
 
 def _mark_values(axes: Axes, xs: Sequence[float]) -> None:
-    """Marks at the values themselves, as many as there is room for."""
+    """Sets ticks at the values themselves, as many as there is room for."""
     kept: list[float] = []
     places = axes.transLimits.transform(axes.transScale.transform([(x, axes.get_ylim()[1]) for x in xs]))[:, 0]
     last = -np.inf
@@ -167,16 +151,14 @@ def _mark_values(axes: Axes, xs: Sequence[float]) -> None:
             kept.append(x)
             last = place
     axes.xaxis.set_major_locator(FixedLocator(kept))
-    axes.xaxis.set_major_formatter(FixedFormatter([_marked(x) for x in kept]))
+    axes.xaxis.set_major_formatter(
+        FixedFormatter([f"{x:,.0f}" if x % 1 == 0 else plain(x).removeprefix(f"1.00{TIMES}") for x in kept])
+    )
     axes.xaxis.set_minor_locator(NullLocator())
 
 
-def _marked(x: float) -> str:
-    return f"{x:,.0f}" if x % 1 == 0 else plain(x).removeprefix(f"1.00{TIMES}")
-
-
 def _dodged(axes: Axes, xs: Sequence[float], place: float) -> Array:
-    """A little to the side, so that intervals stand beside each other."""
+    """Offsets the points so that intervals stand beside each other."""
     low, high = axes.get_xlim()
     if axes.get_xscale() == "log":
         return np.array(xs) * (high / low) ** (0.009 * place)
@@ -184,10 +166,7 @@ def _dodged(axes: Axes, xs: Sequence[float], place: float) -> Array:
 
 
 def _name_ends(axes: Axes, ends: Sequence[tuple[Look, Sequence[str], float]], height: float) -> None:
-    """Names right of where the lines end, moved apart and led to where they would cover each other.
-
-    They are the marks of the y axis's right-hand side, for which the layout leaves room.
-    """
+    """Writes names right of the lines' ends, moved apart, as ticks of the right side, so that the layout has room."""
     if not ends:
         return
     scale = axes.transScale + axes.transLimits
@@ -208,7 +187,7 @@ def _name_ends(axes: Axes, ends: Sequence[tuple[Look, Sequence[str], float]], he
 
 
 def _apart(wanted: Sequence[float], heights: Sequence[float]) -> list[float]:
-    """Places of names of those heights, near where they are wanted, between 0 and 1 and not on each other."""
+    """Places names of these heights near where they are wanted, between 0 and 1 and without overlap."""
     order = sorted(range(len(wanted)), key=lambda k: wanted[k])
     places = list(wanted)
     for _ in range(40):
@@ -224,13 +203,13 @@ def _apart(wanted: Sequence[float], heights: Sequence[float]) -> list[float]:
 
 
 def _together(label: str) -> str:
-    """With its last words in brackets on one line."""
+    """Keeps its last words in brackets on one line."""
     head, bracket, last = label.rpartition(" (")
     return head + bracket + last.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _lines(name: str, slope: float | None) -> list[str]:
-    """A name as it stands at the end of a line: the options of a backend below it, words without what they are."""
+    """Splits a name for the end of a line: a backend's options below it, text values without their keys."""
     head, _, inside = name.removesuffix("]").partition("[")
     said = [head]
     for key, _, value in (part.partition("=") for part in inside.split(",") if part):
@@ -242,7 +221,6 @@ def _lines(name: str, slope: float | None) -> list[str]:
 
 
 def _caption(found: Medians, drawn: Marks) -> str:
-    """What the study says of it, then what is drawn."""
     figure, every = found.figure, list(found.places.values())
     measure = about(figure.y)
     places = [place for place in every if place.x is not None or np.isfinite(place.value)]  # those that are drawn
@@ -264,7 +242,7 @@ def _caption(found: Medians, drawn: Marks) -> str:
     if measure.kind.is_nees:
         said.append("Grey band: neither overconfident nor cautious.")
     elif measure.kind.expected is not None:
-        said.append(f"Grey line: {measure.kind.expected:g}, where a belief is as wide as its errors.")
+        said.append(f"Grey line: {measure.kind.expected:g}, where covariances match the errors.")
     if found.numeric:
         said += _told(found, drawn)
     said.append(measure.gist)
@@ -272,7 +250,6 @@ def _caption(found: Medians, drawn: Marks) -> str:
 
 
 def _told(found: Medians, drawn: Marks) -> list[str]:
-    """What else is drawn of lines."""
     said: list[str] = []
     low, high, _ = span(found, drawn)
     if any(place.low < low or place.high > high for place in found.places.values() if np.isfinite(place.value)):

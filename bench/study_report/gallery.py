@@ -1,7 +1,7 @@
-"""The gallery: what has become of many studies on one page, each with its question, figure and answer.
+"""Writes the gallery: many studies on one page, each with its question, figure and answer.
 
-`python -m slamduel.bench.study_report.gallery [FOLDER]` makes FOLDER/index.html (results/gallery) of the
-studies below it.
+`python -m slamduel.bench.study_report.gallery [FOLDER]` makes FOLDER/index.html (results/gallery) of the studies below
+it.
 """
 
 import os
@@ -20,15 +20,11 @@ from .evidence import SIGNS, VERDICTS, Evidence, evidence
 
 FOLDER, PAGE = Path("results/gallery"), "index.html"
 
-ORDER = ("no", "open", "yes")
-"""What was not reproduced is what a reader asks for first."""
+ORDER = ("no", "open", "yes")  # what was not reproduced comes first
 
 
 def gallery(folders: Iterable[Path], out: Path) -> Path:
-    """Write a page of the studies in these folders to the file `out`, whole or not at all; returns `out`.
-
-    A folder whose study cannot be read is named on the page with the reason. InputError where none can.
-    """
+    """Writes a page of the studies in these folders; names unreadable ones. InputError where none is readable."""
     found: list[Evidence] = []
     left_out: list[str] = []
     for folder in folders:
@@ -42,7 +38,10 @@ def gallery(folders: Iterable[Path], out: Path) -> Path:
     answers = [answer.verdict for one in found for answer in one.answers]
     page = {
         "claims": f"{answers.count('holds')} of {counted(len(answers), 'claim')} hold",
-        "studies": [(one, _way(one.folder, out.parent), lasting(one.seconds)) for one in found],
+        "studies": [
+            (one, quote(Path(os.path.relpath(one.folder / "report.html", out.parent)).as_posix()), lasting(one.seconds))
+            for one in found
+        ],
         "headline": headline(found),
         "took": lasting(sum(one.seconds for one in found)),
         "cells": sum(one.standing.cells for one in found),
@@ -55,24 +54,19 @@ def gallery(folders: Iterable[Path], out: Path) -> Path:
 
 
 def headline(found: Iterable[Evidence]) -> str:
-    """How many published findings were reproduced, and what became of the others."""
+    """Counts the published findings that were reproduced, and the others."""
     verdicts = Counter(one.conclusion.reproduced for one in found if one.study.finding and one.answers)
     total = verdicts.total()
     if not total:
         return "No published finding among these studies"
     said = [f"{verdicts['yes']} of {counted(total, 'published finding')} reproduced"]
     said += [f"{verdicts['no']} not"] * bool(verdicts["no"])
-    said += [f"{verdicts['open']} cannot be told"] * bool(verdicts["open"])
+    said += [f"{verdicts['open']} not decided"] * bool(verdicts["open"])
     return ", ".join(said)
 
 
-def _way(folder: Path, start: Path) -> str:
-    """From the page to a study's report."""
-    return quote(Path(os.path.relpath(folder / "report.html", start)).as_posix())
-
-
 def main(words: list[str]) -> int:
-    """Make the page of the studies below the folder that `words` name."""
+    """Makes the page of the studies below the folder that `words` name."""
     folder = Path(words[0]) if words else FOLDER
     try:
         page = gallery((path.parent for path in sorted(folder.glob(f"*/{FILE}"))), folder / PAGE)

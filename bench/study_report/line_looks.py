@@ -1,4 +1,4 @@
-"""How the lines of a study's figure look: backends as everywhere, numbers in an ordered palette, words in turn."""
+"""Chooses the looks of a study figure's lines: backends as everywhere, numbers in an ordered palette."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -6,15 +6,11 @@ from typing import Any
 from ..claims.curves import Medians
 from ..words.styles import MARKERS, Look, looks
 
-ORDERED = ("#2f74d0", "#6f62d2", "#a553bd", "#c94b8c", "#d5554f", "#c76d1e", "#a5820c")
-"""From blue by purple to ochre: rises for every kind of colour vision, and stands out from white and from black."""
+ORDERED = ("#2f74d0", "#6f62d2", "#a553bd", "#c94b8c", "#d5554f", "#c76d1e", "#a5820c")  # blue to ochre
 
 
 def line_looks(found: Medians, backends: Iterable[Any]) -> Mapping[Any, Look]:
-    """A look for every one of the figure's `bys`, of its `xs` where they are the backends.
-
-    `backends` are all of the study: they look alike in all its figures.
-    """
+    """Assigns looks to the figure's `bys`, or `xs` where they are backends, alike in all figures of the study."""
     if "backend" in (found.figure.x, found.figure.by):
         return looks(map(str, backends))
     if not found.ordered:
@@ -25,7 +21,7 @@ def line_looks(found: Medians, backends: Iterable[Any]) -> Mapping[Any, Look]:
 
 
 def _rising(k: int, n: int) -> Look:
-    """The k-th of n."""
+    """Returns the k-th look of n."""
     place = k * (len(ORDERED) - 1) / max(n - 1, 1)
     low, share = int(place), place % 1
     ends = (ORDERED[low], ORDERED[min(low + 1, len(ORDERED) - 1)])

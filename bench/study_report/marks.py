@@ -1,4 +1,4 @@
-"""What a claim draws into a figure of the measure that it is about: its bounds, a slope, or where two lines cross."""
+"""Draws claims into figures of their measure: bounds, a slope, or a crossing."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite, nan
@@ -16,17 +16,13 @@ from ..words.columns import about
 from ..words.numerals import number, plain
 
 DASHED: dict[str, Any] = {"color": INK, "linewidth": 0.9, "linestyle": (0, (4, 3)), "alpha": 0.8}
-"""Lines that stand for no measurement."""
 
-LOWER = 0.13
-"""Of the axis: by how much the words of a crossing are lower than those of the one before, which may be near it."""
-
-HALF = 0.045
-"""Of the axis: half of a bound that is about one value of x."""
+LOWER = 0.13  # share of the axis by which the text of a crossing is lower than that of the one before
+HALF = 0.045  # share of the axis: half of a bound on one value of x
 
 
 class Bound(NamedTuple):
-    """What is claimed of the measure, and of which cells."""
+    """A claimed bound, and its cells."""
 
     value: float
     below: bool  # or else above
@@ -35,12 +31,12 @@ class Bound(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What is claimed."""
+        """Writes the bound."""
         return f"claimed: {'below' if self.below else 'above'} {plain(self.value)}"
 
 
 class Crossing(NamedTuple):
-    """From which x on one line is below another: with the ends of its interval."""
+    """The x from which on one line is below another, with its interval."""
 
     value: float
     low: float
@@ -49,7 +45,7 @@ class Crossing(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """What is drawn beside the medians."""
+    """The marks of a figure beside the medians."""
 
     bounds: Sequence[Bound]
     crossings: Sequence[Crossing]
@@ -57,12 +53,12 @@ class Marks(NamedTuple):
 
     @property
     def values(self) -> list[float]:
-        """Of the measure: what the axis has to have room for."""
+        """Returns the values of the measure that the axis has to include."""
         return [bound.value for bound in self.bounds]
 
 
 def marks(found: Medians, answers: Iterable[Answer]) -> Marks:
-    """Those of the claims that are about the figure's measure and cells that it shows."""
+    """Collects the marks of the claims on the figure's measure and cells."""
     figure = found.figure
     bounds: list[Bound] = []
     crossings: list[Crossing] = []
@@ -83,7 +79,6 @@ def marks(found: Medians, answers: Iterable[Answer]) -> Marks:
 
 
 def _shown(found: Medians, chosen: Mapping[str, Any]) -> bool:
-    """Whether the figure has cells of that choice."""
     figure = found.figure
     drawn = ((figure.x, found.xs), (figure.by, found.bys))
     return all(chosen[name] == value for name, value in figure.where.items() if name in chosen) and all(
@@ -112,7 +107,7 @@ def _slopes(found: Medians, answer: Answer, chosen: Mapping[str, Any]) -> dict[A
 
 
 def draw_across(axes: Axes, found: Medians, drawn: Marks) -> None:
-    """Bounds as level lines and crossings as upright ones; what the measure is where a belief is consistent."""
+    """Draws bounds as level lines, crossings as upright ones, and the range of consistency."""
     y = about(found.figure.y).kind
     if y.is_nees:
         axes.axhspan(CAUTIOUS, OVERCONFIDENT, color=INK, alpha=0.07, linewidth=0)
@@ -133,7 +128,6 @@ def draw_across(axes: Axes, found: Medians, drawn: Marks) -> None:
 
 
 def _draw_crossing(axes: Axes, crossing: Crossing, height: float) -> None:
-    """Draw one, its words at that share of the axis's height."""
     low, high = axes.get_xlim()
     first, last = max(crossing.low, low), min(crossing.high, high)
     if first < last and isfinite(crossing.high - crossing.low):
@@ -146,7 +140,7 @@ def _draw_crossing(axes: Axes, crossing: Crossing, height: float) -> None:
 
 
 def draw_upright(axes: Axes, found: Medians, drawn: Marks, rows: Sequence[Place]) -> None:
-    """The same where the measure runs along x and there is a row for each of `rows`: a bound in those that it is of."""
+    """Draws the same where the measure runs along x, with a row for each of `rows`, bounds in their rows."""
     y = about(found.figure.y).kind
     if y.is_nees:
         axes.axvspan(CAUTIOUS, OVERCONFIDENT, color=INK, alpha=0.07, linewidth=0)
@@ -163,13 +157,13 @@ def draw_upright(axes: Axes, found: Medians, drawn: Marks, rows: Sequence[Place]
 
 
 def _place(axes: Axes, value: float, *, up: bool = False) -> float:
-    """Of the axis to the right, or of the one `up`: 0 is where it begins, 1 where it ends."""
+    """Returns the position along the axis to the right, or the one `up`: 0 is its start, 1 its end."""
     point = (axes.get_xlim()[1], value) if up else (value, axes.get_ylim()[1])
     return float((axes.transScale + axes.transLimits).transform(point)[int(up)])
 
 
 def _say(axes: Axes, words: str, at: tuple[float, float], off: tuple[float, float], **how: Any) -> None:
-    """Words beside a point, off it by so many points, on a ground of paper; under what was measured, if not told."""
+    """Writes text beside a point, offset by points, on a background of paper; under the data unless told otherwise."""
     how = {"zorder": 0.9, "textcoords": "offset points", "fontsize": 6.5, **how}
     text: Annotation = axes.annotate(words, at, off, **how)
     text.set_bbox({"facecolor": rcParams["figure.facecolor"], "edgecolor": "none", "pad": 0.4})

@@ -1,4 +1,4 @@
-"""A study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
+"""Writes a study's report: report.html, one file without network or script; report.md, answers.json, figures/."""
 
 import json
 import re
@@ -10,23 +10,20 @@ from typing import Any
 
 from ...frontend.files import write_whole
 from ..claims import conclusion
+from ..drawing.figure import write_figures
 from ..drawing.page import rendered
 from ..words.columns import COLUMNS
 from ..words.numerals import lasting
 from .evidence import SIGNS, VERDICTS, Evidence, evidence
 from .tables import claim_grid, median_grid
 
-FIGURES = "figures"
-"""Folder beside the page."""
+FIGURES = "figures"  # folder beside the page
 
 
 def write(folder: Path, forms: Sequence[str] = ()) -> Path:
-    """Write the report of the study in `folder` as it stands into it, each file whole or not at all; where the page is.
-
-    The figures are written as SVG and in `forms` ("png", "pdf"). InputError where there is no study in the folder.
-    """
+    """Writes the study's report, each file whole, figures also in `forms` ("png", "pdf"); returns the page's path."""
     found = evidence(folder)
-    _write_figures(found, forms)
+    write_figures(folder / FIGURES, found.figures, forms)
     write_whole(folder / "answers.json", json.dumps(_answers(found), indent=1, allow_nan=False) + "\n")
     page = filled(found)
     for name in ("md", "html"):
@@ -35,7 +32,7 @@ def write(folder: Path, forms: Sequence[str] = ()) -> Path:
 
 
 def filled(found: Evidence) -> dict[str, Any]:
-    """What the templates say."""
+    """Collects the values for the templates."""
     measures = dict.fromkeys([*(answer.claim.measure for answer in found.answers), *(f.y for f in found.study.figures)])
     return {
         "found": found,
@@ -52,12 +49,11 @@ def filled(found: Evidence) -> dict[str, Any]:
     }
 
 
-SIZED = re.compile(r"\bfull\s*=")
-"""What the file of a study has that is larger at full size."""
+SIZED = re.compile(r"\bfull\s*=")  # found in a study's file that has a larger full size
 
 
 def again(found: Evidence) -> Mapping[str, str]:
-    """What to type to run it again, by what it does."""
+    """Returns the commands to run it again, by what they do."""
     command = _whole(found.words["command"])
     plain = [word for word in command if word != "--full"]
     commands = {"Go on, or run what has changed": shlex.join(command)}
@@ -69,7 +65,6 @@ def again(found: Evidence) -> Mapping[str, str]:
 
 
 def _whole(command: Sequence[str]) -> list[str]:
-    """The command without what made it one of a part of the cells."""
     words = iter(command)
     kept: list[str] = []
     for word in words:
@@ -81,19 +76,6 @@ def _whole(command: Sequence[str]) -> list[str]:
 
 
 def _answers(found: Evidence) -> dict[str, Any]:
-    """For answers.json: the study, how far it is, and what became of its claims."""
     study = found.study
     about = {name: getattr(study, name) for name in ("name", "title", "size", "question", "source", "finding", "note")}
     return {**about, "cells": found.standing.counts, **conclusion.document(found.conclusion)}
-
-
-def _write_figures(found: Evidence, forms: Sequence[str]) -> None:
-    from ..drawing.svg import alone  # matplotlib
-
-    folder = found.folder / FIGURES
-    folder.mkdir(exist_ok=True)
-    for exhibit in found.exhibits:
-        write_whole(folder / f"{exhibit.name}.svg", alone(exhibit.svg))
-        for form in forms:
-            assert exhibit.printed is not None
-            write_whole(folder / f"{exhibit.name}.{form}", exhibit.printed(form))

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from ..claims.answer import Answer
-from ..engine.engine import Wanted
+from ..engine.engine import RunRequest
 from ..engine.engine import run as run_cells
 from ..run.result import Result
 from ..study import file as study_file
@@ -25,12 +25,12 @@ class StudyResult(Result):
 
     @property
     def answers(self) -> Sequence[Answer]:
-        """The verdict on each claim, "holds", "fails" or "open", with a sentence."""
+        """Returns the verdict on each claim, "holds", "fails" or "open", with a sentence."""
         return evidence(self.folder).answers
 
     @property
     def conclusion(self) -> str:
-        """The study's answer in a sentence."""
+        """Returns the study's conclusion in a sentence."""
         return evidence(self.folder).conclusion.sentence
 
     def __repr__(self) -> str:
@@ -52,18 +52,15 @@ def study(
     jobs: int | None = None,
     quiet: bool = True,
 ) -> StudyResult:
-    """Run a study, a file or the name of a packaged one, as `bench ablate` does on this machine; return its results.
-
-    Results go to `out`, by default results/NAME. SlamduelError, with a sentence, for anything that cannot be used.
-    """
+    """Runs a study, a file or a packaged one, as `bench ablate` on this machine, into `out` or results/NAME."""
     found = study_file.read(str(file), full=full)
     folder = Path(out) if out is not None else Path("results") / found.name
-    wanted = Wanted(choice(found, only), limit, retry)
+    request = RunRequest(choice(found, only), limit, retry)
     command = ["bench", "ablate", str(file), "--out", str(folder), *["--full"] * full]
     with (
         StudyScreen(screen_console(quiet=quiet)) as screen,
         contextlib.closing(Local(jobs or os.cpu_count() or 1)) as executor,
     ):
-        run_cells(found, folder, executor, wanted, about(found, folder, command), screen)
+        run_cells(found, folder, executor, request, about(found, folder, command), screen)
     write(folder)
     return StudyResult(folder)

@@ -1,4 +1,4 @@
-"""A study's figure where x is a word: a row for every x and `by`, with each run, the median and its interval."""
+"""Draws a study's figure where x is a word: one row per x and `by`, with runs, median and interval."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,17 +14,16 @@ from ..words.numerals import TIMES
 from ..words.styles import Look
 from .marks import Marks, draw_upright
 
-MOST_DOTS = 60
-"""Of a row; of more runs some are drawn, evenly along their order."""
+MOST_DOTS = 60  # dots of a row; of more runs some, evenly along their order
 
 
 def rows_height(found: Medians) -> float:
-    """Points."""
+    """Returns the height in points."""
     return height([name for name, _ in _rows(found)])
 
 
 def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: Marks, measure: str) -> None:
-    """Draw it; `measure` is what the axis below is called."""
+    """Draws it; `measure` labels the axis."""
     named = _rows(found)
     axes = rows(figure, [(name, looks[_whose(found, place)]) for name, place in named])
     shown = [value for _, place in named for value in (*_some(place), place.low, place.high, *drawn.values)]
@@ -55,7 +54,7 @@ def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: 
 
 
 def _rows(found: Medians) -> list[tuple[str, Place]]:
-    """(name, its cells) from the top, those with a value or a failure."""
+    """Lists (name, its cells) from the top, those with a value or a failure."""
     places = [found.places[x, by] for x in found.xs for by in found.bys if (x, by) in found.places]
     places = [place for place in places if place.n or place.failed] or places
     named = {x: worded(x) for x in found.xs} | names(found.figure.x, found.xs)
@@ -67,7 +66,7 @@ def _rows(found: Medians) -> list[tuple[str, Place]]:
 
 
 def _whose(found: Medians, place: Place) -> Any:
-    """What its look belongs to: a backend where there are any."""
+    """Returns the key of its look: a backend where there are any."""
     return place.x if found.figure.x == "backend" else place.by
 
 

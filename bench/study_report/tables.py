@@ -1,4 +1,4 @@
-"""The tables of a study's report: its claims with their intervals, and the medians that its figures show."""
+"""Makes the tables of a study's report: claims with intervals, and the medians of its figures."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite, isnan, nan
@@ -7,20 +7,19 @@ from typing import Any, NamedTuple
 from ..claims.answer import Answer
 from ..claims.curves import Medians, Place, worded
 from ..drawing.table import Entry
-from ..study.claim import Claim
+from ..study.study import Claim
 from ..verdict.statistics import FEWEST
 from ..words.columns import about
 from ..words.numerals import number
 
-MOST_COLUMNS = 7
-"""Values of `by` that stand beside each other; more of them stand below each other."""
+MOST_COLUMNS = 7  # values of `by` that stand side by side; more of them stand below each other
 
 
 ENDS = f"their 95 % intervals (below {FEWEST} runs: ranges)"
 
 
 class Grid(NamedTuple):
-    """Ready to be set: the first column of every row names it."""
+    """A table whose rows are named by their first column."""
 
     caption: str
     headings: Sequence[str]
@@ -28,7 +27,7 @@ class Grid(NamedTuple):
 
 
 def claim_grid(answers: Sequence[Answer]) -> list[tuple[Answer, Sequence[Entry]]]:
-    """Of every claim: what is measured, its value and interval, and what it has to keep to."""
+    """Makes a row per claim: the measure, its value and interval, and the bound."""
     return [(found, _claim(found)) for found in answers]
 
 
@@ -42,7 +41,6 @@ def _claim(found: Answer) -> list[Entry]:
 
 
 def _measured(claim: Claim) -> tuple[str, str]:
-    """What the value is, and of which cells."""
     one, other, where = (selection(side) for side in (claim.first, claim.second, claim.where))
     measure = about(claim.measure).called
     what = {
@@ -58,7 +56,7 @@ def _measured(claim: Claim) -> tuple[str, str]:
 
 
 def selection(chosen: Mapping[str, Any]) -> str:
-    """A selection of cells as people say it."""
+    """Writes a selection of cells for readers."""
     return ", ".join(
         worded(value) if name in ("backend", "dataset", "measure") else f"{name} {worded(value)}"
         for name, value in chosen.items()
@@ -74,7 +72,7 @@ def _bound(claim: Claim) -> str:
 
 
 def interval(low: float, high: float) -> str:
-    """Its two ends."""
+    """Writes an interval."""
     if low == high:
         return number(low)
     return f"{number(low)} to {number(high)}" if low < 0 else f"{number(low)}\N{EN DASH}{number(high)}"
@@ -89,7 +87,7 @@ def _said(value: Any) -> str:
 
 
 def median_grid(found: Medians) -> Grid:
-    """The figure as numbers: a row an x and a column a `by`, or a row each where one of them is the other, or many."""
+    """Makes a figure's table: one row per x and column per `by`; one row each where one is the other, or many."""
     x, by = found.figure.x, found.figure.by
     measure = about(found.figure.y).with_unit
     caption = f"{measure[:1].upper()}{measure[1:]}: medians, {ENDS}, number of runs"

@@ -1,1 +1,1 @@
-"""Who is better, how sure that is, what to use, what changed between two runs: sentences and numbers."""
+"""Ranks, tests and recommends backends, and compares runs: sentences and numbers."""

@@ -1,4 +1,4 @@
-"""Who is more accurate, in sentences: a difference is claimed only where its interval and the test both bear it."""
+"""Ranks accuracy in sentences: a difference is claimed only where its interval and the test both support it."""
 
 from collections.abc import Sequence
 from math import inf, isinf
@@ -6,27 +6,25 @@ from math import inf, isinf
 import numpy as np
 
 from ..words.numerals import chance, counted, factor, larger, listed, number, times
-from .ranking import Contest, needed, standing
+from .ranking import Ranking, needed, standing
 from .statistics import FEWEST, Comparison
 
-LEAST = 1.0005
-"""A ratio from which on a percentage of it is not written as 0 %."""
-
-SHOWN = 3
-"""Comparisons that a sentence spells out; of more it tells the ends, and the table of pairs has all."""
+LEAST = 1.0005  # ratio from which on a percentage of it is not written as 0 %
+SHOWN = 3  # comparisons that a sentence spells out; of more only the extremes, and the table of pairs has all
 
 
-def claims(found: Contest, what: str, where: str, *, again: bool = False) -> list[str]:
-    """The sentences on one measure, the most important first; `what` is "online path", `where` the dataset's name.
+def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> list[str]:
+    """Writes the sentences on one measure, the most important first.
 
-    Where there are too few logs to test anything, what was measured, and no more; `again`: that has been said before.
+    `what` is "online path", `where` the dataset's name. Too few logs for a test give measurements only, `again` without
+    the reason.
     """
     if found.logs < FEWEST:
         return [_measured(found, what, where, again=again), *_repeats(found)]
-    on = f"on {where}, {counted(found.logs, 'log')}"
+    best, on = found.lines[0].backend, f"on {where}, {counted(found.logs, 'log')}"
     if len(found.lines) == 1:
-        return [_only(found, what, on), *_baseline(found, what)]
-    best = found.lines[0].backend
+        error = _errors(found)[best]
+        return [f"{best} alone has an estimate of the {what} {on}: median error {error}.", *_baseline(found, what)]
     pairs: dict[str, list[Comparison]] = {}
     for line in found.lines[1:]:
         c = found.between(found.lines[0], line)
@@ -36,7 +34,7 @@ def claims(found: Contest, what: str, where: str, *, again: bool = False) -> lis
     said += _alike(best, pairs.get("alike", []), what, on)
     if "worse" in pairs:
         names = few([c.second for c in pairs["worse"]])
-        said.append(f"Nobody's {what} is the best{on}: {names} for sure closer than {best}, and others than these.")
+        said.append(f"No {what} is the best{on}: {names} significantly closer than {best}, and others than these.")
     said += _open(best, pairs.get("open", []), what, on)
     said += _unproven(best, pairs.get("unproven", []), what, on, len(found.comparisons))
     if "few" in pairs:
@@ -46,7 +44,7 @@ def claims(found: Contest, what: str, where: str, *, again: bool = False) -> lis
 
 
 def _better(pairs: Sequence[Comparison], what: str, on: str) -> list[str]:
-    """By how much the best one is better than those it is better than for sure."""
+    """States by how much the best one is significantly better than others."""
     if not pairs:
         return []
     head = f"{pairs[0].first}'s {what} is"
@@ -68,7 +66,7 @@ def _better(pairs: Sequence[Comparison], what: str, on: str) -> list[str]:
 
 
 def by(c: Comparison) -> str:
-    """ "1.8 to 2.3 times", by which the first one is closer; there is no number where the second mostly failed."""
+    """Writes "1.8 to 2.3 times", by which the first is closer; no number where the second mostly failed."""
     return "beyond measure" if isinf(c.low) else times(c.low, c.high)
 
 
@@ -83,7 +81,7 @@ def _alike(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[s
 
 
 def _open(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[str]:
-    """Those that cannot be told apart from the best one, and which difference is ruled out all the same."""
+    """Names those that do not differ significantly from the best, and the difference that is ruled out."""
     if not pairs:
         return []
     widest = max(max(1 / c.low if c.low else inf, c.high) for c in pairs)
@@ -98,7 +96,7 @@ def _open(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[st
 
 
 def between(c: Comparison) -> str:
-    """ "between 4 % worse and 3 % better", of the first one against the second."""
+    """Writes "between 4 % worse and 3 % better", of the first one against the second."""
     worse, better = (1 / c.low if c.low else inf), c.high
     if worse < 1 and isinf(better):
         return "beyond measure better" if not worse else f"at least {factor(c.low)} times better"
@@ -115,7 +113,7 @@ def between(c: Comparison) -> str:
 
 
 def _unproven(best: str, pairs: Sequence[Comparison], what: str, on: str, family: int) -> list[str]:
-    """Where the interval would allow a claim, and the test does not."""
+    """States differences that the interval supports and the test does not."""
     if not pairs:
         return []
     each = [f"{between(c)} than {c.second}'s" for c in pairs[:SHOWN]]
@@ -124,19 +122,14 @@ def _unproven(best: str, pairs: Sequence[Comparison], what: str, on: str, family
 
 
 def unborne(pairs: Sequence[Comparison], family: int) -> str:
-    """Why a difference cannot be claimed that the interval would allow; `family` is how many pairs are tested."""
+    """Says why the test does not support a difference that the interval does; `family`: pairs tested."""
     if pairs[0].n < needed(family):
-        return f"{pairs[0].n} logs cannot bear a test of {family} pairs, {needed(family)} could"
-    return f"the test does not bear it out (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
+        return f"{pairs[0].n} logs are too few to test {family} pairs, {needed(family)} would do"
+    return f"the test does not support it (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
 
 
-def _only(found: Contest, what: str, on: str) -> str:
-    (line,) = found.lines
-    return f"{line.backend} alone has an estimate of the {what} {on}: median error {_errors(found)[line.backend]}."
-
-
-def _baseline(found: Contest, what: str) -> list[str]:
-    """Who does not beat dead reckoning; by how much the best does, where all do."""
+def _baseline(found: Ranking, what: str) -> list[str]:
+    """Names who does not beat dead reckoning; where all do, by how much the best does."""
     tested = [c for c in found.baseline if standing(c) != "few"]
     beaten = [c for c in tested if standing(c) == "better"]
     if not tested:
@@ -145,15 +138,17 @@ def _baseline(found: Contest, what: str) -> list[str]:
         names = [c.first for c in tested if c not in beaten]
         hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
         why = f" ({unborne(hidden, len(tested))})" if hidden and len(hidden) == len(names) else ""
-        return [f"Not for sure closer than dead reckoning's: the {what}{'s' * (len(names) > 1)} of {few(names)}{why}."]
+        return [
+            f"Not significantly closer than dead reckoning's: the {what}{'s' * (len(names) > 1)} of {few(names)}{why}."
+        ]
     best, all_of_them = beaten[0], len(beaten) == len(found.lines)
     who = "All beat" if all_of_them else f"{few([c.first for c in beaten])} beat{'s' * (len(beaten) == 1)}"
     who = "It beats" if len(found.lines) == 1 else who
     return [f"{who} dead reckoning, {best.first} {by(best)} closer."]
 
 
-def _measured(found: Contest, what: str, where: str, *, again: bool) -> str:
-    """Medians alone: there are too few logs to test anything."""
+def _measured(found: Ranking, what: str, where: str, *, again: bool) -> str:
+    """States medians alone: there are too few logs to test anything."""
     each = ", ".join(f"{name} {error}" for name, error in _errors(found).items())
     if again:
         return f"Measured{', median' * (found.logs > 1)} error of the {what}: {each}."
@@ -163,7 +158,7 @@ def _measured(found: Contest, what: str, where: str, *, again: bool) -> str:
     return f"{little}; measured, median error of the {what}: {each}."
 
 
-def _errors(found: Contest) -> dict[str, str]:
+def _errors(found: Ranking) -> dict[str, str]:
     medians = {
         line.backend: float(np.median([value for _, value in line.runs(found.column)] if found.logs == 1 else values))
         for line in found.lines
@@ -172,8 +167,8 @@ def _errors(found: Contest) -> dict[str, str]:
     return {name: f"{number(value)} m" if value < inf else "failed" for name, value in medians.items()}
 
 
-def _repeats(found: Contest) -> list[str]:
-    """On a single log, how far a backend's own randomness moves it, and who lies outside of that."""
+def _repeats(found: Ranking) -> list[str]:
+    """States the spread of a random backend's runs on a single log, and which backends lie outside of it."""
     if found.logs != 1:
         return []
     said: list[str] = []
@@ -187,14 +182,12 @@ def _repeats(found: Contest) -> list[str]:
         outside = [f"all further off than {ahead}"] * bool(ahead) + [f"all closer than {behind}"] * bool(behind)
         said.append(
             f"{line.backend} draws at random: its {mine.n} runs on this log lie between {number(mine.low)} and "
-            f"{number(mine.high)} m{', ' * bool(outside)}{listed(outside) if outside else ''}; of other logs that says "
-            "nothing."
+            f"{number(mine.high)} m{', ' * bool(outside)}{listed(outside)}; that does not carry over to "
+            "other logs."
         )
     return said
 
 
 def few(names: Sequence[str]) -> str:
-    """As `listed`, of many the first ones and how many more; "" of none."""
-    if not names:
-        return ""
-    return listed([*names[:SHOWN], f"{len(names) - SHOWN} more"] if len(names) > SHOWN + 1 else list(names))
+    """Joins names as `listed`, of many the first SHOWN."""
+    return listed(names, SHOWN)

@@ -1,4 +1,4 @@
-"""Which backend to use for what: the cheapest of those that none beats for sure and that know how well they do."""
+"""Recommends a backend per purpose: the cheapest not significantly beaten whose uncertainty is consistent."""
 
 from collections.abc import Sequence
 from math import inf, isinf
@@ -8,59 +8,57 @@ from ..words.numerals import counted, factor, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
 from .consistency import belief_word
-from .ranking import ESTIMATES, PATHS, Contest, standing
+from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line
 
-SAME_COST = 1.5
-"""Costs whose ratio is smaller are about the same."""
-
-NEAR = 1.25
-"""Errors whose ratio lies between this and its inverse for sure are of the same order for whoever has to choose."""
+SAME_COST = 1.5  # costs whose ratio is smaller are about the same
+NEAR = 1.25  # errors whose ratio is significantly within this and its inverse are of the same order for a user
 
 COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
-"""What is saved: a step while the robot drives, else the CPU time of the whole log, as the steps of a method that has a
-final path alone do nothing."""
+"""The cost that counts: a step while the robot drives, else the CPU time of the whole log, as a method with a final
+path alone does nothing in its steps."""
 
-LISTED = 4
-"""Backends whose cost is told where none is named."""
+LISTED = 4  # backends whose cost is stated where none is recommended
 
 BELIEF = {"online": "nees", "final": "final_nees"}
-"""Whose word counts: an online belief says nothing of a final path, and nothing of a map as a whole."""
+"""The NEES that counts: an online belief says nothing of a final path, and nothing of a map as a whole."""
 
 
 class Use(NamedTuple):
-    """Which backend to use for something."""
+    """The backend recommended for a purpose."""
 
     purpose: str  # "online", "final" or "map"
-    backend: str  # its label; "" where the evidence names none
+    backend: str  # its label; "" where none can be recommended
     why: str  # a sentence
 
 
-def advice(purpose: str, found: Contest) -> Use:
-    """Whom to use, from these in turn, a step left out where nobody passes it:
+def advice(purpose: str, found: Ranking) -> Use:
+    """Recommends by these steps, each left out where it would leave nobody:
 
-    those that cannot be told apart from the best, and are for sure better than dead reckoning, else that itself, but
+    those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
     nobody where only too few logs stand in the way; those without a failure; those that are not overconfident; the
     cheapest, and of about the same cost the more accurate.
     """
     if found.logs < FEWEST:
         return Use(purpose, "", _too_few(found))
     if len(found.errors[found.lines[0].backend]) < FEWEST:
-        return Use(purpose, "", f"Nobody that competes has enough of the {found.logs} logs to tell, {FEWEST} at least.")
+        return Use(purpose, "", f"No ranked backend has enough of the {found.logs} logs, {FEWEST} at least.")
     tested = [c for c in found.baseline if standing(c) != "few"]
     ahead = {c.first for c in tested if standing(c) == "better"}
     if found.circular:
-        return Use(purpose, "", "Each that can be tested is beaten for sure by another one.")
+        return Use(purpose, "", "Each that can be tested is significantly worse than another one.")
     hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
     if hidden and not ahead:
         measured = f"{hidden[0].first} was measured {between(hidden[0])} than dead reckoning"
-        return Use(purpose, "", f"Nobody for sure: {measured}, but {unborne(hidden, len(tested))}.")
+        return Use(purpose, "", f"Not significant: {measured}, but {unborne(hidden, len(tested))}.")
     if tested and not ahead:
-        return Use(purpose, BASELINE, "No backend is for sure closer to the truth.")
+        return Use(purpose, BASELINE, "No backend is significantly closer to the truth.")
     level = [line for line in found.level if not tested or line.backend in ahead]
     if not level:
-        return Use(purpose, "", f"{found.lines[0].backend} is not closer to the truth than dead reckoning for sure.")
+        return Use(
+            purpose, "", f"{found.lines[0].backend} is not significantly closer to the truth than dead reckoning."
+        )
     whole = [line for line in level if line.done == len(line.rows)] or level
     sure = [line for line in whole if belief_word(line, BELIEF.get(purpose, "")) != "overconfident"] or whole
     cost = {line.backend: line.values[COST[purpose]].median for line in sure if COST[purpose] in line.values}
@@ -79,7 +77,7 @@ def advice(purpose: str, found: Contest) -> Use:
 
 
 def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
-    """Nobody, where no path is known to judge by; what is known is the cost, and the distance from the reference."""
+    """Recommends nobody where no path is known, but lists costs and distances from the reference."""
     having = [
         line
         for line in lines
@@ -87,7 +85,7 @@ def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
         and PATHS[purpose] in line.values and COST[purpose] in line.values
     ]  # fmt: skip
     having.sort(key=lambda line: line.values[COST[purpose]].median)
-    why = "The true path is not known, so nothing says which is the more accurate."
+    why = "Without ground truth for the path, accuracy cannot be compared."
     told = [
         f"{line.backend} {_amount(COST[purpose], line)}, {number(line.values[PATHS[purpose]].median)} m"
         for line in having[:LISTED]
@@ -99,7 +97,7 @@ def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
 
 
 def _amount(column: str, line: Line) -> str:
-    """What it costs; of steps, the median and what one in a hundred takes."""
+    """Writes the cost; of steps, the median and the 99th percentile."""
     mine = line.values[column].median
     if column != "step_us_p50":
         return f"{number(mine)} s of CPU for the whole log"
@@ -107,18 +105,18 @@ def _amount(column: str, line: Line) -> str:
     return f"{number(mine)} µs a step" + (f" (p99 {number(slow.median)})" if slow else "")
 
 
-def _too_few(found: Contest) -> str:
+def _too_few(found: Ranking) -> str:
     if found.logs > 1:
-        return f"{found.logs} logs are too few to tell, {FEWEST} at least (--seeds)."
+        return f"{found.logs} logs are too few, {FEWEST} at least (--seeds)."
     return (
         "There is one log, nothing to test."
         if any(len(line.rows) > 1 for line in found.lines)
-        else (f"One log cannot tell, {FEWEST} at least (--seeds, where each draws another log).")
+        else (f"One log is too few, {FEWEST} at least (--seeds, where each draws another log).")
     )
 
 
-def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
-    """Against the one that the reader would take instead: the best, or where that is the chosen one the next."""
+def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
+    """Compares the chosen one with the best, or where it is the best with the next."""
     if rival is None:
         return f"the only one that gives the {ESTIMATES[found.column]}"
     best = chosen is found.lines[0]
@@ -128,19 +126,18 @@ def _accuracy(found: Contest, chosen: Line, rival: Line | None) -> str:
         return f"as accurate as {rival.backend}"
     if kind == "open" or not best:
         widest = max(1 / c.low if c.low else inf, c.high)
-        said = "as accurate as" if widest <= NEAR else "not told apart from"
+        said = "as accurate as" if widest <= NEAR else "not significantly different from"
         return f"{said} {rival.backend}" + (f" (within {larger(widest)})" if widest < inf else "")
     if kind == "better" and isinf(c.low):
         return f"the most accurate, as {rival.backend} mostly failed"
     if kind == "better":
         return f"the most accurate, {times(c.low, c.high)} closer than {rival.backend}"
     if kind == "unproven":
-        return f"the most accurate measured ({between(c)} than {rival.backend}), though no test bears it out"
+        return f"the most accurate measured ({between(c)} than {rival.backend}), though no test supports it"
     return "the most accurate measured"
 
 
 def _belief(word: str, passed: Sequence[Line]) -> str:
-    """What the chosen one's belief is worth; `passed` are as accurate, and overconfident."""
     if not passed:
         return word
     names = listed([line.backend for line in passed])
@@ -149,7 +146,6 @@ def _belief(word: str, passed: Sequence[Line]) -> str:
 
 
 def _failures(chosen: Line, passed: Sequence[Line]) -> str:
-    """`passed` are as accurate, and not done on every log."""
     if chosen.done < len(chosen.rows):
         return f"done in {chosen.done} of {counted(len(chosen.rows), 'cell')}"
     return f"done on every log, as {listed([line.backend for line in passed])} {_is(passed)} not" if passed else ""
@@ -160,7 +156,7 @@ def _is(lines: Sequence[Line]) -> str:
 
 
 def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False) -> str:
-    """What it takes, against the one that the reader would take instead; `named`: the sentence has its name already."""
+    """Compares the chosen one's cost with the rival's; `named`: the sentence has its name already."""
     if column not in chosen.values:
         return ""
     mine = chosen.values[column].median
@@ -173,7 +169,7 @@ def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False)
 
 
 def compared(mine: float, theirs: float, rival: str) -> str:
-    """ "17 times cheaper than isam2", "3.1 times as costly as isam2" or "about as costly as isam2"; "" is not named."""
+    """Writes "17 times cheaper than isam2", "3.1 times as costly as isam2" or "about as costly as isam2"."""
     if min(mine, theirs) <= 0 or max(mine / theirs, theirs / mine) < SAME_COST:
         return "about as costly" + f" as {rival}" * bool(rival)
     if theirs > mine:

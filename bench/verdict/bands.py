@@ -1,8 +1,8 @@
-"""Whether a belief fits its errors at each time: NEES averaged over independent logs, beside its chi-square band.
+"""Tests consistency over time: NEES averaged over independent logs, with its chi-square band.
 
 Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.2. Within a
-run NEES is correlated, so its mean over time has no such band; over N independent logs N times the mean at one time has
-chi-square's distribution with 3 N degrees of freedom where the covariance is that of the errors.
+run NEES is correlated, so its mean over time has no such band; over N independent logs N times the mean at one time is
+chi-square distributed with 3 N degrees of freedom if the covariance is that of the errors.
 """
 
 from collections.abc import Sequence
@@ -12,14 +12,9 @@ import numpy as np
 
 from ...frontend.se2 import Array
 
-DOF = 3
-"""Of a pose's NEES."""
-
-LEVEL = 0.05
-"""The share of times outside that is expected of a belief that fits."""
-
-MOST = 0.5
-"""A belief is flagged where less than this share of the times is inside."""
+DOF = 3  # degrees of freedom of a pose's NEES
+LEVEL = 0.05  # share of times outside that is expected of a consistent belief
+MOST = 0.5  # a belief is flagged where less than this share of the times is inside
 
 
 class Averages(NamedTuple):
@@ -34,15 +29,16 @@ class Averages(NamedTuple):
 
 
 def averaged(runs: Sequence[tuple[Array, Array]]) -> Averages | None:
-    """Of runs on independent logs, each its times (k,) in s, rising, and its pose NEES (k,), NaN without a covariance.
+    """Averages runs on independent logs: times (k,) in s, rising, and pose NEES (k,), NaN without a covariance.
 
     Times are those of the run that has the fewest between the latest start and the earliest end; the others are read at
-    their nearest earlier step. None for fewer than two runs, or where no two of them have a NEES at one time.
+    their nearest earlier step. None where no two runs have a NEES at one time.
     """
     runs = [run for run in runs if len(run[0])]
     if len(runs) < 2:
         return None
-    t = _grid([times for times, _ in runs])
+    start, end = max(times[0] for times, _ in runs), min(times[-1] for times, _ in runs)
+    t = min((times[(times >= start) & (times <= end)] for times, _ in runs), key=len)
     nees = np.array([values[np.searchsorted(times, t, side="right") - 1] for times, values in runs]) / DOF
     n = (~np.isnan(nees)).sum(0)
     shared = n >= 2
@@ -54,7 +50,7 @@ def averaged(runs: Sequence[tuple[Array, Array]]) -> Averages | None:
 
 
 def band(n: Array) -> tuple[Array, Array]:
-    """The ends between which the mean NEES/3 of n logs lies with 95 % probability; n is of any shape."""
+    """Returns the ends of the 95 % band of the mean NEES/3 of n logs; n is of any shape."""
     from scipy.special import chdtri
 
     dof = DOF * np.asarray(n, float)
@@ -62,21 +58,15 @@ def band(n: Array) -> tuple[Array, Array]:
 
 
 def flagged(averages: Averages) -> str:
-    """overconfident or cautious where the averages are outside their band more than half of the time, else "".
+    """Returns overconfident or cautious where the averages are outside their band most of the time, else "".
 
-    It is the side that they are outside on more often. A share near 95 % inside is expected, but how far below it
-    chance can take it depends on how long errors last: when they last for the whole log, the averages of a belief that
-    fits leave the band for all of it once in 20 times. More than half of the time outside is about as rare as that in
-    the worst case (twice as often at most, by Markov's inequality), and far rarer when errors last less long. Noise
-    that is mis-stated by 2 is flagged nearly always from 5 logs on where that is a standard deviation, and from 10 on
-    where it is a variance.
+    The side that they are outside on more often counts. Near 95 % inside is expected, but if errors last for the whole
+    log, the averages of a consistent belief leave the band for all of it once in 20 times. More than half of the time
+    outside is about as rare in that worst case (at most twice as often, by Markov's inequality), and far rarer
+    otherwise. Noise mis-stated by 2 is nearly always flagged from 5 logs on if that is a standard deviation, from 10 on
+    if a variance.
     """
     if averages.inside >= MOST:
         return ""
     above, below = (averages.mean > averages.high).sum(), (averages.mean < averages.low).sum()
     return "overconfident" if above >= below else "cautious"
-
-
-def _grid(times: Sequence[Array]) -> Array:
-    start, end = max(t[0] for t in times), min(t[-1] for t in times)
-    return min((t[(t >= start) & (t <= end)] for t in times), key=len)

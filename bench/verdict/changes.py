@@ -1,4 +1,4 @@
-"""What has become better or worse between two runs, how sure that is, and in words.
+"""Finds regressions and gains between two runs, with their significance.
 
 Values are paired by log. Accuracy and consistency count a failure as infinitely bad; costs are of the cells that are
 done in both runs. A test is corrected by Holm's method over all of its kind: accuracy, consistency, a cost.
@@ -13,7 +13,7 @@ import numpy as np
 from ..measure.status import FAILED
 from ..record.schema import Row
 from ..words.numerals import chance, counted, listed, number
-from .pairing import Facing, Pair
+from .pairing import Pair, PairedRuns
 from .ranking import ROUNDING
 from .statistics import FEWEST, LEVEL, Comparison, compare, holm
 
@@ -21,21 +21,20 @@ REGRESSION, GAIN = "regression", "gain"
 NOTHING, FEW = "no difference shown", "too few logs to test"
 SAME, ROUNDED = "the same to the last bit", "the same to rounding"
 NEW, GONE = "new", "gone"
-VERDICTS = (REGRESSION, GAIN, FEW, NOTHING, ROUNDED, SAME, NEW, GONE)
-"""From what matters most."""
+VERDICTS = (REGRESSION, GAIN, FEW, NOTHING, ROUNDED, SAME, NEW, GONE)  # in order of importance
 
 
 class Quantity(NamedTuple):
-    """A column that is compared; less is better of all, but of NEES how far it is from 1, as a factor."""
+    """A compared column; lower is better, of NEES the factor by which it is off 1."""
 
     column: str
     words: str
     kind: str
-    least: float  # share by which it must change to count
+    least: float  # change, as a share, that counts
 
     @property
     def costs(self) -> bool:
-        """Whether it depends on the machine."""
+        """True where it depends on the machine."""
         return self.kind not in ("accuracy", "consistency")
 
 
@@ -49,20 +48,20 @@ QUANTITIES = (
     Quantity("step_us_p99", "step p99, µs", "p99", 1.0),
     Quantity("peak_mb", "memory, MB", "memory", 0.1),
 )
-"""What counts of a cost is what two runs of the same thing do not reach. On a machine with two cores and others at work
-on it, CPU time of 69 backends on datasets that were run twice differed by 7 % in the middle, by up to 21 % for three in
-four and up to 55 % for nine in ten, though the logs of each agreed with one another; memory by 3 % at most."""
+"""Costs count from what two runs of the same thing stay below. On a machine with two cores and others at work on it,
+CPU time of 69 backends on datasets that were run twice differed by 7 % in the median, up to 21 % for three in four
+and 55 % for nine in ten, though the logs of each agreed with one another; memory by 3 % at most."""
 
 
 class Change(NamedTuple):
-    """What became of one quantity of a backend on a dataset."""
+    """The change of one quantity of a backend on a dataset."""
 
     dataset: str
     backend: str
     quantity: str
     kind: str
     verdict: str
-    words: str  # how sure that is, and why
+    words: str  # the evidence
     n: int = 0  # logs
     old: float = math.nan  # medians over these
     new: float = math.nan
@@ -71,7 +70,7 @@ class Change(NamedTuple):
     high: float = math.nan
     adjusted: float = math.nan
     effect: float = math.nan  # 1 where the new one is the worse on every log, -1 where it is the better
-    beyond: bool = False  # whether it has changed by as much as counts
+    beyond: bool = False  # it has changed by `least` or more
 
 
 class _Found(NamedTuple):
@@ -84,8 +83,8 @@ class _Found(NamedTuple):
     same: str  # SAME or ROUNDED where it is on every log, else ""
 
 
-def changes(found: Facing, least: float | None = None) -> list[Change]:
-    """Everything that can be compared, the worst first; `least` is the share that counts, else each quantity's own."""
+def changes(found: PairedRuns, least: float | None = None) -> list[Change]:
+    """Compares everything, the worst first; `least` is the share that counts, else each quantity's own."""
     measured = [
         one for pair in found.pairs for quantity in QUANTITIES if (one := _found(pair, quantity, least, found.rounding))
     ]
@@ -103,7 +102,7 @@ def changes(found: Facing, least: float | None = None) -> list[Change]:
 
 
 def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float) -> _Found | None:
-    """The quantity's values in both runs; None where they have none in common."""
+    """Collects the quantity's values of both runs; None where they have none in common."""
     if quantity.costs and not pair.timed:
         return None
     if least is not None:
@@ -130,7 +129,7 @@ def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float)
 
 
 def _same(old: Mapping[str, float], new: Mapping[str, float], rounding: float) -> str:
-    """In which way the values by log are the same, `rounding` being the share by which they may differ; else ""."""
+    """Returns SAME or ROUNDED where the values by log are, to a relative `rounding`; else ""."""
     if old == new:
         return SAME
     return ROUNDED if all(math.isclose(old[log], new[log], rel_tol=rounding) for log in old) else ""
@@ -141,12 +140,12 @@ def _value(row: Row, column: str) -> float | None:
 
 
 def _off(nees: float) -> float:
-    """How far it is from 1, as a factor."""
+    """Returns the factor by which it is off 1."""
     return max(nees, 1 / nees) if nees else math.inf
 
 
 def _change(one: _Found, tested: int) -> Change:
-    """The change in words; `tested` is how many tests its own is corrected for."""
+    """Describes the change; `tested` is how many tests its own is corrected for."""
     verdict, words = _judged(one, tested)
     c = one.comparison
     return Change(
@@ -172,22 +171,21 @@ def _judged(one: _Found, tested: int) -> tuple[str, str]:
         on = "on this log" if c.n == 1 else f"on these {c.n} logs"
         return towards, f"{on}: {count if towards == NOTHING else 'the same factors, and nothing random'}"
     enough = next(n for n in range(FEWEST, 99) if _least_p(n, max(tested, 1)) < LEVEL)
-    return FEW, f"{_logs(one)}, a test of so many comparisons takes {enough}"
+    return FEW, f"{_logs(one)}, a test of so many comparisons needs {enough}"
 
 
 def _least_p(n: int, tested: int) -> float:
-    """The least that a signed-rank test on n logs can come to, corrected for that many."""
+    """Returns the least p of a signed-rank test on n logs, corrected for so many tests."""
     return 2.0 ** (1 - n) * tested
 
 
 def _logs(one: _Found) -> str:
-    """How many logs there are, or tries of the one."""
     n, digests = one.comparison.n, {b.columns["digest"] for _, b in one.pair.cells}
-    return counted(n, "log") if len(digests) > 1 or n == 1 else f"{n} tries of one log"
+    return counted(n, "log") if len(digests) > 1 or n == 1 else f"{n} runs on one log"
 
 
 def _endings(pair: Pair) -> list[Change]:
-    """Cells that were done and are not any more, whatever the statistics; and the other way round."""
+    """Reports cells that were done and are not any more, whatever the statistics; and the other way round."""
     broken = [b for a, b in pair.cells if a.columns["status"] == "done" != b.columns["status"]]
     mended = [b for a, b in pair.cells if a.columns["status"] != "done" == b.columns["status"]]
     failures = [float(sum(both[k].columns["status"] != "done" for both in pair.cells)) for k in (0, 1)]
@@ -203,7 +201,7 @@ def _endings(pair: Pair) -> list[Change]:
 
 
 def _lost(pair: Pair) -> list[Change]:
-    """Quantities that cells had and have not any more, though they are done: a path that is not given, or no number."""
+    """Reports quantities that cells had and have not any more, though they are done."""
     told: list[Change] = []
     done = [both for both in pair.measured if both[0].columns["status"] == both[1].columns["status"] == "done"]
     for quantity in QUANTITIES:
@@ -223,24 +221,24 @@ def _reason(row: Row) -> str:
 
 
 def summary(told: Sequence[Change]) -> str:
-    """The comparison in a line: what came of it, and of how many."""
+    """Counts regressions and gains in a line."""
     counts = {verdict: sum(change.verdict == verdict for change in told) for verdict in VERDICTS}
     said = counted(counts[REGRESSION], "regression") if counts[REGRESSION] else "no regression"
     return f"{said}, {counted(counts[GAIN], 'gain') if counts[GAIN] else 'no gain'}"
 
 
 def rest(told: Sequence[Change]) -> str:
-    """What became of all the others, in a sentence."""
+    """Counts all other comparisons by their result, in a sentence."""
     counts = {verdict: sum(change.verdict == verdict for change in told) for verdict in VERDICTS}
     said = [f"{counts[verdict]} {verdict}" for verdict in (SAME, ROUNDED, NOTHING, FEW) if counts[verdict]]
     large = sum(change.verdict == FEW and change.beyond for change in told)
     if large:
-        said[-1] += f", {large} of them changed by as much as counts"
+        said[-1] += f", {large} of them changed by more than the least that counts"
     return f"{counted(len(told), 'comparison')}: {'; '.join(said)}." if said else f"{counted(len(told), 'comparison')}."
 
 
 def by_how_much(change: Change) -> str:
-    """The typical change with its interval: +12 % (+8 % to +15 %), or 2.30 times (2.10 to 2.60)."""
+    """Writes the typical change with its interval: +12 % (+8 % to +15 %), or 2.30 times (2.10 to 2.60)."""
     if change.verdict in (SAME, ROUNDED) or math.isnan(change.ratio):
         return ""
     said = _percent(change.ratio)
@@ -262,12 +260,12 @@ def _percent(ratio: float) -> str:
 
 
 def regressed(told: Sequence[Change]) -> bool:
-    """Whether anything has become worse."""
+    """Returns True if anything has become worse."""
     return any(change.verdict == REGRESSION for change in told)
 
 
 def as_json(change: Change) -> dict[str, Any]:
-    """The change by name; what is no number is None, what is infinite a text."""
+    """Returns the change by name, for JSON: NaN is None, infinity a text."""
     return {
         name: value
         if not isinstance(value, float) or math.isfinite(value)

@@ -1,4 +1,4 @@
-"""Whose programs the backends of a dataset are: a cost is one of an implementation, and not of an algorithm alone."""
+"""Names the programs behind a dataset's backends: costs compare implementations, not algorithms alone."""
 
 from collections.abc import Sequence
 
@@ -10,10 +10,10 @@ CAUTION = "Costs compare implementations, not algorithms alone."
 
 
 def sentence(lines: Sequence[Line]) -> str:
-    """Say which backend is whose program, where those of one dataset that are done are of several; else "".
+    """Says which backend is whose program, where there are several programs; else "".
 
-    What most of them are comes last, and names none of them: "GTSAM's wheel: isam2; compiled here: the others." The
-    labels are in full: an option may choose the program.
+    The most frequent comes last and names none: "GTSAM's wheel: isam2; compiled here: the others." The labels are in
+    full: an option may choose the program.
     """
     known = [line for line in lines if line.done and line.implementation]
     by_kind: dict[str, list[str]] = {}
@@ -28,7 +28,7 @@ def sentence(lines: Sequence[Line]) -> str:
 
 
 def foreign(lines: Sequence[Line]) -> set[str]:
-    """The labels of backends that are not compiled here, where others are; none where all are of one kind."""
+    """Returns the labels of backends not compiled here, where others are; none where all are of one kind."""
     said = {line.backend: line.implementation for line in lines if line.implementation}
     if COMPILED_HERE not in said.values():
         return set()

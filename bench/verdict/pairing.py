@@ -1,4 +1,4 @@
-"""Two runs side by side: what both did, on which logs, and in what they differ."""
+"""Pairs two runs: common cells and logs, and differences in how the runs were made."""
 
 from collections.abc import Container, Mapping, Sequence
 from math import inf
@@ -13,15 +13,12 @@ from ..words.numerals import counted, listed
 from .summary import Line, lines
 
 MACHINE = ("processor", "cores", "memory_gb")
-NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")
-"""Words of a run in which two may well differ and still be compared."""
-
-MEMORY = 0.02
-"""Share by which a machine's memory, as its kernel tells it, may differ."""
+NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")  # may differ
+MEMORY = 0.02  # share by which the memory that a machine's kernel reports may differ
 
 BETWEEN_PROCESSORS = 1e-6
-"""Share by which a result may differ between processors and still be the same. Last bits differ by their instructions;
-the path of a stable filter by 1e-12 or so in the end, what an iteration stops at by more."""
+"""Share by which a result may differ between processors and still be the same. Last bits depend on instructions; the
+path of a stable filter differs by 1e-12 or so in the end, that of a stopped iteration by more."""
 
 
 class Side(NamedTuple):
@@ -33,22 +30,19 @@ class Side(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A backend on a dataset in both runs: its cells of the same seed and, unless told otherwise, the same log.
-
-    Logs that differ by rounding alone are the same.
-    """
+    """A backend on a dataset in both runs: cells of the same seed and, but for rounding, the same log."""
 
     dataset: str
     backend: str
     cells: Sequence[tuple[Row, Row]]  # old and new
     measured: Sequence[tuple[Row, Row]]  # those measured from the same truth
-    timed: bool  # whether the times of both may be compared
-    random: bool  # whether the backend draws random numbers, or may for all that is known
-    by_log: bool  # whether both had the same logs, to the last bit
+    timed: bool  # the times of both may be compared
+    random: bool  # the backend is random, or may be
+    by_log: bool  # both had the same logs, to the last bit
 
 
-class Facing(NamedTuple):
-    """What there is to compare."""
+class PairedRuns(NamedTuple):
+    """Two runs, paired."""
 
     old: Side
     new: Side
@@ -56,19 +50,19 @@ class Facing(NamedTuple):
     added: Sequence[tuple[str, str]]  # datasets and backends that only the new run has
     gone: Sequence[tuple[str, str]]
     differences: Sequence[tuple[str, str, str]]  # what, in the old run, in the new one
-    notes: Sequence[str]  # sentences on what was left out, or is to be taken with care
+    notes: Sequence[str]  # sentences on what was left out, or needs caution
     rounding: float  # share by which results may differ and be the same; 0 between runs of one processor
 
 
 def side(folder: Path) -> Side:
-    """A run's folder; InputError where it is none."""
+    """Reads a run's folder; InputError where it is none."""
     with Store(folder) as store:
         found = {(line.dataset, line.backend): line for line in lines(store.cells())}
         return Side(folder, store.run(), found)
 
 
-def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = False) -> Facing:
-    """The two runs' cells in pairs; InputError where they have none in common."""
+def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = False) -> PairedRuns:
+    """Pairs the two runs' cells; InputError where they have none in common."""
     notes: list[str] = []
     common = [key for key in new.lines if key in old.lines]
     if not common:
@@ -102,7 +96,7 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
     notes += [f"{name}: timed side by side with other cells in one run alone." for name in _sided(pairs, any_machine)]
     if not any(pair.cells for pair in pairs):
         raise InputError(f"{new.folder}: no cell ran on the same log as in {old.folder}; --any-log compares by seed.")
-    return Facing(
+    return PairedRuns(
         old,
         new,
         pairs,
@@ -115,7 +109,7 @@ def facing(old: Side, new: Side, *, any_machine: bool = False, any_log: bool = F
 
 
 def _timed(old: Side, new: Side, notes: list[str]) -> bool:
-    """Whether both ran on the same machine; where not, a note says so."""
+    """Returns True if both ran on the same machine; a note says if not."""
     machines = [{name: one.run["environment"].get(name) for name in MACHINE} for one in (old, new)]
     if _same_machine(*machines) and _same_processor(old, new):
         return True
@@ -131,7 +125,7 @@ def _timed(old: Side, new: Side, notes: list[str]) -> bool:
 
 
 def _instructions(one: Side) -> str:
-    """In virtual machines many processors have one name."""
+    """Lists the instruction sets: in virtual machines many processors share a name."""
     known = one.run["environment"].get("instructions")
     return f" ({known})" if known else ""
 
@@ -146,27 +140,21 @@ def _same_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
 
 
 def _same_processor(old: Side, new: Side) -> bool:
-    """Whether both ran on processors of one name and, where both runs tell, with the same instructions."""
+    """Returns True if both ran on processors of one name and, where both runs record them, the same instructions."""
     here, there = old.run["environment"], new.run["environment"]
     known = [name for name in ("processor", "instructions") if name in here and name in there]
     return all(here[name] == there[name] for name in known)
 
 
 def _apart(old: Side, new: Side, log: str) -> float:
-    """How far apart the log is in the two runs, in standard deviations; infinite where that is not known."""
+    """Returns the distance of a log between the two runs, in standard deviations; infinite where unknown."""
     sketches = [from_words(one.run.get("sketches", {}).get(log)) for one in (old, new)]
     here, there = sketches
     return inf if here is None or there is None else distance(here, there)
 
 
 def _pair(
-    old: Side,
-    new: Side,
-    key: tuple[str, str],
-    timed: bool,
-    any_machine: bool,
-    any_log: bool,
-    close: Container[str],
+    old: Side, new: Side, key: tuple[str, str], timed: bool, any_machine: bool, any_log: bool, close: Container[str]
 ) -> Pair:
     before = {row.columns["seed"]: row for row in old.lines[key].rows}
     cells = [(before[row.columns["seed"]], row) for row in new.lines[key].rows if row.columns["seed"] in before]
@@ -188,12 +176,11 @@ def _pair(
 
 
 def _name(key: tuple[str, str], row: Row) -> str:
-    """A run's name of the log of one of its cells."""
     return f"{key[0]}, seed {row.columns['seed']}"
 
 
 def _other_logs(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list[str]:
-    """The logs of the same name and seed that are different ones."""
+    """Lists the logs of the same name and seed that differ."""
     found: dict[str, None] = {}
     for key in common:
         before = {row.columns["seed"]: row.columns["digest"] for row in old.lines[key].rows}
@@ -204,7 +191,7 @@ def _other_logs(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list
 
 
 def _other_truths(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> list[str]:
-    """The logs whose truth is another one, or is known in one of the runs alone and a reference in the other."""
+    """Lists the logs whose truth differs, or is a reference in one of the runs alone."""
     before: Mapping[str, Any] = old.run.get("truths", {})
     after: Mapping[str, Any] = new.run.get("truths", {})
     found = {log: None for log in after if log in before and before[log] != after[log]}
@@ -218,7 +205,6 @@ def _other_truths(old: Side, new: Side, common: Sequence[tuple[str, str]]) -> li
 
 
 def _not_run(pairs: Sequence[Pair], old: Side, new: Side) -> list[str]:
-    """Cells that one of the runs does not have."""
     said: list[str] = []
     for pair in pairs:
         key = pair.dataset, pair.backend
@@ -240,7 +226,6 @@ def _sided(pairs: Sequence[Pair], any_machine: bool) -> list[str]:
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """In what the runs were made differently: that is what is compared."""
     known = [
         {**run["environment"], **run["environment"]["packages"], **run.get("plan", {}), "workers": run["workers"]}
         for run in (old, new)
@@ -255,4 +240,4 @@ def _text(value: Any) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return listed([*names[:4], f"{len(names) - 4} more"]) if len(names) > 5 else listed(list(names))
+    return listed(names, 4)

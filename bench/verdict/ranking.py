@@ -1,4 +1,4 @@
-"""Who competes on a measure of a dataset, in which order, and how each stands to each."""
+"""Ranks a dataset's backends on a measure, and compares each pair."""
 
 from collections.abc import Mapping, Sequence
 from math import isnan
@@ -10,62 +10,53 @@ from ..words.styles import BASELINE
 from .statistics import LEVEL, Comparison, compare, holm
 from .summary import Line, logs, representative
 
-ALIKE = 1.01
-"""Errors whose ratio lies between this and its inverse for sure are alike, whatever a test makes of so little."""
-
-ROUNDING = 1e-9
-"""Metres below which errors are all the same, and none is a failure's opposite: rounding, of a log without noise."""
-
-PATHS = {"online": "ate_m", "final": "final_ate_m"}
-"""What is compared where the path is known, by purpose: the path given step by step, and that smoothed at the end."""
-
-MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}
-"""What is compared where the landmarks' places are known and the path is not."""
+ALIKE = 1.01  # errors whose ratio is significantly within this and its inverse are alike, whatever the test says
+ROUNDING = 1e-9  # m below which errors are all the same, so that rounding on a log without noise decides nothing
+PATHS = {"online": "ate_m", "final": "final_ate_m"}  # compared where the path is known, by purpose
+MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}  # where only the landmarks are known
 
 ESTIMATES = {
     "ate_m": "online path", "final_ate_m": "final path", "map_rmse_m": "online map", "final_map_rmse_m": "final map",
 }  # fmt: skip
-"""Which estimate each of these is the error of."""
+"""the estimate whose error each of these is"""
 
 
-class Contest(NamedTuple):
+class Ranking(NamedTuple):
     """The backends that have a measure, the best first.
 
-    Those that were told the truth do not compete. Dead reckoning is what everybody has to beat: it is no competitor,
-    and the comparisons with it are a family of their own, so that they cost the others no power.
+    Those that were given the ground truth are not ranked. Dead reckoning is the baseline: not ranked either, and
+    compared as a family of its own, so that it costs the others no power.
     """
 
     column: str
     lines: Sequence[Line]
     errors: Mapping[str, Mapping[str, float]]  # by backend and by log; infinite where it failed
-    comparisons: Sequence[Comparison]  # every pair of `lines`, in their order, after Holm
-    baseline: Sequence[Comparison]  # each of `lines` with dead reckoning, where that has the measure; after Holm
+    comparisons: Sequence[Comparison]  # every pair of `lines`, in their order, Holm-corrected
+    baseline: Sequence[Comparison]  # each of `lines` with dead reckoning, if that has the measure; Holm-corrected
     logs: int  # of the dataset
 
     def between(self, first: Line, second: Line) -> Comparison:
-        """Of two of `lines`, the first one before the second."""
+        """Returns the comparison of two of `lines`, the first one before the second."""
         return next(c for c in self.comparisons if (c.first, c.second) == (first.backend, second.backend))
 
     @property
     def circular(self) -> bool:
-        """Whether somebody is better than the best for sure: then all are beaten, and none is the best of all."""
+        """True where another one is significantly better than the best: then every backend is beaten."""
         return self.lines[0].backend in _beaten(self.comparisons)
 
     @property
     def level(self) -> list[Line]:
-        """The best, and all whose interval leaves it open which of the two is, and that nobody is better than for sure:
-        what is wider apart is not among them, even where no test can bear it out, and neither is what has too few logs
-        to say."""
+        """Returns the best and those neither beaten nor set apart from it by the interval, tested or not."""
         best, beaten = self.lines[0], _beaten(self.comparisons)
         near = [line for line in self.lines[1:] if standing(self.between(best, line)) in ("alike", "open")]
         return [best, *(line for line in near if line.backend not in beaten)]
 
 
-def contest(lines: Sequence[Line], column: str) -> Contest | None:
-    """None where no competitor has the column.
+def ranking(lines: Sequence[Line], column: str) -> Ranking | None:
+    """Ranks the backends that have the column; None without any.
 
-    The best is the one that nobody, or the fewest, are better than for sure; of these the one with the lowest median.
-    Those with too few logs in common with everybody come after those that can be tested.
+    The best is the one significantly beaten by the fewest, and of these the one with the lowest median. Those with too
+    few logs in common with everybody come after those that can be tested.
     """
     having = [line for line in lines if column in line.values and not line.told]
     entered = [line for line in having if line.backend != BASELINE]
@@ -87,20 +78,20 @@ def contest(lines: Sequence[Line], column: str) -> Contest | None:
     )
     adjusted = holm([c.p for c in against])
     against = [c._replace(adjusted=float(p)) for c, p in zip(against, adjusted, strict=True)]
-    return Contest(column, entered, errors, found, against, logs(lines))
+    return Ranking(column, entered, errors, found, against, logs(lines))
 
 
 def _beaten(found: Sequence[Comparison]) -> list[str]:
-    """Those that another one is better than for sure, once for each."""
+    """Lists those that another one is significantly better than, once for each."""
     kinds = [(c, standing(c)) for c in found]
     return [c.second if kind == "better" else c.first for c, kind in kinds if kind in ("better", "worse")]
 
 
 def standing(c: Comparison) -> str:
-    """How the first stands to the second.
+    """Classifies a comparison of the first with the second.
 
-    "better" or "worse" where interval and test say so; "alike" where they are within 1 % for sure; "open" where the
-    interval has a place for either; "unproven" where it has not, but the test does not bear it out; "few" without one.
+    "better" or "worse" where interval and test say so; "alike" where they are significantly within 1 %; "open" where
+    the interval contains 1; "unproven" where it does not, but the test does not support it; "few" without a test.
     """
     if isnan(c.low):
         return "few"
@@ -112,7 +103,7 @@ def standing(c: Comparison) -> str:
 
 
 def needed(pairs: int) -> int:
-    """Logs from which on a test of so many pairs can come out: with fewer, Holm's correction leaves no p below 5 %."""
+    """Returns the logs that a test of so many pairs needs: with fewer, Holm's correction leaves no p below 5 %."""
     n = 1
     while 2.0 ** (1 - n) * pairs >= LEVEL:
         n += 1
@@ -120,15 +111,12 @@ def needed(pairs: int) -> int:
 
 
 def ordered(lines: Sequence[Line]) -> list[Line]:
-    """The order in every table of a dataset: by accuracy where there is a known path or map, dead reckoning last.
-
-    Before it those that do not compete: they were told the truth, or have nothing that could be measured.
-    """
+    """Orders a dataset's lines: by accuracy if known, then those that are not ranked, dead reckoning last."""
     place: dict[str, tuple[int, int]] = {}
     known = representative(lines)
     if known.truth_kind == "truth" or known.surveyed:
         for k, column in enumerate((PATHS if known.truth_kind == "truth" else MAPS).values()):
-            found = contest(lines, column)
+            found = ranking(lines, column)
             for j, line in enumerate(found.lines if found else ()):
                 place.setdefault(line.backend, (k, j))
     return sorted(lines, key=lambda line: (line.backend == BASELINE, place.get(line.backend, (len(ESTIMATES), 0))))

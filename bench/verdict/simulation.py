@@ -1,11 +1,10 @@
-"""How often the verdict is right, on comparisons of backends that are simulated so that the right answer is known.
+"""Measures how often the verdict is right, on simulated comparisons with known answers.
 
-    python -m slamduel.bench.verdict.simulation [COMPARISONS]
+python -m slamduel.bench.verdict.simulation [COMPARISONS]
 
-Each figure comes from that many comparisons (10,000 unless told), made by the functions that the verdict on a run is
-made with, and stands beside the bounds it has to keep; the exit status is 1 where one does not. A log is harder or
-easier for all backends alike, and each backend adds its own luck, so that the logarithms of the ratios of two backends'
-errors have standard deviation SD.
+Each figure is over that many comparisons (default 10,000), made by the functions that judge a run, and is printed with
+the bounds it has to keep; the exit status is 1 if one does not. A log is harder or easier for all backends alike, and
+each backend adds its own luck, so that the logarithms of the ratios of two backends' errors have standard deviation SD.
 """
 
 import sys
@@ -20,37 +19,29 @@ from .statistics import compare, estimate
 
 COMPARISONS = 10_000
 
-SD = 0.3
-"""Of the logarithm of the ratio of two backends' errors, over logs."""
-
-HARDNESS = 1.0
-"""Standard deviation, over logs, of the logarithm of what all backends' errors have in common."""
-
-FAILING = 0.05
-"""The share of its logs on which a backend fails where failures are planted."""
-
-BETTER = 1.2
-"""The planted ratio: the second backend's errors are 20 % larger than the first's."""
+SD = 0.3  # of the logarithm of the ratio of two backends' errors, over logs
+HARDNESS = 1.0  # standard deviation, over logs, of the logarithm of what all backends' errors have in common
+FAILING = 0.05  # share of its logs on which a backend fails where failures are planted
+BETTER = 1.2  # the planted ratio: the second backend's errors are 20 % larger than the first's
 
 COVERAGE = (0.93, 0.97)
 FALSE_CLAIMS = (0.0, 0.055)
 POWER = (0.8, 1.0)
 
-Errors = Mapping[str, Mapping[str, float]]
-"""By backend and by log."""
+Errors = Mapping[str, Mapping[str, float]]  # by backend and by log
 
 
 @dataclass(frozen=True)
 class World:
-    """Where simulated errors come from."""
+    """A distribution of simulated errors."""
 
-    ratios: Sequence[float] = (1.0, 1.0)  # by backend: how its errors compare
+    ratios: Sequence[float] = (1.0, 1.0)  # of the errors, by backend
     failing: float = 0.0  # the share of logs on which a backend fails
     same: float = 0.0  # the share of logs on which all backends have the very same error
     tails: float = np.inf  # degrees of freedom of Student's t, of which a backend's luck is; infinite: normal
 
     def errors(self, logs: int, rng: np.random.Generator) -> Errors:
-        """A run's."""
+        """Draws a run's errors."""
         shape = len(self.ratios), logs
         luck = rng.standard_normal(shape) if np.isinf(self.tails) else rng.standard_t(self.tails, shape)
         luck[:, rng.random(logs) < self.same] = 0
@@ -61,49 +52,49 @@ class World:
 
     @property
     def median(self) -> float:
-        """Of the first backend's errors, failures counted as infinite."""
+        """Returns the median of the first backend's errors, failures counted as infinite."""
         sd = (HARDNESS**2 + SD**2 / 2) ** 0.5
         return float(np.exp(NormalDist(sigma=sd).inv_cdf(0.5 / (1 - self.failing))))
 
 
 def covers_ratio(world: World, errors: Errors) -> bool:
-    """Whether the interval of the first two backends' ratio holds the true one."""
+    """Returns True if the interval of the first two backends' ratio holds the true one."""
     found = compare(errors)[0]
     return found.low <= world.ratios[1] / world.ratios[0] <= found.high
 
 
 def covers_median(world: World, errors: Errors) -> bool:
-    """Whether the interval of the first backend's median holds the true one."""
+    """Returns True if the interval of the first backend's median holds the true one."""
     found = estimate(list(errors["backend 0"].values()))
     return found.low <= world.median <= found.high
 
 
 def claims(_: World, errors: Errors) -> bool:
-    """Whether any difference is claimed."""
+    """Returns True if any difference is claimed."""
     return any(pair.holds for pair in compare(errors))
 
 
 def finds(_: World, errors: Errors) -> bool:
-    """Whether the first backend is claimed to be closer than the second, which it is."""
+    """Returns True if the first backend is claimed to be closer than the second, which it is."""
     found = compare(errors)[0]
     return found.holds and found.ratio > 1
 
 
 class Case(NamedTuple):
-    """Where a share is measured."""
+    """A simulated case."""
 
     logs: int
     world: World
     name: str = ""
 
     def share(self, asked: Callable[[World, Errors], bool], comparisons: int) -> float:
-        """Of so many comparisons, those of which it is true: the same each time."""
+        """Returns the share of so many comparisons for which it is true: the same each time."""
         rng = np.random.default_rng(0)
         return sum(asked(self.world, self.world.errors(self.logs, rng)) for _ in range(comparisons)) / comparisons
 
 
 class Question(NamedTuple):
-    """What is measured, and the bounds of the share that it has to be true of, in every case; None: just to know."""
+    """A question with the bounds of its share in every case; None: no bounds."""
 
     title: str
     asked: Callable[[World, Errors], bool]
@@ -144,12 +135,7 @@ QUESTIONS = (
             Case(30, World(same=1 / 3), "2 backends, 1/3 of logs alike"),
         ),
     ),
-    Question(
-        "20 % difference found",
-        finds,
-        POWER,
-        (Case(30, _APART, "2 backends"),),
-    ),
+    Question("20 % difference found", finds, POWER, (Case(30, _APART, "2 backends"),)),
     Question(
         "the same, with no bound set",
         finds,
@@ -164,13 +150,13 @@ QUESTIONS = (
 
 
 def main(comparisons: int = COMPARISONS) -> int:
-    """Print the study as a table; 1 where a share is out of its bounds."""
+    """Prints the study as a table; 1 where a share is out of its bounds."""
     from rich import box
     from rich.console import Console
     from rich.progress import track
     from rich.table import Table
 
-    table = Table("", "logs", "expected", "measured", title=f"{comparisons:,} comparisons a row", box=box.SIMPLE)
+    table = Table("", "logs", "expected", "measured", title=f"{comparisons:,} comparisons per row", box=box.SIMPLE)
     table.columns[0].no_wrap = True
     for column in table.columns[1:]:
         column.justify = "right"

@@ -1,9 +1,9 @@
-"""Whether a difference between backends is real: paired by log, with intervals, and failures counted as the worst.
+"""Tests differences between backends: paired by log, with intervals, failures counted as the worst.
 
-Nothing is drawn at random, so that the same errors always give the same answer. An error that is infinite stands for a
-failure: worse than every other and as bad as another failure. It takes part with the largest rank; an interval that it
-reaches into has an infinite end, or one of 0 as a ratio. How often intervals and claims are right is what
-`python -m slamduel.bench.verdict.simulation` measures.
+Nothing is drawn at random, so the same errors always give the same answer. An infinite error stands for a failure:
+worse than every other error and as bad as another failure. It has the largest rank; an interval that it reaches into
+has an infinite end, or one of 0 as a ratio. `python -m slamduel.bench.verdict.simulation` measures how often intervals
+and claims are right.
 """
 
 from bisect import bisect_right
@@ -15,20 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...frontend.errors import InputError
 from ...frontend.se2 import Array
-from .walsh import ranked
 
-FEWEST = 6
-"""Logs below which no signed-rank test can come out below 5 %, and no interval of a median can cover 95 %."""
-
-LEVEL = 0.05
-"""The share of false claims that is put up with."""
-
-SAME = 1e-9
-"""Errors whose logarithms differ by less are the same: what is left is rounding, which always points one way."""
-
-EXACT = 100
-"""Logs up to which distributions are worked out in whole numbers; beyond, the signed-rank statistic's is normal."""
+FEWEST = 6  # logs below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %
+LEVEL = 0.05  # accepted share of false claims
+SAME = 1e-9  # errors whose logarithms differ by less are the same: rounding always points one way
+EXACT = 100  # logs up to which distributions are exact; beyond, the signed-rank statistic's is normal
 
 
 class Estimate(NamedTuple):
@@ -41,7 +34,7 @@ class Estimate(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """How far the one of paired values is from the other."""
+    """The typical difference of paired values."""
 
     value: float  # NaN with none
     low: float  # 95 % interval; NaN where there are fewer than FEWEST
@@ -67,12 +60,12 @@ class Comparison(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether a difference may be claimed: both the test and the interval say so."""
+        """True where a difference may be claimed: both the test and the interval say so."""
         return self.adjusted < LEVEL and not self.low <= 1 <= self.high
 
 
 def estimate(values: Sequence[float]) -> Estimate:
-    """The median of a value a log, one or more and none NaN, with an interval between order statistics.
+    """Estimates the median of one value per log, none NaN, with an interval between order statistics.
 
     Hettmansperger and Sheather, Confidence intervals based on interpolated order statistics (Statistics and Probability
     Letters 4, 1986): from the two nested intervals whose coverage, a binomial sum whatever the distribution, is next
@@ -89,16 +82,16 @@ def estimate(values: Sequence[float]) -> Estimate:
 
 
 def compare(errors: Mapping[str, Mapping[str, float]]) -> list[Comparison]:
-    """Every pair of backends; `errors`, from 0 to infinity, are by backend and by log.
+    """Compares every pair of backends; `errors`, from 0 to infinity, are by backend and by log.
 
     Each pair is in the order of the mapping. On each log that both ran on, the logarithm of the ratio of their errors
     is taken. The typical one is the median of the averages of every two of these (Hodges and Lehmann, Annals of
-    Mathematical Statistics 34(2), 1963), and its interval is made of those that the exact signed-rank test does not
-    reject: it keeps its coverage at every number of logs, where a bootstrap's falls short below 20, and without ties it
+    Mathematical Statistics 34(2), 1963), and its interval holds those that the exact signed-rank test does not reject:
+    it keeps its coverage at every number of logs, where a bootstrap's falls short below 20, and without ties it
     excludes 1 exactly where p is below 5 %. Logs on which both have the same error, or both fail, are ranked with the
-    others and speak for neither (Pratt, Journal of the American Statistical Association 54, 1959); to leave them out
-    would make different backends of such as are mostly the same. Ties share their ranks, and the test's distribution is
-    that of the ranks as they are; the interval then covers more than 95 %.
+    others and support neither (Pratt, Journal of the American Statistical Association 54, 1959); leaving them out would
+    make nearly identical backends differ. Ties share their ranks, and the test's distribution is that of the ranks as
+    they are; the interval then covers more than 95 %.
     """
     found = [_paired(first, second, errors[first], errors[second]) for first, second in combinations(errors, 2)]
     adjusted = holm([c.p for c in found])
@@ -106,7 +99,7 @@ def compare(errors: Mapping[str, Mapping[str, float]]) -> list[Comparison]:
 
 
 def holm(p: Sequence[float]) -> Array:
-    """Holm's step-down correction (Scandinavian Journal of Statistics 6(2), 1979); NaN stay, and count for nothing."""
+    """Applies Holm's step-down correction (Scandinavian Journal of Statistics 6(2), 1979); NaN stay, uncounted."""
     values = np.asarray(p, float)
     known = np.flatnonzero(np.isfinite(values))
     order = known[np.argsort(values[known], kind="stable")]
@@ -116,11 +109,7 @@ def holm(p: Sequence[float]) -> Array:
 
 
 def shift(differences: Array, against: float = 0.0) -> Shift:
-    """How far paired values are apart, typically; of differences (n,), which may be infinite, but not NaN.
-
-    Those that are less than SAME from 0, or from `against`, are rounding, and count as it. How `compare` finds a ratio
-    is how this finds a difference.
-    """
+    """Estimates the shift of paired differences (n,), infinite ones included; less than SAME is rounding."""
     d = np.where(abs(differences) < SAME, 0.0, differences)
     n = len(d)
     if not n:
@@ -138,7 +127,7 @@ def shift(differences: Array, against: float = 0.0) -> Shift:
 
 
 def _central(count: int) -> tuple[int, int]:
-    """The ranks, from 0 on, of the one or two in the middle."""
+    """Returns the ranks, from 0 on, of the one or two in the middle."""
     return (count - 1) // 2, count // 2
 
 
@@ -151,10 +140,7 @@ def _paired(first: str, second: str, one: Mapping[str, float], other: Mapping[st
 
 
 def log_ratios(first: Array, second: Array) -> Array:
-    """The logarithms of second / first, (n,) each and from 0 to infinity; 0 where they are the same but for rounding.
-
-    NaN where either is.
-    """
+    """Computes the logarithms of second / first, (n,) each; 0 where they differ by rounding, NaN where either is."""
     with np.errstate(divide="ignore", invalid="ignore"):
         d = np.log(second) - np.log(first)
     d[(first == second) | (abs(d) < SAME)] = 0
@@ -162,16 +148,16 @@ def log_ratios(first: Array, second: Array) -> Array:
 
 
 def exponential(logarithm: float) -> float:
-    """Of what `log_ratios` has, infinite where no number is large enough."""
+    """Computes the exponential, infinite where no number is large enough."""
     with np.errstate(over="ignore"):
         return float(np.exp(logarithm))
 
 
 def signed_rank(differences: Array) -> tuple[float, float]:
-    """Wilcoxon's two-sided p of differences (n,) and their matched-pairs rank-biserial correlation, -1 to 1.
+    """Computes Wilcoxon's two-sided p of differences (n,) and their matched-pairs rank-biserial correlation.
 
-    Under no difference each sign is as likely as the other, given the sizes: p is the share of the 2^m choices of the m
-    signs that are at least as far from balance as the signs found.
+    Without a difference each sign is as likely as the other, given the sizes: p is the share of the 2^m choices of the
+    m signs that are at least as far from balance as the signs found.
     """
     _, size, counts = np.unique(abs(differences), return_inverse=True, return_counts=True)
     ranks = (2 * np.cumsum(counts) - counts + 1)[size]  # twice the mean rank, so that ties have whole numbers
@@ -182,7 +168,7 @@ def signed_rank(differences: Array) -> tuple[float, float]:
 
 
 def _below(ranks: tuple[int, ...], total: int) -> float:
-    """The probability that ranks with signs of a fair coin have positive ones that add up to `total` or less."""
+    """Returns the probability that randomly signed ranks have positive ones that add up to `total` or less."""
     if len(ranks) > EXACT:
         sd = sqrt(sum(r * r for r in ranks)) / 2
         return erfc((sum(ranks) / 2 - total) / (sd * sqrt(2))) / 2
@@ -191,7 +177,7 @@ def _below(ranks: tuple[int, ...], total: int) -> float:
 
 @lru_cache(maxsize=64)
 def _sums(ranks: tuple[int, ...]) -> Array:
-    """The cumulative distribution of the sum of the positive ones, (sum + 1,)."""
+    """Returns the cumulative distribution of the sum of the positive ones, (sum + 1,)."""
     share = np.zeros(sum(ranks) + 1)
     share[0] = 1
     for r in ranks:
@@ -202,20 +188,20 @@ def _sums(ranks: tuple[int, ...]) -> Array:
 
 @lru_cache(maxsize=64)
 def _rejected(n: int) -> int:
-    """How many of the lesser rank sums 0, 1, 2 ... of n untied differences the test rejects."""
+    """Counts the lesser rank sums 0, 1, 2 ... of n untied differences that the test rejects."""
     ranks = tuple(range(2, 2 * n + 1, 2))
     return bisect_right(range(n * (n + 1) // 4), LEVEL / 2, key=lambda total: _below(ranks, 2 * total))
 
 
 def _middle(values: Array) -> float:
-    """The median of sorted values, one or more; of two in the middle that are infinite with opposite signs, 0."""
+    """Returns the median of sorted values; 0 for two middle ones that are infinite with opposite signs."""
     low, high = float(values[(len(values) - 1) // 2]), float(values[len(values) // 2])
     return 0.0 if low == -high else low + (high - low) / 2 if np.isfinite(low) else low
 
 
 @lru_cache(maxsize=64)
 def _depth(n: int) -> tuple[int, float]:
-    """From which order statistic to the next one, and how far, a median's interval goes."""
+    """Returns the order statistic from which a median's interval is interpolated, and the share towards the next."""
     outside, depth = 2 * _heads(n, 0), 1  # the probability outside the order statistics at this depth
     while (further := outside + 2 * _heads(n, depth)) <= LEVEL:
         outside, depth = further, depth + 1
@@ -224,12 +210,37 @@ def _depth(n: int) -> tuple[int, float]:
 
 
 def _heads(n: int, k: int) -> float:
-    """The probability of k heads of n fair coins."""
+    """Returns the probability of k heads of n fair coins."""
     if n <= EXACT:
         return comb(n, k) / 2**n
     return exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) - n * log(2))
 
 
 def _between(start: float, end: float, share: float) -> float:
-    """From start towards end; start itself where one of them is infinite."""
+    """Interpolates from start towards end; start itself where one of them is infinite."""
     return float(start + share * (end - start) if np.isfinite(start) and np.isfinite(end) else start)
+
+
+MOST = 2_000  # numbers of which all averages are computed: two million of these
+
+
+def ranked(d: Array, ranks: Sequence[int]) -> list[float]:
+    """Returns the Walsh averages of d (n,) of these ranks from 0 on, of n (n + 1) / 2; InputError beyond MOST.
+
+    Of averages of infinity and minus infinity, half count as either: on no ratio do their ranks differ.
+    """
+    if len(d) > MOST:
+        raise InputError(f"found {len(d):,} logs on which two backends are to be compared, expected at most {MOST:,}.")
+    found = _sorted(d)
+    return [float(found[rank]) for rank in ranks]
+
+
+def _sorted(d: Array) -> Array:
+    one, other = np.triu_indices(len(d))
+    with np.errstate(invalid="ignore"):
+        found = np.sort((d[one] + d[other]) / 2)
+    opposed = int(np.isnan(found).sum())
+    if not opposed:
+        return found
+    half = np.full(opposed // 2, np.inf)
+    return np.concatenate([-half, np.sort(np.append(found[:-opposed], np.zeros(opposed % 2))), half])

@@ -1,4 +1,4 @@
-"""What can be said of the backends on a dataset: who is more accurate, is it real, who is consistent, the cost."""
+"""The verdict on a dataset's backends: accuracy with its significance, consistency, cost."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,22 +8,21 @@ from ..words.styles import BASELINE
 from .accuracy import claims
 from .advice import SAME_COST, Use, advice, unnamed
 from .consistency import belief_sentences
-from .ranking import ESTIMATES, MAPS, PATHS, Contest, contest, ordered
+from .ranking import ESTIMATES, MAPS, PATHS, Ranking, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, logs, representative
 
-MOST = 6
-"""Backends whose cost a sentence names."""
+MOST = 6  # backends whose cost a sentence names
 
 _REFERENCE = (
-    "Nobody knows where the robot was; errors here are distances from a reference, {} of the same factors, which "
+    "There is no ground truth for the path; errors here are distances from a reference, {} of the same factors, which "
     "smoothers come close to by construction."
 )
 _SURVEYED = " The landmarks' places are known: the map's error is one, all landmarks aligned by themselves."
 
 
 class Verdict(NamedTuple):
-    """What can be said of the backends on a dataset."""
+    """The verdict on the backends of one dataset."""
 
     basis: str  # what it rests on: how many logs, and what is known of them
     uses: Sequence[Use]
@@ -32,7 +31,7 @@ class Verdict(NamedTuple):
 
 
 def verdict(lines: Sequence[Line]) -> Verdict:
-    """The verdict on one dataset."""
+    """Judges one dataset."""
     lines = ordered(lines)
     known = representative(lines)
     name, kind = known.name, known.truth_kind
@@ -41,20 +40,22 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     if not any(line.done for line in lines):
         return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
     measures = PATHS if kind == "truth" else MAPS if known.surveyed else {}
-    contests = {purpose: found for purpose, column in measures.items() if (found := contest(lines, column))}
+    rankings = {purpose: found for purpose, column in measures.items() if (found := ranking(lines, column))}
     said: list[str] = []
     if kind == "reference":
         said.append(f"{name}: no verdict on accuracy of paths. {_REFERENCE.format(known.reference)}")
         said[0] += _SURVEYED * known.surveyed
     elif not measures:
-        said.append(f"{name}: no verdict on accuracy. There is no known path to hold the estimates against.")
-    elif not contests:
-        said.append(f"{name}: no backend that competes gave a path.")
-    for k, found in enumerate(contests.values()):
+        said.append(f"{name}: no verdict on accuracy. There is no known path to compare the estimates with.")
+    elif not rankings:
+        said.append(f"{name}: no ranked backend gave a path.")
+    for k, found in enumerate(rankings.values()):
         said += claims(found, ESTIMATES[found.column], name, again=k > 0)
-    comparisons = {found.column: [*found.comparisons, *found.baseline] for found in contests.values()}
-    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures, *_told(lines)]
-    return Verdict(basis, _uses(lines, contests), sentences, comparisons)
+    comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
+    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures]
+    if told := [line.backend for line in lines if line.told]:
+        sentences.append(f"Not compared: {listed(told)} (was given the ground truth).")
+    return Verdict(basis, _uses(lines, rankings), sentences, comparisons)
 
 
 def _known(line: Line) -> str:
@@ -65,22 +66,19 @@ def _known(line: Line) -> str:
     return "neither path nor landmarks are known"
 
 
-def _uses(lines: Sequence[Line], contests: Mapping[str, Contest]) -> list[Use]:
-    """By purpose; where the path is not known, nobody, and what they cost.
-
-    Maps are those smoothed at the end, with one or none the online ones.
-    """
+def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
+    """Recommends by purpose, nobody where no path is known; maps are the final ones if several have these."""
     if representative(lines).truth_kind == "truth":
-        return [advice(purpose, found) for purpose, found in contests.items()]
+        return [advice(purpose, found) for purpose, found in rankings.items()]
     uses = [unnamed(purpose, lines) for purpose in PATHS]
-    found = contests.get("map")
+    found = rankings.get("map")
     if found is None or len(found.lines) == 1:
-        found = contests.get("online", found)
+        found = rankings.get("online", found)
     return [*uses, advice("map", found)] if found else uses
 
 
 def _cost(lines: Sequence[Line]) -> list[str]:
-    """CPU time for the whole log: the one figure that filters, smoothers and batch methods have in common."""
+    """States CPU time for the whole log: the one cost that filters, smoothers and batch methods share."""
     found = sorted(
         (line.values["cpu_s"].median, line.backend + "*" * (not line.alone))
         for line in lines
@@ -100,7 +98,7 @@ def _cost(lines: Sequence[Line]) -> list[str]:
 
 
 def _not_done(lines: Sequence[Line]) -> list[str]:
-    """Whose cells ended in another way than they should; failures are the worst there is, and skipped cells absent."""
+    """Lists cells that are not done: failures count as the worst, skipped cells as absent."""
     failed = [
         f"{line.backend} failed on {line.failed} of {counted(len(line.rows), 'cell')} ({_ways(line)})"
         for line in lines
@@ -116,8 +114,3 @@ def _not_done(lines: Sequence[Line]) -> list[str]:
 def _ways(line: Line) -> str:
     cells = [row.columns["status"] for row in line.rows]
     return ", ".join(f"{cells.count(way)} {way}" for way in dict.fromkeys(cells) if way not in ("done", "skipped"))
-
-
-def _told(lines: Sequence[Line]) -> list[str]:
-    names = [line.backend for line in lines if line.told]
-    return [f"Not compared: {listed(names)} (was told the truth)."] if names else []

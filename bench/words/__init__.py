@@ -1,1 +1,1 @@
-"""How numbers, names, columns and backends' colours are written; the console."""
+"""Writes numbers, names, columns and backends' looks; the console."""

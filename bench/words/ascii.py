@@ -1,4 +1,4 @@
-"""Plain letters for a terminal, or a file, that has no others."""
+"""Replaces characters that a terminal or a file cannot encode."""
 
 import codecs
 import io
@@ -11,11 +11,11 @@ PLAIN = {
     "\N{DEGREE SIGN}": " deg", "\N{LESS-THAN OR EQUAL TO}": "<=", "\N{GREATER-THAN OR EQUAL TO}": ">=",
     "\N{RIGHT SINGLE QUOTATION MARK}": "'", "\N{EM DASH}": "-", "\N{APPROXIMATELY EQUAL TO}": "~",
 }  # fmt: skip
-"""What is written instead; others lose their accents, or become a question mark."""
+"""Replacements; other characters lose their accents, or become a question mark."""
 
 
 def plain_where_needed() -> None:
-    """From now on, what standard output and error cannot write is replaced and no error."""
+    """Makes standard output and error replace what they cannot encode, instead of raising an error."""
     codecs.register_error("slamduel-plain", _replaced)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -23,7 +23,7 @@ def plain_where_needed() -> None:
 
 
 def _replaced(error: UnicodeError) -> tuple[str, int]:
-    """A handler of codecs: the replacement, and where to go on."""
+    """Handles an encoding error: the replacement, and the position to go on from."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     return "".join(map(_plain, error.object[error.start : error.end])), error.end

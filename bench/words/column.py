@@ -1,4 +1,4 @@
-"""A column of numbers or words: its name, its heading, what it means, and of which kind its values are."""
+"""Columns of tables and files: name, heading, meaning, and the kind of their values."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,8 +6,7 @@ from typing import Literal, NamedTuple
 
 from .numerals import number
 
-SHORTEST_S = 0.001
-"""s; a shorter time is written as below this: a filter's finish does nothing, and its exact time means nothing."""
+SHORTEST_S = 0.001  # s; shorter times are written as below this: a filter's finish does nothing
 
 
 def _count(value: float) -> str:
@@ -18,17 +17,9 @@ def _percent(value: float) -> str:
     return f"{number(100 * value)} %"
 
 
-def _seconds(value: float) -> str:
-    return number(value) if value >= SHORTEST_S else f"<{SHORTEST_S:g}"
-
-
-def _two_decimals(value: float) -> str:
-    return f"{round(value, 2) + 0.0:.2f}"  # + 0.0: never -0.00
-
-
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What the values of a column have in common."""
+    """Properties that the values of a column share."""
 
     unit: str = ""  # "" for words, counts, shares and plain numbers
     sql_type: Literal["TEXT", "INTEGER", "REAL"] = "REAL"
@@ -41,12 +32,12 @@ class Kind:
 
     @property
     def is_measured(self) -> bool:
-        """Whether it is a number that was counted or measured in a cell."""
+        """True for a number that was counted or measured in a cell."""
         return not self.names_cell and self.sql_type != "TEXT"
 
     @property
     def is_nees(self) -> bool:
-        """Whether it is 1 where the covariances match the errors."""
+        """True where 1 means that the covariances match the errors."""
         return self.expected == 1
 
 
@@ -63,9 +54,9 @@ NEES = Kind(expected=1.0)
 INSIDE_95 = Kind(expected=0.95, shown=_percent)
 SHARE = Kind(shown=_percent)
 CPU_US = Kind(unit="µs", is_time=True)
-CPU_S = Kind(unit="s", is_time=True, shown=_seconds)
+CPU_S = Kind(unit="s", is_time=True, shown=lambda s: number(s) if s >= SHORTEST_S else f"<{SHORTEST_S:g}")
 CPU_SHARE = Kind(is_time=True, shown=_percent)
-EXPONENT = Kind(is_time=True, never_negative=False, shown=_two_decimals)
+EXPONENT = Kind(is_time=True, never_negative=False, shown=lambda b: f"{round(b, 2) + 0.0:.2f}")  # never -0.00
 SECONDS = Kind(unit="s")
 MEGABYTES = Kind(unit="MB")
 
@@ -81,17 +72,17 @@ class Column(NamedTuple):
 
     @property
     def called(self) -> str:
-        """Its name where it stands alone, without a unit."""
+        """Returns its name where it stands alone, without a unit."""
         return self.said or self.heading
 
     @property
     def with_unit(self) -> str:
-        """Its name and unit, or which value is the right one."""
+        """Returns its name with its unit, or with the expected value."""
         return self.called + f", {self.kind.unit}" * bool(self.kind.unit) + " (1 = consistent)" * self.kind.is_nees
 
     @property
     def gist(self) -> str:
-        """Its name and the first sentence of its meaning; "" for a column that has none."""
+        """Returns its name and the first sentence of its meaning; "" for a column that has none."""
         first = self.meaning.split(". ")[0].rstrip(".")
         lowered = first if first[:2].isupper() else first[:1].lower() + first[1:]  # abbreviations stay
         return first and f"{self.called[:1].upper()}{self.called[1:]}: {lowered}."

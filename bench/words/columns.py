@@ -1,192 +1,116 @@
-"""The table of columns: those of cells.csv and those of metrics.csv.
+"""The table of columns: those of cells.csv, of metrics.csv and of a report's tables.
 
-All that is known of a column is its entry here. A new one is an entry at the end of METRICS, and the code in
+A column's entry here is the only place that describes it. A new one is an entry at the end of METRICS, and the code in
 bench/measure that computes its value.
 """
 
 from collections.abc import Iterator
 
-from .column import (
-    COUNT,
-    CPU_S,
-    CPU_SHARE,
-    CPU_US,
-    ERROR_M,
-    ERROR_RAD,
-    EXPONENT,
-    INSIDE_95,
-    MEGABYTES,
-    METRES,
-    NAME,
-    NEES,
-    NUMBER,
-    RADIANS,
-    SECONDS,
-    SEED,
-    SHARE,
-    TEXT,
-    Column,
-)
-from .report_columns import REPORT
+from . import column as kind
+from .column import Column
 
 CELLS = (
-    Column("dataset", "dataset", NAME, "The dataset's name."),
-    Column("dataset_options", "options", NAME, "The dataset's options, as given on the command line."),
-    Column("backend", "backend", NAME, "The backend's name."),
-    Column("options", "options", NAME, "The backend's options, as given on the command line."),
-    Column("seed", "seed", SEED, "Number of the log. A backend's randomness is drawn from it and the backend's label."),
-    Column("status", "status", TEXT, "done, diverged, timeout, error or skipped."),
-    Column("reason", "reason", TEXT, "Why a cell is not done, or a remark on one that is."),
-    Column("digest", "digest", TEXT, "sha256 of all factors that the backend was given, computed inside the cell."),
-    Column(
-        "truth_kind",
-        "known path",
-        TEXT,
-        "What errors are measured from: truth, the ground truth; reference, the batch optimum of a log without ground "
-        "truth. Blank: neither is known.",
-    ),
-    Column("steps", "steps", COUNT, "Keyframes of the log."),
-    Column("sightings", "sightings", COUNT, "Landmark sightings in the log."),
-    Column(
-        "ignored", "ignored", COUNT, "Sightings of unknown landmarks, left out where a backend cannot associate them."
-    ),
-    Column(
-        "landmarks",
-        "landmarks",
-        COUNT,
-        "Landmarks of the final map, or of the online map where there is no final one; those of a given map included.",
-    ),
-    Column(
-        "ate_m",
-        "ATE online",
-        ERROR_M,
-        "Absolute trajectory error: root mean square distance of the online path, the poses given step by step, from "
-        "the known path, after the best rotation and translation in the plane (no reflection, no scale).",
-    ),
-    Column("ate_origin_m", "ATE from the origin", ERROR_M, "As ATE online, not aligned: both start at the prior."),
-    Column(
-        "heading_rad",
-        "heading",
-        ERROR_RAD,
-        "Root mean square of the wrapped heading error, online, aligned.",
-        "error of the heading",
-    ),
-    Column(
-        "rpe_m",
-        "RPE",
-        ERROR_M,
-        "Relative pose error: error of the online path's motion over each metre of the known path, root mean square "
-        "over consecutive pieces (evo_rpe -d 1 -u m --pairs_from_reference). It does not depend on the alignment. "
-        "Blank where the path is shorter.",
-    ),
-    Column(
-        "map_rmse_m",
-        "map",
-        ERROR_M,
-        "Root mean square distance of the online map's landmarks from the known ones, aligned as the path; the "
-        "landmarks of a given map count. Where landmarks are surveyed and the path is not known, aligned by itself.",
-        "error of the map",
-    ),
-    Column(
-        "nees",
-        "NEES / 3",
-        NEES,
-        "Normalised estimation error squared of the online pose over its 3 degrees of freedom, mean over the steps: 1 "
-        "where the covariances match the errors. Not aligned. The word beside it is from the 95 % interval of the "
-        "median over logs: overconfident where the whole interval is above 1.25; cautious where it is below 0.7 (if "
-        "all errors of a run are a single error, the median is 0.79); consistent where it is within 0.5 to 2 and "
-        "neither holds; otherwise no word. With fewer than 6 logs a rule of thumb is used: overconfident where every "
-        "run is above 2 and less than 90 % of its steps are inside; cautious where every run is below 0.5; consistent "
-        "where all are between and at least 85 % are inside.",
-    ),
-    Column(
-        "nees_inside",
-        "inside 95 %",
-        INSIDE_95,
-        "Share of steps whose NEES is below the 95 % point of chi-square, 7.81.",
-        "share of steps inside 95 %",
-    ),
-    Column("nis", "NIS", NEES, "Normalised innovation squared over its degrees of freedom, over all sightings."),
-    Column("final_ate_m", "ATE final", ERROR_M, "As ATE online, of the path smoothed at the end of the log."),
-    Column("final_ate_origin_m", "ATE final from the origin", ERROR_M, "As ATE final, not aligned."),
-    Column(
-        "final_map_rmse_m", "map final", ERROR_M, "As map, of the map smoothed at the end.", "error of the final map"
-    ),
-    Column(
-        "cost_j",
-        "J",
-        NUMBER,
-        "What batch SLAM minimises: the squared residuals of all factors, weighted by their stated covariances, at the "
-        "final path and map, at the online ones where there are no final ones. A given map with covariance is part of "
-        "the prior. Needs no ground truth.",
-    ),
-    Column("step_us_mean", "step mean", CPU_US, "CPU time of a step, mean over the log.", "mean time of a step"),
-    Column("step_us_p50", "step p50", CPU_US, "50 % of the steps take less CPU time.", "median time of a step"),
-    Column("step_us_p95", "p95", CPU_US, "95 % of the steps take less CPU time.", "95th percentile of a step's time"),
-    Column("step_us_p99", "p99", CPU_US, "99 % of the steps take less CPU time.", "99th percentile of a step's time"),
-    Column("step_us_max", "max", CPU_US, "CPU time of the slowest step.", "longest time of a step"),
-    Column(
-        "belief_us_mean",
-        "belief",
-        CPU_US,
-        "CPU time of asking for the belief after a step, covariance included. Not part of the step's time.",
-        "mean time of a belief",
-    ),
-    Column("finish_s", "finish", CPU_S, "CPU time of the smoothing at the end of the log.", "time of the finish"),
-    Column("setup_s", "set-up", CPU_S, "CPU time of making the backend.", "time of the set-up"),
-    Column("cpu_s", "whole log", CPU_S, "CPU time of set-up, all steps and finish.", "time of the whole log"),
-    Column(
-        "peak_mb",
-        "memory",
-        MEGABYTES,
-        "Largest growth of the process over what it held before the backend was made. Blank where inner loops were "
-        "compiled meanwhile.",
-    ),
-    Column(
-        "timing_alone", "alone", COUNT, "0: other cells ran at the same time, so times are marked * and less exact."
-    ),
-)
-"""The columns of cells.csv, in order. Other tools read them: they stay as they are."""
+    Column("dataset", "dataset", kind.NAME, "The dataset's name."),
+    Column("dataset_options", "options", kind.NAME, "The dataset's options, as given on the command line."),
+    Column("backend", "backend", kind.NAME, "The backend's name."),
+    Column("options", "options", kind.NAME, "The backend's options, as given on the command line."),
+    Column("seed", "seed", kind.SEED,
+           "Number of the log. A backend's randomness is drawn from it and the backend's label."),
+    Column("status", "status", kind.TEXT, "done, diverged, timeout, error or skipped."),
+    Column("reason", "reason", kind.TEXT, "Why a cell is not done, or a remark on one that is."),
+    Column("digest", "digest", kind.TEXT,
+           "sha256 of all factors that the backend was given, computed inside the cell."),
+    Column("truth_kind", "known path", kind.TEXT,
+           "What errors are measured from: truth, the ground truth; reference, the batch optimum of a log without "
+           "ground truth. Blank: neither is known."),
+    Column("steps", "steps", kind.COUNT, "Keyframes of the log."),
+    Column("sightings", "sightings", kind.COUNT, "Landmark sightings in the log."),
+    Column("ignored", "ignored", kind.COUNT,
+           "Sightings of unknown landmarks, left out where a backend cannot associate them."),
+    Column("landmarks", "landmarks", kind.COUNT,
+           "Landmarks of the final map, or of the online map where there is no final one; those of a given map "
+           "included."),
+    Column("ate_m", "ATE online", kind.ERROR_M,
+           "Absolute trajectory error: root mean square distance of the online path, the poses given step by step, "
+           "from the known path, after the best rotation and translation in the plane (no reflection, no scale)."),
+    Column("ate_origin_m", "ATE from the origin", kind.ERROR_M, "As ATE online, not aligned: both start at the prior."),
+    Column("heading_rad", "heading", kind.ERROR_RAD,
+           "Root mean square of the wrapped heading error, online, aligned.", "error of the heading"),
+    Column("rpe_m", "RPE", kind.ERROR_M,
+           "Relative pose error: error of the online path's motion over each metre of the known path, root mean square "
+           "over consecutive pieces (evo_rpe -d 1 -u m --pairs_from_reference). It does not depend on the alignment. "
+           "Blank where the path is shorter."),
+    Column("map_rmse_m", "map", kind.ERROR_M,
+           "Root mean square distance of the online map's landmarks from the known ones, aligned as the path; the "
+           "landmarks of a given map count. Where landmarks are surveyed and the path is not known, aligned by itself.",
+           "error of the map"),
+    Column("nees", "NEES / 3", kind.NEES,
+           "Normalised estimation error squared of the online pose over its 3 degrees of freedom, mean over the steps: "
+           "1 where the covariances match the errors. Not aligned. The word beside it is from the 95 % interval of the "
+           "median over logs: overconfident where the whole interval is above 1.25; cautious where it is below 0.7 (if "
+           "all errors of a run are a single error, the median is 0.79); consistent where it is within 0.5 to 2 and "
+           "neither holds; otherwise no word. With fewer than 6 logs a rule of thumb is used: overconfident where "
+           "every run is above 2 and less than 90 % of its steps are inside; cautious where every run is below 0.5; "
+           "consistent where all are between and at least 85 % are inside."),
+    Column("nees_inside", "inside 95 %", kind.INSIDE_95,
+           "Share of steps whose NEES is below the 95 % point of chi-square, 7.81.", "share of steps inside 95 %"),
+    Column("nis", "NIS", kind.NEES, "Normalised innovation squared over its degrees of freedom, over all sightings."),
+    Column("final_ate_m", "ATE final", kind.ERROR_M, "As ATE online, of the path smoothed at the end of the log."),
+    Column("final_ate_origin_m", "ATE final from the origin", kind.ERROR_M, "As ATE final, not aligned."),
+    Column("final_map_rmse_m", "map final", kind.ERROR_M,
+           "As map, of the map smoothed at the end.", "error of the final map"),
+    Column("cost_j", "J", kind.NUMBER,
+           "What batch SLAM minimises: the squared residuals of all factors, weighted by their stated covariances, at "
+           "the final path and map, at the online ones where there are no final ones. A given map with covariance is "
+           "part of the prior. Needs no ground truth."),
+    Column("step_us_mean", "step mean", kind.CPU_US, "CPU time of a step, mean over the log.", "mean time of a step"),
+    Column("step_us_p50", "step p50", kind.CPU_US, "50 % of the steps take less CPU time.", "median time of a step"),
+    Column("step_us_p95", "p95", kind.CPU_US,
+           "95 % of the steps take less CPU time.", "95th percentile of a step's time"),
+    Column("step_us_p99", "p99", kind.CPU_US,
+           "99 % of the steps take less CPU time.", "99th percentile of a step's time"),
+    Column("step_us_max", "max", kind.CPU_US, "CPU time of the slowest step.", "longest time of a step"),
+    Column("belief_us_mean", "belief", kind.CPU_US,
+           "CPU time of asking for the belief after a step, covariance included. Not part of the step's time.",
+           "mean time of a belief"),
+    Column("finish_s", "finish", kind.CPU_S, "CPU time of the smoothing at the end of the log.", "time of the finish"),
+    Column("setup_s", "set-up", kind.CPU_S, "CPU time of making the backend.", "time of the set-up"),
+    Column("cpu_s", "whole log", kind.CPU_S, "CPU time of set-up, all steps and finish.", "time of the whole log"),
+    Column("peak_mb", "memory", kind.MEGABYTES,
+           "Largest growth of the process over what it held before the backend was made. Blank where inner loops were "
+           "compiled meanwhile."),
+    Column("timing_alone", "alone", kind.COUNT,
+           "0: other cells ran at the same time, so times are marked * and less exact."),
+)  # fmt: skip
+"""The columns of cells.csv, in order; other tools read them, so they stay as they are."""
 
 ONLINE = (
-    Column("align_x_m", "alignment x", METRES, "Translation of the path before its ATE is taken, along x."),
-    Column("align_y_m", "alignment y", METRES, "Translation of the path before its ATE is taken, along y."),
-    Column(
-        "align_rad", "alignment", RADIANS, "Rotation about the origin, before that translation. 0 for a straight path."
-    ),
-    Column("rpe_10m_m", "RPE, 10 m", ERROR_M, "As RPE, over each 10 m of the known path."),
-    Column("rpe_100m_m", "RPE, 100 m", ERROR_M, "As RPE, over each 100 m of the known path."),
-    Column(
-        "rpe_1s_m",
-        "RPE, 1 s",
-        ERROR_M,
-        "As RPE, over each second, between the poses nearest in time. A pair whose duration is off by more than a "
-        "tenth is left out. Blank where the log's times are its step numbers.",
-    ),
-    Column("rpe_10s_m", "RPE, 10 s", ERROR_M, "As RPE, 1 s, over each 10 s."),
-    Column("rpe_rad", "RPE, rotation", ERROR_RAD, "As RPE, of the turn over each metre of the known path."),
-    Column("landmarks_missed", "missed", COUNT, "Landmarks with known places that are sighted but not in the map."),
-    Column("landmarks_spurious", "spurious", COUNT, "Landmarks of the map that are none of the known ones."),
-    Column(
-        "landmark_nees",
-        "landmark NEES / 2",
-        NEES,
-        "Normalised estimation error squared of a landmark over its 2 degrees of freedom, mean over the map: 1 where "
-        "the map's covariances match its errors. From the known start, not aligned; without landmarks that were given "
-        "as exact.",
-    ),
-    Column(
-        "landmark_nees_inside",
-        "landmarks inside 95 %",
-        INSIDE_95,
-        "Share of landmarks whose NEES is below the 95 % point of chi-square, 5.99.",
-    ),
-)
-"""Those columns of metrics.csv that there are of the online path and map, and again of the final ones."""
+    Column("align_x_m", "alignment x", kind.METRES, "Translation of the path before its ATE is taken, along x."),
+    Column("align_y_m", "alignment y", kind.METRES, "Translation of the path before its ATE is taken, along y."),
+    Column("align_rad", "alignment", kind.RADIANS,
+           "Rotation about the origin, before that translation. 0 for a straight path."),
+    Column("rpe_10m_m", "RPE, 10 m", kind.ERROR_M, "As RPE, over each 10 m of the known path."),
+    Column("rpe_100m_m", "RPE, 100 m", kind.ERROR_M, "As RPE, over each 100 m of the known path."),
+    Column("rpe_1s_m", "RPE, 1 s", kind.ERROR_M,
+           "As RPE, over each second, between the poses nearest in time. A pair whose duration is off by more than a "
+           "tenth is left out. Blank where the log's times are its step numbers."),
+    Column("rpe_10s_m", "RPE, 10 s", kind.ERROR_M, "As RPE, 1 s, over each 10 s."),
+    Column("rpe_rad", "RPE, rotation", kind.ERROR_RAD, "As RPE, of the turn over each metre of the known path."),
+    Column("landmarks_missed", "missed", kind.COUNT,
+           "Landmarks with known places that are sighted but not in the map."),
+    Column("landmarks_spurious", "spurious", kind.COUNT, "Landmarks of the map that are none of the known ones."),
+    Column("landmark_nees", "landmark NEES / 2", kind.NEES,
+           "Normalised estimation error squared of a landmark over its 2 degrees of freedom, mean over the map: 1 "
+           "where the map's covariances match its errors. From the known start, not aligned; without landmarks that "
+           "were given as exact."),
+    Column("landmark_nees_inside", "landmarks inside 95 %", kind.INSIDE_95,
+           "Share of landmarks whose NEES is below the 95 % point of chi-square, 5.99."),
+)  # fmt: skip
+"""The columns of metrics.csv that exist for the online path and map, and again for the final ones."""
 
 
 def _final() -> Iterator[Column]:
-    """Those of the final path and map. A particle filter's final map has the covariance given one particle's path."""
+    """Yields those of the final path and map; a particle filter's map covariance is given one particle's path."""
     starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_"
     online = (column for start in starts for column in (*CELLS, *ONLINE) if column.name.startswith(start))
     for column in online:
@@ -202,94 +126,98 @@ def _final() -> Iterator[Column]:
 FINAL = tuple(_final())
 
 METRICS = (
-    Column("length_s", "length", SECONDS, "Time that the log covers. Blank where its times are its step numbers."),
-    Column(
-        "real_time",
-        "of real time",
-        CPU_SHARE,
-        "CPU time of all steps over the time that the log covers: below 100 % the backend keeps up. Blank where the "
-        "log's times are its step numbers, and for a batch method, which does nothing in its steps.",
-    ),
+    Column("length_s", "length", kind.SECONDS, "Time that the log covers. Blank where its times are its step numbers."),
+    Column("real_time", "of real time", kind.CPU_SHARE,
+           "CPU time of all steps over the time that the log covers: below 100 % the backend keeps up. Blank where the "
+           "log's times are its step numbers, and for a batch method, which does nothing in its steps."),
     *ONLINE,
     *FINAL,
     *(
         Column(
             f"step_us_fifth{k}",
             f"{word} fifth",
-            CPU_US,
+            kind.CPU_US,
             f"CPU time of a step, mean over the {word} fifth of the run.",
             f"mean time of a step in the {word} fifth",
         )
         for k, word in enumerate(("first", "second", "third", "fourth", "last"), start=1)
     ),
-    Column(
-        "growth_steps",
-        "growth with steps",
-        EXPONENT,
-        "The exponent b where the cost of step k grows as k to the power b: at 0 it does not grow, at 1 it doubles "
-        "when k doubles. Fitted to the mean costs of intervals whose lengths grow with k, so that rare expensive steps "
-        "count; a constant part is fitted apart where there clearly is one. Beside it its standard error, median over "
-        "logs. Blank where that is above 0.25, or the run is too short.",
-    ),
-    Column("growth_steps_se", "± with steps", EXPONENT, "Standard error of growth with steps."),
-    Column(
-        "growth_landmarks",
-        "growth with landmarks",
-        EXPONENT,
-        "As growth with steps, with the number of landmarks sighted or given so far in place of k. Where the map grows "
-        "all along the run, the same growth shows in both.",
-    ),
-    Column("growth_landmarks_se", "± with landmarks", EXPONENT, "Standard error of growth with landmarks."),
-    Column("j_prior", "prior", NUMBER, "The part of J from the start pose, and from a given map with covariance."),
-    Column("j_odometry", "odometry", NUMBER, "The part of J from the motions between keyframes."),
-    Column("j_sightings", "sightings", NUMBER, "The part of J from the sightings of landmarks."),
-    Column("j_loops", "loops", NUMBER, "The part of J from the loop closures."),
-    Column("j_final", "J, final path", NUMBER, "J of the path and map smoothed at the end: the sum of its parts."),
-    Column(
-        "j_online",
-        "J, online path",
-        NUMBER,
-        "J of the online path and the last map. A sighting moves such a path by a jump that no odometry has reported: "
-        "a filter's J is large by nature, and is no measure of its accuracy.",
-    ),
-    Column(
-        "n_eff_least",
-        "fewest effective particles",
-        NUMBER,
-        "The lowest effective sample size, 1 / sum of squared weights, after any step. Where it is low, few particles "
-        "carried all the weight.",
-    ),
-    Column(
-        "ancestors_left",
-        "ancestors left",
-        COUNT,
-        "Particles at the start that those at the end descend from. 1: all share a single early path.",
-    ),
-    Column("refused_share", "refused", SHARE, "Share of the sightings that the backend's gate rejected."),
-    Column(
-        "told",
-        "given the ground truth",
-        COUNT,
-        "1: the backend was given the ground truth (--oracle) and linearised there, so it is not compared with others.",
-    ),
-    Column(
-        "surveyed",
-        "landmarks surveyed",
-        COUNT,
-        "1: the true places of the landmarks are known, the true path is not. The map is measured from these places.",
-    ),
-    Column(
-        "reference",
-        "reference",
-        TEXT,
-        "What the path is measured from where there is no ground truth and it is not the plain batch optimum.",
-    ),
-)
+    Column("growth_steps", "growth with steps", kind.EXPONENT,
+           "The exponent b where the cost of step k grows as k to the power b: at 0 it does not grow, at 1 it doubles "
+           "when k doubles. Fitted to the mean costs of intervals whose lengths grow with k, so that rare expensive "
+           "steps count; a constant part is fitted apart where there clearly is one. Beside it its standard error, "
+           "median over logs. Blank where that is above 0.25, or the run is too short."),
+    Column("growth_steps_se", "± with steps", kind.EXPONENT, "Standard error of growth with steps."),
+    Column("growth_landmarks", "growth with landmarks", kind.EXPONENT,
+           "As growth with steps, with the number of landmarks sighted or given so far in place of k. Where the map "
+           "grows all along the run, the same growth shows in both."),
+    Column("growth_landmarks_se", "± with landmarks", kind.EXPONENT, "Standard error of growth with landmarks."),
+    Column("j_prior", "prior", kind.NUMBER, "The part of J from the start pose, and from a given map with covariance."),
+    Column("j_odometry", "odometry", kind.NUMBER, "The part of J from the motions between keyframes."),
+    Column("j_sightings", "sightings", kind.NUMBER, "The part of J from the sightings of landmarks."),
+    Column("j_loops", "loops", kind.NUMBER, "The part of J from the loop closures."),
+    Column("j_final", "J, final path", kind.NUMBER, "J of the path and map smoothed at the end: the sum of its parts."),
+    Column("j_online", "J, online path", kind.NUMBER,
+           "J of the online path and the last map. A sighting moves such a path by a jump that no odometry has "
+           "reported: a filter's J is large by nature, and is no measure of its accuracy."),
+    Column("n_eff_least", "fewest effective particles", kind.NUMBER,
+           "The lowest effective sample size, 1 / sum of squared weights, after any step. Where it is low, few "
+           "particles carried all the weight."),
+    Column("ancestors_left", "ancestors left", kind.COUNT,
+           "Particles at the start that those at the end descend from. 1: all share a single early path."),
+    Column("refused_share", "refused", kind.SHARE, "Share of the sightings that the backend's gate rejected."),
+    Column("told", "given the ground truth", kind.COUNT,
+           "1: the backend was given the ground truth (--oracle) and linearised there, so it is not compared with "
+           "others."),
+    Column("surveyed", "landmarks surveyed", kind.COUNT,
+           "1: the true places of the landmarks are known, the true path is not. The map is measured from these "
+           "places."),
+    Column("reference", "reference", kind.TEXT,
+           "What the path is measured from where there is no ground truth and it is not the plain batch optimum."),
+)  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
+
+PAIRS = (
+    Column("second", "against", kind.TEXT, "The second backend of the pair."),
+    Column("measure", "measure", kind.TEXT, "The error that is compared."),
+    Column("ratio", "ratio", kind.NUMBER,
+           "Typical ratio of the second one's error to the first one's on the same logs: the Hodges-Lehmann estimate, "
+           "the median of the averages of every two logarithms of these ratios. Beside it its 95 % interval: the "
+           "ratios that the signed-rank test does not reject."),
+    Column("verdict", "verdict", kind.TEXT, "What holds of the first one; test and interval must both support it."),
+    Column("adjusted", "p", kind.NUMBER,
+           "Wilcoxon's signed-rank test, two-sided, after Holm's correction over all pairs of a measure. Comparisons "
+           "with dead reckoning are corrected among themselves."),
+    Column("effect", "effect", kind.NUMBER,
+           "Matched-pairs rank-biserial correlation: 1 where the first is always closer."),
+    Column("closer", "closer on", kind.TEXT,
+           "Logs on which the first one's error is lower, of those that both ran on."),
+)  # fmt: skip
+"""The columns of a report's table of pairs, by their names in JSON."""
+
+REPORT = (
+    Column("done", "done", kind.TEXT, "Cells that are done, of all."),
+    Column("implementation", "implementation", kind.TEXT,
+           "Whose program the backend is. Compiled here: kernels of slamduel, compiled for this processor. GTSAM's "
+           "wheel: GTSAM as published, compiled for any processor, and called from Python. Other backends say it "
+           "themselves, or are named after the package that installed them. Costs compare these programs as much as "
+           "the algorithms."),
+    Column("median", "median", kind.TEXT,
+           "Over logs; several runs on one log are averaged first. A cell that failed has an infinite error."),
+    Column("interval", "95 % interval", kind.TEXT,
+           "Beside a median, from 6 logs on: between order statistics, interpolated as by Hettmansperger and Sheather "
+           "(1986). With fewer logs it is the range."),
+    Column("best", "bold", kind.TEXT,
+           "Those that the most accurate one does not beat significantly; none where it beats nobody."),
+    Column("baseline", "dead-reckoning", kind.TEXT,
+           "What every backend has to beat: it uses no sighting and is not ranked."),
+    *PAIRS,
+)  # fmt: skip
+"""What a report's tables have beside those columns, and what their words stand for."""
 
 COLUMNS = {column.name: column for column in (*CELLS, *METRICS, *REPORT)}
 
 
 def about(name: str) -> Column:
-    """The column of that name; of one that only another version of slamduel knows, a plain number."""
-    return COLUMNS.get(name) or Column(name, name.replace("_", " "), NUMBER, "")
+    """Returns the column of that name; a plain number where only another version of slamduel knows it."""
+    return COLUMNS.get(name) or Column(name, name.replace("_", " "), kind.NUMBER, "")

@@ -1,35 +1,68 @@
-"""The console to print on, and text as it takes it."""
+"""The console that commands print on, its progress bar, and text written so that rich takes it as it is."""
 
 import re
+from typing import Any, Self
 
 from rich.cells import cell_len
 from rich.console import Console
 
-WIDE = 160
-"""Columns that are enough for everything: those of a file or pipe, which nobody sees the end of."""
+WIDE = 160  # columns of a file or pipe: enough for every table
 
 
 def screen_console(*, quiet: bool, aside: bool = False) -> Console:
-    """The console to print on; where nobody watches, in a file or pipe, it is wide enough for everything.
-
-    `aside` is standard error: standard output then belongs to what a program reads.
-    """
+    """Returns the console to print on, WIDE where it is no terminal; standard error if `aside`."""
     console = Console(quiet=quiet, stderr=aside)
     return console if watched(console) else Console(quiet=quiet, stderr=aside, width=max(console.width, WIDE))
 
 
 def watched(console: Console) -> bool:
-    """Whether it is a terminal that can be written over: no pipe whose colours are forced, and no dumb one."""
+    """Returns True for a terminal that can be overwritten: no pipe with forced colours, and no dumb terminal."""
     return console.is_terminal and console.file.isatty() and not console.is_dumb_terminal
 
 
+class ProgressBar:
+    """A bar with a count, the time left and a note; a context manager. Hidden where quiet, or on no terminal."""
+
+    def __init__(self, console: Console, task: str, total: int | None = None, *, of_bytes: bool = False) -> None:
+        from rich import progress
+
+        counts = progress.MofNCompleteColumn(), progress.TimeRemainingColumn(compact=True)
+        self.hidden = console.quiet or not watched(console)
+        self._bars = progress.Progress(
+            progress.TextColumn("{task.description}", markup=False),
+            progress.BarColumn(24),
+            *((progress.DownloadColumn(), progress.TransferSpeedColumn()) if of_bytes else counts),
+            progress.TextColumn("{task.fields[note]}"),
+            console=console,
+            transient=True,
+            disable=self.hidden,
+            refresh_per_second=2,
+        )
+        self._task = self._bars.add_task(task, total=total, note="")
+
+    def __enter__(self) -> Self:
+        self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bars.stop()
+
+    def restart(self, task: str, total: int | None) -> None:
+        """Begins another task."""
+        self._bars.reset(self._task, total=total, description=task, note="")
+
+    def update(self, **fields: Any) -> None:
+        """Changes fields of the bar: advance or completed, total, description, note."""
+        self._bars.update(self._task, **fields)
+
+
 def plain(text: str) -> str:
-    """Text whose brackets are no markup."""
+    """Escapes brackets, which rich would read as markup."""
     return text.replace("[", "\\[")
 
 
 def wrapped(label: str, width: int) -> str:
-    """A label in lines of at most `width` columns, if it can be broken: after commas and brackets, never in a word."""
+    """Breaks a label into lines of at most `width` columns where it can: after commas and brackets, never in a word."""
     done: list[str] = [""]
     for piece in re.findall(r"[^\[,/:]*[\[,/:]|[^\[,/:]+", label):
         if done[-1] and cell_len(done[-1] + piece) > width:

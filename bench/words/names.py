@@ -1,4 +1,4 @@
-"""What people call the datasets and backends of a run: as short as tells each from the others."""
+"""Shortens the labels of a run's datasets and backends as far as they stay distinct."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -7,7 +7,7 @@ _PATH = re.compile(r'^\w+\[path=(?:"([^"]*)"|([^",\]]*))(?:,(.*))?\]$', re.DOTAL
 
 
 def called(labels: Sequence[str]) -> dict[str, str]:
-    """A name a dataset's label, no two the same: log[path=runs/kitchen] is kitchen where no other is called so."""
+    """Returns a distinct name for each dataset label: log[path=runs/kitchen] is kitchen if no other is."""
     depth, names = 1, [_called(label, 1) for label in labels]
     while len(set(names)) < len(set(labels)):
         depth += 1
@@ -28,7 +28,7 @@ def _called(label: str, depth: int) -> str:
 
 
 def tags(labels: Iterable[str]) -> dict[str, str]:
-    """A name a backend's label: without options where no other has that name, else with the options that differ."""
+    """Returns a distinct name for each backend label: without options, or with those that differ."""
     known = list(dict.fromkeys(labels))
     named: dict[str, list[str]] = {}
     for label in known:

@@ -1,6 +1,6 @@
-"""How a backend looks: one colour, line and marker in every figure and table of a report.
+"""The colour, line and marker of each backend, the same in every figure and table of a report.
 
-The colours are those of Okabe and Ito (Color Universal Design, 2008), which tell apart for every kind of colour vision.
+The colours are those of Okabe and Ito (Color Universal Design, 2008), distinct for every kind of colour vision.
 """
 
 from collections.abc import Iterable
@@ -11,15 +11,12 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9")
 DASHES = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (9, 2, 2, 2, 2, 2)))
 MARKERS = ("o", "s", "D", "^", "v", "P", "X")
 
-USUAL = ("ekf", "fastslam", "isam2", "graph", "fixed-lag", "invariant-ekf", "ukf")
-"""Backends whose looks nobody has to learn twice."""
-
-BASELINE = "dead-reckoning"
-"""What every backend has to beat: grey, and out of the ranking of costs."""
+USUAL = ("ekf", "fastslam", "isam2", "graph", "fixed-lag", "invariant-ekf", "ukf")  # have fixed looks
+BASELINE = "dead-reckoning"  # the baseline: grey, and not ranked by cost
 
 
 class Look(NamedTuple):
-    """One backend's."""
+    """A backend's colour, line and marker."""
 
     colour: str
     dash: str | tuple[int, tuple[float, ...]]  # a matplotlib line style
@@ -28,7 +25,7 @@ class Look(NamedTuple):
 
 
 def looks(backends: Iterable[str]) -> dict[str, Look]:
-    """A look for every label; those in USUAL look the same in every report, the others take what is left, in turn."""
+    """Assigns a look to every label: a fixed one to those in USUAL, what is left in turn to the others."""
     labels = list(dict.fromkeys(backends))
     taken = {USUAL.index(label) for label in labels if label in USUAL}
     free = (k for k in count() if k not in taken)
@@ -41,9 +38,8 @@ def looks(backends: Iterable[str]) -> dict[str, Look]:
 
 
 def _look(k: int, place: int) -> Look:
-    """The k-th, from the plainest on: dashes and markers go round in steps of their own."""
+    """Returns the k-th look; colours, dashes and markers cycle with different periods."""
     return Look(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)], place)
 
 
-GREY = Look("#8c8c8c", (0, (1, 1)), ".", 0)
-"""The baseline's."""
+GREY = Look("#8c8c8c", (0, (1, 1)), ".", 0)  # the baseline's

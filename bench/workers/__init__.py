@@ -1,1 +1,1 @@
-"""Where a job runs, a process, a pool, Dask or SLURM, and what becomes of one that dies."""
+"""Runs jobs in a process, a pool, on Dask or SLURM, and handles workers that die."""

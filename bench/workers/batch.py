@@ -1,4 +1,4 @@
-"""Cells on one log, one after another in one process: what an executor hands to a worker, and what comes back."""
+"""Batches of cells on one log, run one after another in one process, and their results."""
 
 import platform
 import time
@@ -19,12 +19,11 @@ from ..plan.prepare import prepared
 
 HOST = platform.node()
 
-LOGS_KEPT = 3
-"""By a process: cells that share a log come one after another, or nearly so."""
+LOGS_KEPT = 3  # logs that a process keeps: cells that share a log come nearly one after another
 
 
 class KeptLog(NamedTuple):
-    """A log that was made before, with its truth or reference, and what is in the file."""
+    """A log that was made before, with its truth or reference, and its archive's content."""
 
     path: Path  # of an archive
     digests: tuple[str, str]  # of the log and of its truth
@@ -33,7 +32,7 @@ class KeptLog(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """A log, and who runs on it, each with the place of its cell in the study; with no jobs the log is looked at."""
+    """A log and the jobs that run on it, each with its cell's place in the plan; without jobs the log is looked at."""
 
     dataset: str
     options: Any
@@ -48,12 +47,12 @@ class Batch:
 
     @property
     def log(self) -> tuple[str, Any, int, tuple[str, str] | None]:
-        """What its log is made of, and its digests where it is kept: batches that have this in common share it."""
+        """Returns what its log is made of, with the digests of a kept one: batches with equal values share the log."""
         return self.dataset, self.options, self.seed, None if self.kept is None else self.kept.digests
 
 
 class LogFacts(NamedTuple):
-    """What the store keeps of a log."""
+    """The facts of a log that the record keeps."""
 
     digest: str
     truth_digest: str  # of what the cells are scored by; "" where there is none
@@ -64,12 +63,12 @@ class LogFacts(NamedTuple):
 
     @property
     def digests(self) -> tuple[str, str]:
-        """Of the log and of its truth."""
+        """Returns the digests of the log and of its truth."""
         return self.digest, self.truth_digest
 
 
 class Finished(NamedTuple):
-    """How a job ended, or a batch that looked at its log."""
+    """The end of a job, or of a batch that looked at its log."""
 
     batch: Batch
     index: int | None  # of the job's cell; None: the log was looked at  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -81,21 +80,23 @@ class Finished(NamedTuple):
 
 
 class Logs:
-    """The last few logs that a process has made or loaded: several batches on one need not do it again."""
+    """The last few logs that a process has made or loaded, shared by batches."""
 
     def __init__(self) -> None:
         self._kept: dict[Any, tuple[Dataset, LogFacts]] = {}  # the one that was asked for last is last
 
     def forget_files(self) -> None:
-        """Keep no log that was made from files, which may have changed."""
+        """Forgets logs made from files, which may have changed."""
         for name in [name for name in self._kept if name[3] is None and not datasets.find(name[0]).seeded]:
             del self._kept[name]
 
     def get(self, batch: Batch) -> tuple[Dataset, LogFacts]:
-        """The batch's log, and all that is known of it; SlamduelError where it cannot be made or loaded."""
+        """Returns the batch's log and its facts; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
-            dataset = _loaded(batch.kept) if batch.kept else _made(batch)
+            dataset = (
+                _loaded(batch.kept) if batch.kept else prepared(batch.dataset, batch.options, batch.seed, batch.map)
+            )
             found = dataset, facts_of(dataset)
         self._kept[batch.log] = found
         while len(self._kept) > LOGS_KEPT:
@@ -104,7 +105,7 @@ class Logs:
 
 
 def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: None) -> Iterator[Finished]:
-    """Do the batch here, one job after another; `made` is told as soon as its log is there."""
+    """Runs the batch here, one job after another; `made` is called as soon as its log is there."""
     began = time.perf_counter()
     try:
         dataset, facts = logs.get(batch)
@@ -131,13 +132,9 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
 
 
 def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
-    """What becomes of a batch whose log could not be made, for the reason that `result` gives."""
+    """Ends all jobs of a batch whose log could not be made, with that result."""
     for index in [index for index, _ in batch.jobs] or [None]:
         yield Finished(batch, index, None, result, seconds, False, HOST)
-
-
-def _made(batch: Batch) -> Dataset:
-    return prepared(batch.dataset, batch.options, batch.seed, batch.map)
 
 
 def _loaded(kept: KeptLog) -> Dataset:
@@ -150,7 +147,7 @@ def _loaded(kept: KeptLog) -> Dataset:
 
 
 def facts_of(dataset: Dataset) -> LogFacts:
-    """What the store keeps of a log with its truth or reference."""
+    """Returns the facts of a log with its truth or reference."""
     log, truth = dataset
     if truth is None:
         return LogFacts(log.digest, "", "", {})

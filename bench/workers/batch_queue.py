@@ -1,4 +1,4 @@
-"""Batches that wait for a worker: those on one log go to the same one, where that costs nothing."""
+"""Queues batches for workers: those on one log go to the same worker, where that costs nothing."""
 
 from collections import deque
 from collections.abc import Collection, Iterable
@@ -8,7 +8,7 @@ from .batch import Batch
 
 
 class BatchQueue:
-    """In the order in which they came, but for their logs; and what is to be tried again, by a new process."""
+    """Batches in order, grouped by log, and those to be retried in a new process."""
 
     def __init__(self, batches: Iterable[Batch]) -> None:
         self._by_log: dict[Any, deque[Batch]] = {}
@@ -24,14 +24,11 @@ class BatchQueue:
 
     @property
     def doubts(self) -> bool:
-        """Whether something is to be tried again."""
+        """True where something is to be retried."""
         return bool(self._again)
 
     def take(self, known: Iterable[Any], elsewhere: Collection[Any], *, fresh: bool) -> Batch | None:
-        """The next for a worker that has the logs `known` at hand; others have those of `elsewhere`.
-
-        Only a `fresh` one is given what is tried again.
-        """
+        """Takes the next batch for a worker that has the logs `known`, not `elsewhere`; a retry if it is `fresh`."""
         if fresh and self._again:
             return self._again.popleft()
         if not self._by_log:
@@ -47,13 +44,13 @@ class BatchQueue:
         return batch
 
     def put_back(self, batches: Iterable[Batch]) -> None:
-        """What a worker did not come to."""
+        """Puts back what a worker did not start on."""
         for batch in batches:
             self._by_log.setdefault(batch.log, deque()).appendleft(batch)
             self._waiting += 1
 
     def try_again(self, batch: Batch) -> bool:
-        """Put it back for one more try; False where its first job has had that."""
+        """Queues a retry; False where the batch's first job has had one."""
         index = batch.jobs[0][0] if batch.jobs else None
         if (batch.log, index) in self._tried:
             return False

@@ -1,4 +1,4 @@
-"""A worker of a pool: a process that does batch after batch, and what it has in hand."""
+"""A pool's worker process, which runs batch after batch, and its side in the parent."""
 
 import contextlib
 import gc
@@ -18,7 +18,7 @@ from .process import Worker
 
 
 class Reply(NamedTuple):
-    """How a job ended, or a batch that looked at its log."""
+    """The result of a job, or of looking at a log."""
 
     job: int | None  # its cell
     result: Result
@@ -26,7 +26,7 @@ class Reply(NamedTuple):
 
 
 def serve(pipe: Connection) -> None:
-    """In the process: do what comes through the pipe; the facts of a batch's log go back, then a reply for each job."""
+    """Runs in the process: reads batches from the pipe; sends each log's facts, then a reply for each job."""
     logs, latest, cold = Logs(), 0, True
     while True:
         try:
@@ -37,11 +37,11 @@ def serve(pipe: Connection) -> None:
             logs.forget_files()
             latest = call
         for finished in work(batch, logs, pipe.send):
-            with contextlib.suppress(OSError, ValueError):  # what a cell printed dies with it
+            with contextlib.suppress(OSError, ValueError):  # a cell's output is dropped
                 sys.stdout.flush()
                 os.ftruncate(1, 0)
             pipe.send(Reply(finished.index, finished.result, finished.seconds))
-            if cold:  # what the first job has imported is here to stay, and need not be looked through again
+            if cold:  # the first job's imports stay: no collection needed
                 gc.freeze()
                 cold = False
 
@@ -53,10 +53,9 @@ class _InHand:
 
 
 class PoolWorker:
-    """A process of a pool; the first of its batches is being worked on, what follows it waits in the pipe."""
+    """A process of a pool; the first of its batches is being run, the next ones wait in the pipe."""
 
     def __init__(self, folder: Path) -> None:
-        """Begin it; its output goes to a file in `folder`."""
         self.process = Worker(serve, (), folder)
         self.done = 0  # jobs
         self.deadline = float("inf")  # of what it is doing, by time.monotonic()
@@ -66,16 +65,16 @@ class PoolWorker:
 
     @property
     def batches(self) -> int:
-        """How many it has in hand."""
+        """Counts the batches it was given."""
         return len(self._in_hand)
 
     @property
     def fresh(self) -> bool:
-        """Whether it has not been given anything yet."""
+        """True where it has not been given anything yet."""
         return not self.done and not self._in_hand
 
     def give(self, call: int, batch: Batch) -> None:
-        """One more batch, of that call of the pool."""
+        """Sends a batch of that call of the pool."""
         self._in_hand.append(_InHand(batch))
         if batch.log not in self.logs:
             self.logs.append(batch.log)
@@ -85,7 +84,7 @@ class PoolWorker:
             self.process.pipe.send((call, batch))
 
     def hear(self) -> Finished | None:
-        """The next that it has to say: a job has ended, or a log was made (None). EOFError or OSError from the dead."""
+        """Reads its next message: a job's end, or None for a log that was made. EOFError or OSError if dead."""
         said = self.process.pipe.recv()
         now = self._in_hand[0]
         if isinstance(said, LogFacts):
@@ -102,12 +101,12 @@ class PoolWorker:
         return finished
 
     def doing(self) -> Batch:
-        """What it is at: a job, or the making of a log with all that is to run on it."""
+        """Returns what it is running: a job, or the making of a log with all its jobs."""
         now = self._in_hand[0]
         return now.batch if now.facts is None else replace(now.batch, jobs=now.batch.jobs[:1])
 
     def failed(self, result: Result) -> Iterator[Finished]:
-        """What it is at, ended by that result."""
+        """Ends what it is running with that result."""
         at, facts, seconds = self.doing(), self._in_hand[0].facts, time.monotonic() - self._began
         if facts is None:
             yield from unmade(at, replace(result, reason=f"the log could not be made: {result.reason}"), seconds)
@@ -115,7 +114,7 @@ class PoolWorker:
             yield Finished(at, at.jobs[0][0] if at.jobs else None, facts, result, seconds, False, HOST)
 
     def rest(self) -> list[Batch]:
-        """What it was to do after that."""
+        """Returns the batches after that."""
         if not self._in_hand:
             return []
         now, *later = self._in_hand
@@ -123,7 +122,7 @@ class PoolWorker:
         return [replace(now.batch, jobs=jobs)] * bool(jobs) + [one.batch for one in later]
 
     def left(self) -> list[Batch]:
-        """All that it has in hand."""
+        """Returns all batches it was given."""
         return [one.batch for one in self._in_hand]
 
     def _restart_clock(self) -> None:

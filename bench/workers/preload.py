@@ -1,7 +1,7 @@
-"""What the fork server does once, so that a worker process starts with it: imports, and numba brought to life.
+"""Loads into the fork server what every worker process needs: imports, and numba set up.
 
 The first call of any compiled function in a process sets numba up, half a second that every cell would pay: it is made
-here, and what it leaves is inherited. What is there by then stays: no worker's garbage collector looks through it.
+here and inherited. No worker's garbage collector examines what exists by then.
 """
 
 # pyright: reportUnusedImport=false

@@ -1,7 +1,7 @@
-"""One process, forked from a server that has the heavy imports: begun, heard, and killed.
+"""Starts, watches and kills one process, forked from a server that has the heavy imports.
 
-A worker has one thread, a process group of its own, and its output in a file. It ends when the server does, and that
-when whoever started it does: no worker outlives its run, whatever killed that.
+A worker has one thread, a process group of its own, and its output in a file. It ends when the server does, and the
+server ends with the process that started it: no worker outlives its run, however that was killed.
 """
 
 import contextlib
@@ -18,29 +18,18 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS")
 PRELOAD = ["slamduel.bench.workers.preload"]
-PR_SET_PDEATHSIG = 1
-"""From <sys/prctl.h>."""
-
-LAST_WORDS = 300
-"""Characters of a dead worker's output that are quoted."""
-
-_ONE_AT_A_TIME = threading.RLock()
-"""Held while a process is begun or ended: what the standard library keeps of its children is not made for threads."""
+PR_SET_PDEATHSIG = 1  # from <sys/prctl.h>
+LAST_WORDS = 300  # characters of a dead worker's output that are quoted
+_ONE_AT_A_TIME = threading.RLock()  # while starting or ending a process: the standard library's list is not thread-safe
 
 
 class Worker:
-    """A process in which `function(pipe, *arguments)` runs, and the other end of that pipe."""
+    """A process that runs `function(pipe, *arguments)`, and the other end of that pipe."""
 
     def __init__(self, function: Callable[..., None], arguments: tuple[Any, ...], folder: Path) -> None:
-        """Begin it; both must pickle. Its output goes to a file in `folder`."""
+        """Starts it; both must pickle. Its output goes to a file in `folder`."""
         descriptor, name = tempfile.mkstemp(dir=folder)
         os.close(descriptor)
         self.output = Path(name)
@@ -57,11 +46,11 @@ class Worker:
 
     @property
     def channels(self) -> tuple[Any, Any]:
-        """What to wait for: something that it says, or its end."""
+        """Returns the handles to wait for: its messages, and its end."""
         return self.pipe, self.sentinel
 
     def death(self) -> str:
-        """How a process that is silent came to its end, and its last words."""
+        """Describes how a silent process ended, with its last output."""
         with _ONE_AT_A_TIME:
             self._process.join(timeout=5)
             code = self._process.exitcode
@@ -70,7 +59,7 @@ class Worker:
         return f"the process {how}" + (f"; its last words: {words}" if words else "")
 
     def kill(self) -> None:
-        """End the process and all that it started, and wait for it."""
+        """Kills the process and all that it started, and waits for it."""
         with _ONE_AT_A_TIME:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid or 0, signal.SIGKILL)
@@ -83,9 +72,9 @@ class Worker:
 
 
 def _start_server() -> None:
-    """Start the fork server, if it is not there, deaf to Ctrl-C from its first moment on, as its children then are.
+    """Starts the fork server, if there is none, with Ctrl-C ignored from the start, as in its children.
 
-    The server ignores it only once it has imported everything; a terminal interrupts it too, but to end it is ours.
+    The server ignores it by itself only after its imports; a terminal interrupts it too, but ending it is our task.
     """
     for name in THREADS:  # libraries read these when they are loaded
         os.environ[name] = "1"
@@ -101,7 +90,7 @@ def _start_server() -> None:
 
 @contextlib.contextmanager
 def _nameless_main() -> Generator[None]:
-    """Without a main module that a child could import: a script that calls us would call us again in every child."""
+    """Hides the main module, which every child would otherwise import and so run again."""
     main = sys.modules["__main__"].__dict__
     kept = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
     main["__spec__"] = None
@@ -112,11 +101,10 @@ def _nameless_main() -> Generator[None]:
 
 
 def _live(pipe: Connection, output: str, function: Callable[..., None], arguments: tuple[Any, ...]) -> None:
-    """The life of a worker process."""
     os.setsid()
     try:
         descriptor = os.open(output, os.O_WRONLY | os.O_APPEND)
-    except FileNotFoundError:  # whoever asked was interrupted before this process was there
+    except FileNotFoundError:  # the parent was interrupted before this process started
         os._exit(0)
     for stream in (1, 2):
         os.dup2(descriptor, stream)
@@ -124,11 +112,11 @@ def _live(pipe: Connection, output: str, function: Callable[..., None], argument
     function(pipe, *arguments)
     pipe.close()
     sys.stdout.flush()
-    os._exit(0)  # whatever a backend left behind, threads or exit handlers, has no say any more
+    os._exit(0)  # skips threads and exit handlers that a backend left behind
 
 
 def _die_with_the_server(pipe: Connection) -> None:
-    """Be killed when the fork server ends, and let it end when the runner does.
+    """Makes the process die with the fork server, and the server with the runner.
 
     The server lives while anybody holds the write end of a pipe to it, and hands one to each of its children; so every
     inherited descriptor but ours is closed. A limit on CPU time instead would make Linux count the process clock in

@@ -1,4 +1,4 @@
-"""Cells on a Dask cluster whose workers are jobs of SLURM, submitted by dask-jobqueue as the user has configured it."""
+"""Runs cells on a Dask cluster whose workers are SLURM jobs, submitted by dask-jobqueue as configured by the user."""
 
 import contextlib
 import shutil
@@ -12,15 +12,12 @@ from ...frontend.errors import InputError
 from .dask_cluster import RESOURCE, Cluster, quieten
 from .dask_executor import Dask, to_stderr
 
-QUIET = {"dashboard": False, "dashboard_address": ":0"}
-"""Of the scheduler: no dashboard, and a free port for what it tells others over HTTP."""
-
-QUEUE_S = 24 * 3600
-"""For SLURM to start a first job, or the next one when all have come to their time limits."""
+QUIET = {"dashboard": False, "dashboard_address": ":0"}  # of the scheduler: no dashboard, and a free port for HTTP
+QUEUE_S = 24 * 3600  # s for SLURM to start a first job, or the next one when all have reached their time limits
 
 
 class Slurm(Dask):
-    """An executor of so many jobs, each what `jobqueue.slurm` in the user's Dask configuration says.
+    """An executor of so many jobs, each as `jobqueue.slurm` in the user's Dask configuration describes.
 
     `exclusive`: each job has its node to itself, as a study with timed cells needs it. The scheduler is part of this
     process.
@@ -36,28 +33,30 @@ class Slurm(Dask):
         self.exclusive = exclusive
 
     def close(self) -> None:
-        """End the jobs."""
+        """Ends the jobs."""
         super().close()
         if "_jobs" in self.__dict__:
             self._jobs.close(timeout=30)
             del self._jobs
 
     def job_script(self) -> str:
-        """What sbatch is given for each of the workers."""
+        """Returns the script that sbatch is given for each worker."""
         return self._jobs.job_script()
 
     @cached_property
     def cluster(self) -> Cluster:
-        """The connection to a scheduler of its own, with the jobs submitted. InputError where that is not possible."""
+        """Submits the jobs and connects to a scheduler of its own; InputError where that is not possible."""
         self._jobs.scale(jobs=self.workers)
         return Cluster(self._jobs.scheduler_address)
 
     @cached_property
     def _jobs(self) -> Any:
-        """A SLURMCluster without jobs so far. InputError where it is not installed, not configured or not possible."""
+        """Makes a SLURMCluster without jobs; InputError if it is not installed, not configured or not possible."""
         try:
             from dask import config
-            from dask_jobqueue.slurm import SLURMCluster
+
+            with _own_interrupt():
+                from dask_jobqueue.slurm import SLURMCluster
         except ImportError:
             raise InputError(
                 "--executor slurm: dask-jobqueue is not installed; expected it here: pip install 'slamduel[slurm]'."
@@ -86,7 +85,7 @@ class Slurm(Dask):
 
 @contextlib.contextmanager
 def _own_interrupt() -> Generator[None]:
-    """What Ctrl-C does stays as it is: importing dask-jobqueue would make it end the process without a word."""
+    """Restores the handler of Ctrl-C: importing dask-jobqueue makes it end the process without a message."""
     before = signal.getsignal(signal.SIGINT)
     try:
         yield

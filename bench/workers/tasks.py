@@ -1,4 +1,4 @@
-"""Tasks in processes of their own: one for each, watched, and killed when overdue.
+"""Runs tasks in processes of their own, with a timeout.
 
 What a task returns comes back through a pipe; if its process dies instead, how it died comes back.
 """
@@ -16,7 +16,7 @@ from .process import Worker
 
 
 class Ended(NamedTuple):
-    """How a task's process ended."""
+    """The end of a task's process."""
 
     task: int  # its place in the list
     value: Any  # what its function returned, where it did
@@ -37,9 +37,9 @@ class _Running:
 def execute(
     function: Callable[[Any], Any], tasks: Sequence[Any], *, workers: int, timeout_s: float = float("inf")
 ) -> Iterator[Ended]:
-    """Run `function(task)` for every task in a process of its own, at most `workers` at once; each end as it comes.
+    """Runs `function(task)` for every task in a process of its own, at most `workers` at once; yields each end.
 
-    `function` and what it takes and returns must pickle. Raises InputError where a task did. If the caller stops
+    `function` and what it takes and returns must pickle. InputError where a task raised it. If the caller stops
     listening, every running process is killed.
     """
     waiting = list(enumerate(tasks))[::-1]
@@ -74,7 +74,6 @@ def _started(function: Callable[[Any], Any], index: int, task: Any, folder: Path
 
 
 def _work(pipe: Connection, function: Callable[[Any], Any], task: Any) -> None:
-    """In the process."""
     try:
         answer = (function(task), None)
     except InputError as error:

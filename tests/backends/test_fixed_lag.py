@@ -9,7 +9,7 @@ from hard_logs import with_given
 from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.window import fixed_lag
-from slamduel.bench.measure.misfit import cost
+from slamduel.bench.measure.misfit import misfit
 from slamduel.frontend.factors import Log, Odometry
 
 KINDS = ("plain", "blocks", "joint", "fixed")
@@ -71,7 +71,7 @@ def test_with_a_lag_longer_than_the_log_it_ends_where_smoothing_all_of_it_does(
     eliminated_at_random(monkeypatch, np.random.default_rng(seed))
     log = drawn(seed, KINDS[seed % 4])
     found, best = final("fixed-lag", log, lag=1e9, final_checks=50), final("smoother", log)
-    one, other = cost(log, found.path, found.map), cost(log, best.path, best.map)
+    one, other = misfit(log, found.path, found.map), misfit(log, best.path, best.map)
     assert one.total == pytest.approx(other.total, rel=1e-9, abs=1e-9)
     assert found.path == pytest.approx(best.path, abs=1e-6)
     assert found.cov is not None

@@ -18,7 +18,7 @@ from slamduel.backends.graphs import batch, graduated
 from slamduel.backends.graphs.first_values import first_values
 from slamduel.backends.graphs.gauss_newton import STILL
 from slamduel.backends.smoothing.smoother import LOSSES
-from slamduel.bench.measure.misfit import cost, misfits
+from slamduel.bench.measure.misfit import misfit, misfits
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.outliers import swapped
@@ -33,7 +33,7 @@ def optimum(log: Log, **options: Any) -> Solution:
 
 
 def total(log: Log, solution: Solution) -> float:
-    return cost(log, solution.path, solution.map).total
+    return misfit(log, solution.path, solution.map).total
 
 
 def made(name: str, **options: Any) -> Log:

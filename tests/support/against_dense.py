@@ -8,7 +8,7 @@ import pytest
 from dense_fit import Dense, dense_fit
 from hard_logs import with_given, with_loops
 from slamduel.backends.api import Solution
-from slamduel.bench.measure.misfit import cost
+from slamduel.bench.measure.misfit import misfit
 from slamduel.frontend.factors import Dataset, Log
 
 KINDS = ("plain", "loops", "blocks", "joint", "fixed")
@@ -28,7 +28,7 @@ def dense(log: Log, found: Solution, iterations: int = 6, **loss: Any) -> Dense:
 
 def agrees(log: Log, found: Solution) -> None:
     best, n = dense(log, found), len(log)
-    fitted = cost(log, found.path, found.map)
+    fitted = misfit(log, found.path, found.map)
     assert fitted.total == pytest.approx(best.cost, rel=1e-9, abs=1e-9)
     assert found.path == pytest.approx(best.path, abs=1e-6)
     for k in range(n):

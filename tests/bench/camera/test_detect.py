@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 
 from slamduel.bench.camera import detect as detecting
-from slamduel.bench.camera.detect import Wishes, detect
-from slamduel.bench.camera.empty_frames import MOST
+from slamduel.bench.camera.detect import DetectRequest, detect
+from slamduel.bench.camera.kept_frames import MOST
 from slamduel.bench.camera.preview import Preview
-from slamduel.bench.camera.sightings import Detection, in_log, markers, per_frame
+from slamduel.bench.camera.sightings import Detection, in_log, markers, per_frame, true_errors
 from slamduel.bench.camera.summary import Findings, as_json, headline, left_out
-from slamduel.bench.camera.true_sightings import true_errors
 from slamduel.bench.cli import main
 from slamduel.bench.commands import detect as command_detect
 from slamduel.datasets.formats import log_folder
@@ -32,8 +31,8 @@ from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see
 from small_recording import CAMERA, FLOOR, K, picture, sighting, small_recording
 
 
-def run(out: Path, recording: Recording, truth: Truth | None, **wishes: Any) -> Findings:
-    return detect(recording, truth, Wishes("drive", out, **wishes), lambda _: None)
+def run(out: Path, recording: Recording, truth: Truth | None, **request: Any) -> Findings:
+    return detect(recording, truth, DetectRequest("drive", out, **request), lambda _: None)
 
 
 def small(seed: int = 0, **changes: Any) -> tuple[Recording, Truth]:

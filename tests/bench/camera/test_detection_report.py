@@ -15,7 +15,7 @@ import pytest
 
 from narrow_window import fits, would_be_seen
 from slamduel.bench.camera import detect as detecting
-from slamduel.bench.camera.detect import Wishes, detect
+from slamduel.bench.camera.detect import DetectRequest, detect
 from slamduel.bench.camera.figures import range_bins
 from slamduel.bench.camera.noise_calibration import range_table
 from slamduel.bench.camera.sightings import in_log
@@ -54,8 +54,8 @@ class Page(HTMLParser):
         self.words += data + " "
 
 
-def made(out: Path, recording: Recording, truth: Truth | None, **wishes: Any) -> tuple[Findings, str]:
-    findings = detect(recording, truth, Wishes("drive", out, **wishes), lambda _: None)
+def made(out: Path, recording: Recording, truth: Truth | None, **request: Any) -> tuple[Findings, str]:
+    findings = detect(recording, truth, DetectRequest("drive", out, **request), lambda _: None)
     return findings, (out / "detection.html").read_text(encoding="utf-8")
 
 

@@ -10,7 +10,7 @@ from slamduel.bench.check.adversarial import Answer, batch_answer, bound, filter
 from slamduel.bench.check.adversarial_logs import ADVERSARIES, Adversary
 from slamduel.bench.check.candidate import Candidate, spread
 from slamduel.bench.check.isolated import examined
-from slamduel.bench.check.log_recipe import journey
+from slamduel.bench.check.log_recipe import made_log
 from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check, chosen, examine
 from slamduel.bench.cli import main
@@ -24,7 +24,7 @@ BY_NAME = {adversary.name: adversary for adversary in ADVERSARIES}
 
 
 def log(name: str) -> Log:
-    return BY_NAME[name].journey.log
+    return BY_NAME[name].made.log
 
 
 def outcome(builder: Builder, name: str) -> Outcome:
@@ -36,9 +36,9 @@ def test_there_are_fifty_and_all_are_valid_and_always_the_same() -> None:
     assert len(BY_NAME) == len(ADVERSARIAL) == 50
     assert len({check.name for check in CHECKS}) == len(CHECKS)
     for adversary in ADVERSARIES:
-        made = adversary.journey
+        made = adversary.made
         assert list(problems(made.log)) == [], adversary.name
-        again = Adversary(adversary.name, adversary.title, adversary.make).journey
+        again = Adversary(adversary.name, adversary.title, adversary.make).made
         assert again.log.digest == made.log.digest, adversary.name
         assert adversary.title.endswith("."), adversary.name
         assert len(made.path) == len(made.log)
@@ -63,7 +63,7 @@ def test_they_are_as_hard_as_their_names() -> None:
     assert log("huge-ids").ids.max() == 2**53
     for name in ("500-new-in-a-frame", "500-known-in-a-frame"):
         assert np.diff(log(name).sighting_first).max() == 500
-    loop = BY_NAME["a-huge-loop"].journey
+    loop = BY_NAME["a-huge-loop"].made
     assert np.hypot(*np.diff(loop.path[:, :2], axis=0).T).sum() > 9_999
     assert np.isin(loop.log.ids[loop.log.sighting_step < 5], loop.log.ids[loop.log.sighting_step > 980]).all()
     assert len(log("no-sightings").ids) == 0
@@ -72,7 +72,7 @@ def test_they_are_as_hard_as_their_names() -> None:
 
 def test_errors_are_drawn_from_what_is_claimed() -> None:
     """The mean of n chi-square values of k degrees of freedom is k, six of its standard errors 6 sqrt(2 k / n)."""
-    made = journey(np.random.default_rng(1), np.tile([0.3, 0.0, 0.075], (600, 1)), correlation=0.9)
+    made = made_log(np.random.default_rng(1), np.tile([0.3, 0.0, 0.075], (600, 1)), correlation=0.9)
     error = made.log.delta[1:] - [0.3, 0.0, 0.075]
     squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(made.log.delta_cov[1:]), error)
     assert abs(squares.mean() - 3) < 6 * np.sqrt(6 / len(squares))
@@ -89,7 +89,7 @@ def test_errors_are_drawn_from_what_is_claimed() -> None:
 def test_the_bound_is_that_of_the_textbook_filter_where_all_is_linear(blind: bool) -> None:
     """On an exact log with a ten thousandth of the usual noise the second order is in the eighth digit."""
     tiny = {"prior_sd": (5e-6, 5e-6, 2e-6), "motion_sd": (2e-6, 1e-6, 1e-6), "sighting_sd": (5e-6, 2e-6)}
-    made = journey(np.random.default_rng(2), errors=0.0, reach=0.0 if blind else 5.0, **tiny)  # pyright: ignore
+    made = made_log(np.random.default_rng(2), errors=0.0, reach=0.0 if blind else 5.0, **tiny)  # pyright: ignore
     ekf = TextbookEkf(made.log.prior, together=True)
     expected = []
     for step in made.log:
@@ -98,12 +98,12 @@ def test_the_bound_is_that_of_the_textbook_filter_where_all_is_linear(blind: boo
     sd = np.sqrt(np.einsum("kii->ki", np.array(expected)))
     off = (filtered(made, blind=blind) - expected) / (sd[:, :, None] * sd[:, None, :])
     assert np.abs(off).max() < 1e-3
-    seen = journey(np.random.default_rng(2), errors=0.0, **tiny)  # pyright: ignore
+    seen = made_log(np.random.default_rng(2), errors=0.0, **tiny)  # pyright: ignore
     np.testing.assert_array_equal(filtered(seen, blind=True), filtered(seen._replace(map=made.map), blind=True))
 
 
 def test_what_is_of_second_order_widens_the_bound() -> None:
-    plain = journey(np.random.default_rng(3))
+    plain = made_log(np.random.default_rng(3))
     first_order = dead_reckoned(plain.log)[1]
     grown = filtered(plain, blind=True)
     assert np.linalg.eigvalsh(grown[-1] - first_order[-1])[-1] > 0
@@ -118,7 +118,7 @@ def test_the_batch_answers_are_near_the_truth() -> None:
         answer = batch_answer(adversary)
         if answer.batch:
             batches += 1
-            off = np.hypot(*(answer.path - adversary.journey.path)[:, :2].T)
+            off = np.hypot(*(answer.path - adversary.made.path)[:, :2].T)
             allowed = (1 + adversary.planted / 6) * spread(answer.cov)[0] + 1e-6 + 1e-9 * np.abs(answer.path).max()
             assert (off <= allowed).all(), adversary.name
     assert batches >= 40
@@ -126,7 +126,7 @@ def test_the_batch_answers_are_near_the_truth() -> None:
 
 def test_an_optimum_that_is_none_is_not_taken_for_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     def elsewhere(log: Log) -> Truth:
-        found = BY_NAME["one-landmark"].journey
+        found = BY_NAME["one-landmark"].made
         return Truth(
             log.t, found.path + np.array([1.0, 0, 0]), Map(found.map.ids, found.map.xy, None), None, "reference"
         )
@@ -135,7 +135,7 @@ def test_an_optimum_that_is_none_is_not_taken_for_the_answer(monkeypatch: pytest
     own = Adversary("one-landmark", "The same, and not in the cache.", BY_NAME["one-landmark"].make)
     answer = batch_answer(own)
     assert not answer.batch
-    np.testing.assert_array_equal(answer.path, own.journey.path)
+    np.testing.assert_array_equal(answer.path, own.made.path)
 
 
 def test_a_backend_has_the_bound_of_its_kind() -> None:

@@ -11,10 +11,9 @@ import pytest
 from slamduel.bench.claims.answer import Answer, answer, measures
 from slamduel.bench.claims.conclusion import conclude, document
 from slamduel.bench.record.cell_table import CellTable, numbers, words
-from slamduel.bench.study.claim import Claim
-from slamduel.bench.verdict.statistics import estimate, shift
-from slamduel.bench.verdict.walsh import MOST as MOST_LOGS
-from slamduel.bench.verdict.walsh import ranked
+from slamduel.bench.study.study import Claim
+from slamduel.bench.verdict.statistics import MOST as MOST_LOGS
+from slamduel.bench.verdict.statistics import estimate, ranked, shift
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.se2 import Array
 

@@ -11,7 +11,7 @@ import pytest
 
 import slamduel
 from slamduel.bench import cli
-from slamduel.bench.check.log_recipe import journey
+from slamduel.bench.check.log_recipe import made_log
 from slamduel.bench.check.small_logs import around
 from slamduel.bench.logs import shown_path
 from slamduel.bench.logs.facts import facts, headline
@@ -19,7 +19,7 @@ from slamduel.bench.logs.landmark_places import judge
 from slamduel.bench.logs.numbers import Numbers, numbers
 from slamduel.bench.logs.revisits import returns
 from slamduel.bench.logs.shown_path import from_pose, shown
-from slamduel.bench.logs.stated_noise import Honesty, honesty
+from slamduel.bench.logs.stated_noise import NoiseCheck, noise_check
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
@@ -150,7 +150,7 @@ def test_dead_reckoning_is_the_motions_one_after_another() -> None:
 
 @pytest.mark.parametrize("errors", [1.0, 2.0])
 def test_honest_noise_is_told_from_noise_stated_too_small(errors: float) -> None:
-    made = journey(np.random.default_rng(4), around(600), errors=errors)
+    made = made_log(np.random.default_rng(4), around(600), errors=errors)
     truth = Truth(made.log.t, made.path, made.map, None, "truth")
     known = measured(made.log, truth).known
     for honest, k in ((known.sightings, 2), (known.odometry, 3)):
@@ -174,7 +174,7 @@ def test_errors_are_measured_minus_true_where_the_truth_reaches() -> None:
     odometry = odometry_errors(log, truth)
     assert odometry.row.tolist() == [1]
     np.testing.assert_allclose(odometry.values, np.zeros((1, 3)), atol=1e-12)
-    judged = honesty(found, log.z_cov[found.row])
+    judged = noise_check(found, log.z_cov[found.row])
     assert judged is not None
     first = 0.2**2 / 0.04 + 0.1**2 / 0.01
     second = found.values[1] ** 2 @ (1 / 0.04, 1 / 0.01)
@@ -191,7 +191,7 @@ def test_drift_is_from_the_first_known_pose_to_the_last() -> None:
 
 
 def test_a_reference_is_no_truth_to_judge_noise_by() -> None:
-    made = journey(np.random.default_rng(4))
+    made = made_log(np.random.default_rng(4))
     known = measured(made.log, Truth(made.log.t, made.path, made.map, None, "reference")).known
     assert known.kind == "reference"
     assert known.sightings is None
@@ -201,7 +201,7 @@ def test_a_reference_is_no_truth_to_judge_noise_by() -> None:
 def test_without_truth_the_batch_optimum_is_drawn_and_of_a_large_log_dead_reckoning(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made = journey(np.random.default_rng(4), errors=3.0)
+    made = made_log(np.random.default_rng(4), errors=3.0)
     solved = shown(Dataset(made.log, None), None)
     assert "batch optimum" in solved.words
 
@@ -255,7 +255,7 @@ def test_a_log_with_truth_for_some_steps_and_one_with_landmarks_alone_are_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    made = journey(np.random.default_rng(4))
+    made = made_log(np.random.default_rng(4))
     kept = np.r_[5:20, 40:50]
     log_folder.write(tmp_path / "gap", made.log, Truth(made.log.t[kept], made.path[kept], made.map, None, "truth"))
     assert cli.main(["show", "gap"]) == 0
@@ -373,7 +373,7 @@ def test_a_notebook_shows_it_too(tmp_path: Path) -> None:
 
 def wandering() -> tuple[Dataset, Map, list[int]]:
     """A journey with a true path and no places, the two most seen of its landmarks on the move; and its map."""
-    made = journey(np.random.default_rng(4), around(600))
+    made = made_log(np.random.default_rng(4), around(600))
     log = made.log
     ids, times = np.unique(log.ids, return_counts=True)
     moving = sorted(ids[np.argsort(times)[-2:]].tolist())
@@ -404,7 +404,7 @@ def test_ids_that_are_not_in_one_place_are_named(by: str) -> None:
 
 
 def test_no_id_is_astray_where_all_stand_or_the_path_is_not_known_or_the_places_are() -> None:
-    made = journey(np.random.default_rng(4), around(600))
+    made = made_log(np.random.default_rng(4), around(600))
     moved, places, _ = wandering()
     assert moved.truth is not None
     for log, truth in (
@@ -446,14 +446,14 @@ def test_typical_errors_and_far_ones_do_not_contradict_one_another() -> None:
         (0.5, 0.05, "stated too large: the typical error is 0.500 times the stated one, but 5.00 % are far out"),
         (1.0, 0.001, "typical error as stated (1.00 times) \N{MIDDLE DOT} 0.100 % far out, where chance has 0.1 %"),
     ):
-        known = found.known._replace(odometry=Honesty(100, 2.44, 2.0, far, scale))
+        known = found.known._replace(odometry=NoiseCheck(100, 2.44, 2.0, far, scale))
         said = dict(facts(found._replace(known=known), ""))["odometry against truth"]
         assert said.startswith(words)
         assert said.endswith("NEES 2.44, where 1 is exact \N{MIDDLE DOT} 100 checked")
 
 
 def test_many_misfits_to_the_batch_optimum_ask_what_is_wrong() -> None:
-    made = journey(np.random.default_rng(4), around(200))
+    made = made_log(np.random.default_rng(4), around(200))
     rng = np.random.default_rng(6)
     for share, asked in ((0.15, True), (0.02, False)):
         z = made.log.z.copy()

@@ -9,7 +9,7 @@ import pytest
 from random_logs import random_covariance, random_log
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import drive
-from slamduel.bench.measure.misfit import Cost, cost
+from slamduel.bench.measure.misfit import Misfit, misfit
 from slamduel.bench.measure.score import score
 from slamduel.frontend.factors import Log, Map, RelativePoses
 from slamduel.frontend.se2 import Array, Ints
@@ -31,7 +31,7 @@ def motion(a: Array, b: Array) -> tuple[float, float, float]:
     return far * math.cos(way), far * math.sin(way), turned(b[2] - a[2])
 
 
-def summed_by_hand(log: Log, path: Array, landmarks: Map) -> Cost:
+def summed_by_hand(log: Log, path: Array, landmarks: Map) -> Misfit:
     """The survey's J_GraphSLAM, each of its sums in a loop."""
     place = dict(zip(landmarks.ids.tolist(), landmarks.xy.tolist(), strict=True))
     start = path[0] - log.prior.pose
@@ -53,7 +53,7 @@ def summed_by_hand(log: Log, path: Array, landmarks: Map) -> Cost:
         for to, (dx, dy, dtheta), cov in zip(step.loops.to, step.loops.delta, step.loops.cov, strict=True):
             x, y, turn = motion(path[to], path[k])
             loops += weighed([x - dx, y - dy, turned(turn - dtheta)], cov)
-    return Cost(prior, odometry, sightings, loops)
+    return Misfit(prior, odometry, sightings, loops)
 
 
 def with_everything(seed: int) -> tuple[Log, Array, Map]:
@@ -76,7 +76,7 @@ def with_everything(seed: int) -> tuple[Log, Array, Map]:
 @pytest.mark.parametrize("seed", range(3))
 def test_every_term_is_the_surveys_sum(seed: int) -> None:
     log, path, landmarks = with_everything(seed)
-    found = cost(log, path, landmarks)
+    found = misfit(log, path, landmarks)
     assert found is not None
     assert min(found) > 0
     np.testing.assert_allclose(found, summed_by_hand(log, path, landmarks), rtol=1e-9)
@@ -105,8 +105,8 @@ def test_it_is_twice_gtsams_error_where_no_residual_turns() -> None:
         for i, (r, phi), cov in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
             noise = gtsam.noiseModel.Gaussian.Covariance(cov[::-1, ::-1])
             graph.add(gtsam.BearingRangeFactor2D(k, names[i], gtsam.Rot2(phi), r, noise))
-    found = cost(log, path, landmarks)
-    bare = cost(Log.from_steps("without", log.prior._replace(map=None), list(log)), path, landmarks)
+    found = misfit(log, path, landmarks)
+    bare = misfit(Log.from_steps("without", log.prior._replace(map=None), list(log)), path, landmarks)
     assert found is not None
     assert bare is not None
     assert found.prior > bare.prior
@@ -149,5 +149,5 @@ def test_it_is_not_defined_where_a_given_landmark_was_lost() -> None:
         for step in log
     ]
     unseen = Log.from_steps("unseen", log.prior, blind)
-    assert cost(unseen, path, landmarks) is not None
-    assert cost(unseen, path, Map(landmarks.ids[kept], landmarks.xy[kept], None)) is None
+    assert misfit(unseen, path, landmarks) is not None
+    assert misfit(unseen, path, Map(landmarks.ids[kept], landmarks.xy[kept], None)) is None

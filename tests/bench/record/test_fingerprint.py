@@ -19,8 +19,7 @@ from slamduel.bench.plan.plan import Cell
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record import fingerprint as code
 from slamduel.bench.record import library_version
-from slamduel.bench.record.fingerprint import closure, fingerprint, source
-from slamduel.bench.record.imports import imports
+from slamduel.bench.record.fingerprint import closure, fingerprint, imports, source
 from slamduel.bench.record.store import Known
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.registry import Source
@@ -41,7 +40,7 @@ def forget() -> None:
         source,
         code.folder_of,
         library_version.located,
-        library_version.home_of,
+        library_version.is_library,
     ):
         cached.cache_clear()
 
@@ -272,7 +271,7 @@ def test_code_that_is_no_python_or_is_not_there_has_a_fingerprint(
 
 
 def test_a_library_counts_by_its_version(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, distribution in (("numpy", "numpy"), ("cv2", "opencv_contrib_python_headless"), ("gtsam", "gtsam")):
+    for name, distribution in (("numpy", "numpy"), ("cv2", "opencv-contrib-python-headless"), ("gtsam", "gtsam")):
         assert library_version.version(name) == f"{distribution}-{metadata.version(distribution)}"
     assert not library_version.is_library("json")
     assert not library_version.is_library("no_such_library")

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from slamduel.bench.drawing.figure import GROUPS, Exhibit, Plot
+from slamduel.bench.drawing.figure import GROUPS, Plot, ReportFigure
 from slamduel.bench.drawing.svg import alone, on_page
-from slamduel.bench.report.drawn_log import Scene, scene
-from slamduel.bench.report.figures import exhibits
-from slamduel.bench.report.trajectories import PANEL, trajectories
+from slamduel.bench.report.drawn_log import DrawnLog, drawn_log
+from slamduel.bench.report.figures import report_figures
+from slamduel.bench.report.path_figures import PANEL, trajectories
 from slamduel.bench.verdict.statistics import compare
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.words.names import tags
@@ -35,14 +35,14 @@ STEPS = 240
 class Drawn(NamedTuple):
     """A dataset's figures."""
 
-    scene: Scene
+    log: DrawnLog
     lines: Sequence[Line]
     looks: Mapping[str, Look]
-    panels: Sequence[Exhibit]
-    exhibits: Sequence[Exhibit]
+    panels: Sequence[ReportFigure]
+    figures: Sequence[ReportFigure]
 
-    def named(self, name: str) -> Exhibit:
-        (found,) = [exhibit for exhibit in self.exhibits if exhibit.name == f"x-{name}"]
+    def named(self, name: str) -> ReportFigure:
+        (found,) = [figure for figure in self.figures if figure.name == f"x-{name}"]
         return found
 
 
@@ -76,10 +76,10 @@ def draw(folder: Path, backends: Sequence[tuple[str, str]], seeds: int) -> Drawn
         column: compare({line.backend: line.by_log(column) for line in found if column in line.values})
         for column in ("ate_m", "final_ate_m")
     }
-    shown = scene(record.store, found, look, record.store.run()["folders"], comparisons)
+    shown = drawn_log(record.store, found, look, record.store.run()["folders"], comparisons)
     record.store.close()
     assert shown is not None
-    return Drawn(shown, found, look, [*trajectories("p", shown)], exhibits("x", shown))
+    return Drawn(shown, found, look, [*trajectories("p", shown)], report_figures("x", shown))
 
 
 @pytest.fixture(scope="module")
@@ -98,9 +98,9 @@ def test_there_is_a_figure_for_all_that_the_record_has(few: Drawn) -> None:
     accuracy = ["pareto", "paths", "seeds", "pairs", "error", "heading"]
     cost = ["cost", "cost-along", "growth-steps", "growth-landmarks"]
     names = [*accuracy, "nees", "nis", *cost, "effective", "ancestors"]
-    assert [exhibit.name for exhibit in few.exhibits] == [f"x-{name}" for name in names]
+    assert [figure.name for figure in few.figures] == [f"x-{name}" for name in names]
     assert len(few.panels) == 5
-    groups = [GROUPS.index(exhibit.group) for exhibit in few.exhibits]
+    groups = [GROUPS.index(figure.group) for figure in few.figures]
     assert groups == sorted(groups)
     assert set(groups) == set(range(len(GROUPS)))
 
@@ -141,61 +141,61 @@ def place(plot: Plot, x: Array, y: Array) -> Array:
 @pytest.mark.slow
 def test_a_page_finds_every_point_where_it_is_drawn(few: Drawn, crowd: Drawn) -> None:
     for drawn in (few, crowd):
-        for exhibit in (*drawn.exhibits, *drawn.panels):
-            assert exhibit.plot is not None
+        for figure in (*drawn.figures, *drawn.panels):
+            assert figure.plot is not None
             checked = 0
-            for curve in exhibit.plot.curves:
-                lines_ = shapes(exhibit.svg, drawn.looks[curve.label])
+            for curve in figure.plot.curves:
+                lines_ = shapes(figure.svg, drawn.looks[curve.label])
                 with np.errstate(invalid="ignore", divide="ignore"):
-                    points = place(exhibit.plot, np.array(curve.x), np.array(curve.y))
-                left, top, right, bottom = exhibit.plot.box
+                    points = place(figure.plot, np.array(curve.x), np.array(curve.y))
+                left, top, right, bottom = figure.plot.box
                 inside = (points >= (left, top)).all(1) & (points <= (right, bottom)).all(1)
                 assert len(points) <= 300
                 for point in points[inside][::17]:
-                    assert min(away(point, line) for line in lines_) < 0.5, (exhibit.name, curve.label, point)
+                    assert min(away(point, line) for line in lines_) < 0.5, (figure.name, curve.label, point)
                     checked += 1
-            assert checked, exhibit.name
+            assert checked, figure.name
 
 
 def test_every_backend_in_a_figure_can_be_raised(few: Drawn, crowd: Drawn) -> None:
     for drawn in (few, crowd):
         called = tags(drawn.looks)
-        for exhibit in (*drawn.exhibits, *drawn.panels):
-            assert exhibit.plot is not None
-            for label in {curve.label for curve in exhibit.plot.curves}:
-                assert f'class="of-{drawn.looks[label].place}"' in exhibit.svg, (exhibit.name, label)
-            root = ElementTree.fromstring(exhibit.svg)
+        for figure in (*drawn.figures, *drawn.panels):
+            assert figure.plot is not None
+            for label in {curve.label for curve in figure.plot.curves}:
+                assert f'class="of-{drawn.looks[label].place}"' in figure.svg, (figure.name, label)
+            root = ElementTree.fromstring(figure.svg)
             space = root.tag.removesuffix("svg")
             marked = {text for g in root.iter(f"{space}g") if g.get("class") for text in g.iter(f"{space}text")}
             names = set(called.values()) | {f"{name}*" for name in called.values()}
             for text in root.iter(f"{space}text"):
-                assert text in marked or text.text not in names, (exhibit.name, text.text)
+                assert text in marked or text.text not in names, (figure.name, text.text)
 
 
 def test_nothing_sticks_out_of_a_figure(few: Drawn, crowd: Drawn) -> None:
     from slamduel.bench.drawing.svg import drawn as drawn_svg
 
     drawn_panels = few.panels[0], crowd.panels[7]
-    for exhibit in (few.named("pareto"), *crowd.exhibits[::2], *drawn_panels):
-        assert isinstance(exhibit.printed, partial)
-        width, height, fill = exhibit.printed.args
-        _, figure = drawn_svg("again", width, height, fill)
-        assert width == (PANEL if exhibit in drawn_panels else 252)
-        (left, bottom), (right, top) = 72 * figure.get_tightbbox().get_points()
-        assert min(left, bottom, width - right, height - top) > -1, exhibit.name
+    for figure in (few.named("pareto"), *crowd.figures[::2], *drawn_panels):
+        assert isinstance(figure.printed, partial)
+        width, height, fill = figure.printed.args
+        _, again = drawn_svg("again", width, height, fill)
+        assert width == (PANEL if figure in drawn_panels else 252)
+        (left, bottom), (right, top) = 72 * again.get_tightbbox().get_points()
+        assert min(left, bottom, width - right, height - top) > -1, figure.name
 
 
 def test_many_backends_do_not_eat_the_plot(crowd: Drawn) -> None:
-    for exhibit in crowd.exhibits:
-        assert exhibit.plot is not None
-        left, top, right, bottom = exhibit.plot.box
+    for figure in crowd.figures:
+        assert figure.plot is not None
+        left, top, right, bottom = figure.plot.box
         assert right - left > 170
         assert bottom - top > 95
-        assert len(exhibit.svg) < 70_000
-        if exhibit.plot.timed and len({curve.label for curve in exhibit.plot.curves}) > 7:
-            assert " others, faint" in exhibit.svg
+        assert len(figure.svg) < 70_000
+        if figure.plot.timed and len({curve.label for curve in figure.plot.curves}) > 7:
+            assert " others, faint" in figure.svg
             assert top < 65
-            assert ">dead-reckoning<" in exhibit.svg
+            assert ">dead-reckoning<" in figure.svg
 
 
 def test_names_of_backends_are_as_short_as_they_can_be() -> None:
@@ -231,17 +231,17 @@ def test_names_stand_beside_their_points_and_not_on_each_other() -> None:
 
 
 def test_the_paper_has_the_same_figure(few: Drawn) -> None:
-    exhibit = few.named("error")
-    assert exhibit.printed is not None
-    pdf, png = exhibit.printed("pdf"), exhibit.printed("png")
-    assert pdf == exhibit.printed("pdf")
+    figure = few.named("error")
+    assert figure.printed is not None
+    pdf, png = figure.printed("pdf"), figure.printed("png")
+    assert pdf == figure.printed("pdf")
     assert pdf.startswith(b"%PDF")
     found = re.search(rb"/MediaBox\s*\[\s*0 0 ([\d.]+)", pdf)
     assert found is not None
     assert float(found[1]) == 252
     assert png.startswith(b"\x89PNG")
     assert int.from_bytes(png[16:20], "big") == 1050  # 3.5 inches at 300 dpi
-    for text in (on_page(exhibit.svg), alone(exhibit.svg)):
+    for text in (on_page(figure.svg), alone(figure.svg)):
         assert not re.search("#0[1-9]0[1-9]0[1-9]", text)
 
 
@@ -250,7 +250,7 @@ def test_nees_has_a_band_over_logs_and_none_along_one(few: Drawn, tmp_path: Path
     assert over.plot is not None
     assert "7 independent logs" in over.caption
     one = next(curve for curve in over.plot.curves if curve.label == "dead-reckoning")
-    runs = few.scene.nees["dead-reckoning"]
+    runs = few.log.nees["dead-reckoning"]
     assert len(runs) == 7
     mean = np.mean([nees for _, nees in runs], axis=0) / 3
     assert np.nanmean(one.y) == pytest.approx(mean.mean(), rel=0.02)
@@ -262,14 +262,14 @@ def test_nees_has_a_band_over_logs_and_none_along_one(few: Drawn, tmp_path: Path
 
 
 def test_the_best_is_the_measure_of_the_others(few: Drawn) -> None:
-    exhibit = few.named("pairs")
-    assert exhibit.plot is not None
+    figure = few.named("pairs")
+    assert figure.plot is not None
     by_log = {line.backend: line.by_log("ate_m") for line in few.lines if "ate_m" in line.values}
     medians = {label: float(np.median(list(errors.values()))) for label, errors in by_log.items()}
     best = min(medians, key=lambda label: medians[label])
-    assert best in exhibit.title
-    assert {curve.label for curve in exhibit.plot.curves} == set(by_log) - {best}
-    for curve in exhibit.plot.curves:
+    assert best in figure.title
+    assert {curve.label for curve in figure.plot.curves} == set(by_log) - {best}
+    for curve in figure.plot.curves:
         ratios = [by_log[curve.label][log] / by_log[best][log] for log in by_log[best]]
         finite = [ratio for ratio in ratios if np.isfinite(ratio)]
         assert curve.x[0] == pytest.approx(np.median(ratios), rel=0.05) or len(finite) < len(ratios)
@@ -288,7 +288,7 @@ def test_the_log_nearest_to_the_medians_is_drawn(tmp_path: Path) -> None:
         if seed < 4:  # medians are 1 and 1; on the last log, which has both, one backend is not done
             record.cell("room", "truth", "dead-reckoning", seed=seed, ate_m=100.0 * (seed == 2) + 1)
     found = lines(record.store.cells())
-    shown = scene(record.store, found, looks(line.backend for line in found), record.store.run()["folders"])
+    shown = drawn_log(record.store, found, looks(line.backend for line in found), record.store.run()["folders"])
     record.store.close()
     assert shown is not None
     assert (shown.seed, shown.which) == (2, "seed 2, the log nearest to the medians")
@@ -300,11 +300,11 @@ def test_no_point_is_outside_the_frame_however_accurate(tmp_path: Path) -> None:
     record.cell("park", "reference", "isam2", paths=("online", "final"), ate_m=4.0, final_ate_m=1e-6)
     found = lines(record.store.cells())
     look = looks(line.backend for line in found)
-    shown = scene(record.store, found, look, record.store.run()["folders"])
+    shown = drawn_log(record.store, found, look, record.store.run()["folders"])
     record.store.close()
     assert shown is not None
     assert shown.which == ""
-    pareto = exhibits("x", shown)[0]
+    pareto = report_figures("x", shown)[0]
     assert pareto.plot is not None
     assert pareto.plot.y.low < 1e-6 < 100 < pareto.plot.y.high
     assert "better" not in pareto.caption
@@ -312,7 +312,7 @@ def test_no_point_is_outside_the_frame_however_accurate(tmp_path: Path) -> None:
 
 def test_nis_has_a_band_over_logs(few: Drawn) -> None:
     """Chi-square's with four degrees of freedom a step: 5 % of stretches are outside."""
-    (plot,) = [exhibit for exhibit in few.exhibits if exhibit.name == "x-nis"]
+    (plot,) = [figure for figure in few.figures if figure.name == "x-nis"]
     assert plot.plot is not None
     assert "7 independent logs" in plot.caption
     assert "opacity: 0.12" in plot.svg
@@ -332,10 +332,10 @@ def test_error_and_growth_are_those_of_the_record(few: Drawn) -> None:
     assert error is not None
     assert heading is not None
     assert growth is not None
-    trace = next(trace for trace in few.scene.traces if trace.label == "isam2")
+    trace = next(trace for trace in few.log.traces if trace.label == "isam2")
     for plot, path, final in ((error, "aligned", False), (error, "final_aligned", True), (heading, "aligned", False)):
         (curve,) = [c for c in plot.curves if c.label == "isam2" and c.final == final]
-        off = trace.arrays[path] - few.scene.known["poses"]
+        off = trace.arrays[path] - few.log.known["poses"]
         wrapped = (off[:, 2] + np.pi) % (2 * np.pi) - np.pi
         squared = (off[:, :2] ** 2).sum(1) if plot is error else np.degrees(wrapped) ** 2
         assert np.sqrt(np.mean(np.square(curve.y))) == pytest.approx(np.sqrt(squared.mean()), rel=0.05)

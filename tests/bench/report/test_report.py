@@ -15,9 +15,9 @@ import pytest
 
 from narrow_window import fits, would_be_seen
 from slamduel.bench.record.schema import COLUMNS, MORE
-from slamduel.bench.report.drawn_log import Scene, Trace
+from slamduel.bench.report.drawn_log import DrawnLog, Trace
+from slamduel.bench.report.path_figures import trajectories
 from slamduel.bench.report.report import write_report
-from slamduel.bench.report.trajectories import trajectories
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.columns import COLUMNS as DEFINED
 from slamduel.bench.words.numerals import number
@@ -261,7 +261,7 @@ def test_dead_reckoning_does_not_stretch_the_frame() -> None:
             Trace(name, name, look, True, {"t": t, "online": p, **({"aligned": p} if known else {})})
             for (name, look), p in zip(looks(["ekf", "dead-reckoning"]).items(), (path, lost), strict=True)
         ]
-        panels = list(trajectories("x", Scene("truth" if known else "", 0, known, traces, (), {})))
+        panels = list(trajectories("x", DrawnLog("truth" if known else "", 0, known, traces, (), {})))
         assert [panel.title for panel in panels] == ["ekf", "dead-reckoning"]
         for panel in panels:
             marks = [float(m.replace("\u2212", "-")) for m in re.findall(r">([\u2212\d.]+)</text>", panel.svg)]

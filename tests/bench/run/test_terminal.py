@@ -21,8 +21,7 @@ from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.bench.run.document import document
-from slamduel.bench.run.pace import Pace, words
-from slamduel.bench.run.progress import Screen
+from slamduel.bench.run.progress import Pace, Screen, words
 from slamduel.bench.run.terminal import conclude, status, tables, verdicts
 from slamduel.bench.verdict.statistics import FEWEST
 from slamduel.bench.verdict.summary import Line, lines

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.bench.engine.engine import Wanted, run
+from slamduel.bench.engine.engine import RunRequest, run
 from slamduel.bench.plan.work import PlannedCell
 from slamduel.bench.record.schema import Row
 from slamduel.bench.study import file as study_file
@@ -83,7 +83,7 @@ def test_its_cells_run_and_have_what_it_measures(name: str, pool: Local, tmp_pat
     study = study_file.read(name, full=False)
     chosen = {(cell.cell.key, cell.cell.seed) for cell in few(study)}
     watched = Watched()
-    wanted = Wanted(lambda cell: (cell.cell.key, cell.cell.seed) in chosen, None, False)
+    wanted = RunRequest(lambda cell: (cell.cell.key, cell.cell.seed) in chosen, None, False)
     tally = run(study, tmp_path, pool, wanted, about(study, tmp_path, ["bench", "ablate", name]), watched)
     assert not watched.amiss
     assert tally.done == len(chosen)

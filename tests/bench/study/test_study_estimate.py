@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from slamduel.bench.engine.engine import Wanted, run
+from slamduel.bench.engine.engine import RunRequest, run
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.record.store import Store
 from slamduel.bench.study.estimate import Estimate, estimate
@@ -38,7 +38,7 @@ class Stopwatch:
 
 
 def estimated(found: Study, executor: Stopwatch, store: Store | None = None, **wanted: Any) -> Estimate:
-    asked = Wanted(wanted.get("chosen", lambda cell: True), wanted.get("limit"), False)
+    asked = RunRequest(wanted.get("chosen", lambda cell: True), wanted.get("limit"), False)
     return estimate(found, store, executor, asked, wanted.get("budget_s", 20.0))
 
 
@@ -79,7 +79,7 @@ def test_what_there_was_no_time_for_is_named() -> None:
 def test_results_that_are_there_are_not_run_again_and_tell_how_long_the_others_take(tmp_path: Path) -> None:
     text = '[[cells]]\ndataset = "bailey"\nbackend = ["ekf", "fastslam"]\nseeds = 4\n'
     executor = Stopwatch()
-    few = Wanted(lambda cell: cell.cell.seed < 3, None, False)
+    few = RunRequest(lambda cell: cell.cell.seed < 3, None, False)
     run(study(text), tmp_path, executor, few, about(study(text), tmp_path, []), silent())
     executor.asked.clear()
     with Store(tmp_path) as store:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.engine import logs as study_logs
-from slamduel.bench.engine.engine import Tally, Wanted, run
+from slamduel.bench.engine.engine import RunRequest, Tally, run
 from slamduel.bench.engine.key import log_key
 from slamduel.bench.engine.log_files import FOLDER, LogFiles, same
 from slamduel.bench.measure.cell import Result
@@ -22,7 +22,7 @@ from slamduel.bench.study.file import made
 from slamduel.bench.study.study import about
 from slamduel.bench.workers import dask_task
 from slamduel.bench.workers.batch import Batch, Finished, facts_of, unmade
-from slamduel.bench.workers.here_executor import Here
+from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.local_executor import Local
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
@@ -46,7 +46,7 @@ dataset = "aruco-room[markers=8,seconds=1,frame_rate=2]"
 backend = ["dead-reckoning", "ekf", "ukf"]
 seeds = 2
 """
-EVERYTHING = Wanted(lambda _: True, None, False)
+EVERYTHING = RunRequest(lambda _: True, None, False)
 
 
 class Workshop:
@@ -95,7 +95,7 @@ class Asked(NamedTuple):
     said: list[str]
 
 
-def go(folder: Path, text: str = STUDY, wanted: Wanted = EVERYTHING, *, lost: bool = False) -> Asked:
+def go(folder: Path, text: str = STUDY, wanted: RunRequest = EVERYTHING, *, lost: bool = False) -> Asked:
     """Go on with the study."""
     executor, watcher = Several(lost), silent()
     study = made("study.toml", text, full=False)
@@ -129,9 +129,9 @@ def test_a_log_is_made_once_whoever_runs_on_it(tmp_path: Path, workshop: Worksho
 
 
 def test_only_what_is_to_be_run_is_made(tmp_path: Path, workshop: Workshop) -> None:
-    assert go(tmp_path, wanted=Wanted(lambda cell: cell.cell.seed == 1, None, False)).ran == 3
+    assert go(tmp_path, wanted=RunRequest(lambda cell: cell.cell.seed == 1, None, False)).ran == 3
     assert workshop.makings == 1
-    assert go(tmp_path, wanted=Wanted(lambda _: True, 1, False)).ran == 1
+    assert go(tmp_path, wanted=RunRequest(lambda _: True, 1, False)).ran == 1
     assert workshop.makings == 2
 
 
@@ -172,7 +172,7 @@ def test_a_log_that_cannot_be_made_fails_its_cells_with_the_reason(tmp_path: Pat
         assert set(store.table([]).columns["reason"].tolist()) == {"the log could not be made: it rains"}
     assert go(tmp_path).ran == 0
     assert workshop.makings == 0
-    assert go(tmp_path, wanted=Wanted(lambda _: True, None, True)) == Asked(6, Tally(6, 6, 0), [])
+    assert go(tmp_path, wanted=RunRequest(lambda _: True, None, True)) == Asked(6, Tally(6, 6, 0), [])
     assert workshop.makings == 2
 
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.bench.engine.engine import Tally, Wanted, run
+from slamduel.bench.engine.engine import RunRequest, Tally, run
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.record.store import Store
 from slamduel.bench.study.file import made
 from slamduel.bench.study.only import choice
 from slamduel.bench.study.study import about
 from slamduel.bench.workers.batch import Batch, Finished, unmade
-from slamduel.bench.workers.here_executor import Here
+from slamduel.bench.workers.executor import Here
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.worlds.linear import Options, linear
 from slamduel.frontend.errors import InputError
@@ -59,7 +59,7 @@ def go(
 ) -> tuple[set[tuple[str, int]], Tally]:
     """The cells that were run, none of them twice, and how far the study is."""
     study, executor = made("study.toml", text, full=False), executor or Counting()
-    wanted = Wanted(choice(study, only), limit, retry)
+    wanted = RunRequest(choice(study, only), limit, retry)
     tally = run(study, folder, executor, wanted, about(study, folder, ["bench", "ablate", "study.toml"]), silent())
     assert len(set(executor.ran)) == len(executor.ran)
     return set(executor.ran), tally
@@ -175,5 +175,5 @@ def test_a_folder_of_another_study_is_left_alone(tmp_path: Path) -> None:
     go(tmp_path)
     study = made("other.toml", STUDY, full=False)
     with pytest.raises(InputError, match="holds the study study, expected other or another folder"):
-        run(study, tmp_path, Counting(), Wanted(), about(study, tmp_path, []), silent())
+        run(study, tmp_path, Counting(), RunRequest(), about(study, tmp_path, []), silent())
     assert go(tmp_path)[0] == set()

@@ -21,11 +21,10 @@ from slamduel.bench.drawing.svg import PAPER
 from slamduel.bench.record.cell_table import CellTable
 from slamduel.bench.record.store import Store
 from slamduel.bench.study.study import Figure
-from slamduel.bench.study_report.evidence import evidence
+from slamduel.bench.study_report.evidence import evidence, option_words
 from slamduel.bench.study_report.figure import span
 from slamduel.bench.study_report.gallery import gallery, main
 from slamduel.bench.study_report.marks import Bound, Crossing, Marks, draw_across, marks
-from slamduel.bench.study_report.option_words import option_words
 from slamduel.bench.study_report.report import again, write
 from slamduel.bench.verdict.statistics import estimate
 from slamduel.bench.words.numerals import number
@@ -177,7 +176,7 @@ def test_in_print_words_stand_on_white(tmp_path: Path) -> None:
     """Not on the colour that only a page replaces by its own."""
     claim = 'measure = "ate_m"\nof = { backend = "ekf", landmarks = 12 }\nbelow = 0.1'
     drawn(tmp_path / "a", claim)
-    found = evidence(tmp_path / "a").exhibits[0]
+    found = evidence(tmp_path / "a").figures[0]
     assert "claimed: below 0.1" in found.svg
     assert PAPER in found.svg
     assert found.printed is not None

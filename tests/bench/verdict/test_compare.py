@@ -26,7 +26,7 @@ from slamduel.bench.verdict.changes import (
     changes,
     summary,
 )
-from slamduel.bench.verdict.pairing import facing, side
+from slamduel.bench.verdict.pairing import paired_runs, side
 from slamduel.bench.verdict.statistics import holm, signed_rank
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.sketch import SUMS, Sketch
@@ -68,7 +68,7 @@ def run(
 
 def told(old: Path, new: Path, least: float | None = None, **allowed: bool) -> dict[str, Change]:
     """The changes by quantity."""
-    return {change.quantity: change for change in changes(facing(side(old), side(new), **allowed), least)}
+    return {change.quantity: change for change in changes(paired_runs(side(old), side(new), **allowed), least)}
 
 
 def test_the_same_twice_is_the_same_to_the_last_bit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -167,19 +167,19 @@ def test_new_and_gone_backends_are_named(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new")
     for folder, backend in ((old, "ukf"), (new, "isam2")):
         run(folder.with_name(f"{folder.name}-more"), backend=backend)
-    found = facing(side(old), side(new))
-    more = facing(side(old), side(new))._replace(added=[("room", "isam2")], gone=[("room", "ukf")])
+    found = paired_runs(side(old), side(new))
+    more = paired_runs(side(old), side(new))._replace(added=[("room", "isam2")], gone=[("room", "ukf")])
     assert {change.backend: change.verdict for change in changes(more)[-2:]} == {"isam2": NEW, "ukf": GONE}
     assert len(changes(more)) == len(changes(found)) + 2
     with pytest.raises(InputError, match="no backend on any dataset in common"):
-        facing(side(old), side(tmp_path / "new-more"))
+        paired_runs(side(old), side(tmp_path / "new-more"))
 
 
 @pytest.mark.parametrize(("name", "value"), [("processor", "slide rule"), ("cores", 64), ("memory_gb", 3.0)])
 def test_times_from_another_machine_are_left_out(tmp_path: Path, name: str, value: Any) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new", ate_m=1.3, cpu_s=3.0)
     elsewhere(new, **{name: value})
-    found = facing(side(old), side(new))
+    found = paired_runs(side(old), side(new))
     assert any("different machines" in note and "--any-machine" in note for note in found.notes)
     assert {change.kind for change in changes(found)} == {"accuracy", "consistency"}
     assert told(old, new)["ATE online, m"].verdict == REGRESSION
@@ -194,7 +194,7 @@ def elsewhere(folder: Path, **environment: Any) -> None:
 def test_what_differs_between_the_runs_is_listed(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new")
     elsewhere(new, revision="abc", packages={"numpy": "3.0", "gtsam": None})
-    found = facing(side(old), side(new))
+    found = paired_runs(side(old), side(new))
     assert set(found.differences) == {("numpy", "2.0", "3.0"), ("revision", "none", "abc")}
 
 
@@ -202,11 +202,11 @@ def test_other_logs_are_left_out_unless_told_otherwise(tmp_path: Path) -> None:
     old = run(tmp_path / "old", ate_m=1.0)
     new = run(tmp_path / "new", ate_m=1.3, digest=lambda seed: f"{'x' if seed < 1 else 'd'}{seed}")
     assert told(old, new)["ATE online, m"].n == LOGS - 1
-    assert any("room, seed 0: not the same log" in note for note in facing(side(old), side(new)).notes)
+    assert any("room, seed 0: not the same log" in note for note in paired_runs(side(old), side(new)).notes)
     assert told(old, new, any_log=True)["ATE online, m"].n == LOGS
     other = run(tmp_path / "other", digest=lambda seed: f"x{seed}")
     with pytest.raises(InputError, match="no cell ran on the same log"):
-        facing(side(old), side(other))
+        paired_runs(side(old), side(other))
     assert main(["compare", str(old), str(other)]) == 2
 
 
@@ -228,7 +228,7 @@ def sketches(folder: Path, by_seed: dict[int, Any]) -> Path:
 def test_logs_that_are_the_same_to_rounding_are_compared_and_named(tmp_path: Path) -> None:
     old = sketched(run(tmp_path / "old"), LOGS, 0.0)
     new = sketched(run(tmp_path / "new", ate_m=1.3, nees=1 + 1e-9, digest=lambda seed: f"x{seed}"), LOGS, 0.01)
-    notes = facing(side(old), side(new)).notes
+    notes = paired_runs(side(old), side(new)).notes
     assert any("differ by no more than rounding" in note and "at most 0.01; up to 0.1" in note for note in notes)
     assert any("within one part in a million" in note for note in notes)
     changed = told(old, new)
@@ -236,7 +236,7 @@ def test_logs_that_are_the_same_to_rounding_are_compared_and_named(tmp_path: Pat
     assert changed["NEES"].verdict == ROUNDED
     for off, frame in ((0.2, "f"), (0.0, "another")):
         with pytest.raises(InputError, match="no cell ran on the same log"):
-            facing(side(old), side(sketched(new, LOGS, off, frame)))
+            paired_runs(side(old), side(sketched(new, LOGS, off, frame)))
 
 
 def test_on_few_logs_that_differ_by_rounding_nothing_is_called_a_change(tmp_path: Path) -> None:
@@ -249,7 +249,7 @@ def test_other_instructions_allow_for_rounding_and_one_processor_allows_for_none
     assert told(old, new)["NEES"].verdict == NOTHING
     elsewhere(old, instructions="avx2")
     elsewhere(new, instructions="avx2 avx512f")
-    found = facing(side(old), side(new))
+    found = paired_runs(side(old), side(new))
     assert any("within one part in a million" in note for note in found.notes)
     assert any("(avx2)" in note and "(avx2 avx512f)" in note and "--any-machine" in note for note in found.notes)
     assert told(old, new)["NEES"].verdict == ROUNDED
@@ -320,7 +320,7 @@ def test_a_cell_that_was_done_and_is_skipped_is_a_regression(tmp_path: Path) -> 
 def test_a_distance_from_a_reference_is_not_compared_with_an_error(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "truth_kind", "reference")
     assert "ATE online, m" not in told(old, new)
-    assert any("the truth is another one now" in note for note in facing(side(old), side(new)).notes)
+    assert any("the truth is another one now" in note for note in paired_runs(side(old), side(new)).notes)
 
 
 def test_an_error_of_nothing_is_no_failure_and_rounding_no_change(tmp_path: Path) -> None:

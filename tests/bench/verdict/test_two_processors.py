@@ -9,7 +9,7 @@ import pytest
 
 import older_machine
 from slamduel.bench.verdict.changes import ROUNDED, SAME, changes
-from slamduel.bench.verdict.pairing import facing, side
+from slamduel.bench.verdict.pairing import paired_runs, side
 
 pytestmark = pytest.mark.slow
 
@@ -27,7 +27,7 @@ def run(folder: Path, kind: str | None) -> Path:
 def test_every_log_is_paired_and_nothing_has_changed(tmp_path: Path) -> None:
     here, there = side(run(tmp_path / "here", None)), side(run(tmp_path / "there", "nehalem"))
     there = there._replace(run={**there.run, "environment": there.run["environment"] | {"instructions": "sse4_2"}})
-    found = facing(here, there)
+    found = paired_runs(here, there)
     assert [len(pair.cells) for pair in found.pairs] == [1] * 4
     rows = {pair.dataset: [row.columns["digest"] for row in pair.cells[0]] for pair in found.pairs}
     assert len(set(rows[CIRCLE])) == 1

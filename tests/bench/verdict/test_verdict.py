@@ -10,7 +10,7 @@ import pytest
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.verdict.accuracy import between
 from slamduel.bench.verdict.consistency import belief_sentences, belief_word
-from slamduel.bench.verdict.ranking import contest, needed, ordered, standing
+from slamduel.bench.verdict.ranking import needed, ordered, ranking, standing
 from slamduel.bench.verdict.statistics import Comparison
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.verdict.verdict import Use, Verdict, verdict
@@ -384,7 +384,7 @@ def test_a_lower_median_does_not_outrank_one_that_is_closer_for_sure() -> None:
     hard = [1.0] * 9 + [5.0] * 11
     a = told("a", ate_m=[0.9 * h for h in hard[:8]] + [4.0] + [6.0] * 11)
     b = told("b", ate_m=[value * 1.2 for value in [0.9 * h for h in hard[:8]] + [4.0] + [6.0] * 11])
-    found = contest(lines(b + a), "ate_m")
+    found = ranking(lines(b + a), "ate_m")
     assert found is not None
     assert [line.backend for line in found.lines] == ["a", "b"]
     assert found.between(*found.lines).ratio == pytest.approx(1.2)

@@ -3,8 +3,7 @@
 import pytest
 
 from slamduel.bench.words.column import CPU_S, ERROR_M, INSIDE_95, NEES, Column
-from slamduel.bench.words.columns import CELLS, COLUMNS, FINAL, METRICS, about
-from slamduel.bench.words.report_columns import REPORT
+from slamduel.bench.words.columns import CELLS, COLUMNS, FINAL, METRICS, REPORT, about
 
 UNITS = {"_m": "m", "_rad": "rad", "_us": "µs", "_s": "s", "_mb": "MB"}
 

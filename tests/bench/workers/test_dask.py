@@ -13,7 +13,7 @@ pytest.importorskip("distributed", reason="Dask is not installed")
 import older_machine
 import slamduel
 from dask_processes import WITHOUT, Processes
-from slamduel.bench.engine.engine import Tally, Wanted, run
+from slamduel.bench.engine.engine import RunRequest, Tally, run
 from slamduel.bench.measure.cell import Job
 from slamduel.bench.plan import spec
 from slamduel.bench.study.file import made
@@ -22,7 +22,7 @@ from slamduel.bench.workers import dask_cluster
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.dask_cluster import Cluster
 from slamduel.bench.workers.dask_executor import Dask
-from slamduel.bench.workers.here_executor import Here
+from slamduel.bench.workers.executor import Here
 from slamduel.datasets.formats.gtsam_text import shipped
 from slamduel.frontend.errors import InputError
 from small_study import silent
@@ -180,7 +180,7 @@ def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None
         there.worker()
         there.worker(environment=older_machine.environment("nehalem"))
         there.until(lambda: dask.slots == 2)
-        wanted = Wanted(lambda _: True, None, False)
+        wanted = RunRequest(lambda _: True, None, False)
         assert run(study, tmp_path / "out", dask, wanted, about(study, tmp_path / "out", []), silent()) == Tally(
             21, 21, 0
         )

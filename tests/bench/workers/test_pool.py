@@ -26,7 +26,7 @@ from slamduel.bench.measure.memory import limited
 from slamduel.bench.workers import local_executor
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.batch_queue import BatchQueue
-from slamduel.bench.workers.here_executor import Here
+from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.local_executor import Local
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.formats import log_folder

@@ -12,7 +12,7 @@ import graph_in_gtsam
 from random_logs import random_log
 from slamduel.backends.api import Solution
 from slamduel.backends.registry import find
-from slamduel.bench.measure.misfit import cost
+from slamduel.bench.measure.misfit import misfit
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats.g2o_write import write_g2o
@@ -119,6 +119,6 @@ def test_gtsam_s_own_reader_finds_it_too_where_it_reads_every_row(tmp_path: Path
     before = factors.error(values)
     after = factors.error(gtsam.LevenbergMarquardtOptimizer(factors, values).optimize())
     assert after == pytest.approx(before, rel=1e-6)
-    found = cost(log, path, landmarks)
+    found = misfit(log, path, landmarks)
     assert found is not None
     assert sum(found) / 2 == pytest.approx(after, rel=1e-4)  # J counts in the world's coordinates, not in the tangent's
