@@ -8,6 +8,7 @@ files of the package whose names begin with an underscore; they import what they
 import ast
 import contextlib
 import fcntl
+import gc
 import hashlib
 import os
 from collections.abc import Callable
@@ -63,9 +64,13 @@ def _in_turn(dispatcher: Any, compile_: Callable[..., Any]) -> Callable[..., Any
             return known.entry_point
         with contextlib.suppress(OSError):  # a file system without locks
             fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_EX, 1, place)
+        collecting = gc.isenabled()
+        gc.disable()  # a compiler makes millions of objects that live until it ends: looking for garbage takes a tenth
         try:
             return compile_(signature)
         finally:
+            if collecting:
+                gc.enable()
             with contextlib.suppress(OSError):
                 fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_UN, 1, place)
 

@@ -17,6 +17,7 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Image, square
 from ...frontend.markers.markers import find
 from ...frontend.se2 import Array
+from ._background import meet
 from .boxes import Box, Face
 from .lattice import jitter, lattice
 from .lens import Lens, Part, Patch, Singles, through
@@ -126,28 +127,17 @@ class Renderer:
 
     def _background(self, pose: Array, rays: Singles) -> Singles:
         """(h, w) the floor and the walls along `rays` (3, h, w)."""
-        half_x, half_y = np.float32(self.room.length / 2), np.float32(self.room.width / 2)
-        turn, (ox, oy, oz) = pose[:3, :3].astype(np.float32), pose[:3, 3].astype(np.float32)
-        dx, dy, dz = (turn @ rays.reshape(3, -1)).reshape(rays.shape)
-        side_x, side_y = np.copysign(half_x, dx), np.copysign(half_y, dy)
-        with np.errstate(divide="ignore"):  # parallel to a wall
-            to_x, to_y = (side_x - ox) / dx, (side_y - oy) / dy
-        to_floor = oz / np.maximum(-dz, np.float32(1e-9))
-        to_wall = np.minimum(to_x, to_y)
-        reach = np.minimum(to_wall, to_floor)
-        x, y, z = ox + reach * dx, oy + reach * dy, oz + reach * dz
-        # Counter-clockwise along the walls, as in `room.wall_point`; the signs pick the wall of each pair.
-        middle = half_x + half_y
-        on_x = 3 * half_x + 2 * half_y + side_x / half_x * (y - middle)
-        on_y = 2 * half_x + half_y - side_y / half_y * (x - middle)
-        column = np.where(to_floor < to_wall, x + half_x, np.where(to_x < to_y, on_x, on_y))
-        wall_row = np.float32(self.surfaces.wall_row / DENSITY + self.room.height) - z
-        row = np.where(to_floor < to_wall, y + half_y, wall_row)
-        column, row = (np.float32(DENSITY) * metres - np.float32(0.5) for metres in (column, row))
+        turn, eye = pose[:3, :3].astype(np.float32), pose[:3, 3].astype(np.float32)
+        half_x, half_y, height = (np.float32(m) for m in (self.room.length / 2, self.room.width / 2, self.room.height))
+        top = np.float32(self.surfaces.wall_row / DENSITY + self.room.height)
+        at = np.empty((3, *rays.shape[1:]), np.float32)
+        turned = turn @ rays.reshape(3, -1)
+        highest = meet(turned, eye, half_x, half_y, top, np.float32(DENSITY), at.reshape(3, -1))
+        column, row, z = at
         seen = cv2.remap(self.surfaces.image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         seen = np.asarray(seen, np.float32)
-        if z.max() > self.room.height:
-            seen[z > np.float32(self.room.height)] = CEILING
+        if highest > height:
+            seen[z > height] = CEILING
         return seen
 
     @cached_property

@@ -145,11 +145,15 @@ def worst_module(
 def _box(corners: Array, shape: tuple[int, int], reach: float) -> tuple[int, int, int, int]:
     """The range of rows and columns that the corners (4, 2) span, with `reach` px more."""
     height, width = shape
+    left, top, right, bottom = corners[0, 0], corners[0, 1], corners[0, 0], corners[0, 1]
+    for k in range(1, 4):
+        left, right = min(left, corners[k, 0]), max(right, corners[k, 0])
+        top, bottom = min(top, corners[k, 1]), max(bottom, corners[k, 1])
     return (
-        max(math.floor(corners[:, 1].min() - reach), 0),
-        min(math.ceil(corners[:, 1].max() + reach) + 1, height),
-        max(math.floor(corners[:, 0].min() - reach), 0),
-        min(math.ceil(corners[:, 0].max() + reach) + 1, width),
+        max(math.floor(top - reach), 0),
+        min(math.ceil(bottom + reach) + 1, height),
+        max(math.floor(left - reach), 0),
+        min(math.ceil(right + reach) + 1, width),
     )
 
 
@@ -298,8 +302,10 @@ def _accumulate(
 
     While `free` is False only the homography, black and white may change.
     """
-    normal[:] = 0.0
-    gradient[:] = 0.0
+    for k in range(PARAMETERS):
+        gradient[k] = 0.0
+        for other in range(PARAMETERS):
+            normal[k, other] = 0.0
     J = np.zeros(PARAMETERS)
     wu = np.empty((4, 4))
     wv = np.empty((4, 4))
@@ -415,8 +421,8 @@ def _believe(look: Array, variance: float, free: bool, normal: Array, gradient: 
         if k in (12, 13):
             continue
         if not free:  # far from the optimum a wider blur explains any residual: hold it
-            normal[k, :] = 0.0
-            normal[:, k] = 0.0
+            for other in range(PARAMETERS):
+                normal[k, other] = normal[other, k] = 0.0
             normal[k, k] = 1.0
             gradient[k] = 0.0
             continue
@@ -442,12 +448,18 @@ def _moved(G: Array, look: Array, step: Array, m: int) -> tuple[Array, Array, fl
     The change d acts on the pattern's coordinates: u grows by d0 + d1 p + d2 q + p (d6 p + d7 q) modules and v by d3 +
     d4 p + d5 q + q (d6 p + d7 q). A step over 0.7 modules is shortened, and so are large changes of the blur.
     """
-    largest = np.abs(step[:8]).max()
-    d = step[:8] * (0.7 / max(largest, 0.7) / m)
+    largest = 0.0
+    for k in range(8):
+        largest = max(largest, abs(step[k]))
+    d = np.empty(8)
+    for k in range(8):
+        d[k] = step[k] * (0.7 / max(largest, 0.7) / m)
     change = np.array([[1.0 + d[1], d[2], d[0]], [d[4], 1.0 + d[5], d[3]], [-d[6], -d[7], 1.0]])
     centred = np.array([[1.0 / m, 0.0, -0.5], [0.0, 1.0 / m, -0.5], [0.0, 0.0, 1.0]])
     back = np.array([[float(m), 0.0, m / 2.0], [0.0, float(m), m / 2.0], [0.0, 0.0, 1.0]])
-    moved = look + step[8:]
+    moved = np.empty(11)
+    for k in range(11):
+        moved[k] = look[k] + step[8 + k]
     for k in range(3):
         moved[k] = look[k] + min(max(step[8 + k], -0.7), 0.7)
     moved[0] = min(max(moved[0], -2.0), 2.3)

@@ -19,9 +19,17 @@ def homography(rays: Array, modules: int) -> Array:
         rows[2 * k + 1, 3], rows[2 * k + 1, 4], rows[2 * k + 1, 5] = x, y, 1.0
         rows[2 * k + 1, 6], rows[2 * k + 1, 7] = -v * x, -v * y
     solution = np.linalg.solve(rows, places)
-    G = np.append(solution, 1.0).reshape(3, 3)
     # The sign for which the pattern is in front: positive at its corners.
-    return G if (rays @ solution[6:] + 1 > 0).all() else -G
+    ahead = rays @ solution[6:]
+    sign = 1.0
+    for k in range(4):
+        if not ahead[k] + 1 > 0:
+            sign = -1.0
+    G = np.empty((3, 3))
+    G[2, 2] = sign
+    for k in range(8):
+        G[k // 3, k % 3] = sign * solution[k]
+    return G
 
 
 @compiled

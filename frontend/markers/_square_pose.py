@@ -31,7 +31,7 @@ def settle(
         damped = information.copy()
         for k in range(6):
             damped[k, k] += damping * information[k, k] + 1e-12
-        step: Array = np.linalg.solve(damped, gradient).astype(np.float64)
+        step: Array = np.linalg.solve(damped, gradient)
         trial_rotation = _rotation(step[:3]) @ rotation
         trial_shift = shift + step[3:]
         better = False
@@ -41,8 +41,7 @@ def settle(
                 better = True
                 done = chi2 - trial <= 1e-9 * chi2 + 1e-9
                 rotation, shift, chi2 = trial_rotation, trial_shift, trial
-                misses[:] = trial_misses
-                jacobian[:] = trial_jacobian
+                _copy(trial_misses, trial_jacobian, misses, jacobian)
                 damping = max(damping * 0.1, 1e-12)
                 if done:
                     break
@@ -84,6 +83,15 @@ def _misses(outline: Array, rays: Array, rotation: Array, shift: Array, misses: 
         jacobian[2 * k + 1, 4] = 1 / z
         jacobian[2 * k + 1, 5] = -y / z
     return True
+
+
+@compiled
+def _copy(misses: Array, jacobian: Array, other_misses: Array, other_jacobian: Array) -> None:
+    """Copies entry by entry: whole-array assignments take seconds to compile, for their error checks."""
+    for i in range(8):
+        other_misses[i] = misses[i]
+        for j in range(6):
+            other_jacobian[i, j] = jacobian[i, j]
 
 
 @compiled
