@@ -34,7 +34,7 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
     said += _alike(best, pairs.get("alike", []), what, on)
     if "worse" in pairs:
         names = few([c.second for c in pairs["worse"]])
-        said.append(f"No {what} is the best{on}: {names} significantly closer than {best}, and others than these.")
+        said.append(f"No {what} is the best{on}: each is significantly worse than another, {best}'s than {names}'s.")
     said += _open(best, pairs.get("open", []), what, on)
     said += _unproven(best, pairs.get("unproven", []), what, on, len(found.comparisons))
     if "few" in pairs:

@@ -308,8 +308,8 @@ def test_a_page_and_an_svg_are_written_too(tmp_path: Path, capsys: pytest.Captur
         (["circle[stepz=3]"], "there is no option 'stepz'"),
         (["nowhere/at/all"], "nowhere/at/all"),
         (["circle,city"], "bench show: found 2 datasets, expected one."),
-        (["circle", "--out", "x.txt"], "--out x.txt: found a name that ends in '.txt', expected .png .svg .pdf .html"),
-        (["circle", "--out", "no/x.png"], "there is no folder no, expected one that is there"),
+        (["circle", "--out", "x.txt"], "--out x.txt: found the ending '.txt', expected one of .png, .svg, .pdf, .html"),
+        (["circle", "--out", "no/x.png"], "there is no folder no, expected an existing one"),
         (["circle", "--seed", "-1"], "found -1, expected a whole number, at least 0"),
     ],
 )
@@ -400,7 +400,7 @@ def test_ids_that_are_not_in_one_place_are_named(by: str) -> None:
     assert len(drawn.xy) == len(places.ids) - 2
     said = dict(facts(found, drawn.words))["not in one place"]
     assert said.startswith(f"ids {moving[0]} and {moving[1]} ({astray.sightings} sightings, ")
-    assert said.endswith(" m about): do they move?")
+    assert said.endswith(" m): do they move?")
 
 
 def test_no_id_is_astray_where_all_stand_or_the_path_is_not_known_or_the_places_are() -> None:

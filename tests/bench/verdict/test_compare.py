@@ -142,7 +142,7 @@ def test_on_few_logs_what_draws_nothing_needs_no_test(tmp_path: Path, logs: int)
 def test_on_few_logs_chance_cannot_be_told_from_change(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old", 3, random=True), run(tmp_path / "new", 3, random=True, ate_m=1.2)
     ate = told(old, new)["ATE online, m"]
-    assert (ate.verdict, ate.words) == (FEW, "3 logs, a test of so many comparisons takes 6")
+    assert (ate.verdict, ate.words) == (FEW, "3 logs, a test of so many comparisons needs 6")
 
 
 def test_nees_is_judged_by_how_far_it_is_from_1(tmp_path: Path) -> None:
