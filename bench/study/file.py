@@ -111,7 +111,7 @@ def read(which: str, *, full: bool) -> Study:
     try:
         text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
     except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
+        said = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
         raise InputError(f"{which}: {said}; expected a study file, or the name of a packaged one: {hint}") from None
     return made(str(path), text, full=full)

@@ -88,11 +88,11 @@ def _open(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[st
     ruled = f"more than {larger(widest)} apart is ruled out" if widest < inf else "failures leave no limit"
     if len(pairs) == 1:
         (c,) = pairs
-        head = f"By their {what}s, {best} and {c.second} cannot be told apart{on}"
+        head = f"The {what}s of {best} and {c.second} do not differ significantly{on}"
         return [f"{head}: {best} is {between(c)} ({ruled})."]
     names = few([c.second for c in pairs])
     each = "; ".join(f"{between(c)} than {c.second}" for c in pairs) if len(pairs) <= SHOWN else ruled
-    return [f"{best}'s {what} cannot be told apart from those of {names}{on}: {each}."]
+    return [f"{best}'s {what} does not differ significantly from those of {names}{on}: {each}."]
 
 
 def between(c: Comparison) -> str:

@@ -284,8 +284,8 @@ def test_two_powers_cross_where_they_meet() -> None:
 def test_sides_that_never_cross_cross_the_wrong_way_or_more_than_once_are_said_to() -> None:
     less_all_along, not_yet = (answer(crosses(), crossing([at] * 6)) for at in (5, 500))
     assert less_all_along.verdict == not_yet.verdict == "fails"
-    assert "it is less all along, from 10 on" in less_all_along.sentence
-    assert "it is not less yet at 300" in not_yet.sentence
+    assert "no crossing: less at every value, from 10 on" in less_all_along.sentence
+    assert "no crossing: not less at any value, up to 300" in not_yet.sentence
     assert answer(crosses(200, 1000), crossing([500] * 6)).verdict == "open"  # where, nobody knows
     wrong = answer(crosses(first=EKF), crossing([50] * 6))
     assert wrong.verdict == "fails"

@@ -149,7 +149,7 @@ ODD: dict[str, tuple[Change, str]] = {
     "no id": (put("ids", slice(0, 2), UNKNOWN), "2 of 120 sightings have no id"),
     "never met again": (
         lambda parts: parts.update(ids=np.arange(120)),
-        "120 of 120 landmarks are sighted once only",
+        "120 of 120 landmarks are sighted only once",
     ),
     "blind": (
         lambda parts: parts.update(

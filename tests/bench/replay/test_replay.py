@@ -142,7 +142,7 @@ def test_another_log_than_the_recorded_one_is_refused(
         record.execute("UPDATE logs SET digest = ?", ("f" * 64,))
     record.close()
     said = refused(capsys, tmp_path / "run", "--out", tmp_path / "x.html")
-    assert "is another log now than when this was run" in said
+    assert "has changed since this run" in said
     assert "expected ffffffffffff" in said
     assert os.listdir(tmp_path) == ["run"]
 
