@@ -124,7 +124,7 @@ class TextbookEkf:
         return replaced
 
     def gated(self, landmarks: list[int], innovation: Array, S: Array) -> tuple[list[int], list[int]]:
-        """Gates each pair of rows given the accepted ones before; returns accepted rows and the landmarks to replace."""
+        """Gates each pair of rows given the accepted ones before; returns accepted rows and landmarks to replace."""
         used, replaced = list[int](), list[int]()
         for i, landmark in enumerate(landmarks):
             rows = [2 * i, 2 * i + 1]
