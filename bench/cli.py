@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="bench",
         description="The same robot log through several SLAM backends, and a verdict that holds up.",
-        epilog="bench COMMAND --help tells more. bench run alone runs five backends on two built-in datasets.",
+        epilog="bench COMMAND --help has details. bench run alone runs five backends on two built-in datasets.",
     )
     chosen = next((word for word in given if not word.startswith("-")), None)
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -46,7 +46,7 @@ class Options:
     )
     update: str = option(
         "sequential",
-        "process sightings one by one, each linearised anew, or those of a frame jointly at the prediction",
+        "process sightings one by one, each at the newest estimate, or those of a frame jointly at the prediction",
         choices=("sequential", "joint"),
     )
     gate: float = option(

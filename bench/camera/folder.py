@@ -12,7 +12,7 @@ from ...frontend.files import write_whole
 from ..drawing.page import rendered
 from ..words.numerals import number
 from .kept_frames import Picture, encoded, sheet
-from .noise_calibration import HONEST, toml
+from .noise_calibration import CONSISTENT, toml
 from .summary import Findings, headline, left_out, marker_rows
 
 LOG = frozenset({"log.toml", "odometry.csv", "sightings.csv", "truth.tum", "landmarks.csv"})
@@ -74,7 +74,7 @@ def write_detection_report(folder: Path, out: Path, findings: Findings, pictures
         "figures": figures,
         "pictures": [(one, base64.b64encode(encoded(one.image, ".jpg")).decode()) for one in pictures],
         "noise": toml(f.calibration) if f.calibration else "",
-        "honest": HONEST,
+        "consistent": CONSISTENT,
         "number": number,
         "settings": (folder / "log.toml").read_text(encoding="utf-8"),
         "command": f"bench run --dataset {shlex.quote(str(out))}",

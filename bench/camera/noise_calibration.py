@@ -13,7 +13,7 @@ from .sightings import Sightings, TrueErrors, in_log
 CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
 """the covariance from the corners alone, at the scale 1"""
 
-HONEST = (0.8, 1.2)  # NEES of (range, bearing), over its two degrees of freedom, that counts as consistent
+CONSISTENT = (0.8, 1.2)  # NEES of (range, bearing), over its two degrees of freedom, that counts as consistent
 
 
 class RangeBin(NamedTuple):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...frontend.factors import Log, Truth
 from ..words.numerals import counted, listed, number
-from .noise_calibration import HONEST, Calibration, RangeBin
+from .noise_calibration import CONSISTENT, Calibration, RangeBin
 from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame
 
 NOISES = ("stated", "proportional", "propagated")  # in the order of RangeBin.nees; the last two if fitted
@@ -55,7 +55,7 @@ def _truthfulness(bins: Sequence[RangeBin]) -> str:
     n = np.array([one.sightings for one in bins])
     nees = float(n @ [one.nees[0] for one in bins] / n.sum())
     bias = float(n @ [one.range_mean for one in bins] / n.sum())
-    word = "cautious" if nees < HONEST[0] else "consistent" if nees <= HONEST[1] else "overconfident"
+    word = "cautious" if nees < CONSISTENT[0] else "consistent" if nees <= CONSISTENT[1] else "overconfident"
     return (
         f"Against the truth, ranges are {number(1e3 * abs(bias))} mm too {'long' if bias > 0 else 'short'} on average, "
         f"and the stated noise is {word}: NEES {number(nees)}, 1 being exact."

@@ -16,7 +16,7 @@ BIAS = np.array([0.01, 0.0, 0.008])  # of odometry, within its stated noise, add
 
 
 def it_starts_at_the_prior(candidate: Candidate) -> str:
-    """At step 0 it stands where the prior says, and goes on from there."""
+    """At step 0 it is at the prior's pose, and moves on from there."""
     start = np.array([3.0, -2.0, 2.5])
     log = drive(np.random.default_rng(11), around(5), start=start, scale=TINY, reach=0.0).log
     position, heading = candidate.slack(log)
@@ -57,9 +57,9 @@ def landmarks_are_where_they_are(candidate: Candidate) -> str:
 
 
 def it_goes_on_without_sightings(candidate: Candidate) -> str:
-    """Long stretches without sightings, after some and before more, do not throw it."""
-    honest = drive(np.random.default_rng(15), around(160), sees=lambda k, _: k < 40 or k > 130)
-    return f"at most {_stays_within_dead_reckoning(candidate, honest):.2g} m off with 90 steps without sightings"
+    """Long stretches without sightings, after some and before more, do not make it diverge."""
+    noisy = drive(np.random.default_rng(15), around(160), sees=lambda k, _: k < 40 or k > 130)
+    return f"at most {_stays_within_dead_reckoning(candidate, noisy):.2g} m off with 90 steps without sightings"
 
 
 def standing_still_does_no_harm(candidate: Candidate) -> str:
@@ -78,13 +78,13 @@ def a_landmark_straight_behind_is_no_trouble(candidate: Candidate) -> str:
 
 
 def innovations_are_wrapped(candidate: Candidate) -> str:
-    """A landmark behind, whose bearings fall on both sides of the cut at pi, does not throw the estimate."""
-    honest = behind(np.random.default_rng(18), np.pi)
-    return f"at most {_stays_within_dead_reckoning(candidate, honest):.2g} m off"
+    """A landmark behind, whose bearings fall on both sides of the cut at pi, does not disturb the estimate."""
+    noisy = behind(np.random.default_rng(18), np.pi)
+    return f"at most {_stays_within_dead_reckoning(candidate, noisy):.2g} m off"
 
 
 def a_given_map_is_used(candidate: Candidate) -> str:
-    """On a given exact map, biased odometry does not lead it astray, and the map stays as it was given."""
+    """On a given exact map, biased odometry does not mislead it, and the map stays as it was given."""
     drifting = _drifting(np.random.default_rng(19))
     given = with_map(drifting, None, np.random.default_rng(20))
     landmarks, found = _localises(candidate, given)
@@ -95,7 +95,7 @@ def a_given_map_is_used(candidate: Candidate) -> str:
 
 
 def an_uncertain_map_is_used(candidate: Candidate) -> str:
-    """On a given map with a joint covariance, biased odometry does not lead it astray."""
+    """On a given map with a joint covariance, biased odometry does not mislead it."""
     drifting = _drifting(np.random.default_rng(21))
     n = 2 * len(drifting.map.ids)
     common = np.kron(np.ones((n // 2, n // 2)), np.eye(2))  # the map as a whole is shifted, too
@@ -106,7 +106,7 @@ def an_uncertain_map_is_used(candidate: Candidate) -> str:
 
 
 def it_is_no_worse_than_dead_reckoning(candidate: Candidate) -> str:
-    """On an honest log of 200 steps, its error is at most one and a half times that of odometry alone."""
+    """On a log of 200 steps with noise as stated, its error is at most one and a half times that of odometry alone."""
     log, truth, _ = drive(np.random.default_rng(23), around(200))
     path, cov = dead_reckoned(log)
     # What dead reckoning is expected to be off counts as well: it may have been lucky.
@@ -124,12 +124,12 @@ def loop_closures_are_used(candidate: Candidate) -> str:
         raise NotApplicable("a log with loop closures is skipped for it")
     log, truth, _ = with_loop(drive(np.random.default_rng(24), around(85), errors=0.0, bias=BIAS), 0)
     plain, _ = dead_reckoned(log)
-    astray = float(np.hypot(*(plain - truth)[-1, :2]))
+    drift = float(np.hypot(*(plain - truth)[-1, :2]))
     for which, path in candidate.run(log).paths.items():
         off = float(np.hypot(*(path - truth)[-1, :2]))
-        if off > astray / 2:
-            raise Failed(f"the {which} path ends {off:.3g} m off, expected less than half of odometry's {astray:.3g} m")
-    return f"dead reckoning ends {astray:.2g} m off, it less than half of that"
+        if off > drift / 2:
+            raise Failed(f"the {which} path ends {off:.3g} m off, expected less than half of odometry's {drift:.3g} m")
+    return f"dead reckoning ends {drift:.2g} m off, the paths less than half of that"
 
 
 def _stays_exact(candidate: Candidate, log: Log, expected: Array) -> float:
@@ -137,10 +137,10 @@ def _stays_exact(candidate: Candidate, log: Log, expected: Array) -> float:
     return max(stays_near(path, expected, candidate.slack(log), f"the {which} path") for which, path in paths.items())
 
 
-def _stays_within_dead_reckoning(candidate: Candidate, honest: Drive) -> float:
-    _, cov = dead_reckoned(honest.log)
-    paths = candidate.run(honest.log).paths
-    return max(stays_near(path, honest.path, spread(cov), f"the {which} path") for which, path in paths.items())
+def _stays_within_dead_reckoning(candidate: Candidate, noisy: Drive) -> float:
+    _, cov = dead_reckoned(noisy.log)
+    paths = candidate.run(noisy.log).paths
+    return max(stays_near(path, noisy.path, spread(cov), f"the {which} path") for which, path in paths.items())
 
 
 def _drifting(rng: np.random.Generator) -> Drive:
@@ -154,15 +154,15 @@ def _localises(candidate: Candidate, given: Drive) -> tuple[Map, str]:
     if all(np.abs(path - plain).max() < ROUNDING for path in trial.paths.values()):
         raise NotApplicable("it makes no use of sightings")
     last = slice(-len(plain) // 4, None)
-    astray = _rmse(plain[last], given.path[last])
+    drift = _rmse(plain[last], given.path[last])
     off = {which: _rmse(path[last], given.path[last]) for which, path in trial.paths.items()}
     for which, error in off.items():
-        if error > astray / 2:
+        if error > drift / 2:
             raise Failed(
                 f"the {which} path is {error:.3g} m off (RMSE of the last quarter), expected less than half of "
-                f"odometry's {astray:.3g} m"
+                f"odometry's {drift:.3g} m"
             )
-    return trial.final_map, f"{max(off.values()):.2g} m off in the last quarter, odometry {astray:.2g} m"
+    return trial.final_map, f"{max(off.values()):.2g} m off in the last quarter, odometry {drift:.2g} m"
 
 
 def _rmse(path: Array, truth: Array) -> float:

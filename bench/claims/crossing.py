@@ -24,7 +24,7 @@ def crossing(claim: Claim, first: Side, second: Side) -> Finding:
     """
     both = pairs(first, second)
     if len(set(first.along) | set(second.along)) - (None in (*first.along, *second.along)) < 2:
-        raise Untestable(f"{claim.along} has one value; a crossing is between two or more")
+        raise Untestable(f"{claim.along} has one value, expected two or more for a crossing")
     if len(both.along) < 2 or not both.first.size:
         return nothing("no log has both sides at two values or more")
     x, d = np.array(both.along, float), log_ratios(both.first, both.second)
@@ -50,14 +50,14 @@ def _wanted(claim: Claim, verdict: Verdict) -> str:
 def _said(x: Array, at: float, low: float, high: float, n: int) -> str:
     start, end = plain(float(x[0])), plain(float(x[-1]))
     if n >= FEWEST and high <= x[0]:
-        return f"they do not cross, it is less all along, from {start} on ({interval(nan, nan, n)})"
+        return f"no crossing: less at every value, from {start} on ({interval(nan, nan, n)})"
     if n >= FEWEST and low >= x[-1]:
-        return f"they do not cross so, it is not less yet at {end} ({interval(nan, nan, n)})"
+        return f"no crossing: not less at any value, up to {end} ({interval(nan, nan, n)})"
 
     def written(value: float) -> str:
         return f"below {start}" if value < x[0] else f"beyond {end}" if isinf(value) else number(value)
 
-    return f"{'not to be placed' if isnan(at) else f'at {number(at)}'} ({interval(low, high, n, written)})"
+    return f"{'place unknown' if isnan(at) else f'at {number(at)}'} ({interval(low, high, n, written)})"
 
 
 def _remarks(d: Array) -> tuple[str, ...]:

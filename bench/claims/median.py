@@ -35,7 +35,7 @@ def exponents(claim: Claim, side: Side) -> Finding:
     """
     if len(side.along) < FEWEST_PLACES:
         found = ", ".join(f"{x}" for x in side.along)
-        raise Untestable(f"{claim.along} has too few values for an exponent: {found}; expected {FEWEST_PLACES}")
+        raise Untestable(f"too few values of {claim.along} for an exponent: {found}; expected at least {FEWEST_PLACES}")
     if (side.values[side.present] < 0).any():
         raise Untestable(f"{side.measure} has negative values, which are no power of {claim.along}")
     whole = side.complete()

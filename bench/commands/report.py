@@ -31,7 +31,7 @@ def _forms(text: str) -> tuple[str, ...]:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Writes the files anew; 0."""
+    """Writes the files again; 0."""
     folder: Path = namespace.folder
     with Store(folder) as store:
         if not os.access(folder, os.W_OK):

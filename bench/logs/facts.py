@@ -5,7 +5,7 @@ from math import degrees, tau
 from typing import Any
 
 from ..words.numerals import counted, listed, number, plain
-from .landmark_places import Astray
+from .landmark_places import Scattered
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
 from .stated_noise import Measured, NoiseCheck
 
@@ -44,8 +44,8 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
     yield "stated noise", _joined(_noise(found.noise))
     yield "known", _joined(_known(found, path))
     known = found.known
-    if known.astray is not None:
-        yield "not in one place", _astray(known.astray)
+    if known.scattered is not None:
+        yield "not in one place", _scattered(known.scattered)
     if known.sightings is not None and known.measured is not None:
         against = ["against each landmark's median place"] if known.medians else []
         yield (
@@ -194,31 +194,33 @@ def _coverage(known: Known, steps: int) -> str:
     return "no true path"
 
 
-def _astray(astray: Astray) -> str:
-    one = len(astray.ids) == 1
-    low, high = number(astray.spread_least), number(astray.spread_most)
+def _scattered(scattered: Scattered) -> str:
+    one = len(scattered.ids) == 1
+    low, high = number(scattered.spread_least), number(scattered.spread_most)
     about = f"{low} m" if low == high else f"{low} to {high} m"
-    named = f"id{'s' * (not one)} {listed([str(name) for name in astray.ids], NAMED)}"
-    return f"{named} ({counted(astray.sightings, 'sighting')}, spread {about}): {'does it' if one else 'do they'} move?"
+    named = f"id{'s' * (not one)} {listed([str(name) for name in scattered.ids], NAMED)}"
+    return (
+        f"{named} ({counted(scattered.sightings, 'sighting')}, spread {about}): {'does it' if one else 'do they'} move?"
+    )
 
 
-def _noise_checked(honest: NoiseCheck) -> Iterator[str]:
+def _noise_checked(check: NoiseCheck) -> Iterator[str]:
     low, high = TRUE_ENOUGH
-    times = f"{number(honest.scale)} times"
-    if low <= honest.scale <= high:
+    times = f"{number(check.scale)} times"
+    if low <= check.scale <= high:
         fit, but = f"typical error as stated ({times})", "but"
     else:
-        small = honest.scale > high
+        small = check.scale > high
         fit = f"stated too {'small' if small else 'large'}: the typical error is {times} the stated one"
         but = "and" if small else "but"
-    far = f"{number(100 * honest.far)} %"
-    if honest.far > OUTLIERS:
+    far = f"{number(100 * check.far)} %"
+    if check.far > OUTLIERS:
         yield f"{fit}, {but} {far} are far out, where chance has 0.1 %"
     else:
         yield fit
         yield f"{far} far out, where chance has 0.1 %"
-    yield f"NEES {number(honest.nees)}, where 1 is exact"
-    yield f"{honest.checked:,} checked"
+    yield f"NEES {number(check.nees)}, where 1 is exact"
+    yield f"{check.checked:,} checked"
 
 
 def _measured(measured: Measured) -> str:

@@ -20,10 +20,10 @@ class Places(NamedTuple):
     xy: Array  # (l, 2) m, median
     spread: Array  # (l,) m, the median distance of its sightings from there
     sightings: Ints  # (l,) how many, from a known pose
-    astray: NDArray[np.bool_]  # (l,) not in one place
+    scattered: NDArray[np.bool_]  # (l,) not in one place
 
 
-class Astray(NamedTuple):
+class Scattered(NamedTuple):
     """The ids that are not in one place."""
 
     ids: tuple[int, ...]
@@ -33,7 +33,7 @@ class Astray(NamedTuple):
 
 
 def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
-    """Places ids from `poses` (m, 3), step k being row `pose_at[k]` or -1; none is astray if not `known`."""
+    """Places ids from `poses` (m, 3), step k being row `pose_at[k]` or -1; none is scattered if not `known`."""
     row = np.flatnonzero((log.ids != UNKNOWN) & (pose_at[log.sighting_step] >= 0))
     ids, landmark = np.unique(log.ids[row], return_inverse=True)
     points = sighted(poses[pose_at[log.sighting_step[row]]], log.z[row])
@@ -43,17 +43,17 @@ def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
     sd = np.sqrt(log.z_cov[row, 0, 0] + log.z[row, 0] ** 2 * log.z_cov[row, 1, 1])
     judged = (count >= LEAST) & known
     typical = float(np.median(spread[judged])) if judged.any() else 0.0
-    astray = judged & (spread > np.maximum(WIDE * typical, BEYOND * _medians(landmark, count, sd)))
-    return Places(ids, xy, spread, count, astray)
+    scattered = judged & (spread > np.maximum(WIDE * typical, BEYOND * _medians(landmark, count, sd)))
+    return Places(ids, xy, spread, count, scattered)
 
 
-def strays(places: Places | None) -> Astray | None:
+def scattered_ids(places: Places | None) -> Scattered | None:
     """Returns the ids that are not in one place; None without any."""
-    if places is None or not places.astray.any():
+    if places is None or not places.scattered.any():
         return None
-    spread = places.spread[places.astray]
-    ids = tuple(places.ids[places.astray].tolist())
-    return Astray(ids, int(places.sightings[places.astray].sum()), float(spread.min()), float(spread.max()))
+    spread = places.spread[places.scattered]
+    ids = tuple(places.ids[places.scattered].tolist())
+    return Scattered(ids, int(places.sightings[places.scattered].sum()), float(spread.min()), float(spread.max()))
 
 
 def judge(truth: Truth | None, places: Places | None) -> Truth | None:
@@ -62,7 +62,7 @@ def judge(truth: Truth | None, places: Places | None) -> Truth | None:
         return None
     if places is None:
         return truth
-    sure = (places.sightings >= LEAST) & ~places.astray
+    sure = (places.sightings >= LEAST) & ~places.scattered
     return truth._replace(map=Map(places.ids[sure], places.xy[sure], None), assigned=None)
 
 

@@ -11,7 +11,7 @@ from ...frontend.factors import UNKNOWN, Dataset, Log
 from ...frontend.se2 import Array, Ints
 from ...frontend.truth_errors import odometry_errors, sighting_errors
 from ..measure.times import numbered
-from .landmark_places import Astray, judge, strays
+from .landmark_places import Scattered, judge, scattered_ids
 from .revisits import Returns, loops, returns, way
 from .shown_path import Shown, shown
 from .stated_noise import Measured, NoiseCheck, measured, noise_check
@@ -122,7 +122,7 @@ class Known(NamedTuple):
     odometry: NoiseCheck | None
     measured: Measured | None  # the sightings' noise
     medians: bool  # both are against landmarks' median places, as true ones are unknown
-    astray: Astray | None  # by a known path, where the landmarks' places are not
+    scattered: Scattered | None  # by a known path, where the landmarks' places are not
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length
 
@@ -283,7 +283,7 @@ def _known(dataset: Dataset, drawn: Shown) -> Known:
         None if at_odometry is None else noise_check(at_odometry, log.delta_cov[at_odometry.row]),
         None if at_sightings is None else measured(at_sightings),
         at_sightings is not None and len(at_sightings.row) > 0 and drawn.places is not None,
-        strays(drawn.places),
+        scattered_ids(drawn.places),
         off,
         share,
     )

@@ -82,8 +82,8 @@ def _map(figure: SubFigure, subject: Subject) -> None:
         linestyle="",
         label=shown.mark if len(marks) else None,
     )
-    if shown.places is not None and shown.places.astray.any():
-        wild = shown.places.xy[shown.places.astray]
+    if shown.places is not None and shown.places.scattered.any():
+        wild = shown.places.xy[shown.places.scattered]
         axes.plot(*wild.T, "x", color=ASTRAY, markersize=8, markeredgewidth=2, linestyle="", label="not in one place")
     _path(figure, axes, log, shown)
     axes.set_xlabel("x, m")

@@ -121,7 +121,7 @@ def _landmarks(log: Log) -> Iterator[str]:
     ids, times = np.unique(log.ids[log.ids != UNKNOWN], return_counts=True)
     once = int(np.sum(times == 1))
     if len(ids) >= FEW and once > len(ids) / 4:
-        yield f"{once} of {len(ids)} landmarks are sighted once only, which tells nothing of the robot's place"
+        yield f"{once} of {len(ids)} landmarks are sighted only once and do not constrain the path"
 
 
 def _count(number: int, noun: str) -> str:

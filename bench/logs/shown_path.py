@@ -56,9 +56,9 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         return Shown(words, step, poses, reckoned, given.xy, "landmark", None, solved)
     places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
     if given is None:
-        xy, mark = places.xy[~places.astray], "landmark, median of its sightings"
+        xy, mark = places.xy[~places.scattered], "landmark, median of its sightings"
     else:
-        xy, mark = given.xy[~np.isin(given.ids, places.ids[places.astray])], "landmark"
+        xy, mark = given.xy[~np.isin(given.ids, places.ids[places.scattered])], "landmark"
     return Shown(words, step, poses, reckoned, xy, mark, places, solved)
 
 

@@ -85,8 +85,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     except Diverged as error:
         return Result("diverged", str(error), row)
     except TruthWanted as error:
-        unknown = "this log has no ground truth for --oracle; " if job.oracle else ""
-        return Result("skipped", unknown + str(error), row)
+        blind = job.oracle and _oracle(job, read_truth) is None
+        return Result("skipped", "--oracle: this log has no ground truth" if blind else str(error), row)
     except SlamduelError as error:
         return Result("error", str(error), row)
     except MemoryError:

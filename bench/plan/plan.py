@@ -67,7 +67,7 @@ class Plan:
             run = self.map.seeds(dataset, range(self.seeds))
             if dataset.source.seeded and len(run) < self.seeds:
                 seeds = ", ".join(str(seed) for seed in run)
-                sentences.append(f"{dataset.label}: run for seed {seeds} of {self.seeds} alone, the world of the map.")
+                sentences.append(f"{dataset.label}: of {self.seeds} seeds, only those of the map are run: {seeds}.")
         return " ".join(sentences)
 
     def words(self) -> dict[str, Any]:

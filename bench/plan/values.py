@@ -33,11 +33,11 @@ def check_file(flag: str, path: Path | None, endings: Sequence[str] = ()) -> Non
     if path is None:
         return
     if endings and path.suffix.lower() not in endings:
-        raise InputError(f"{flag} {path}: found a name that ends in {path.suffix!r}, expected {' '.join(endings)}.")
+        raise InputError(f"{flag} {path}: found the ending {path.suffix!r}, expected one of {', '.join(endings)}.")
     if path.is_dir():
         raise InputError(f"{flag} {path}: found a folder, expected the name of a file.")
     if not path.absolute().parent.is_dir():
-        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected one that is there.")
+        raise InputError(f"{flag} {path}: there is no folder {path.parent}, expected an existing one.")
 
 
 def as_whole(name: str, value: Any, least: int) -> int:

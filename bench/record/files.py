@@ -28,7 +28,7 @@ MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
 
 
 def export(store: Store) -> None:
-    """Writes every file of the run's folder anew."""
+    """Writes every file of the run's folder again."""
     run, folder, rows = store.run(), store.folder, list(store.cells())
     slugs: dict[str, str] = run["folders"]
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")

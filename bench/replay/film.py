@@ -19,7 +19,7 @@ SHADES = 6  # shades of each colour towards paper, in a GIF's palette, for anti-
 
 
 def write_gif(path: Path, view: View) -> None:
-    """Writes a GIF in a fixed palette, so that unchanged pixels cost nothing; it repeats for ever."""
+    """Writes a GIF in a fixed palette, so that unchanged pixels cost nothing; it loops."""
     from PIL import Image
 
     palette = _palette(view)

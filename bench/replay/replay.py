@@ -118,7 +118,7 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
         made = prepared(dataset.name, dataset.options, log_seed(cell), known)
     if before is not None and made.log.digest != before.digest:
         raise InputError(
-            f"{store.folder}: {dataset.label}, seed {request.seed}, is another log now than when this was run: its "
+            f"{store.folder}: {dataset.label}, seed {request.seed}, has changed since this run: its "
             f"digest is {made.log.digest[:12]}, expected {before.digest[:12]}; run it into a new folder to replay it."
         )
     archive.save(path, made)
@@ -184,5 +184,5 @@ def _named(name: str, there: Sequence[V], flag: str) -> V:
     if len(found) == 1:
         return found[0]
     labels = listed([variant.label for variant in (found or there)])
-    wrong = "stands for several in this run" if found else "is not in this run"
+    wrong = "is ambiguous in this run" if found else "is not in this run"
     raise InputError(f"{flag} {name}: {wrong}, expected {'one of ' * (len(found or there) > 1)}{labels}.")

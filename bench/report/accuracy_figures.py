@@ -159,7 +159,7 @@ def _pairs(
 
     caption = "Median ratio of the errors on the same logs, with its 95 % interval."
     caption += " Filled: a difference is shown." * any(c.holds for c in against)
-    caption += " Open: not told apart." * any(not c.holds for c in against) + said
+    caption += " Open: none is shown." * any(not c.holds for c in against) + said
     curves = [curve(c.second, np.array([c.ratio]), np.array([k + 0.12])) for k, c in enumerate(against)]
     title = f"Errors relative to {called[best]}'s, {path} path"
     return report_figure(name, title, caption, height([called[c.second] for c in against]), draw, curves=curves)

@@ -187,7 +187,7 @@ def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
 
 
 def _best(lines: Sequence[Line], name: str) -> list[str]:
-    """Lists those that are not significantly beaten; [] where nothing is tested, or nobody is beaten."""
+    """Lists those that are not significantly beaten; [] where nothing is tested or none is beaten."""
     found = ranking(lines, name)
     if found is None or found.logs < FEWEST:
         return []

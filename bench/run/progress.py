@@ -87,7 +87,7 @@ class Screen:
         self._console = console
         self._stage, self._done, self._total = "starting", 0, 0
         self._began = self._latest = time.monotonic()
-        self._told = 0.0  # when the time left was told
+        self._told = 0.0  # when the time left was last shown
         self._pace = Pace((), 1)
         self._rows: list[Row] = []
         self._planned: Counter[tuple[str, str]] = Counter()

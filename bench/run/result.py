@@ -158,7 +158,7 @@ def run(
     if dataset is not None:
         given["dataset"] = ",".join(_word(one, folder, held) for one in _each(dataset, truth))
     elif truth is not None:
-        raise _astray()
+        raise _needless_truth()
     as_whole("jobs", jobs, 1)
     planned(given, folder)
     with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
@@ -195,11 +195,11 @@ def _each(dataset: Any, truth: Any) -> list[Named]:
     if truth is None:
         return several
     if len(several) != 1 or not isinstance(several[0], Log):
-        raise _astray()
+        raise _needless_truth()
     return [Dataset(several[0], truth)]
 
 
-def _astray() -> InputError:
+def _needless_truth() -> InputError:
     return InputError(f"{ASKER}: found a truth, expected one Log that it belongs to, or Dataset(log, truth).")
 
 
@@ -253,5 +253,5 @@ def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
             for place in new:
                 shutil.rmtree(place, ignore_errors=True)
             for path in missing if new else ():
-                with contextlib.suppress(OSError):  # not empty: somebody else's
+                with contextlib.suppress(OSError):  # not empty: of another program
                     path.rmdir()

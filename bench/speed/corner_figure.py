@@ -18,15 +18,15 @@ def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
     """Draws a still camera's rows into `path`, a PNG, whole or not at all; the last panel is a moving one's."""
     still = [row for row in rows if row.streak == 0]
     with picture(path, (12.5, 4.2)) as figure:
-        bias, spread, honesty = figure.subplots(1, 3)
+        bias, spread, consistency = figure.subplots(1, 3)
         _lines(bias, still, lambda row: 1e3 * abs(row.bias))
         bias.set_title("Bias of the distance, without its sign, mm")
         _lines(spread, still, lambda row: 1e3 * row.sd)
         spread.set_title("Standard deviation of the distance, mm")
-        _honesty(honesty, [row for row in rows if row.refinement == rows[-1].refinement])
+        _consistency(consistency, [row for row in rows if row.refinement == rows[-1].refinement])
         handles, labels = bias.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), handlelength=2.6)
-        for axes in (bias, spread, honesty):
+        for axes in (bias, spread, consistency):
             axes.set_xlabel("distance, m")
 
 
@@ -44,7 +44,7 @@ def _lines(axes: Axes, rows: Sequence[Accuracy], value: Callable[[Accuracy], flo
         logarithmic("y", axes, known.min(), known.max())
 
 
-def _honesty(axes: Axes, rows: Sequence[Accuracy]) -> None:
+def _consistency(axes: Axes, rows: Sequence[Accuracy]) -> None:
     """Draws NEES of one refinement, still and moving, with intervals."""
     axes.axhspan(*HONEST, color="#e8f0e8", zorder=0)
     axes.axhline(1, color="#8c8c8c", linewidth=0.8)

@@ -26,7 +26,7 @@ class TextbookEkf:
 
     `jacobians`: "standard" takes them at the mean; "first-estimates" (Huang, Mourikis and Roumeliotis, IJRR 29(5),
     2010) at the pose's predictions and at each landmark's first estimate; "ideal" at `truth`. `gate`: a sighting whose
-    squared Mahalanobis distance exceeds it is rejected, or makes the landmark anew if fewer than `confirm` sightings
+    squared Mahalanobis distance exceeds it is rejected, or makes the landmark again if fewer than `confirm` sightings
     have agreed with it.
     """
 
@@ -65,9 +65,9 @@ class TextbookEkf:
             self.there = self.pose_to_linearise_at(step.t)
         seen: list[Sighting] = list(zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True))
         if self.together:
-            astray = self.update([sighting for sighting in seen if sighting[0] in self.ids])
+            replaced = self.update([sighting for sighting in seen if sighting[0] in self.ids])
             for sighting in seen:
-                if sighting[0] in astray or sighting[0] not in self.ids:
+                if sighting[0] in replaced or sighting[0] not in self.ids:
                     self.add(*sighting)
         else:
             for sighting in seen:
@@ -98,7 +98,7 @@ class TextbookEkf:
         self.cov = G @ self.cov @ G.T + F.T @ noisy @ odometry.cov @ noisy.T @ F  # eqs (6), (8), (9)
 
     def update(self, sightings: Sequence[Sighting]) -> list[int]:
-        """Updates by sightings of mapped landmarks at once, eqs (11)-(16); returns landmarks to be made anew."""
+        """Updates by sightings of mapped landmarks at once, eqs (11)-(16); returns landmarks to be replaced."""
         if not sightings:
             return []
         k = len(sightings)
@@ -110,9 +110,9 @@ class TextbookEkf:
             expected, H[rows] = self.expected(landmark)
             innovation[rows] = z[0] - expected[0], wrapped(z[1] - expected[1])
             Q[rows, rows] = cov
-        astray: list[int] = []
+        replaced: list[int] = []
         if np.isfinite(self.gate):
-            used, astray = self.gated([landmark for landmark, _, _ in sightings], innovation, H @ self.cov @ H.T + Q)
+            used, replaced = self.gated([landmark for landmark, _, _ in sightings], innovation, H @ self.cov @ H.T + Q)
             H, innovation, Q = H[used], innovation[used], Q[np.ix_(used, used)]  # pyright: ignore[reportConstantRedefinition]
         S = H @ self.cov @ H.T + Q
         K = self.cov @ H.T @ np.linalg.inv(S)  # eq. (15)
@@ -121,11 +121,11 @@ class TextbookEkf:
         self.cov = (np.eye(len(self.mean)) - K @ H) @ self.cov
         self.nis += float(innovation @ np.linalg.inv(S) @ innovation)
         self.nis_dof += len(innovation)
-        return astray
+        return replaced
 
     def gated(self, landmarks: list[int], innovation: Array, S: Array) -> tuple[list[int], list[int]]:
-        """Gates each pair of rows given the accepted ones before; returns accepted rows and wrong landmarks."""
-        used, astray = list[int](), list[int]()
+        """Gates each pair of rows given the accepted ones before; returns accepted rows and landmarks to replace."""
+        used, replaced = list[int](), list[int]()
         for i, landmark in enumerate(landmarks):
             rows = [2 * i, 2 * i + 1]
             explained = S[np.ix_(rows, used)] @ np.linalg.inv(S[np.ix_(used, used)])
@@ -135,10 +135,10 @@ class TextbookEkf:
                 used += rows
                 self.agreed[landmark] += 1
             elif self.agreed[landmark] < self.confirm:
-                astray.append(landmark)
+                replaced.append(landmark)
             else:
                 self.refused += 1
-        return used, astray
+        return used, replaced
 
     def expected(self, landmark: int) -> tuple[Array, Array]:
         """Predicts the sighting (2,) of a landmark, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""

@@ -45,7 +45,7 @@ class _Side:
         except InputError as error:
             raise words.at(place, str(error)) from None
         if len(found) > 1:
-            raise words.at(place, f"{side}: found {label!r}, expected one a text; several go in a list.")
+            raise words.at(place, f"{side}: found {label!r}, expected one per text; several go in a list.")
         self.base: Any = found[0]
         self.missing = isinstance(self.base, BackendVariant) and self.base.builder is None
         self.variants: dict[tuple[Any, ...], tuple[Variant, str]] = {}

@@ -10,7 +10,7 @@
     timed      true: each cell alone on its machine
                (true where a figure or a claim is about a time)
     keep       true: paths and other arrays are stored, too (false)
-    oracle     true: backends that ask for the ground truth are given it (false)
+    oracle     true: backends that ask for ground truth are given it (false)
     timeout_s, memory_mb   limits of a cell (600, 4000)
 
     [[cells]]  as many as needed; the study has the cells of all, none twice
@@ -37,7 +37,8 @@
     [[figure]] medians of y over x with their intervals
     x          a parameter
     y          a column of cells.csv or metrics.csv
-    by         a parameter, one line per value (backend; dataset where that is x)
+    by         a parameter, one line per value
+               (backend, or dataset where x is the backend)
     where      { parameter = value, ... }: the cells that are drawn (all)
     log        "x", "y" or "xy": which axes are logarithmic
     title, caption
@@ -110,7 +111,7 @@ def read(which: str, *, full: bool) -> Study:
     try:
         text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
     except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
+        said = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
         raise InputError(f"{which}: {said}; expected a study file, or the name of a packaged one: {hint}") from None
     return made(str(path), text, full=full)

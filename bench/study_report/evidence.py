@@ -156,7 +156,7 @@ def option_words(parameter: str, table: CellTable) -> str:
         return plain
     for column, registry in (("dataset", datasets), ("backend", backends)):
         summary = _summary(registry, str(table.columns[column][having[0]]).partition("[")[0], name)
-        if summary and ":" not in summary:  # what stands after it tells the default, or one choice from another
+        if summary and ":" not in summary:  # text after a colon lists choices
             said = summary if plain in summary else f"{summary} ({plain})"
             return said if len(said) <= LONGEST else plain
     return plain

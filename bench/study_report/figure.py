@@ -253,7 +253,7 @@ def _told(found: Medians, drawn: Marks) -> list[str]:
     said: list[str] = []
     low, high, _ = span(found, drawn)
     if any(place.low < low or place.high > high for place in found.places.values() if np.isfinite(place.value)):
-        said.append("A bar that reaches the edge goes on beyond it.")
+        said.append("A bar that reaches the edge continues beyond it.")
     if drawn.slopes and found.figure.log == "xy":
         said.append("Slope: the exponent with which the measure grows, median over the logs.")
     if any(np.isfinite(crossing.low) for crossing in drawn.crossings):

@@ -163,7 +163,7 @@ def _place(axes: Axes, value: float, *, up: bool = False) -> float:
 
 
 def _say(axes: Axes, words: str, at: tuple[float, float], off: tuple[float, float], **how: Any) -> None:
-    """Writes text beside a point, offset by points, on a background of paper; under the data unless told otherwise."""
+    """Writes text beside a point, offset by points, on a background of paper; under the data by default."""
     how = {"zorder": 0.9, "textcoords": "offset points", "fontsize": 6.5, **how}
     text: Annotation = axes.annotate(words, at, off, **how)
     text.set_bbox({"facecolor": rcParams["figure.facecolor"], "edgecolor": "none", "pad": 0.4})

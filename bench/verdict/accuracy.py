@@ -34,7 +34,7 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
     said += _alike(best, pairs.get("alike", []), what, on)
     if "worse" in pairs:
         names = few([c.second for c in pairs["worse"]])
-        said.append(f"No {what} is the best{on}: {names} significantly closer than {best}, and others than these.")
+        said.append(f"No {what} is the best{on}: each is significantly worse than another, {best}'s than {names}'s.")
     said += _open(best, pairs.get("open", []), what, on)
     said += _unproven(best, pairs.get("unproven", []), what, on, len(found.comparisons))
     if "few" in pairs:
@@ -88,11 +88,11 @@ def _open(best: str, pairs: Sequence[Comparison], what: str, on: str) -> list[st
     ruled = f"more than {larger(widest)} apart is ruled out" if widest < inf else "failures leave no limit"
     if len(pairs) == 1:
         (c,) = pairs
-        head = f"By their {what}s, {best} and {c.second} cannot be told apart{on}"
+        head = f"The {what}s of {best} and {c.second} do not differ significantly{on}"
         return [f"{head}: {best} is {between(c)} ({ruled})."]
     names = few([c.second for c in pairs])
     each = "; ".join(f"{between(c)} than {c.second}" for c in pairs) if len(pairs) <= SHOWN else ruled
-    return [f"{best}'s {what} cannot be told apart from those of {names}{on}: {each}."]
+    return [f"{best}'s {what} does not differ significantly from those of {names}{on}: {each}."]
 
 
 def between(c: Comparison) -> str:

@@ -34,10 +34,10 @@ class Use(NamedTuple):
 
 
 def advice(purpose: str, found: Ranking) -> Use:
-    """Recommends by these steps, each left out where it would leave nobody:
+    """Recommends by these steps, each left out where it would leave none:
 
     those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
-    nobody where only too few logs stand in the way; those without a failure; those that are not overconfident; the
+    none where only too few logs stand in the way; those without a failure; those that are not overconfident; the
     cheapest, and of about the same cost the more accurate.
     """
     if found.logs < FEWEST:
@@ -77,7 +77,7 @@ def advice(purpose: str, found: Ranking) -> Use:
 
 
 def unnamed(purpose: str, lines: Sequence[Line]) -> Use:
-    """Recommends nobody where no path is known, but lists costs and distances from the reference."""
+    """Recommends none where no path is known, but lists costs and distances from the reference."""
     having = [
         line
         for line in lines

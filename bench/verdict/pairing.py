@@ -91,7 +91,7 @@ def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: boo
     elif others:
         notes.append(f"{_listed(others)}: not the same log in both runs, and left out; --any-log compares by seed.")
     if truths:
-        notes.append(f"{_listed(truths)}: the truth is another one now, so accuracy and consistency are left out.")
+        notes.append(f"{_listed(truths)}: the truth has changed, so accuracy and consistency are left out.")
     notes += _not_run(pairs, old, new)
     notes += [f"{name}: timed side by side with other cells in one run alone." for name in _sided(pairs, any_machine)]
     if not any(pair.cells for pair in pairs):
@@ -119,7 +119,7 @@ def _timed(old: Side, new: Side, notes: list[str]) -> bool:
     ]
     notes.append(
         f"The runs were made on different machines ({said[0]}; {said[1]}), so times and memory are left out; "
-        "--any-machine compares them all the same."
+        "--any-machine compares them anyway."
     )
     return False
 

@@ -54,7 +54,7 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
     sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures]
     if told := [line.backend for line in lines if line.told]:
-        sentences.append(f"Not compared: {listed(told)} (was given the ground truth).")
+        sentences.append(f"Not compared: {listed(told)} (given the ground truth).")
     return Verdict(basis, _uses(lines, rankings), sentences, comparisons)
 
 
@@ -67,7 +67,7 @@ def _known(line: Line) -> str:
 
 
 def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
-    """Recommends by purpose, nobody where no path is known; maps are the final ones if several have these."""
+    """Recommends by purpose, none where no path is known; maps are the final ones if several have these."""
     if representative(lines).truth_kind == "truth":
         return [advice(purpose, found) for purpose, found in rankings.items()]
     uses = [unnamed(purpose, lines) for purpose in PATHS]

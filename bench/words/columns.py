@@ -208,7 +208,7 @@ REPORT = (
            "Beside a median, from 6 logs on: between order statistics, interpolated as by Hettmansperger and Sheather "
            "(1986). With fewer logs it is the range."),
     Column("best", "bold", kind.TEXT,
-           "Those that the most accurate one does not beat significantly; none where it beats nobody."),
+           "Those that the most accurate one does not beat significantly; none where it beats none."),
     Column("baseline", "dead-reckoning", kind.TEXT,
            "What every backend has to beat: it uses no sighting and is not ranked."),
     *PAIRS,

@@ -12,7 +12,7 @@ def called(labels: Sequence[str]) -> dict[str, str]:
     while len(set(names)) < len(set(labels)):
         depth += 1
         deeper = [_called(label, depth) for label in labels]
-        if deeper == names:  # not told apart by their paths: another kind of dataset at the same place
+        if deeper == names:  # their paths do not differ: another kind of dataset at the same place
             return {label: label for label in labels}
         names = deeper
     return dict(zip(labels, names, strict=True))

@@ -9,16 +9,13 @@ from typing import Any
 
 from ...frontend.errors import InputError
 
-CONNECT_S = 10
-"""For a scheduler to answer; as long again is tried to reach it once more."""
-
-GO_ON = "Every cell that had finished is in the store: the same command goes on with the study"
-RESOURCE = "MACHINE"
-"""What a worker that may run timed cells is started with, one of it."""
+CONNECT_S = 10  # for a scheduler to answer; reconnecting may take as long again
+GO_ON = "All finished cells are stored: the same command continues the study"
+RESOURCE = "MACHINE"  # a worker that may run timed cells is started with one of it
 
 
 class Cluster:
-    """The scheduler at an address, or at the one in a scheduler file. InputError where there is none."""
+    """The scheduler at an address, or at the one in a scheduler file; InputError without one."""
 
     def __init__(self, given: str) -> None:
         try:
@@ -31,9 +28,9 @@ class Cluster:
         quieten()
         try:
             self.address = _address(given)
-            asyncio.run(asyncio.wait_for(_identify(self.address), CONNECT_S))  # a client would wait for ever
+            asyncio.run(asyncio.wait_for(_identify(self.address), CONNECT_S))  # a client would wait without limit
             self.client: Any = Client(self.address, timeout=CONNECT_S, set_as_default=False, name="slamduel")
-        except Exception as error:  # whatever somebody else's file or protocol leads to
+        except Exception as error:  # a file or protocol of another program raises anything
             found = str(error) or f"no answer within {CONNECT_S} s"
             raise InputError(
                 f"--scheduler {given}: no Dask scheduler: {found}; expected tcp://HOST:PORT as `dask scheduler` prints "
@@ -41,27 +38,27 @@ class Cluster:
             ) from None
 
     def workers(self) -> dict[str, Any]:
-        """What the scheduler knows of each, by its address; InputError where there is no scheduler any more."""
+        """Returns the scheduler's facts about each worker, by address; InputError if the scheduler is gone."""
         try:
             identity: Any = self.client.scheduler.identity
             return self.client.sync(identity, n_workers=-1, callback_timeout=2 * CONNECT_S)["workers"]
-        except Exception:  # whichever way a connection fails
+        except Exception:  # however the connection fails
             raise self.lost() from None
 
     def lost(self) -> InputError:
-        """What to raise where the scheduler is there no more."""
+        """Makes the error of a scheduler that is gone."""
         return InputError(
             f"--scheduler {self.address}: the scheduler has ended or cannot be reached any more. {GO_ON}, once there "
             "is a scheduler again."
         )
 
     def close(self) -> None:
-        """Leave the scheduler and its workers to themselves."""
+        """Disconnects; scheduler and workers keep running."""
         self.client.close(timeout=CONNECT_S)
 
 
 def quieten() -> None:
-    """Keep what Dask and its libraries log, and what they warn of, from the user's terminal."""
+    """Silences the logs and warnings of Dask and its libraries."""
     from distributed.versions import VersionMismatchWarning
 
     warnings.filterwarnings("ignore", category=VersionMismatchWarning)  # what matters is compared on every worker
@@ -73,7 +70,7 @@ def quieten() -> None:
 
 
 async def _identify(address: str) -> None:
-    """Raises what a connection raises, or ValueError where what is at the address is no scheduler."""
+    """Raises what a connection raises, and ValueError where something else than a scheduler answers."""
     from distributed.core import rpc
     from distributed.security import Security
 
@@ -84,7 +81,7 @@ async def _identify(address: str) -> None:
 
 
 def _address(given: str) -> str:
-    """What was given, or what the scheduler file of that name holds."""
+    """Returns the address given, or the one in the scheduler file of that name."""
     if not given.endswith(".json") and not Path(given).is_file():
         return given
     try:

@@ -1,7 +1,7 @@
-"""Cells on a Dask cluster, whose workers may die, come late, or be somebody else's.
+"""Runs cells on a Dask cluster, whose workers may die, join late, or have other code.
 
-Dask chooses the worker of a batch, and gives what a dead worker had to another. Each worker is first asked whether it
-has what the batches were planned with (dask_requirements.py); one that differs is named and given nothing.
+Dask assigns batches to workers and reassigns those of a dead one. Each worker is first compared with what the batches
+need (dask_requirements.py); one that differs is reported and not used.
 """
 
 import contextlib
@@ -22,27 +22,24 @@ from .dask_cluster import GO_ON, RESOURCE, Cluster
 from .dask_requirements import inventory
 from .dask_task import check, order
 
-CENSUS_S = 1
-"""Between two looks at who is there."""
+POLL_S = 1  # between two looks at the list of workers
+REMARK_S = 10  # without a worker before the user is told so
 
-REMARK_S = 10
-"""Without a worker, after which a user is told."""
-
-MISHAPS = 3
-"""Of a batch before its jobs are tried one by one, of such a job before it has failed. The deaths of workers are
-counted by Dask: after its `distributed.scheduler.allowed-failures`, that is as many at once."""
+MOST_FAILURES = 3
+"""Failures of a batch before its jobs run one by one, and of such a job before it ends as an error. Dask counts deaths
+of workers itself: when it gives up, after `distributed.scheduler.allowed-failures`, that counts as this many."""
 
 
 def to_stderr(sentence: str) -> None:
-    """Where a user reads what is no error yet."""
+    """Prints a remark for the user."""
     print(sentence, file=sys.stderr)
 
 
 class Dask:
     """An executor on the scheduler at an address (tcp://host:port) or in a scheduler file.
 
-    `patience_s`: without any worker, before that is an error; `say` is told in sentences who is waited for and who is
-    not used.
+    `patience_s`: s without any worker before that is an error; `say` is called with remarks, such as on workers that
+    are not used.
     """
 
     name = "dask"
@@ -55,21 +52,21 @@ class Dask:
 
     @cached_property
     def cluster(self) -> Cluster:
-        """The connection, made when it is first asked for. InputError where there is no scheduler."""
+        """Connects at the first use; InputError without a scheduler."""
         return Cluster(self.scheduler)
 
     @property
     def slots(self) -> int:
-        """Threads of the workers that there are now, at least one. InputError where there is no scheduler."""
+        """Counts the threads of the current workers, at least one; InputError without a scheduler."""
         workers = self.cluster.workers().items()
         return max(1, sum(worker["nthreads"] for address, worker in workers if address not in self.unfit))
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
-        """Each job as it ends; InputError where there is no scheduler, or no worker that can be used, for too long."""
+        """Yields each job as it ends; InputError without a scheduler, or without a usable worker for too long."""
         yield from _Run(self, batches, alone).finished()
 
     def close(self) -> None:
-        """Leave the cluster; its workers are whoever's they were."""
+        """Disconnects; the workers keep running."""
         if "cluster" in self.__dict__:
             self.cluster.close()
             del self.cluster
@@ -77,16 +74,16 @@ class Dask:
 
 @dataclass(eq=False)
 class _Attempt:
-    """A batch that is to be done."""
+    """A batch to run."""
 
     batch: Batch
-    suspect: bool = False  # it runs while nothing else does, so that nothing else can be to blame
-    workers: list[str] | None = None  # that may run it, where that is not any
-    mishaps: int = 0
+    suspect: bool = False  # runs while nothing else does, so that a failure is its own
+    workers: list[str] | None = None  # that may run it; None: any
+    failures: int = 0
 
 
 class _Run:
-    """Batches on their way through the cluster, until every job of each has ended once."""
+    """Runs batches on the cluster until every job of each has ended once."""
 
     def __init__(self, executor: Dask, batches: Sequence[Batch], alone: bool) -> None:
         from distributed import CancelledError, KilledWorker, as_completed
@@ -96,18 +93,18 @@ class _Run:
         self.wanted = inventory(batches)
         self.waiting = deque(_Attempt(batch) for batch in batches)  # suspects last
         self.attempts: dict[Any, _Attempt] = {}  # by the futures of their tasks
-        self.checks: dict[Any, str] = {}  # addresses of workers, by the futures of what they were asked
+        self.checks: dict[Any, str] = {}  # addresses of workers, by the futures of their checks
         self.landed = as_completed(loop=self.cluster.client.loop, with_results=True, raise_errors=False)
         self.workers: dict[str, Any] = {}
         self.fit = set[str]()
         self.due, self.worked, self.remarked = 0.0, time.monotonic(), False
 
     def finished(self) -> Iterator[Finished]:
-        """Every job as it ends; a worker that is at one when nobody listens any more stops after it."""
+        """Yields every job as it ends; if the caller stops early, a worker ends its current job and stops."""
         try:
             while self.waiting or self.attempts:
                 if time.monotonic() >= self.due:
-                    yield from self._census()
+                    yield from self._poll()
                 self._hand_out()
                 if not self.landed.has_ready():
                     time.sleep(0.01)
@@ -118,13 +115,13 @@ class _Run:
                     elif future in self.attempts:  # and has not been taken back
                         yield from self._ended(self.attempts.pop(future), found)
         finally:
-            with contextlib.suppress(Exception):  # where the scheduler is gone, so are its tasks
+            with contextlib.suppress(Exception):  # a scheduler that is gone has no tasks
                 self.cluster.client.cancel([*self.attempts, *self.checks])
 
-    def _census(self) -> Iterator[Finished]:
-        """Look who is there, check who is new, and take back what nobody is left to run."""
+    def _poll(self) -> Iterator[Finished]:
+        """Lists the workers, checks new ones, and takes back batches whose workers are gone."""
         self.workers, unfit = self.cluster.workers(), self.executor.unfit.keys()
-        self.due = time.monotonic() + CENSUS_S
+        self.due = time.monotonic() + POLL_S
         self.fit &= self.workers.keys()
         for address in self.workers.keys() - self.fit - unfit - set(self.checks.values()):
             self.checks[self._submit(check(self.wanted), [address])] = address
@@ -133,17 +130,17 @@ class _Run:
                 del self.attempts[future]
                 future.release()
                 yield from self._failed(attempt, f"{', '.join(attempt.workers)} died")
-        self._complain()
+        self._check_usable()
 
     def _usable(self) -> dict[str, int]:
-        """How many batches each worker runs at once that has been found fit."""
+        """Returns the number of batches at once of each worker that passed its check."""
         fit = {address: self.workers[address] for address in self.fit}
         if self.alone:
             return {address: 1 for address, worker in fit.items() if _is_timed(worker)}
         return {address: worker["nthreads"] for address, worker in fit.items()}
 
-    def _complain(self) -> None:
-        """Say so where no worker can be used; InputError where that is for good, or has been for too long."""
+    def _check_usable(self) -> None:
+        """Remarks that there is no usable worker; InputError if that is final or lasts too long."""
         unfit, patience_s, now = self.executor.unfit, self.executor.patience_s, time.monotonic()
         able = [worker for address, worker in self.workers.items() if address not in unfit]
         timed = Counter(worker["host"] for worker in self.workers.values() if _is_timed(worker))
@@ -162,7 +159,7 @@ class _Run:
                 f'that does nothing else: dask worker {self.cluster.address} --nthreads 1 --resources "{RESOURCE}=1"'
             )
         elif now - self.worked > patience_s:
-            wrong = f"no worker to run on for {patience_s:.0f} s; expected one"
+            wrong = f"no worker to run on for {patience_s:.0f} s, expected one"
         elif now - self.worked > REMARK_S and not self.remarked:
             self.remarked = True
             wait = f"No worker to run on; waiting up to {patience_s:.0f} s for one"
@@ -171,7 +168,7 @@ class _Run:
             raise InputError(f"--scheduler {self.cluster.address}: {wrong}. {GO_ON}.")
 
     def _hand_out(self) -> None:
-        """Give Dask a batch for every thread and one ahead for each worker; a suspect only when nothing else runs."""
+        """Submits a batch per thread and one ahead per worker; a suspect only when nothing else runs."""
         usable = self._usable()
         room = sum(usable.values()) + (0 if self.alone else len(usable))
         while self.waiting and len(self.attempts) < (min(1, room) if self.waiting[0].suspect else room):
@@ -184,13 +181,13 @@ class _Run:
         limits = {"workers": workers, "resources": resources}
         try:
             future = self.cluster.client.submit(pickle.loads, task, pure=False, **limits)
-        except Exception:  # whichever way a connection fails
+        except Exception:  # however the connection fails
             raise self.cluster.lost() from None
         self.landed.add(future)
         return future
 
     def _checked(self, address: str, found: Any) -> None:
-        """Take in how a worker differs; where it did not say, it is asked again if it is still there."""
+        """Reads the answer to a check; a worker that gave none is checked again if it is still there."""
         if isinstance(found, self.gone) or address not in self.workers:
             return
         if isinstance(found, Exception):
@@ -202,29 +199,29 @@ class _Run:
             self.fit.add(address)
 
     def _ended(self, attempt: _Attempt, found: Any) -> Iterator[Finished]:
-        """What came of an attempt: the jobs of its batch, or an exception."""
+        """Yields the jobs of a batch that ran; retries one that raised an exception."""
         cancelled, killed = self.gone
-        if isinstance(found, cancelled):  # with a connection that was lost and is there again
+        if isinstance(found, cancelled):  # the connection was lost and is there again
             self.waiting.appendleft(attempt)
         elif isinstance(found, killed):
-            yield from self._failed(attempt, f"{found.last_worker.address} died", MISHAPS)
+            yield from self._failed(attempt, f"{found.last_worker.address} died", MOST_FAILURES)
         elif isinstance(found, Exception):
-            self.due = 0.0  # a worker that has just come and cannot run anything may be behind it
+            self.due = 0.0  # a new worker that cannot run anything may be the cause
             yield from self._failed(attempt, f"{type(found).__name__}: {found}")
         else:
             yield from pickle.loads(found)
 
-    def _failed(self, attempt: _Attempt, how: str, mishaps: int = 1) -> Iterator[Finished]:
-        """Try again what went wrong; at last job by job, and the job that still goes wrong has failed."""
-        attempt.mishaps += mishaps
+    def _failed(self, attempt: _Attempt, how: str, failures: int = 1) -> Iterator[Finished]:
+        """Retries a batch that failed, in the end job by job; a job that still fails ends as an error."""
+        attempt.failures += failures
         batch = attempt.batch
-        if attempt.mishaps < MISHAPS:
+        if attempt.failures < MOST_FAILURES:
             self.waiting.appendleft(attempt)
         elif not attempt.suspect:
             parts = [replace(batch, jobs=(job,)) for job in batch.jobs] or [batch]
             self.waiting.extend(_Attempt(part, suspect=True) for part in parts)
         else:
-            reason = f"Dask workers died or failed each time that it ran, the last one so: {how}"
+            reason = f"Dask workers died or failed each time it ran, at last: {how}"
             yield from unmade(batch, Result("error", reason), 0.0)
 
 

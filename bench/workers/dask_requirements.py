@@ -1,7 +1,7 @@
-"""What a Dask worker must have so that its results are those that any other would get: code, libraries, files.
+"""Lists the code, libraries and files that a Dask worker needs for the same results, and finds differences.
 
-A worker that lives for days runs the code that it has loaded, whatever its files say by now; so the package's sources
-are read when this module is imported, which is before a worker has run anything.
+A worker that runs for days keeps the code that it has loaded, even if its files change; so the package's sources are
+read when this module is imported, before the worker runs anything.
 """
 
 import functools
@@ -19,15 +19,12 @@ from .batch import Batch
 Inventory = Mapping[tuple[str, str], str]
 """(kind, name) -> version or digest; kinds are python, library, module and file."""
 
-WORK = Batch.__module__
-"""Imports all that has a part in a cell's numbers, but for datasets and backends."""
-
-SHOWN = 3
-"""Differences that a sentence spells out."""
+WORK = Batch.__module__  # imports all code behind a cell's numbers but datasets and backends
+SHOWN = 3  # differences that a sentence spells out
 
 
 def inventory(batches: Iterable[Batch]) -> Inventory:
-    """What the batches need, as it is here."""
+    """Lists what the batches need, with the versions and digests on this machine."""
     modules, paths = {WORK}, set[str]()
     for batch in batches:
         modules |= {datasets.module(batch.dataset)} | {backends.target(j.name).partition(":")[0] for _, j in batch.jobs}
@@ -40,7 +37,7 @@ def inventory(batches: Iterable[Batch]) -> Inventory:
 
 
 def differences(wanted: Inventory) -> str:
-    """What is not the same here, in a phrase: what was found, what was expected; "" where all is."""
+    """Describes in a phrase what differs on this machine, found and expected; "" without a difference."""
     found = ((key, _value(*key), value) for key, value in wanted.items())
     words = [_words(*key, here, there) for key, here, there in found if here != there]
     more = f" and {len(words) - SHOWN} more differences" if len(words) > SHOWN else ""
@@ -66,7 +63,7 @@ def _value(kind: str, name: str) -> str:
 
 
 def _module(name: str) -> str:
-    """The digest of a module's file, or of one beside it (`module file`); "" where there is none."""
+    """Returns the digest of a module's file, or of one beside it (`module file`); "" without one."""
     module, _, beside = name.partition(" ")
     path = source(module)
     if path is None:
@@ -76,7 +73,7 @@ def _module(name: str) -> str:
 
 @functools.cache
 def _digest(path: Path) -> str:
-    """sha256 of a file, or of all that is in a folder; "" where it is not there."""
+    """Returns the sha256 of a file, or of a folder's content; "" if it does not exist."""
     total = hashlib.sha256()
     try:
         for file in _files(path):

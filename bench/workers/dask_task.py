@@ -1,7 +1,7 @@
-"""A task for a Dask worker: check that the worker has what a batch needs, and run the batch in a process of its own.
+"""Makes tasks for Dask workers: a check of the worker, and a batch that it runs in a process of its own.
 
-A task reaches a worker as bytes that do the work when they are unpickled: so neither the scheduler nor the Dask of a
-worker has to import this package to pass them on, and a worker that does not have it says so as the task's error.
+A task is sent as bytes that do the work when unpickled, so the scheduler need not import this package, and on a worker
+without it the task fails with that error.
 """
 
 import pickle
@@ -22,7 +22,7 @@ _thread = threading.local()
 
 
 class Order:
-    """A call that is made where this is unpickled."""
+    """A call that is made when this is unpickled."""
 
     def __init__(self, call: Callable[..., Any], *arguments: Any) -> None:
         self.call, self.arguments = call, arguments
@@ -32,14 +32,14 @@ class Order:
 
 
 def check(wanted: Inventory) -> bytes:
-    """The task that answers with how a worker differs from the inventory, "" where it does not."""
+    """Makes the task that returns a worker's differences from the inventory, "" without any."""
     return pickle.dumps(Order(differences, wanted))
 
 
 def order(batch: Batch, wanted: Inventory, *, alone: bool) -> bytes:
-    """The task that does the batch and answers with its jobs as they ended, pickled.
+    """Makes the task that runs the batch and returns its ended jobs, pickled.
 
-    A log that is kept goes with it, since the worker may not have the file. InputError where it cannot be read.
+    A kept log is sent along, as the worker may not have the file; InputError where it cannot be read.
     """
     if batch.kept is not None:
         path = batch.kept.path
@@ -51,7 +51,7 @@ def order(batch: Batch, wanted: Inventory, *, alone: bool) -> bytes:
 
 
 def carry_out(batch: Batch, wanted: Inventory, alone: bool) -> bytes:
-    """The pickled answer of this worker; RuntimeError where it is another than the one that was checked."""
+    """Runs the batch on this worker; RuntimeError where the worker differs from the inventory."""
     if lacks := differences(wanted):
         raise RuntimeError(lacks)
     with tempfile.NamedTemporaryFile(prefix="slamduel-", suffix=".npz") as here:
@@ -63,7 +63,7 @@ def carry_out(batch: Batch, wanted: Inventory, alone: bool) -> bytes:
 
 
 def _ended(batch: Batch, *, alone: bool) -> Iterator[Finished]:
-    """The jobs as they end; InterruptedError once the task is cancelled."""
+    """Yields the jobs as they end; InterruptedError once the task is cancelled."""
     from distributed import get_worker
 
     worker = get_worker()

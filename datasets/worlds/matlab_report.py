@@ -48,7 +48,7 @@ NEAREST, FARTHEST, HALF_VIEW = 0.3, 2.2, np.deg2rad(42.0)
 class Options(Faults):
     """The tags, the noise, and faults."""
 
-    tags: int = option(6, "number of tags, the first of 12; the report has 6 or 12", minimum=1, maximum=12)
+    tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)
     wheels: float = option(0.015, "noise of a wheel's distance, m per root metre", minimum=1e-4, maximum=1.0)
     range_noise: float = option(0.03, "noise of a sighting's range, m", minimum=1e-4, maximum=1.0)
     bearing_noise: float = option(0.02, "noise of a sighting's bearing, rad", minimum=1e-4, maximum=1.0)

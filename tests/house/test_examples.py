@@ -52,7 +52,7 @@ class Example(NamedTuple):
 
 
 EXAMPLES = (
-    Example("a column", "bench/words/columns.py", "\nMETRICS", "\n)\n"),
+    Example("a column", "bench/words/columns.py", "\nMETRICS", "\n)  # fmt: skip\n"),
     Example("a column", "bench/measure/score.py", "\ndef score(", "\n    return Score("),
     Example("a command", "bench/cli.py", "\nCOMMANDS"),
     Example("a backend", "backends/registry.py", "\nBUILTIN"),

@@ -89,7 +89,7 @@ def test_five_logs_are_too_few_and_a_waiting_cell_leaves_a_claim_open() -> None:
     later = answer(value(0, 1), table(cells([*SIX, None, None])))
     assert later.verdict == "open"
     assert later.waiting == 2
-    assert later.sentence.startswith("Cannot be told yet: ")
+    assert later.sentence.startswith("Not decided yet: ")
     assert "2 of 8 cells have not run" in later.sentence
 
 
@@ -233,7 +233,7 @@ def test_an_exponent_is_that_of_each_log() -> None:
     assert answer(grows(2.5, inf), table(power(exponents))).verdict == "fails"
     two = answer(grows(1, 3), table(power(exponents, (10, 20))))
     assert two.verdict == "open"
-    assert "too few values to tell a power by: 10, 20" in two.sentence
+    assert "too few values of tags for an exponent: 10, 20; expected at least 3" in two.sentence
     nothing = answer(grows(1, 3), table(power(exponents, (0, 10, 20))))
     assert "tags = 0 among its cells" in nothing.sentence
 
@@ -284,8 +284,8 @@ def test_two_powers_cross_where_they_meet() -> None:
 def test_sides_that_never_cross_cross_the_wrong_way_or_more_than_once_are_said_to() -> None:
     less_all_along, not_yet = (answer(crosses(), crossing([at] * 6)) for at in (5, 500))
     assert less_all_along.verdict == not_yet.verdict == "fails"
-    assert "it is less all along, from 10 on" in less_all_along.sentence
-    assert "it is not less yet at 300" in not_yet.sentence
+    assert "no crossing: less at every value, from 10 on" in less_all_along.sentence
+    assert "no crossing: not less at any value, up to 300" in not_yet.sentence
     assert answer(crosses(200, 1000), crossing([500] * 6)).verdict == "open"  # where, nobody knows
     wrong = answer(crosses(first=EKF), crossing([50] * 6))
     assert wrong.verdict == "fails"
@@ -367,7 +367,7 @@ def test_a_study_reproduces_its_finding_where_all_claims_hold() -> None:
     assert [found.verdict for found in (yes, no, unsure)] == ["holds", "fails", "open"]
     assert conclude([yes, yes], "So").sentence == "Reproduced: all 2 claims hold."
     assert conclude([yes, unsure, no], "So").sentence == "Not reproduced: 1 of 3 claims fails: The EKF is closer."
-    assert conclude([yes, unsure], "So").sentence == "Cannot be told: 1 of 2 claims is open: The EKF is closer."
+    assert conclude([yes, unsure], "So").sentence == "Not decided: 1 of 2 claims is open: The EKF is closer."
     assert conclude([yes], "").sentence == "The answer is yes: the claim holds."
     waiting = answer(less(), both([*SIX, None], [*SIX, None]))
     assert conclude([yes, waiting], "").sentence.startswith("There is no answer yet: 1 of 2 claims is open")

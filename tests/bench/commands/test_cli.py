@@ -145,6 +145,14 @@ def test_bad_flags_are_refused_with_status_2(
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("command", ["show", "validate", "export", "render", "speed"])
+def test_a_seed_below_0_is_refused(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([command, "--seed", "-1"])
+    assert stop.value.code == 2
+    assert "argument --seed: found -1, expected a whole number, at least 0\n" in capsys.readouterr().err
+
+
 def damaged(log_folder: Path, folder: Path, file: str, line: int, text: str | None) -> Path:
     """A copy of the log with one line (1 is the header) replaced, or the file cut off there."""
     shutil.copytree(log_folder, folder)

@@ -109,11 +109,11 @@ def test_places_that_hold_no_views_are_refused(
 
 
 def test_places_that_cannot_be_written_are_refused_before_any_work(tmp_path: Path, pictures: Path) -> None:
-    with pytest.raises(InputError, match=r"--out .*c\.txt: found a name that ends in '\.txt', expected \.yaml \.yml"):
+    with pytest.raises(InputError, match=r"--out .*c\.txt: found the ending '\.txt', expected one of \.yaml, \.yml"):
         bench(pictures, "--board", BOARD, "--out", tmp_path / "c.txt")
-    with pytest.raises(InputError, match=r"--picture .*p\.gif: found a name that ends in '\.gif'"):
+    with pytest.raises(InputError, match=r"--picture .*p\.gif: found the ending '\.gif'"):
         bench(pictures, "--board", BOARD, "--out", tmp_path / "c.yaml", "--picture", tmp_path / "p.gif")
-    with pytest.raises(InputError, match=r"--camera-info .*: there is no folder .*/no, expected one that is there"):
+    with pytest.raises(InputError, match=r"--camera-info .*: there is no folder .*/no, expected an existing one"):
         bench(pictures, "--board", BOARD, "--out", tmp_path / "c.yaml", "--camera-info", tmp_path / "no" / "i.yaml")
     assert list(tmp_path.iterdir()) == []
 

@@ -278,7 +278,7 @@ def test_json_is_all_that_is_printed_and_draws_nothing(
     assert found["way"]["steps"] == 300
     assert 0.8 < found["known"]["sightings"]["nees"] < 1.2
     assert found["times"] is None
-    assert found["known"]["astray"] is None
+    assert found["known"]["scattered"] is None
     assert found["known"]["measured"]["bearing_sd"] > 0
     assert list(tmp_path.iterdir()) == []
     assert cli.main(["show", "circle[steps=300]", "--seed", "2", "--json"]) == 0
@@ -308,8 +308,8 @@ def test_a_page_and_an_svg_are_written_too(tmp_path: Path, capsys: pytest.Captur
         (["circle[stepz=3]"], "there is no option 'stepz'"),
         (["nowhere/at/all"], "nowhere/at/all"),
         (["circle,city"], "bench show: found 2 datasets, expected one."),
-        (["circle", "--out", "x.txt"], "--out x.txt: found a name that ends in '.txt', expected .png .svg .pdf .html"),
-        (["circle", "--out", "no/x.png"], "there is no folder no, expected one that is there"),
+        (["circle", "--out", "x.txt"], "--out x.txt: found the ending '.txt', expected one of .png, .svg, .pdf, .html"),
+        (["circle", "--out", "no/x.png"], "there is no folder no, expected an existing one"),
         (["circle", "--seed", "-1"], "found -1, expected a whole number, at least 0"),
     ],
 )
@@ -392,15 +392,15 @@ def test_ids_that_are_not_in_one_place_are_named(by: str) -> None:
     drawn = shown(dataset, None)
     assert by in drawn.words
     found = numbers(dataset, drawn, returns(dataset.log))
-    astray = found.known.astray
-    assert astray is not None
-    assert astray.ids == tuple(moving)
-    assert astray.sightings == int(np.isin(dataset.log.ids, moving).sum())
-    assert 0.5 < astray.spread_least <= astray.spread_most < 9  # by as much they are moved at most
+    scattered = found.known.scattered
+    assert scattered is not None
+    assert scattered.ids == tuple(moving)
+    assert scattered.sightings == int(np.isin(dataset.log.ids, moving).sum())
+    assert 0.5 < scattered.spread_least <= scattered.spread_most < 9  # by as much they are moved at most
     assert len(drawn.xy) == len(places.ids) - 2
     said = dict(facts(found, drawn.words))["not in one place"]
-    assert said.startswith(f"ids {moving[0]} and {moving[1]} ({astray.sightings} sightings, ")
-    assert said.endswith(" m about): do they move?")
+    assert said.startswith(f"ids {moving[0]} and {moving[1]} ({scattered.sightings} sightings, ")
+    assert said.endswith(" m): do they move?")
 
 
 def test_no_id_is_astray_where_all_stand_or_the_path_is_not_known_or_the_places_are() -> None:
@@ -413,7 +413,7 @@ def test_no_id_is_astray_where_all_stand_or_the_path_is_not_known_or_the_places_
         (moved.log, moved.truth._replace(map=places)),
     ):
         found = measured(log, truth)
-        assert found.known.astray is None
+        assert found.known.scattered is None
         assert "not in one place" not in dict(facts(found, ""))
 
 

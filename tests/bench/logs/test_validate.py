@@ -37,7 +37,9 @@ def test_every_problem_is_a_line(folder: Path, capsys: pytest.CaptureFixture[str
         (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
     assert main(["validate", str(folder)]) == 2
     first, second, total = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"{folder / 'odometry.csv'}, line 1: column 'x' where 'dx' is missing")
+    assert first.startswith(
+        f"{folder / 'odometry.csv'}, line 1: column 'x' in place of 'dx', expected the columns t,dx,"
+    )
     assert second == f"{folder / 'landmarks.csv'}, line 2: id is 'three', expected a number."
     assert total == f"{folder}: 2 problems."
 
@@ -147,7 +149,7 @@ ODD: dict[str, tuple[Change, str]] = {
     "no id": (put("ids", slice(0, 2), UNKNOWN), "2 of 120 sightings have no id"),
     "never met again": (
         lambda parts: parts.update(ids=np.arange(120)),
-        "120 of 120 landmarks are sighted once only",
+        "120 of 120 landmarks are sighted only once",
     ),
     "blind": (
         lambda parts: parts.update(

@@ -1,4 +1,4 @@
-"""`bench run --oracle`: the truth is told openly, to those who ask for it, and their rows say so."""
+"""`bench run --oracle`: backends that ask are given the ground truth, and their rows say so."""
 
 import json
 from pathlib import Path
@@ -26,7 +26,7 @@ def log_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def log_without_truth(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("logs") / "nobody-knows"
+    folder = tmp_path_factory.mktemp("logs") / "without-truth"
     logfile.write(folder, random_log(np.random.default_rng(1), 40, 8).log, None)
     return folder
 
@@ -76,12 +76,12 @@ def test_without_the_flag_nobody_is_told(tmp_path: Path, log_folder: Path, capsy
 
 
 @pytest.mark.usefixtures("no_report")
-def test_a_log_whose_truth_nobody_knows_has_none_to_tell(tmp_path: Path, log_without_truth: Path) -> None:
+def test_a_log_without_ground_truth_has_none_to_give(tmp_path: Path, log_without_truth: Path) -> None:
     """The batch optimum that errors are measured from there is no truth."""
     found = go(tmp_path / "run", "--backend", f"{BACKEND},{WITHOUT}", "--dataset", log_without_truth, "--oracle")
     wanted = found[f"{BACKEND}[]"].columns
     assert (wanted["status"], wanted["truth_kind"]) == ("skipped", "reference")
-    assert wanted["reason"].startswith("nobody knows the truth of this log, so --oracle has none to tell; needs=true")
+    assert wanted["reason"] == "--oracle: this log has no ground truth"
     assert found[WITHOUT].columns["status"] == "done"
 
 

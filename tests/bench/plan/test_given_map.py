@@ -322,13 +322,13 @@ def test_where_every_seed_is_another_world_each_gets_its_own_map() -> None:
     several = given_by_seed((0, 2), "aruco-room")
     plan = replace(Plan.from_words(words), map=several)
     assert {c.seed for c in plan.cells()} == {0, 2}
-    assert plan.remarks() == "aruco-room: run for seed 0, 2 of 5 alone, whose world the map is of."
+    assert plan.remarks() == "aruco-room: of 5 seeds, only those of the map are run: 0, 2."
     assert Plan.from_words(words).remarks() == ""
     made = replace(given_by_seed((0,), ""), made_of="victoria-park")
     both = replace(Plan.from_words(words | {"dataset": "victoria-park,circle", "seeds": 1}), map=made)
     assert both.remarks() == (
-        "victoria-park: the map was made of this very log, whose sightings count twice. "
-        "circle: the map is of victoria-park, and no help but in the same place."
+        "victoria-park: the map was made from this very log, whose sightings count twice. "
+        "circle: the map is of victoria-park, and only helps in the same place."
     )
     assert [several.of(drive_, seed).ids[0] for seed in (0, 2)] == [0, 2]
     with pytest.raises(InputError, match="holds a map for each of 2 seeds of aruco-room, expected the folder of one"):

@@ -65,7 +65,7 @@ def test_the_paths_and_the_last_map_are_the_recorded_ones(folder: Path, shown: R
     assert np.allclose(ekf.course.maps[-1].cov, before["map_cov"], rtol=0, atol=1e-15)
     assert graph.course.path.tobytes() == recorded(folder, "graph")["final"].tobytes()
     assert [ekf.remark, told.remark] == ["", ""]
-    assert graph.remark == "no online path: shown is the one smoothed at the end"
+    assert graph.remark == "no online path: the final one is shown"
     truth = shown.log.truth
     assert truth is not None
     assert told.course.path.tobytes() == truth.poses.tobytes()
@@ -142,7 +142,7 @@ def test_another_log_than_the_recorded_one_is_refused(
         record.execute("UPDATE logs SET digest = ?", ("f" * 64,))
     record.close()
     said = refused(capsys, tmp_path / "run", "--out", tmp_path / "x.html")
-    assert "is another log now than when this was run" in said
+    assert "has changed since this run" in said
     assert "expected ffffffffffff" in said
     assert os.listdir(tmp_path) == ["run"]
 
@@ -154,8 +154,8 @@ def test_another_log_than_the_recorded_one_is_refused(
         (["--backend", "ekf,isam3"], "--backend isam3: is not in this run, expected one of ekf, graph, "),
         (["--seed", "3"], "--seed 3: this run has no such log of log[path="),
         (["--frames", "1"], "--frames 1: expected a whole number, at least 2."),
-        (["--out", "x.avi"], "--out x.avi: expected a name that ends in .html, .gif, .mp4 or .rrd."),
-        (["--out", "no/such/x.gif"], "--out no/such/x.gif: expected a file in a folder that exists."),
+        (["--out", "x.avi"], "--out x.avi: found the ending '.avi', expected one of .html, .gif, .mp4, .rrd."),
+        (["--out", "no/such/x.gif"], "--out no/such/x.gif: there is no folder no/such, expected an existing one."),
     ],
 )
 def test_a_wrong_word_is_a_sentence_that_names_what_is_there(

@@ -134,7 +134,7 @@ def test_the_least_misfit_is_marked() -> None:
 
 def test_a_backend_that_was_told_the_truth_says_so() -> None:
     found = accuracy_table(of({"backend": "a", "ate_m": LOGS}, {"backend": "b", "ate_m": twice(LOGS, 0.1), "told": 1}))
-    assert at(found, "b", "done").word == "told the truth"
+    assert at(found, "b", "done").word == "given the ground truth"
     assert not at(found, "b", "ATE online").best
 
 

@@ -113,7 +113,6 @@ def test_the_command_prints_and_writes(
     [
         (["--placements", "1"], "--placements 1: expected 2 or more"),
         (["--clutter", "-1"], "--clutter -1: expected 0 or more"),
-        (["--seed", "-1"], "--seed -1: expected 0 or more"),
         (["--csv", "nowhere/t.csv"], "--csv nowhere/t.csv: there is no folder nowhere"),
     ],
 )

@@ -338,7 +338,6 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
         (["--sightings", "0"], "--sightings 0: expected 1 or more"),
         (["--steps", "-3"], "--steps -3: expected 1 or more"),
         (["--seconds", "nan"], "--seconds nan: expected a number above 0"),
-        (["--seed", "-1"], "--seed -1: expected 0 or more"),
         (["--backend", "efk"], "did you mean 'ekf'?"),
         (["--csv", "nowhere/t.csv"], "--csv nowhere/t.csv: there is no folder nowhere"),
         (

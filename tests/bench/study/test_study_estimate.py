@@ -68,7 +68,7 @@ def test_what_there_was_no_time_for_is_named() -> None:
     found = estimated(study(HEAD), executor, budget_s=0.0)
     assert not executor.asked
     *unknown, again = found.sentences()[1:]
-    assert again.startswith("There was no time to try more; asked again")
+    assert again.startswith("There was no time to try more; a second --dry-run tries more")
     assert unknown == [
         f"Not known: how long {n} of bailey with {name} will take."
         for n, name in ((6, "ekf"), (6, "dead-reckoning"), (12, "fastslam"))

@@ -210,7 +210,7 @@ LABEL_ERRORS = [
     ('"baily"', '"ekf"', "s.toml, line 2: dataset: there is no dataset 'baily'; did you mean 'bailey'?"),
     ('"bailey"', '[\n"ekf",\n"efk"]', "s.toml, line 5: backend: there is no backend 'efk'; did you mean"),
     ('"bailey[lop=1]"', '"ekf"', "s.toml, line 2: dataset bailey: there is no option 'lop'; did you mean"),
-    ('"bailey"', '"ekf,ukf"', "line 3: backend: found 'ekf,ukf', expected one a text; several go in a list."),
+    ('"bailey"', '"ekf,ukf"', "line 3: backend: found 'ekf,ukf', expected one per text; several go in a list."),
     ('"bailey"', '"ekf[gate=1"', "s.toml, line 3: backend ekf[gate=1: expected every bracket and quote"),
     ('"bailey"', '["ekf", "ekf"]', "line 3: backend: found 'ekf' twice, expected once."),
     ('["bailey", "bailey[loops=2]"]', '"ekf"', "line 2: cells.dataset: bailey with ekf is a cell twice"),
@@ -344,7 +344,7 @@ def test_files_are_found_by_name_or_path_or_not_at_all(tmp_path: Path, monkeypat
     Path("bad.toml").write_bytes(b"\xff")
     for which, sentence in {
         "matlab-reprt": "matlab-reprt: No such file or directory; expected a study file, or the name of a packaged one",
-        "bad.toml": "bad.toml: it is no text in UTF-8; expected",
+        "bad.toml": "bad.toml: it is not UTF-8 text; expected",
         ".": ".: Is a directory; expected",
     }.items():
         with pytest.raises(InputError, match="expected a study file") as caught:

@@ -162,7 +162,7 @@ def test_where_it_is_another_one_by_then_that_is_said_and_all_runs_on_that(tmp_p
     assert (ran, tally) == (6, Tally(6, 6, 0))
     assert len(digests(tmp_path) - before) == 2
     assert [sentence[:24] for sentence in said] == ["linear[steps=8], seed 0:", "linear[steps=8], seed 1:"]
-    assert all(sentence.endswith("is another one: what had run on it runs again.") for sentence in said)
+    assert all(sentence.endswith("differs: its results are computed again.") for sentence in said)
     assert go(tmp_path).ran == 2  # of ukf, on the new ones
 
 

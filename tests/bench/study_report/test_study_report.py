@@ -234,7 +234,7 @@ def test_one_wild_interval_leaves_the_medians_their_room(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("option", "dataset", "label"),
     [
-        ("tags", "matlab-report", "tags"),
+        ("tags", "matlab-report", "number of tags"),
         ("loops", "bailey", "laps of the loop (loops)"),
         ("wrong_ids", "circle", "share of sightings with another landmark's id (wrong ids)"),
     ],
@@ -261,7 +261,7 @@ def test_failures_are_grouped_with_their_reason_and_place(page: Path) -> None:
 def test_half_a_study_says_how_far_it_is(tmp_path: Path) -> None:
     text = said(write(small_study(tmp_path / "s", "s", TEXT, outcomes(waiting=3)), ()))
     assert "18 of 48 cells have not run" in text
-    assert "? Cannot be told yet" in text
+    assert "? Not decided yet" in text
     assert "n 5, 3 waiting" in text
 
 

@@ -142,7 +142,7 @@ def test_on_few_logs_what_draws_nothing_needs_no_test(tmp_path: Path, logs: int)
 def test_on_few_logs_chance_cannot_be_told_from_change(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old", 3, random=True), run(tmp_path / "new", 3, random=True, ate_m=1.2)
     ate = told(old, new)["ATE online, m"]
-    assert (ate.verdict, ate.words) == (FEW, "3 logs, a test of so many comparisons takes 6")
+    assert (ate.verdict, ate.words) == (FEW, "3 logs, a test of so many comparisons needs 6")
 
 
 def test_nees_is_judged_by_how_far_it_is_from_1(tmp_path: Path) -> None:
@@ -320,7 +320,7 @@ def test_a_cell_that_was_done_and_is_skipped_is_a_regression(tmp_path: Path) -> 
 def test_a_distance_from_a_reference_is_not_compared_with_an_error(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), changed(run(tmp_path / "new"), "truth_kind", "reference")
     assert "ATE online, m" not in told(old, new)
-    assert any("the truth is another one now" in note for note in paired_runs(side(old), side(new)).notes)
+    assert any("the truth has changed" in note for note in paired_runs(side(old), side(new)).notes)
 
 
 def test_an_error_of_nothing_is_no_failure_and_rounding_no_change(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def test_what_is_claimed_does_not_depend_on_the_order_of_the_record() -> None:
 def test_what_cannot_be_told_apart_is_said_to_be_so_with_what_is_ruled_out() -> None:
     found = said(rows("isam2", 1, sd=0.2), rows("ekf", 1, sd=0.2))
     sentence = found.sentences[0]
-    assert "cannot be told apart on room, 20 logs" in sentence
+    assert "do not differ significantly on room, 20 logs" in sentence
     assert "closer to the truth" not in " ".join(found.sentences)
     (c,) = found.comparisons["ate_m"]
     assert c.low < 1 < c.high
@@ -129,13 +129,13 @@ def test_too_few_logs_are_too_few_to_test() -> None:
         "room: 3 logs are too few to test, 6 at least; measured, median error of the online path: b 0.200 m, a 0.600 m."
     )
     assert found.sentences[1] == "Measured, median error of the final path: a 0.100 m."
-    assert use(found) == Use("online", "", "3 logs are too few to tell, 6 at least (--seeds).")
+    assert use(found) == Use("online", "", "3 logs are too few, 6 at least (--seeds).")
 
 
 def test_six_logs_cannot_bear_three_pairs() -> None:
     found = said(rows("a", 1, 6), rows("b", 2, 6), rows("c", 4, 6))
     assert found.sentences[0].startswith("No claim can be made on room, 6 logs of a's online path, measured ")
-    assert "6 logs cannot bear a test of 3 pairs, 7 could" in found.sentences[0]
+    assert "6 logs are too few to test 3 pairs, 7 would do" in found.sentences[0]
     assert "closer to the truth" in said(rows("a", 1, 7), rows("b", 2, 7), rows("c", 4, 7)).sentences[0]
     assert use(found).backend == "a"
     assert [needed(pairs) for pairs in (1, 3, 28)] == [6, 7, 11]
@@ -151,7 +151,7 @@ def test_one_log_is_nothing_to_test_and_repeats_speak_for_it_alone() -> None:
         "room is one log, nothing to test; measured error of the online path: a 0.100 m, b 0.275 m, c 0.900 m.",
         (
             "b draws at random: its 4 runs on this log lie between 0.200 and 0.400 m, all further off than a and all "
-            "closer than c; of other logs that says nothing."
+            "closer than c; that does not carry over to other logs."
         ),
     ]
     assert use(found) == Use("online", "", "There is one log, nothing to test.")
@@ -196,7 +196,7 @@ def test_what_was_skipped_is_absent() -> None:
 def test_who_was_told_the_truth_does_not_compete() -> None:
     found = said(rows("a", 1), rows("b", 2), rows("c", 0.1, told=1))
     assert "than b's" in found.sentences[0]
-    assert found.sentences[-1] == "Not compared: c (was told the truth)."
+    assert found.sentences[-1] == "Not compared: c (given the ground truth)."
 
 
 def test_dead_reckoning_costs_the_others_no_power() -> None:
@@ -208,7 +208,7 @@ def test_dead_reckoning_costs_the_others_no_power() -> None:
     ]
     assert any(re.match("All beat dead reckoning, a [89]", sentence) for sentence in with_it.sentences)
     lost = said(rows("a", 1), rows("b", 9), rows("dead-reckoning", 9))
-    assert "Not for sure closer than dead reckoning's: the online path of b." in lost.sentences
+    assert "Not significantly closer than dead reckoning's: the online path of b." in lost.sentences
 
 
 def test_without_a_truth_there_is_no_verdict_on_accuracy() -> None:
@@ -282,7 +282,7 @@ def test_a_log_that_nobody_can_believe_is_said_to_be_one() -> None:
         told("b", nees=[400.0, 300.0], nees_inside=[0.1, 0.1]),
     ]
     parts += [told("dead-reckoning", nees=[1.0, 1.0], nees_inside=[0.9, 0.9])]
-    assert any("None of them has a belief that fits this log" in sentence for sentence in said(*parts).sentences)
+    assert any("No belief fits this log" in sentence for sentence in said(*parts).sentences)
     parts += [told("c", nees=[1.0, 1.0], nees_inside=[0.9, 0.9])]
     assert not any("None of them" in sentence for sentence in said(*parts).sentences)
 
@@ -425,16 +425,16 @@ def test_who_ran_on_a_few_logs_alone_neither_hides_the_others_nor_is_advised() -
     assert "b and c beat dead reckoning, b" in " ".join(found.sentences)
     assert use(found).backend == "b"
     alone = said(skipping(rows("a", 1), *range(4, 20)), skipping(rows("b", 2), *range(16)))
-    assert use(alone) == Use("online", "", "Nobody that competes has enough of the 20 logs to tell, 6 at least.")
+    assert use(alone) == Use("online", "", "No ranked backend has enough of the 20 logs, 6 at least.")
 
 
 def test_too_few_logs_for_so_many_pairs_are_no_reason_to_advise_dead_reckoning() -> None:
     found = said(rows("a", 1, 6), rows("b", 1, 6), rows("dead-reckoning", 10, 6))
-    assert found.sentences[1].endswith(" (6 logs cannot bear a test of 2 pairs, 7 could).")
+    assert found.sentences[1].endswith(" (6 logs are too few to test 2 pairs, 7 would do).")
     assert use(found).backend == ""
     assert re.fullmatch(
-        r"Nobody for sure: [ab] was measured [\d.]+ to \d+ times better than dead reckoning, but 6 logs cannot bear a "
-        r"test of 2 pairs, 7 could\.",
+        r"Not significant: [ab] was measured [\d.]+ to \d+ times better than dead reckoning, but 6 logs are too "
+        r"few to test 2 pairs, 7 would do\.",
         use(found).why,
     )
     assert use(said(rows("a", 1, 7), rows("b", 1, 7), rows("dead-reckoning", 10, 7))).backend in ("a", "b")
@@ -456,8 +456,8 @@ def test_where_each_is_beaten_by_another_nobody_is_the_best() -> None:
         for k, row in enumerate(skipping(rows(name, 1, 30), *[k for k in range(30) if not level[k // 10]]))
     ]
     found = said(cells)
-    assert "Nobody's online path is the best: " in " ".join(found.sentences)
-    assert "cannot be told apart" not in " ".join(found.sentences)
+    assert "No online path is the best" in " ".join(found.sentences)
+    assert "differ significantly" not in " ".join(found.sentences)
     assert use(found).backend == ""
 
 

@@ -125,7 +125,7 @@ def test_a_cell_that_kills_its_workers_again_and_again_is_to_blame_and_no_other(
     assert len(found) == 3
     ended = {one.index: one.result for one in found}
     assert [ended[k].status for k in range(3)] == ["error", "done", "done"]
-    assert ended[0].reason.startswith("Dask workers died or failed each time that it ran, the last one so: tcp://")
+    assert ended[0].reason.startswith("Dask workers died or failed each time it ran, at last: tcp://")
 
 
 def test_workers_with_other_code_or_none_are_named_and_not_used(tmp_path: Path) -> None:
@@ -243,7 +243,7 @@ def test_the_scheduler_falls_silent_or_dies(
     running = dask.run(batches(30), alone=False)
     next(running)
     processes.scheduler.send_signal(by)
-    with pytest.raises(InputError, match=r"scheduler has ended.*in the store: the same command goes on"):
+    with pytest.raises(InputError, match=r"scheduler has ended.*are stored: the same command continues"):
         list(running)
     dask.close()
     processes.scheduler.send_signal(signal.SIGCONT)

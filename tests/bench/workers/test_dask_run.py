@@ -32,7 +32,7 @@ def said() -> list[str]:
 @pytest.fixture
 def on(said: list[str], monkeypatch: pytest.MonkeyPatch) -> Generator[Callable[..., Dask]]:
     """`on(does, a={}, b={})`: an executor on a cluster with workers of these names and options."""
-    monkeypatch.setattr(dask_executor, "CENSUS_S", 0.05)
+    monkeypatch.setattr(dask_executor, "POLL_S", 0.05)
     with contextlib.ExitStack() as stack:
         stack.enter_context(config.set({"distributed.scheduler.allowed-failures": 0}))
 
@@ -94,7 +94,7 @@ def test_a_cell_that_kills_its_workers_is_to_blame_and_no_other(on: Any) -> None
     found = list(on(does, a={}, b={}, c={}, d={}).run(batches(3, jobs=5), alone=False))
     assert ended(found) == {k: "error" if k == 3 else "done" for k in range(15)}
     (reason,) = [one.result.reason for one in found if one.index == 3]
-    assert reason.startswith("Dask workers died or failed each time that it ran, the last one so: tcp://")
+    assert reason.startswith("Dask workers died or failed each time it ran, at last: tcp://")
 
 
 def test_a_cell_whose_task_raises_is_to_blame_and_no_other(on: Any) -> None:
@@ -150,7 +150,7 @@ def test_where_all_workers_go_it_waits_and_then_says_how_to_go_on(
 ) -> None:
     monkeypatch.setattr(dask_executor, "REMARK_S", 0.1)
     dask = on(lambda worker, batch: dies(), a={}, b={})
-    with pytest.raises(InputError, match=r"no worker to run on for 0 s.*the same command goes on with the study"):
+    with pytest.raises(InputError, match=r"no worker to run on for 0 s.*the same command continues the study"):
         list(dask.run(batches(4), alone=False))
     (sentence,) = said
     assert f"dask worker {dask.cluster.address}" in sentence

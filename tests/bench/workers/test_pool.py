@@ -202,7 +202,7 @@ def test_alone_a_backend_that_goes_wrong_while_it_warms_up_is_one_result(pool: L
 
 
 def test_alone_no_more_than_so_many_backends_keep_theirs(monkeypatch: pytest.MonkeyPatch, pool: Local) -> None:
-    monkeypatch.setattr(local_executor, "MOST_CREWS", 2)
+    monkeypatch.setattr(local_executor, "MOST_POOLS", 2)
     for _ in pool.run([batch(["ekf", "ukf", "dead-reckoning"])], alone=True):
         assert len(children()) <= 2
 

@@ -61,7 +61,7 @@ def test_check_finds_what_has_changed(tmp_path: Path, capsys: pytest.CaptureFixt
     (place("toy") / "path.dat").write_bytes(b"touched")
     text = refusal(capsys, "toy", "--check")
     assert f"path.dat: its sha256 is {sha256(b'touched')}; published: {sha256(FILES['path.dat'])}" in text
-    assert "bench fetch toy --again gets toy anew" in text
+    assert "bench fetch toy --again downloads toy again" in text
     (place("toy") / "path.dat").unlink()
     assert "path.dat: No such file" in refusal(capsys, "toy", "--check")
 
