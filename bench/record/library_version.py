@@ -2,6 +2,7 @@
 
 import functools
 import sys
+from collections.abc import Sequence
 from importlib import metadata, util
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -31,8 +32,17 @@ def is_library(name: str) -> bool:
     return any(Path(place).parent.name in _INSTALLED for place in places)
 
 
+def _provided(name: str) -> Sequence[str]:
+    """Finds the distributions that provide a top-level module: most have its name, else the files of all are read."""
+    try:
+        files = metadata.distribution(name).read_text("RECORD") or ""
+    except metadata.PackageNotFoundError:
+        files = ""
+    return [name] if f"\n{name}/__init__.py," in f"\n{files}" else _distributions().get(name, ())
+
+
 @functools.cache
 def version(name: str) -> str:
     """Lists the distributions of the library of that top-level name as name-version; "" where none is known."""
-    found = set(_distributions().get(name, ())) if is_library(name) else set[str]()
+    found = set(_provided(name)) if is_library(name) else set[str]()
     return ",".join(sorted(f"{distribution}-{metadata.version(distribution)}" for distribution in found))
