@@ -44,7 +44,7 @@ def test_it_tells_how_to_go_on_and_is_gone(tmp_path: Path, temporary: Path, how:
     said = runner.communicate(timeout=60)[1].decode()
     assert runner.returncode == 130
     assert said.startswith("bench: interrupted; ")
-    assert said.endswith(" ablate slow.toml --out out goes on where this stopped.\n")
+    assert said.endswith(" ablate slow.toml --out out continues from here.\n")
     assert len(said.splitlines()) == 1
     end = time.monotonic() + 30
     while any(Path(f"/proc/{pid}").exists() for pid in children):
