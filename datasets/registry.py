@@ -62,3 +62,8 @@ def module(name: str) -> str:
 def find(name: str) -> Source:
     """The source of that name; KeyError for an unknown name."""
     return getattr(import_module(module(name)), BUILTIN[name].partition(":")[2])
+
+
+def seeded(name: str) -> bool:
+    """True if each seed of that dataset is another log; False for an unknown name."""
+    return name in BUILTIN and find(name).seeded

@@ -20,6 +20,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+_OPTIONS: Any = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compiles `function` at its first call and caches the machine code on disk.
 
@@ -31,7 +34,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         raise ValueError(f"{file}: expected a file name with a leading underscore, for inner loops")
     from numba import njit
 
-    dispatcher: Any = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)
+    dispatcher: Any = njit(**_OPTIONS)(function)
     dispatcher._cache._cache_file._source_stamp = stamp(file)
     dispatcher.get_call_template = _without_literals(dispatcher.get_call_template)
     dispatcher.compile = _in_turn(dispatcher, dispatcher.compile)

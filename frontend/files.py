@@ -21,6 +21,9 @@ def replaced(path: Path, suffix: str = "") -> Generator[Path]:
     try:
         yield part
         os.replace(part, path)
+    except OSError as error:
+        error.filename = error.filename or str(path)  # a full disk names no file
+        raise
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)

@@ -5,7 +5,7 @@ has the covariance of each landmark alone, and landmarks.csv none: such a map is
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -136,24 +136,30 @@ def _checked(known: Map, source: str) -> Map:
 def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap:
     """Reads the maps of one backend on one dataset: of all seeds that `path` covers, if each is another world."""
     found: dict[Path, Row] = {}
+    with_map: list[Path] = []
     with Store(folder) as store:
         slugs: dict[str, str] = store.run()["folders"]
         for row in store.cells():
             place = _place(row, slugs)
-            if _covers(path, folder / place) and row.columns["status"] == "done" and row.columns["landmarks"]:
-                found[place] = row
+            if row.columns["status"] == "done" and row.columns["landmarks"]:
+                with_map.append(folder / place)
+                if _covers(path, folder / place):
+                    found[place] = row
         if not found:
-            raise InputError(f"--map {source}: no cell here has a map, expected one that is done and has landmarks.")
+            have = f"expected {_named(with_map)}" if with_map else f"and no other cell of {folder} has one"
+            raise InputError(f"--map {source}: found no cell with a map, {have}.")
         first = next(iter(found.values())).columns
-        world = first["dataset"] if _seeded(first["dataset"]) else ""
+        world = first["dataset"] if datasets.seeded(first["dataset"]) else ""
         if len(found) > 1 and (not world or len({row.key[:4] for row in found.values()}) > 1):
-            named = [str(folder / place) for place in found]
-            more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
-            raise InputError(
-                f"--map {source}: holds {len(named)} maps, expected one of: {', '.join(named[:NAMED])}{more}."
-            )
+            named = _named([folder / place for place in found])
+            raise InputError(f"--map {source}: holds {len(found)} maps, expected {named}.")
         maps = {row.columns["seed"]: _from_arrays(_sound(store, row, source)) for row in found.values()}
     return _given(source, fixed, maps, world, label(first["dataset"], first["dataset_options"]))
+
+
+def _named(cells: Sequence[Path]) -> str:
+    more = f" and {len(cells) - NAMED} more" if len(cells) > NAMED else ""
+    return ("one of: " if len(cells) > 1 else "") + f"{', '.join(map(str, cells[:NAMED]))}{more}"
 
 
 def _sound(store: Store, row: Row, source: str) -> dict[str, Any]:
@@ -174,14 +180,6 @@ def _covers(path: Path, place: Path) -> bool:
     """Returns True if `place` is `path` or in it; a part of `path` may be *, for any seed."""
     parts, wanted = place.resolve().parts, path.resolve().parts
     return len(wanted) <= len(parts) and all(w in (part, "*") for w, part in zip(wanted, parts, strict=False))
-
-
-def _seeded(dataset: str) -> bool:
-    """Returns True if each seed of the dataset is another world."""
-    try:
-        return datasets.find(dataset).seeded
-    except KeyError:
-        return False
 
 
 def _from_arrays(arrays: Mapping[str, Any]) -> _Known:

@@ -1,6 +1,7 @@
 """A whole run, from its settings to a folder with its report: what `bench run` and `slamduel.run` do."""
 
 import contextlib
+import difflib
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 from ...frontend.errors import InputError, Interrupted
 from ..plan.plan import Plan
+from ..record.schema import FILE
 from ..record.store import Store
 from ..report.report import write_report
 from ..verdict.statistics import MOST
@@ -39,6 +41,8 @@ def benchmark(
 ) -> Plan:
     """Runs `given` and DEFAULTS into `out`, or continues its run; InputError where that has other settings."""
     plan = planned(given, out)
+    if not given and not begun(out):
+        watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
     try:
         run(plan, out, executor, command, watcher, retry=retry)
     except KeyboardInterrupt:
@@ -55,12 +59,25 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
     """Returns the plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
     plan = recorded_plan(out)
     if plan is None:
+        if not given:
+            _refuse_a_misspelling(out)
         plan = Plan.from_words(DEFAULTS | dict(given))
         if len(plan.backends) > 1 and plan.seeds > MOST and any(dataset.source.seeded for dataset in plan.datasets):
             raise InputError(f"seeds: found {plan.seeds:,}, expected at most {MOST:,} to compare backends on.")
         return plan
     _refuse_another(plan, given, out)
     return plan
+
+
+def _refuse_a_misspelling(out: Path) -> None:
+    """Raises InputError where `out` is new, and a run beside it has nearly its name."""
+    beside = () if out.exists() else (folder.parent.name for folder in out.absolute().parent.glob(f"*/{FILE}"))
+    close = difflib.get_close_matches(out.name, sorted(beside), n=1)
+    if close:
+        raise InputError(
+            f"--out {out}: there is no run to continue, did you mean {out.with_name(close[0])}? A new run there takes "
+            "--backend or --dataset."
+        )
 
 
 def begun(out: Path) -> bool:

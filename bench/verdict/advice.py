@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from math import inf, isinf
 from typing import NamedTuple
 
+from ...datasets.registry import seeded
 from ..words.numerals import counted, factor, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
@@ -108,10 +109,11 @@ def _amount(column: str, line: Line) -> str:
 def _too_few(found: Ranking) -> str:
     if found.logs > 1:
         return f"{found.logs} logs are too few, {FEWEST} at least (--seeds)."
-    return (
-        "There is one log, nothing to test."
-        if any(len(line.rows) > 1 for line in found.lines)
-        else (f"One log is too few, {FEWEST} at least (--seeds, where each draws another log).")
+    if any(len(line.rows) > 1 for line in found.lines):
+        return "There is one log, nothing to test."
+    drawn = seeded(found.lines[0].rows[0].columns["dataset"])
+    return f"One log is too few, {FEWEST} at least " + (
+        "(--seeds)." if drawn else "of a dataset; --seeds draws no others of a recording."
     )
 
 

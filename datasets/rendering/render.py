@@ -133,7 +133,7 @@ class Renderer:
         at = np.empty((3, *rays.shape[1:]), np.float32)
         turned = turn @ rays.reshape(3, -1)
         highest = meet(turned, eye, half_x, half_y, top, np.float32(DENSITY), at.reshape(3, -1))
-        column, row, z = at
+        column, row, z = at[0], at[1], at[2]
         seen = cv2.remap(self.surfaces.image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         seen = np.asarray(seen, np.float32)
         if highest > height:

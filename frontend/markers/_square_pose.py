@@ -1,6 +1,7 @@
 """Inner loop of `square_pose`: Levenberg-Marquardt over a square's pose, compiled."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def settle(
         damped = information.copy()
         for k in range(6):
             damped[k, k] += damping * information[k, k] + 1e-12
-        step: Array = np.linalg.solve(damped, gradient)
+        step: Any = np.linalg.solve(damped, gradient)
         trial_rotation = _rotation(step[:3]) @ rotation
         trial_shift = shift + step[3:]
         better = False

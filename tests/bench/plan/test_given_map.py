@@ -263,7 +263,7 @@ def test_what_cannot_be_told_apart_or_found_is_a_sentence(worlds: Path, tmp_path
         read(str(tmp_path / "nowhere"), fixed=False)
     with pytest.raises(InputError, match="there is no map here"):
         read(str(tmp_path), fixed=False)
-    with pytest.raises(InputError, match="no cell here has a map"):
+    with pytest.raises(InputError, match="found no cell with a map, expected one of: "):
         read(str(cell(run, "ekf").with_name("graph")), fixed=False)
     own = small_dataset()
     log_folder.write(tmp_path / "own", own.log, own.truth)
