@@ -12,9 +12,9 @@ and the update of the rest, however large, can be deferred until it is needed:
 
     P_AB <- Phi P_AB,  P_BB <- P_BB - P_BA Psi P_AB,  x_B <- x_B + P_BA theta.
 
-A landmark of B that comes into view joins A at the cost of its own rows of these equations; a new one joins with a row
-of Phi propagated from the pose's by its Jacobian, and with zeros for B. So the rest is updated only when the part has
-become too large, and the part then restarts with the landmarks last seen.
+When a landmark of B comes into view it moves to A, for which its own rows of the deferred update are evaluated; a new
+one joins with a row of Phi propagated from the pose's by its Jacobian, and with zeros for B. So the rest is updated
+only when the part has become too large, and the part then restarts with the landmarks last seen.
 """
 
 import numpy as np

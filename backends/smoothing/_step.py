@@ -54,8 +54,8 @@ def plain_step(
     """Applies `motion` (4, 3), itself and its covariance, and sightings of `landmarks` (k,), variables.
 
     `address` is that of the graph. New landmarks enter the root, up to `cap` there. `seen` (k, 6) has range, bearing
-    and their covariance; `pose` (3,) and `cov` (3, 3) become the latest. Returns the outcome, and the variable of the
-    newest pose that is one.
+    and their covariance; `pose` (3,) and `cov` (3, 3) are overwritten with the newest pose and its covariance. Returns
+    the outcome, and the variable of the newest pose that is one.
     """
     g = graph(address)
     if not has_room(g, len(landmarks)):

@@ -18,9 +18,10 @@ from .words import ratio, sized, tested
 def less(claim: Claim, first: Side, second: Side) -> Finding:
     """Tests that the second's measure is more than `claim.low` times the first's: by interval and by test.
 
-    The interval is that of Hodges and Lehmann, the test Wilcoxon's signed-rank test, both two-sided at 5 %, so that at
-    the bound itself one claim in 40 holds wrongly. An error's failed cell is infinite, and as bad as another one. For
-    another measure the ratio on a log with a failed cell might be any: it counts against the verdict.
+    The interval is that of Hodges and Lehmann, the test Wilcoxon's signed-rank test, both two-sided at 5 %: where the
+    true ratio equals the bound, the claim is wrongly found to hold in one case in 40. An error's failed cell is
+    infinite, and as bad as another one. For another measure the ratio on a log with a failed cell might be any: it
+    counts against the verdict.
     """
     found = _paired(first, second)
     if found is None:

@@ -56,7 +56,7 @@ class Replay(NamedTuple):
 
     @property
     def known(self) -> str:
-        """Returns the kind of the known path: "truth", "reference", or "" where there is none."""
+        """What errors are measured from: "truth" (ground truth), "reference" (batch optimum), "" for neither."""
         truth = self.log.truth
         return truth.kind if truth is not None and len(truth.t) else ""
 

@@ -64,7 +64,8 @@ class Result:
         """Returns the verdict on each dataset, by its label.
 
         `uses` says which backend to use for the path online, for the final one and for the map, and why; `sentences`
-        say more, the most important first; `comparisons` are, by column of cells.csv, the tests of every two backends.
+        lists further statements, the most important first; `comparisons` are, by column of cells.csv, the tests of
+        every two backends.
         """
         with Store(self.folder) as store:
             return verdicts(lines(store.cells()))

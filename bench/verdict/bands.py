@@ -29,10 +29,11 @@ class Averages(NamedTuple):
 
 
 def averaged(runs: Sequence[tuple[Array, Array]]) -> Averages | None:
-    """Averages runs on independent logs: times (k,) in s, rising, and pose NEES (k,), NaN without a covariance.
+    """Averages the NEES of runs on independent logs at common times.
 
-    Times are those of the run that has the fewest between the latest start and the earliest end; the others are read at
-    their nearest earlier step. None where no two runs have a NEES at one time.
+    A run is its times (k,) in s, rising, and its pose NEES (k,), NaN without a covariance. Common times are those of
+    the run that has the fewest between the latest start and the earliest end; the others are read at their nearest
+    earlier step. None where no two runs have a NEES at one time.
     """
     runs = [run for run in runs if len(run[0])]
     if len(runs) < 2:

@@ -19,8 +19,8 @@ QUEUE_S = 24 * 3600  # s for SLURM to start a first job, or the next one when al
 class Slurm(Dask):
     """An executor of so many jobs, each as `jobqueue.slurm` in the user's Dask configuration describes.
 
-    `exclusive`: each job has its node to itself, as a study with timed cells needs it. The scheduler is part of this
-    process.
+    `exclusive`: each job has its node to itself, as a study with timed cells needs it. The Dask scheduler runs in this
+    process, not in a job.
     """
 
     name = "slurm"
