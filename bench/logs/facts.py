@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from math import degrees, tau
 from typing import Any
 
+from ..measure.landmark_places import Scattered
+from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
-from .landmark_places import Scattered
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
-from .stated_noise import Measured, NoiseCheck
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
 OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance

@@ -10,11 +10,11 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Dataset, Log
 from ...frontend.se2 import Array, Ints
 from ...frontend.truth_errors import odometry_errors, sighting_errors
+from ..measure.landmark_places import Scattered, judge, scattered_ids
+from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..measure.times import numbered
-from .landmark_places import Scattered, judge, scattered_ids
 from .revisits import Returns, loops, returns, way
 from .shown_path import Shown, shown
-from .stated_noise import Measured, NoiseCheck, measured, noise_check
 
 GAP = 5.0  # multiple of the median time between steps that makes a gap
 SIGHT = 0.99  # share of the bearings that the field of view holds

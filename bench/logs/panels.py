@@ -9,11 +9,11 @@ from ...frontend.factors import Log, Truth
 from ...frontend.se2 import Array, Ints
 from ...frontend.truth_errors import sighting_errors
 from ..drawing.axes import stretches
+from ..measure.stated_noise import typical
 from ..words.numerals import TIMES, number
 from ..words.styles import COLOURS
 from .numbers import empty_runs, times
 from .revisits import Returns
-from .stated_noise import typical
 
 INK = "#222222"
 FIRST, AGAIN, SOFT, EMPTY = COLOURS[0], COLOURS[1], COLOURS[4], "#f3d9cc"

@@ -11,9 +11,9 @@ from matplotlib.figure import SubFigure
 from ...frontend.factors import Log
 from ...frontend.se2 import Array, Ints
 from ..drawing.picture import GRID, picture
+from ..measure.landmark_places import judge, sighted
 from ..measure.times import numbered
 from .facts import headline
-from .landmark_places import judge, sighted
 from .numbers import Subject
 from .panels import FIRST, INK, SOFT, noise, returns, seen, sensor
 from .shown_path import Shown

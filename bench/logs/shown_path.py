@@ -8,8 +8,8 @@ from ...backends.api import Solution
 from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ...frontend.se2 import Array, Ints, between, compose
+from ..measure.landmark_places import Places, placed
 from ..plan.reference import outliers, reference
-from .landmark_places import Places, placed
 
 LARGEST = 40_000  # steps and sightings up to which the batch optimum is computed without --solve: about half a minute
 MISFITS = 0.05  # share of sightings that do not fit the batch optimum from which on a warning is shown

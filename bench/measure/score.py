@@ -14,6 +14,7 @@ from .drive import Outcome
 from .growth import mapped
 from .metrics import covariances, nees
 from .misfit import Misfit, misfit
+from .misstated import misstated
 from .times import length
 
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
@@ -53,6 +54,8 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
                 arrays[f"{prefix}nees"] = values
                 row |= _prefixed(prefix, consistency_columns("nees", values, 3))
             remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
+    if truth is not None and truth.kind == "truth":
+        remarks += misstated(log, truth, row)
     dof = int(outcome.nis_dof.sum())
     if dof:
         row["nis"] = float(np.nansum(outcome.nis)) / dof

@@ -15,11 +15,11 @@ from slamduel.bench.check.log_recipe import made_log
 from slamduel.bench.check.small_logs import around
 from slamduel.bench.logs import shown_path
 from slamduel.bench.logs.facts import facts, headline
-from slamduel.bench.logs.landmark_places import judge
 from slamduel.bench.logs.numbers import Numbers, numbers
 from slamduel.bench.logs.revisits import returns
 from slamduel.bench.logs.shown_path import from_pose, shown
-from slamduel.bench.logs.stated_noise import NoiseCheck, noise_check
+from slamduel.bench.measure.landmark_places import judge
+from slamduel.bench.measure.stated_noise import NoiseCheck, noise_check
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth

@@ -28,11 +28,20 @@ def noise_check(errors: Errors, cov: Array) -> NoiseCheck | None:
     """Compares `errors` with their stated covariances `cov` (m, k, k); None without any."""
     if not len(errors.row):
         return None
-    k = errors.values.shape[1]
-    squares = np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
-    median = float(np.median(squares))
+    k, squares = errors.values.shape[1], normalised(errors, cov)
     far = float((squares > FAR[k]).mean())
-    return NoiseCheck(len(squares), float(squares.mean()) / k, median, far, float(np.sqrt(median / MEDIAN[k])))
+    median = float(np.median(squares))
+    return NoiseCheck(len(squares), float(squares.mean()) / k, median, far, typical_scale(squares, k))
+
+
+def normalised(errors: Errors, cov: Array) -> Array:
+    """Returns the squares (m,) e' C^-1 e of `errors` with covariances `cov` (m, k, k)."""
+    return np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
+
+
+def typical_scale(squares: Array, k: int) -> float:
+    """Returns by how much the typical error is larger than stated, from normalised squares of dimension k."""
+    return float(np.sqrt(np.median(squares) / MEDIAN[k]))
 
 
 class Measured(NamedTuple):
