@@ -113,7 +113,7 @@ class Noise(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known beside the factors, and the log's agreement with it."""
+    """The ground truth of a log, and the log's agreement with it."""
 
     kind: str  # truth, reference or "" where no path is known
     steps: int  # with a known pose

@@ -213,7 +213,7 @@ REPORT = (
            "What every backend has to beat: it uses no sighting and is not ranked."),
     *PAIRS,
 )  # fmt: skip
-"""What a report's tables have beside those columns, and what their words stand for."""
+"""The other columns of a report's tables, and the meanings of their words."""
 
 COLUMNS = {column.name: column for column in (*CELLS, *METRICS, *REPORT)}
 
