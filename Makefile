@@ -6,6 +6,7 @@
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
+# make study-mutations      2,000 mutated logs: each refused, remarked on, or as good as the unmutated one
 # make study-kills          a study killed at 20 random moments ends as if it had been left in peace
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
 
@@ -20,7 +21,8 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills
+.PHONY: demo test test-slow test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills \
+	study-mutations
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -66,6 +68,9 @@ study-city: $(VENV)/.installed
 
 study-statistics: $(VENV)/.installed
 	$(BIN)/python -m slamduel.bench.verdict.simulation
+
+study-mutations: $(VENV)/.installed-dev
+	PYTHONPATH=tests/support $(BIN)/python tests/support/mutations.py 2000
 
 study-kills: $(VENV)/.installed-dev
 	$(BIN)/python tests/support/kills.py 20
