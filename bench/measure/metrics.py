@@ -136,7 +136,8 @@ def are_covariances(cov: Array, estimate: Array) -> NDArray[np.bool]:
     It is symmetric, positive definite beyond rounding, and no standard deviation in any direction is below FINEST.
     """
     largest = np.abs(cov).max(axis=(1, 2))
-    symmetric = np.abs(cov - cov.swapaxes(1, 2)).max(axis=(1, 2)) <= SYMMETRIC * largest
+    with np.errstate(over="ignore"):
+        symmetric = np.abs(cov - cov.swapaxes(1, 2)).max(axis=(1, 2)) <= SYMMETRIC * largest
     spread = np.linalg.eigvalsh(cov)
     finest = np.zeros_like(cov)
     at = np.arange(cov.shape[-1])

@@ -98,7 +98,7 @@ def test_nees_is_blank_where_there_is_no_covariance_to_divide_by() -> None:
     "cov",
     [
         np.zeros((3, 3)), -np.eye(3), np.diag([1.0, -1e-9, 1.0]), np.ones((3, 3)), 1e-320 * np.eye(3),
-        1e-40 * np.eye(3), np.diag([1e-12, 1e-12, 1e-33]), np.eye(3) + [[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]],
+        1e-40 * np.eye(3), np.diag([1e-12, 1e-12, 1e-33]), np.eye(3, k=1) - np.eye(3, k=-1) + np.eye(3),
         1e308 * np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     ],
 )  # fmt: skip
