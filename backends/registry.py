@@ -11,6 +11,7 @@ from typing import Any
 
 from ..frontend.errors import InputError
 from .api import Builder
+from .import_trial import death
 
 BUILTIN = {
     "dead-reckoning": "slamduel.backends.gaussian.dead_reckoning:build",
@@ -53,11 +54,25 @@ def find(name: str) -> Builder:
     module, _, attribute = place.partition(":")
     try:
         found = getattr(import_module(module), attribute)
-    except Exception as error:  # a plug-in's import may raise anything
-        raise Missing(f"backend {name}: {place} cannot be imported: {type(error).__name__}: {error}") from error
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plug-in's import may raise anything at all, SystemExit included
+        raise _missing(name, f"cannot be imported: {type(error).__name__}: {error}") from error
     if not isinstance(found, Builder):
-        raise Missing(f"backend {name}: {place} is {type(found).__name__}, expected slamduel.backends.api.Builder")
+        raise _missing(name, f"is {type(found).__name__}, expected slamduel.backends.api.Builder")
     return found
+
+
+def find_first(name: str) -> Builder:
+    """Finds the builder as `find`, for a process that has to outlive a plug-in's import: Missing if none would."""
+    if name not in BUILTIN and (how := death(target(name).partition(":")[0])):
+        raise _missing(name, f"cannot be imported: importing it ends the process with {how}")
+    return find(name)
+
+
+def _missing(name: str, why: str) -> Missing:
+    place = target(name)
+    return Missing(f"backend {name} {why}" if place == name else f"backend {name}: {place} {why}")
 
 
 def implementation(name: str, options: Any) -> str:
@@ -67,8 +82,9 @@ def implementation(name: str, options: Any) -> str:
     `find`.
     """
     builder = find(name)
-    with contextlib.suppress(Exception):  # as with an import: a plug-in's error must not end a run
-        if said := builder.implemented(options):
+    with contextlib.suppress(Exception, SystemExit):  # as with an import: a plug-in's error must not end a run
+        said = builder.implemented(options)
+        if isinstance(said, str) and said:  # pyright: ignore[reportUnnecessaryIsInstance] - it may return anything
             return said
     known = plugins().get(name)
     if known is not None and known.dist is not None:

@@ -10,7 +10,9 @@ from ...frontend import se2
 from ...frontend.factors import Log
 from ...frontend.se2 import Array
 from .candidate import Candidate, Failed, NotApplicable, first, same
-from .small_logs import IDS, RING, around, drive
+from .small_logs import IDS, NO_SIGHTINGS, RING, around, drive
+
+BLIND = "makes no use of sightings"
 
 
 def a_round() -> Log:
@@ -137,6 +139,21 @@ def the_map_holds_what_was_seen(candidate: Candidate) -> str:
             missing, extra = sorted(expected - set(ids)), sorted(set(ids) - expected)
             raise Failed(f"{which} lacks ids {missing} and has {extra} that were never sighted")
     return f"{len(trial.final_map.ids)} landmarks"
+
+
+def sightings_make_a_difference(candidate: Candidate) -> str:
+    """Its path, its covariances or its map are others where the sightings are taken out of the log."""
+    log = a_round()
+    blind = Log.from_steps(log.name, log.prior, [step._replace(sightings=NO_SIGHTINGS) for step in log])
+    found, without = (candidate.run(one, asking=True) for one in (log, blind))
+    if len(found.final_map.ids) > len(without.final_map.ids):
+        return f"{len(found.final_map.ids)} landmarks in its map"
+    if any(not np.array_equal(found.paths[which], without.paths[which]) for which in found.paths):
+        return "another path"
+    covs = [[belief.cov for belief in trial.beliefs if belief and belief.cov is not None] for trial in (found, without)]
+    if not np.array_equal(*map(np.array, covs)):
+        return "the same path, other covariances"
+    raise NotApplicable(BLIND)
 
 
 def the_same_seed_gives_the_same_path(candidate: Candidate) -> str:
@@ -269,6 +286,7 @@ CHECKS = (
     covariances_are_covariances,
     innovations_are_counted,
     the_map_holds_what_was_seen,
+    sightings_make_a_difference,
     the_same_seed_gives_the_same_path,
     chance_comes_from_its_generator,
     asking_changes_nothing,

@@ -42,7 +42,12 @@ class Outcome(NamedTuple):
 
 def _of(family: Family, function: Callable[[Candidate], str]) -> Check:
     title = " ".join((function.__doc__ or "").split())
-    return Check(family, function.__name__.replace("_", "-"), title, function)
+    return Check(family, check_name(function), title, function)
+
+
+def check_name(function: Callable[[Candidate], str]) -> str:
+    """Returns the name of the check that a function makes."""
+    return function.__name__.replace("_", "-")
 
 
 QUICK: tuple[Check, ...] = (

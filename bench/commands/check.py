@@ -6,13 +6,15 @@ from itertools import groupby
 from rich.console import Console
 
 from ...frontend.errors import InputError
+from ..check.contract import BLIND, sightings_make_a_difference
 from ..check.isolated import examined
-from ..check.suite import Outcome, chosen
+from ..check.suite import Outcome, check_name, chosen
 from ..plan.spec import BackendVariant, backend_variants
 from ..words.console import plain
 
 STYLE = {"passed": "green", "gave up": "yellow", "failed": "bold red", "not applicable": "dim"}
 TIMEOUT_S = 120.0  # s; ten times the slowest check of the built-in backends, compiling a backend's inner loops included
+SIGHTED = check_name(sightings_make_a_difference)
 LONGEST_S = 86_400  # s; a day for one check
 
 
@@ -31,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Prints every check's outcome; 1 where one failed."""
+    """Prints every check's outcome as it ends; 1 where one failed, or where a backend cannot be imported."""
     console = Console(highlight=False, soft_wrap=True)
     checks = chosen([word.strip() for word in namespace.only.split(",") if word.strip()])
     if not 0 < namespace.timeout <= LONGEST_S:
@@ -39,17 +41,23 @@ def main(namespace: argparse.Namespace) -> int:
     failures = 0
     for variant in backend_variants(namespace.backend, "bench check"):
         if variant.builder is None:
-            raise InputError(variant.missing)
+            _say(console, "failed", variant.missing)
+            failures += 1
+            continue
         for family, group in groupby(checks, key=lambda check: check.family):
             outcomes: list[Outcome] = []
             for outcome in examined(variant.name, variant.options, list(group), namespace.timeout):
                 outcomes.append(outcome)
                 if outcome.status == "failed" or not namespace.quiet:
-                    style, status = STYLE[outcome.status], outcome.status
-                    console.print(f"[{style}]{status:14}[/] {outcome.name}: {plain(outcome.found)}")
+                    _say(console, outcome.status, f"{outcome.name}: {outcome.found}")
             failures += sum(outcome.status == "failed" for outcome in outcomes)
-            console.print(_summary(variant, family, outcomes))
+            if not namespace.quiet:
+                console.print(_summary(variant, family, outcomes))
     return 1 if failures else 0
+
+
+def _say(console: Console, status: str, text: str) -> None:
+    console.print(f"[{STYLE[status]}]{status:14}[/] {plain(text)}")
 
 
 def _summary(variant: BackendVariant, family: str, outcomes: list[Outcome]) -> str:
@@ -59,4 +67,5 @@ def _summary(variant: BackendVariant, family: str, outcomes: list[Outcome]) -> s
         words = {"passed": "done", "gave up": "with a named reason", "failed": "failed"}
         family = "adversarial logs"
     counts = ", ".join(f"{count[status]} {word}" for status, word in words.items())
-    return f"{plain(variant.label)}: {family}: {counts}"
+    blind = any(outcome.name == SIGHTED and outcome.found == BLIND for outcome in outcomes)
+    return f"{plain(variant.label)}: {family}: {counts}{f'; {BLIND}' * blind}"

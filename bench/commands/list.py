@@ -57,7 +57,7 @@ def main(namespace: argparse.Namespace) -> int:
 def _backends() -> Iterator[Entry]:
     for name in [*backends.BUILTIN, *backends.plugins()]:
         try:
-            builder = backends.find(name)
+            builder = backends.find_first(name)
         except backends.Missing as error:
             yield Entry(name, str(error), [], "")
         else:

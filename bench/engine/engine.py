@@ -234,7 +234,8 @@ def batch_of(
 def job_of(work: Work, cell: PlannedCell) -> Job:
     """Makes the job of a cell."""
     backend = cell.cell.backend
-    return Job(backend.label, backend.name, backend.options, cell.cell.seed, work.memory_mb, work.oracle)
+    seed, missing = cell.cell.seed, backend.missing
+    return Job(backend.label, backend.name, backend.options, seed, work.memory_mb, work.oracle, missing)
 
 
 def _facts(work: Work, executor: Executor) -> dict[str, Any]:

@@ -34,6 +34,7 @@ class Job:
     seed: int
     memory_mb: int
     oracle: bool = False  # give the backend the ground truth, if it asks for it
+    missing: str = ""  # why the backend cannot be imported, where that is known: it is not tried again
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,8 @@ def run_on(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth
 
 def rehearse(job: Job, log: Log) -> Result:
     """Has the backend load or compile its code on the first steps of the log; nothing of it is a result."""
+    if job.missing:
+        return Result("error", job.missing)
     try:
         with limited(job.memory_mb):
             warm_up(backends.find(job.name), job.options, log, lambda: generator(job.seed, job.backend))
@@ -76,6 +79,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         log = read_log()
         unknown = int((log.ids == UNKNOWN).sum())
         row |= {"digest": log.digest, "steps": len(log), "sightings": len(log.ids), "ignored": unknown}
+        if job.missing:
+            return Result("error", job.missing, row)
         builder = backends.find(job.name)
         if len(log.loop_to) and not builder.loops:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)

@@ -10,30 +10,20 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from math import isfinite
-from typing import Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...backends.api import Backend, Belief, Builder, Diverged, Solution, WantsTruth
+from ...backends.api import Backend, Belief, Builder, Solution, WantsTruth
 from ...frontend import compiled
-from ...frontend.errors import SlamduelError
 from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints
+from .answers import COV, POSE, Broken, check_believed, checked_map, checked_pose, checked_solution, finite, is_floats
 from .clock import CLOCK
-
-FARTHEST = 1e9  # m from the origin: more than any coordinates on Earth, national grids included
 
 WARM_UP = 20
 """Steps that a separate backend runs through before the clock starts, so that most compilation and imports are over.
 The timing pass is repeated if a compiled function of ours is first called after that."""
-
-_POSE, _COV = (3,), (3, 3)
-_FLOAT = np.dtype(np.float64)
-
-
-class Broken(SlamduelError):
-    """A backend broke the contract: what it returned, and what was expected."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +79,7 @@ def drive(
                 break
     finally:
         gc.enable()
-    solution = _checked_solution(finished, len(steps))
+    solution = checked_solution(finished, len(steps))
     del backend, finished
 
     backend = builder.make(log.prior, options, generator())
@@ -106,7 +96,7 @@ def drive(
         n_eff=beliefs.n_eff,
         ancestors=beliefs.ancestors,
         refused=beliefs.refused,
-        map=_checked_map(found, "map()"),
+        map=checked_map(found, "map()"),
         solution=solution,
         step_ns=np.maximum(step_ns - clock, 0),
         wall_ns=np.maximum(wall_ns - clock, 0),
@@ -154,9 +144,9 @@ def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints
         cpu[k] = cpu_clock() - cpu_start
         wall[k] = wall_end - wall_start
         if pose is not None:
-            poses += _pose(pose, k)
+            poses += checked_pose(pose, k)
     times = np.array(cpu, np.int64), np.array(wall, np.int64)
-    online = np.frombuffer(poses).reshape(-1, *_POSE)
+    online = np.frombuffer(poses).reshape(-1, *POSE)
     if len(online) not in (0, len(steps)):
         raise Broken("step() returned a pose at some steps and None at others, expected one or the other throughout")
     return (online if len(online) else None, *times)
@@ -178,11 +168,11 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
     nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
     nis_dof, refused = [0] * n, [0] * n
     path = b"" if online is None else online.tobytes()
-    known, covs = list[int](), bytearray()
+    known, covs, believed, poses = list[int](), bytearray(), list[int](), bytearray()
     try:
         for k, step in enumerate(steps):
             pose = backend.step(step)
-            if not (_is_floats(pose, _POSE) and pose.tobytes() == path[24 * k : 24 * k + 24]):
+            if not (is_floats(pose, POSE) and pose.tobytes() == path[24 * k : 24 * k + 24]):
                 _check_again(pose, online, k)
             start = clock()
             belief = backend.belief()
@@ -191,12 +181,17 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
                 continue
             if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
                 raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
-            _, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _ = belief
+            place, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _ = belief
+            poses += (
+                place if is_floats(place, POSE) else finite(place, POSE, f"step {k}: the belief's pose")
+            ).tobytes()
+            believed.append(k)
             if cov is not None:
-                covs += (cov if _is_floats(cov, _COV) else _finite_cov(cov, k)).tobytes()
+                covs += (cov if is_floats(cov, COV) else _finite_cov(cov, k)).tobytes()
                 known.append(k)
     finally:  # what is not finite was there before any error
         found = _covariances(covs, known, n)
+    check_believed(np.frombuffer(poses).reshape(-1, *POSE), believed, online)
     return _Beliefs(
         cov=found,
         nis=np.array(nis, np.float64).reshape(n),
@@ -208,73 +203,25 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
     )
 
 
-def _pose(pose: Any, k: int) -> bytes:
-    """Copies what step() returned at step k, after a check that is cheap where it passes."""
-    if _is_floats(pose, _POSE):
-        x, y, heading = pose.tolist()
-        if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and isfinite(heading):
-            return pose.tobytes()
-    return _on_earth(pose, _POSE, f"step {k}: the pose").tobytes()
-
-
 def _check_again(pose: Any, online: Array | None, k: int) -> None:
     """Raises Broken unless the pose, if there is one, is the same as without asking for beliefs."""
-    again = None if pose is None else np.frombuffer(_pose(pose, k))
+    again = None if pose is None else np.frombuffer(checked_pose(pose, k))
     if online is not None and (again is None or again.tobytes() != online[k].tobytes()):
         raise Broken(f"step {k}: the path differs once beliefs are asked for: {again}, expected {online[k]}")
 
 
 def _covariances(covs: bytearray, known: Sequence[int], n: int) -> Array:
     """Returns (n, 3, 3) from the bytes of those that are known, at these steps; Diverged names the first not finite."""
-    cov, found = np.full((n, *_COV), np.nan), np.frombuffer(covs).reshape(-1, *_COV)
+    cov, found = np.full((n, *COV), np.nan), np.frombuffer(covs).reshape(-1, *COV)
     for row in np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))[:1]:
         _finite_cov(found[row], known[row])
     cov[known] = found
     return cov
 
 
-def _is_floats(values: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
-    return type(values) is np.ndarray and values.shape == shape and values.dtype is _FLOAT
-
-
-def _checked_solution(solution: Any, n: int) -> Solution | None:
-    if solution is None:
-        return None
-    if not isinstance(solution, Solution):
-        raise Broken(f"finish() returned {type(solution).__name__}, expected Solution or None")
-    path = _on_earth(solution.path, (n, 3), "finish(): the path")
-    return solution._replace(path=path, map=_checked_map(solution.map, "finish()"))
-
-
-def _checked_map(found: Any, where: str) -> Map:
-    if not isinstance(found, Map):
-        raise Broken(f"{where} returned {type(found).__name__} for a map, expected Map")
-    n = len(found.ids)
-    cov = None if found.cov is None else _finite(found.cov, (2 * n, 2 * n), f"{where}: the map's covariance")
-    return Map(np.array(found.ids, np.int64), _finite(found.xy, (n, 2), f"{where}: the map"), cov)
-
-
-def _on_earth(poses: Any, shape: tuple[int, ...], what: str) -> Array:
-    """Checks as `_finite`, for poses: beyond `FARTHEST` the numbers mean nothing any more."""
-    found = _finite(poses, shape, what)
-    far = float(np.abs(found[..., :2]).max(initial=0.0))
-    if far > FARTHEST:
-        raise Diverged(f"{what} is {far:.1e} m from the origin, farther than the {FARTHEST:.0e} m of any log")
-    return found
+def _finite_place(pose: Any, k: int) -> Array:
+    return finite(pose, POSE, f"step {k}: the belief's pose")
 
 
 def _finite_cov(cov: Any, k: int) -> Array:
-    return _finite(cov, _COV, f"step {k}: the belief's covariance")
-
-
-def _finite(values: Any, shape: tuple[int, ...], what: str) -> Array:
-    """Copies `values`; Broken unless of that shape, Diverged unless finite."""
-    try:
-        array = np.array(values, np.float64)
-    except (TypeError, ValueError):
-        raise Broken(f"{what} is {type(values).__name__}, expected an array of floats of shape {shape}") from None
-    if array.shape != shape:
-        raise Broken(f"{what} has shape {array.shape}, expected {shape}")
-    if not np.isfinite(array).all():
-        raise Diverged(f"{what} is not finite: {array if array.size <= 9 else 'an array'}")
-    return array
+    return finite(cov, COV, f"step {k}: the belief's covariance")

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...frontend.factors import Map
 from ...frontend.se2 import Array, Ints, act, compose, wrap
@@ -10,7 +11,14 @@ from ...frontend.truth_errors import difference, rows_of
 
 INSIDE_95 = {2: 5.991464547107982, 3: 7.814727903251178}  # chi-square's 95 % points of a landmark, a pose
 ROUNDING = 1e-14  # ratio of a covariance's smallest to largest variance below which the smallest may be zero
+SYMMETRIC = 1e-9  # share of its largest entry by which a covariance may differ from its transpose
 
+LEAST = 1.0  # m and rad, of the numbers that an estimate is made of
+FINEST = float(np.finfo(np.float64).eps)
+"""Standard deviation below which a covariance is none, relative to the estimate's coordinate. Neighbouring numbers at x
+are up to eps |x| apart, and a path of some metres and turns is a sum of numbers of LEAST or more, whatever it is at
+the time: an estimate cannot be better than such a step, 2e-16 m near the origin and 1e-9 m in UTM coordinates. Sensors
+are worse by ten orders of magnitude, so that what falls below is zero, or meant for it."""
 
 STRAIGHT = 1e-12  # share of a path's extent that it may extend to the side and still be straight
 ULPS = 16  # rounding error of a coordinate less the mean of its column, summed in any order
@@ -102,7 +110,8 @@ def landmark_nees(estimate: Map, truth: Map, fixed: Ints) -> Array:
         return np.zeros(0)
     shared = np.setdiff1d(np.intersect1d(estimate.ids, truth.ids), fixed)
     mine, theirs = rows_of(estimate.ids, shared), rows_of(truth.ids, shared)
-    return squared_distances(estimate.xy[mine] - truth.xy[theirs], covariances(estimate.cov)[mine])
+    xy = estimate.xy[mine]
+    return squared_distances(xy - truth.xy[theirs], covariances(estimate.cov)[mine], xy)
 
 
 def covariances(joint: Array) -> Array:
@@ -115,20 +124,43 @@ def nees(estimate: Array, cov: Array, truth: Array) -> Array:
     """Computes the NEES (m,) of each pose: e' C^-1 e, chi-square with 3 degrees of freedom if C is right.
 
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), eq. (5.4.2-3). `cov`
-    is (m, 3, 3). NaN without a positive definite covariance. The error is in the world frame, from the known start, not
+    is (m, 3, 3). NaN where it is none by `are_covariances`. The error is in the world frame, from the known start, not
     aligned.
     """
-    return squared_distances(difference(estimate, truth), cov)
+    return squared_distances(difference(estimate, truth), cov, estimate)
 
 
-def squared_distances(error: Array, cov: Array) -> Array:
-    """Computes e' C^-1 e (m,) of each error (m, k); NaN where C (m, k, k) is not definite."""
+def are_covariances(cov: Array, estimate: Array) -> NDArray[np.bool]:
+    """Returns True (m,) where C (m, k, k), finite, is a covariance of the estimate (m, k).
+
+    It is symmetric, positive definite beyond rounding, and no standard deviation in any direction is below FINEST.
+    """
+    largest = np.abs(cov).max(axis=(1, 2))
+    with np.errstate(over="ignore"):
+        symmetric = np.abs(cov - cov.swapaxes(1, 2)).max(axis=(1, 2)) <= SYMMETRIC * largest
+    spread = np.linalg.eigvalsh(cov)
+    finest = np.zeros_like(cov)
+    at = np.arange(cov.shape[-1])
+    finest[:, at, at] = (FINEST * np.maximum(np.abs(estimate), LEAST)) ** 2
+    coarse = np.linalg.eigvalsh(cov - finest)[:, 0] > 0
+    return symmetric & (spread[:, 0] > ROUNDING * spread[:, -1]) & coarse
+
+
+def not_covariances(cov: Array, estimate: Array) -> int:
+    """Counts those of C (m, k, k) that are known, so finite, and no covariances of the estimate (m, k)."""
+    known = np.isfinite(cov).all(axis=(1, 2))
+    return int((~are_covariances(cov[known], estimate[known])).sum())
+
+
+def squared_distances(error: Array, cov: Array, estimate: Array) -> Array:
+    """Computes e' C^-1 e (m,) of each error (m, k) of the estimate (m, k); NaN where C (m, k, k) is no covariance."""
     known = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2)))
     spread, axes = np.linalg.eigh(cov[known])
-    definite = spread[:, 0] > ROUNDING * spread[:, -1]
+    definite = are_covariances(cov[known], estimate[known])
     along = np.einsum("mij,mi->mj", axes[definite], error[known[definite]])  # the error along the axes of the ellipsoid
     values = np.full(len(error), np.nan)
-    values[known[definite]] = (along**2 / spread[definite]).sum(axis=1)
+    with np.errstate(over="ignore"):  # a landmark may be anywhere
+        values[known[definite]] = (along**2 / spread[definite]).sum(axis=1)
     return values
 
 
@@ -145,7 +177,7 @@ def consistency(values: Array, dof: int) -> Consistency | None:
     A step without a usable covariance counts as outside: a filter that has collapsed must not be judged by its better
     moments.
     """
-    known = values[np.isfinite(values)]
+    known = values[~np.isnan(values)]
     if not len(known):
         return None
     return Consistency(float(known.mean() / dof), float((known <= INSIDE_95[dof]).sum() / len(values)))

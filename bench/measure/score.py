@@ -12,7 +12,7 @@ from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretche
 from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
-from .metrics import covariances, nees
+from .metrics import covariances, nees, not_covariances
 from .misfit import Misfit, misfit
 from .misstated import misstated
 from .times import length
@@ -37,8 +37,11 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     arrays = _kept(log, outcome)
     remarks = _remarks(log, truth)
     ends = _ends(outcome)
-    if truth is not None and truth.map is not None:
-        for prefix, end in ends.items():
+    for prefix, end in ends.items():
+        found = _not_covariances(log, end)
+        row |= _prefixed(prefix, {name: wrong for name, (wrong, _) in found.items()})
+        remarks += [_none(prefix, name, *counts) for name, counts in found.items() if counts[0]]
+        if truth is not None and truth.map is not None:
             row |= _prefixed(prefix, map_accuracy(log, truth, truth.map, end.map))
     if truth is not None and len(truth.t):
         at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
@@ -81,6 +84,25 @@ def _ends(outcome: Outcome) -> dict[str, _End]:
     if solution is None or outcome.online is not None:  # a batch method has nothing online
         ends[""] = _End(outcome.online, outcome.cov, outcome.map)
     return ends
+
+
+def _not_covariances(log: Log, end: _End) -> dict[str, tuple[int, int]]:
+    """Counts by column the covariances of poses and landmarks that are none, and all that are known."""
+    found: dict[str, tuple[int, int]] = {}
+    known = 0 if end.cov is None else int(np.isfinite(end.cov).all(axis=(1, 2)).sum())
+    if known and end.cov is not None and end.path is not None:
+        found["nees_void"] = not_covariances(end.cov, end.path), known
+    if end.map.cov is not None:
+        given = log.prior.map
+        drawn = np.isin(end.map.ids, given.ids, invert=True) if given is not None and given.cov is None else slice(None)
+        blocks = covariances(end.map.cov)[drawn]
+        found["landmark_nees_void"] = not_covariances(blocks, end.map.xy[drawn]), len(blocks)
+    return found
+
+
+def _none(prefix: str, column: str, wrong: int, known: int) -> str:
+    what, each = ("landmark NEES", "landmark") if column.startswith("landmark") else ("NEES", "step")
+    return f"{prefix.replace('_', ' ')}{what}: not a covariance at {wrong} of {known} {each}{'s' * (known != 1)}"
 
 
 def _prefixed(prefix: str, row: dict[str, Any]) -> dict[str, Any]:

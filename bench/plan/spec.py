@@ -76,7 +76,7 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
     found: list[BackendVariant] = []
     for name, given in _split(text, asker):
         try:
-            builder = backends.find(name)
+            builder = backends.find_first(name)
         except KeyError:
             known = [*backends.BUILTIN, *backends.plugins()]
             hint = "A backend of your own is named my_package.my_module:build."

@@ -68,10 +68,10 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
     best = {name: _best(lines, name) for name in tested}
 
     def entry(line: Line, name: str) -> Entry:
-        if name not in line.values:
-            return _words(line, name)
-        found = typical(line, name)
         word = belief_word(line) if name == "nees" else ""
+        if name not in line.values:
+            return _words(line, name)._replace(word=word)
+        found = typical(line, name)
         note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
         return Entry(
             shown(name, found.value, alone=line.alone), word, note, line.backend in best.get(name, ()), found.value
@@ -175,7 +175,9 @@ def laid(
     """Makes a table, one row per line and one column per name with any entry; `headings` replace the usual ones."""
     other = headings or {}
     columns = [[entry(line, name) for line in lines] for name in names]
-    kept = [(name, column) for name, column in zip(names, columns, strict=True) if any(e.text for e in column)]
+    kept = [
+        (name, column) for name, column in zip(names, columns, strict=True) if any(e.text or e.word for e in column)
+    ]
     kept = kept if any(name != WHOSE for name, _ in kept) else []
     top = [about(name)._replace(heading=other.get(name, about(name).heading)) for name, _ in kept]
     return Table([about("done"), *top], [_row(line, [c[k] for _, c in kept]) for k, line in enumerate(lines)], caption)
@@ -204,10 +206,10 @@ def _words(line: Line, name: str) -> Entry:
 
 
 def _median(line: Line, name: str) -> Entry:
-    if name not in line.values:
-        return _words(line, name)
-    found = typical(line, name)
     word = belief_word(line, name) if name == "final_nees" else ""
+    if name not in line.values:
+        return _words(line, name)._replace(word=word)
+    found = typical(line, name)
     return Entry(shown(name, found.value, alone=line.alone), word, value=found.value)
 
 

@@ -11,6 +11,7 @@ from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
+from ..verdict.consistency import void
 from ..verdict.implementations import sentence
 from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, logs, typical
@@ -89,6 +90,12 @@ def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
         for (status, reason), n in ends.items():
             if n:
                 yield status, f"{line.backend}, {n} of {len(line.rows)}: {reason}"
+    for line in lines:
+        steps = [(row.columns["nees_void"], row.columns["steps"]) for row in line.rows if row.columns["nees_void"]]
+        if steps:
+            wrong, of = max(steps)
+            cells = f" in {len(steps)} of {counted(len(line.rows), 'cell')}" if len(line.rows) > 1 else ""
+            yield "remark", f"{line.backend}: NEES: not a covariance at {wrong:,} of {counted(of, 'step')}{cells}"
     if unseen([row["sightings"] for row in rows if row["status"] == "done"]):
         yield "remark", NO_SIGHTING
 
@@ -164,7 +171,7 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
         entries[heading] = _Entry("") if column is None else _metres(*_ends(line, column, final=planned is None))
     nees = v.get("nees")
     form = "" if nees is None else ".2f" if nees.median < 100 else ".0f" if nees.median < LOST else ".1e"
-    entries["NEES"] = _Entry("" if nees is None else f"{nees.median:{form}}")
+    entries["NEES"] = _Entry("none" * void(line) if nees is None else f"{nees.median:{form}}")
     inside, p50, p99 = (v.get(name) for name in ("nees_inside", "step_us_p50", "step_us_p99"))
     entries["in 95 %"] = _Entry("" if inside is None else f"{100 * inside.median:.0f} %")
     entries["step, µs"] = _Entry("" if p50 is None else _whole(p50.median))

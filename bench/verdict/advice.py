@@ -1,6 +1,6 @@
 """Recommends a backend per purpose: the cheapest not significantly beaten whose uncertainty is consistent."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf, isinf
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from ...datasets.registry import seeded
 from ..words.numerals import counted, factor, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
-from .consistency import belief_word
+from .consistency import NO_COVARIANCE, belief_word
 from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line
@@ -38,8 +38,8 @@ def advice(purpose: str, found: Ranking) -> Use:
     """Recommends by these steps, each left out where it would leave none:
 
     those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
-    none where only too few logs stand in the way; those without a failure; those that are not overconfident; the
-    cheapest, and of about the same cost the more accurate.
+    none where only too few logs stand in the way; those without a failure; those that are not overconfident, and have
+    a covariance at every step; the cheapest, and of about the same cost the more accurate.
     """
     if found.logs < FEWEST:
         return Use(purpose, "", _too_few(found))
@@ -61,7 +61,8 @@ def advice(purpose: str, found: Ranking) -> Use:
             purpose, "", f"{found.lines[0].backend} is not significantly closer to the truth than dead reckoning."
         )
     whole = [line for line in level if line.done == len(line.rows)] or level
-    sure = [line for line in whole if belief_word(line, BELIEF.get(purpose, "")) != "overconfident"] or whole
+    word = {line.backend: belief_word(line, BELIEF.get(purpose, "")) for line in whole}
+    sure = [line for line in whole if word[line.backend] not in ("overconfident", NO_COVARIANCE)] or whole
     cost = {line.backend: line.values[COST[purpose]].median for line in sure if COST[purpose] in line.values}
     least = min(cost.values(), default=0.0)
     chosen = next((line for line in sure if cost.get(line.backend, inf) <= SAME_COST * least), sure[0])
@@ -69,7 +70,7 @@ def advice(purpose: str, found: Ranking) -> Use:
     accuracy = _accuracy(found, chosen, rival)
     parts = [
         accuracy,
-        _belief(belief_word(chosen, BELIEF.get(purpose, "")), [line for line in whole if line not in sure]),
+        _belief(word[chosen.backend], {line.backend: word[line.backend] for line in whole if line not in sure}),
         _failures(chosen, [line for line in level if line not in whole]),
         _cost(COST[purpose], chosen, rival, named=rival is not None and rival.backend in accuracy),
     ]
@@ -139,12 +140,16 @@ def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
     return "the most accurate measured"
 
 
-def _belief(word: str, passed: Sequence[Line]) -> str:
-    if not passed:
-        return word
-    names = listed([line.backend for line in passed])
-    said = f"{word}, as {names} {_is(passed)} not"
-    return said if word == "consistent" else f"not overconfident, as {names} {_is(passed)}"
+def _belief(word: str, passed: Mapping[str, str]) -> str:
+    """Says how the chosen one's covariances are, and those of the backends that are `passed` over for theirs."""
+    if word == NO_COVARIANCE:
+        return "its covariances are none at some steps"
+    said = word
+    if over := [name for name, of in passed.items() if of != NO_COVARIANCE]:
+        said = f"{word if word == 'consistent' else 'not overconfident'}, as {listed(over)} {_is(over)} not"
+    if void := [name for name, of in passed.items() if of == NO_COVARIANCE]:
+        said += f"{', and ' * bool(said)}with covariances, as {listed(void)} {_is(void)} not at every step"
+    return said
 
 
 def _failures(chosen: Line, passed: Sequence[Line]) -> str:
@@ -153,8 +158,8 @@ def _failures(chosen: Line, passed: Sequence[Line]) -> str:
     return f"done on every log, as {listed([line.backend for line in passed])} {_is(passed)} not" if passed else ""
 
 
-def _is(lines: Sequence[Line]) -> str:
-    return "is" if len(lines) == 1 else "are"
+def _is(them: Sequence[object]) -> str:
+    return "is" if len(them) == 1 else "are"
 
 
 def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False) -> str:

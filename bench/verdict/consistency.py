@@ -19,6 +19,7 @@ MOST = 4  # backends that a sentence names one by one
 
 TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT = "consistent or a little cautious", "consistent or a little overconfident"
 UNCLEAR = "it is not clear for"  # said where no word is clear
+NO_COVARIANCE = "not a covariance"  # the word of a line with a covariance that is none at some step
 
 _NOBODY = (
     " No belief fits this log: noise stated too small, wrong ids, moving landmarks or differing clocks would affect "
@@ -29,7 +30,7 @@ _NOBODY = (
 class Belief(NamedTuple):
     """The consistency of a line."""
 
-    word: str  # "consistent", "overconfident" or "cautious"; "" where none of them is clear
+    word: str  # "consistent", "overconfident", "cautious" or NO_COVARIANCE; "" where none of them is clear
     nees: Estimate  # its median over the logs that it has a path on
 
 
@@ -38,11 +39,20 @@ def belief(line: Line, column: str = "nees") -> Belief | None:
     if column not in line.values:
         return None
     found = estimate(list(line.by_log(column).values()))
+    if void(line, column):
+        return Belief(NO_COVARIANCE, found)
     return Belief(_word(found) if found.n >= FEWEST else _thumb(line, column), found)
 
 
+def void(line: Line, column: str = "nees") -> bool:
+    """Returns True if a covariance is none at any step of any of the line's cells."""
+    return any(row.columns.get(f"{column}_void") for row in line.rows)
+
+
 def belief_word(line: Line, column: str = "nees") -> str:
-    """Returns consistent, overconfident or cautious where that is clear, else ""."""
+    """Returns consistent, overconfident or cautious where that is clear, or NO_COVARIANCE; else ""."""
+    if void(line, column):
+        return NO_COVARIANCE
     found = belief(line, column)
     return found.word if found else ""
 
@@ -69,9 +79,12 @@ def _thumb(line: Line, column: str) -> str:
 
 def belief_sentences(lines: Sequence[Line]) -> list[str]:
     """Describes the backends' consistency in sentences; [] where none reports a covariance."""
-    found = {line.backend: known for line in lines if (known := belief(line))}
+    without = [line.backend for line in lines if void(line)]
+    last = [f"Not a covariance at some steps, so that NEES does not judge {listed(without)}."] if without else []
+    judged = [line for line in lines if line.backend not in without]
+    found = {line.backend: known for line in judged if (known := belief(line))}
     if not found:
-        return []
+        return last
     said: list[str] = []
     told = {name: known.word or _between(known.nees) for name, known in found.items()}
     for word in ("consistent", "overconfident", "cautious", TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT, UNCLEAR):
@@ -91,7 +104,10 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
     few = [name for name, known in found.items() if known.nees.n < FEWEST]
     whose = "" if len(few) == len(found) else f"{listed(few)} " if few else ""
     thumb = f" ({whose}by a rule of thumb: an interval takes {FEWEST} logs)" * bool(few)
-    return [f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}"]
+    return [
+        f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}",
+        *last,
+    ]
 
 
 def _between(nees: Estimate) -> str:

@@ -105,6 +105,13 @@ ONLINE = (
            "were given as exact."),
     Column("landmark_nees_inside", "landmarks inside 95 %", kind.INSIDE_95,
            "Share of landmarks whose NEES is below the 95 % point of chi-square, 5.99."),
+    Column("nees_void", "not a covariance", kind.COUNT,
+           "Steps whose pose has a covariance that is none: not symmetric, not positive definite, or with a standard "
+           "deviation below 2.2e-16 of a coordinate, or of 1 m or rad where that is larger: finer than numbers are. "
+           "They have no NEES, and count as outside 95 %. A backend with such a step is called neither consistent nor "
+           "cautious.", "steps without a usable covariance"),
+    Column("landmark_nees_void", "landmarks, not a covariance", kind.COUNT,
+           "Landmarks of the map whose covariance is none, likewise.", "landmarks without a usable covariance"),
 )  # fmt: skip
 """The columns of metrics.csv that exist for the online path and map, and again for the final ones."""
 

@@ -137,6 +137,21 @@ class WrongBelief(Reckoning):
         return self.pose, np.eye(3)
 
 
+class BelievesElsewhere(Reckoning):
+    def belief(self) -> Belief:
+        return Belief(self.pose + 5.0 * (self.steps >= TROUBLE_AT), np.eye(3))
+
+
+class TwiceInMap(Reckoning):
+    def map(self) -> Any:
+        return Map(np.array([4, 7, 7]), np.zeros((3, 2)), None)
+
+
+class HalfLandmarks(Reckoning):
+    def map(self) -> Any:
+        return Map(np.array([1.5, 2.0]), np.zeros((2, 2)), None)  # type: ignore[arg-type]
+
+
 class BeliefChangesPath(Reckoning):
     def belief(self) -> Belief:
         self.pose = self.pose + 1e-15
@@ -185,6 +200,9 @@ exits = Builder(Exits)
 wrong_shape = Builder(WrongShape)
 sometimes_none = Builder(SometimesNone)
 wrong_belief = Builder(WrongBelief)
+believes_elsewhere = Builder(BelievesElsewhere)
+twice_in_map = Builder(TwiceInMap)
+half_landmarks = Builder(HalfLandmarks)
 belief_changes_path = Builder(BeliefChangesPath)
 talks = Builder(Talks)
 draws = Builder(Draws, options=NoOptions, random=True)

@@ -11,6 +11,7 @@ from broken_backends import ADVERSE, BROKEN, Sound
 from slamduel.backends import registry
 from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Solution, Step, option
 from slamduel.bench.check.candidate import Candidate, Failed, stays_near
+from slamduel.bench.check.contract import BLIND
 from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
 from slamduel.bench.check.suite import CHECKS, QUICK, Check, Outcome, check, chosen, examine
 from slamduel.frontend.se2 import Array, compose
@@ -116,6 +117,12 @@ def test_a_random_backend_may_sample() -> None:
     assert {name for name in exact if outcome(build(Wild, random=True), name).status == "failed"}
     assert outcome(build(Particle, random=True), "chance-comes-from-its-generator").status == "passed"
     assert outcome(build(Particle, random=True), "the-map-holds-what-was-seen").status == "not applicable"
+
+
+def test_a_backend_that_ignores_sightings_is_said_to() -> None:
+    found = outcome(registry.find("dead-reckoning"), "sightings-make-a-difference")
+    assert (found.status, found.found) == ("not applicable", BLIND)
+    assert "landmarks in its map" in outcome(build(Sound), "sightings-make-a-difference").found
 
 
 def test_options_are_handed_on() -> None:

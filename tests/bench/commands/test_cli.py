@@ -263,8 +263,10 @@ def test_check_holds_a_backend_to_the_contract(capsys: pytest.CaptureFixture[str
     assert "passed" in capsys.readouterr().out
     assert main(["check", "misbehaving:not_a_number", "--only", "contract,estimates"]) == 1
     assert "failed" in capsys.readouterr().out
-    assert main(["check", "misbehaving:not_there"]) == 2
-    assert "cannot be imported" in capsys.readouterr().err
+    assert main(["check", "misbehaving:not_there"]) == 1
+    assert "cannot be imported" in capsys.readouterr().out
+    assert main(["check", "dead-reckoning", "--only", "contract"]) == 0
+    assert "not applicable; makes no use of sightings" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"]])

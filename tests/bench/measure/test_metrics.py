@@ -94,6 +94,26 @@ def test_nees_is_blank_where_there_is_no_covariance_to_divide_by() -> None:
     assert np.isnan(values[1:]).all()
 
 
+@pytest.mark.parametrize(
+    "cov",
+    [
+        np.zeros((3, 3)), -np.eye(3), np.diag([1.0, -1e-9, 1.0]), np.ones((3, 3)), 1e-320 * np.eye(3),
+        1e-40 * np.eye(3), np.diag([1e-12, 1e-12, 1e-33]), np.eye(3, k=1) - np.eye(3, k=-1) + np.eye(3),
+        1e308 * np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    ],
+)  # fmt: skip
+def test_what_is_no_covariance_has_no_nees_and_is_counted(cov: Array) -> None:
+    estimate, covs = np.array([[3.0, -40.0, 1.0]] * 3), np.array([cov, 0.01 * np.eye(3), np.full((3, 3), np.nan)])
+    assert metrics.not_covariances(covs, estimate) == 1
+    assert np.isnan(metrics.nees(estimate, covs, np.zeros((3, 3)))).tolist() == [True, False, True]
+
+
+def test_how_small_a_covariance_may_be_depends_on_the_numbers_of_the_pose() -> None:
+    cov = np.array([np.diag([1e-18, 1e-18, 1e-18])])
+    assert metrics.not_covariances(cov, np.array([[500.0, 0.0, 3.0]])) == 0
+    assert metrics.not_covariances(cov, np.array([[5e6, 0.0, 3.0]])) == 1  # numbers there are 9e-10 m apart
+
+
 def test_nees_is_never_negative_however_thin_the_covariance() -> None:
     rng = np.random.default_rng(10)
     cloud = rng.normal(size=(200, 2, 3)) * (1e-3, 1e-3, 1e-5)  # two particles: rank one, but for rounding

@@ -198,7 +198,8 @@ def test_every_log_is_scored(case: str, mapping: bool) -> None:
             assert f"{prefix}ate_m" not in judged.row
             assert judged.row[f"{prefix}landmarks_spurious"] == 0
         if case == "no truth":
-            assert not any(column.name in judged.row for column in (*ONLINE, *FINAL))
+            of_truth = {column.name for column in (*ONLINE, *FINAL) if not column.name.endswith("_void")}
+            assert not of_truth & set(judged.row)
 
 
 def test_a_row_says_what_its_errors_are_measured_from() -> None:
@@ -230,3 +231,22 @@ def test_metrics_csv_names_the_cell_and_has_every_column(tmp_path: Path) -> None
     ]
     with (out / "cells.csv").open(newline="") as file:
         assert tuple(next(csv.reader(file))) == COLUMNS
+
+
+def test_a_covariance_that_is_none_is_counted_and_remarked_on() -> None:
+    log, truth, known = drive()
+    good = outcome(truth.poses, uncertain(known))
+    assert score(log, good, truth).remark == ""
+    assert score(log, good, truth).row["nees_void"] == 0
+    cov = good.cov.copy()
+    cov[7:10] = 0.0
+    flat = known._replace(cov=np.zeros((2 * len(known.ids), 2 * len(known.ids))))
+    found = score(log, replace(good, cov=cov, map=flat), truth)
+    assert found.row["nees_void"] == 3
+    assert found.row["landmark_nees_void"] == len(known.ids)
+    assert found.row["nees_inside"] == 397 / 400
+    assert "landmark_nees" not in found.row
+    landmarks = f"landmark NEES: not a covariance at {len(known.ids)} of {len(known.ids)} landmarks"
+    assert found.remark == f"NEES: not a covariance at 3 of 400 steps; {landmarks}"
+    final = replace(good, solution=Solution(truth.poses, known, -good.cov))
+    assert score(log, final, None).remark == "final NEES: not a covariance at 400 of 400 steps"

@@ -515,3 +515,17 @@ def test_of_whatever_record_the_verdict_bears_what_it_says() -> None:
         assert bool(re.search(r"'s online path is .*closer to the truth", words)) <= bool(sure), words
         for line in lines(cells):
             assert not line.failed or f"{line.backend} failed on {line.failed} of {n} cells" in words
+
+
+@pytest.mark.parametrize("nees", [None, 0.0, 0.3, 1.0, 9.0])
+def test_a_backend_with_a_covariance_that_is_none_is_neither_cautious_nor_consistent(nees: float | None) -> None:
+    void = rows("void", 1, n=10, nees=nees, nees_void=[0] * 9 + [1], step=1.0)
+    found = said(void, rows("ekf", 1, n=10, nees=1.0, nees_void=0), rows("dead-reckoning", 5, n=10))
+    assert belief_word(lines(void)[0]) == "not a covariance"
+    text = " ".join(found.sentences)
+    assert "Not a covariance at some steps, so that NEES does not judge void." in text
+    assert "void (" not in text
+    assert use(found).backend == "ekf"
+    assert "consistent, and with covariances, as void is not at every step" in use(found).why
+    alone = said(void, rows("dead-reckoning", 5, n=10))
+    assert "its covariances are none at some steps" in use(alone).why

@@ -1,0 +1,116 @@
+"""Checks the answers of a backend against the contract: types, shapes, finite numbers, ids.
+
+None of it is timed; where it stands between timed calls it is cheap as long as it passes.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from ...backends.api import Diverged, Solution
+from ...frontend.errors import SlamduelError
+from ...frontend.factors import Map
+from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import difference
+
+FARTHEST = 1e9  # m from the origin: more than any coordinates on Earth, national grids included
+
+SAME = 1e-9  # m and rad by which a belief's pose may differ from the step's
+ULPS = 64  # by which it may differ besides, for the rounding of large coordinates
+
+POSE, COV = (3,), (3, 3)
+_FLOAT = np.dtype(np.float64)
+
+
+class Broken(SlamduelError):
+    """A backend broke the contract: what it returned, and what was expected."""
+
+
+def checked_pose(pose: Any, k: int) -> bytes:
+    """Copies what step() returned at step k, after a check that is cheap where it passes."""
+    if is_floats(pose, POSE):
+        x, y, heading = pose.tolist()
+        if -FARTHEST <= x <= FARTHEST and -FARTHEST <= y <= FARTHEST and isfinite(heading):
+            return pose.tobytes()
+    return _on_earth(pose, POSE, f"step {k}: the pose").tobytes()
+
+
+def check_believed(poses: Array, steps: Sequence[int], online: Array | None) -> None:
+    """Raises for the first belief at these steps whose pose is not that of its step, where this gave one."""
+    for row in np.flatnonzero(~np.isfinite(poses).all(axis=1))[:1]:
+        finite(poses[row], POSE, f"step {steps[row]}: the belief's pose")
+    if online is None or not len(poses):
+        return
+    returned = online[steps]
+    off = np.abs(difference(poses, returned))
+    allowed = SAME + ULPS * np.finfo(np.float64).eps * np.abs(returned).max(axis=1)
+    for row in np.flatnonzero(off.max(axis=1) > allowed)[:1]:
+        raise Broken(f"step {steps[row]}: the belief's pose is {poses[row]}, expected the step's, {returned[row]}")
+
+
+def is_floats(values: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
+    """Returns True for an array of float64 of that shape."""
+    return type(values) is np.ndarray and values.shape == shape and values.dtype is _FLOAT
+
+
+def checked_solution(solution: Any, n: int) -> Solution | None:
+    """Copies what finish() returned after n steps: Broken or Diverged where it is not what the contract says."""
+    if solution is None:
+        return None
+    if not isinstance(solution, Solution):
+        raise Broken(f"finish() returned {type(solution).__name__}, expected Solution or None")
+    path = _on_earth(solution.path, (n, 3), "finish(): the path")
+    cov = solution.cov
+    if cov is not None and not is_floats(cov, (n, *COV)):
+        cov = _shaped(cov, (n, *COV), "finish(): the covariances")
+    return solution._replace(path=path, map=checked_map(solution.map, "finish()"), cov=cov)
+
+
+def checked_map(found: Any, where: str) -> Map:
+    """Copies a map that `where` returned: Broken or Diverged where it is not what the contract says."""
+    if not isinstance(found, Map):
+        raise Broken(f"{where} returned {type(found).__name__} for a map, expected Map")
+    ids = _checked_ids(found.ids, where)
+    n = len(ids)
+    cov = None if found.cov is None else finite(found.cov, (2 * n, 2 * n), f"{where}: the map's covariance")
+    return Map(ids, finite(found.xy, (n, 2), f"{where}: the map"), cov)
+
+
+def _checked_ids(found: Any, where: str) -> Ints:
+    """Copies a map's ids; Broken unless they are whole numbers, each there once."""
+    ids = np.array(found)
+    if ids.ndim != 1 or (ids.dtype.kind not in "iu" and ids.size):
+        raise Broken(f"{where}: the map's ids are {ids.dtype} of shape {ids.shape}, expected n whole numbers")
+    there, times = np.unique(ids, return_counts=True)
+    if len(there) < len(ids):
+        raise Broken(f"{where}: the map has landmark {there[times.argmax()]} {times.max()} times, expected once")
+    return ids.astype(np.int64)
+
+
+def _on_earth(poses: Any, shape: tuple[int, ...], what: str) -> Array:
+    """Checks as `finite`, for poses: beyond `FARTHEST` the numbers mean nothing any more."""
+    found = finite(poses, shape, what)
+    far = float(np.abs(found[..., :2]).max(initial=0.0))
+    if far > FARTHEST:
+        raise Diverged(f"{what} is {far:.1e} m from the origin, farther than the {FARTHEST:.0e} m of any log")
+    return found
+
+
+def finite(values: Any, shape: tuple[int, ...], what: str) -> Array:
+    """Copies `values`; Broken unless of that shape, Diverged unless finite."""
+    array = _shaped(values, shape, what)
+    if not np.isfinite(array).all():
+        raise Diverged(f"{what} is not finite: {array if array.size <= 9 else 'an array'}")
+    return array
+
+
+def _shaped(values: Any, shape: tuple[int, ...], what: str) -> Array:
+    try:
+        array = np.array(values, np.float64)
+    except (TypeError, ValueError):
+        raise Broken(f"{what} is {type(values).__name__}, expected an array of floats of shape {shape}") from None
+    if array.shape != shape:
+        raise Broken(f"{what} has shape {array.shape}, expected {shape}")
+    return array
