@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from math import degrees, tau
 from typing import Any
 
+from ...frontend.factors import REMARKS
 from ..words.numerals import counted, listed, number, plain
 from .landmark_places import Scattered
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
@@ -67,6 +68,8 @@ def noted(notes: Mapping[str, Any], *, settings: bool) -> list[tuple[str, str]]:
     """Lists a log's notes; without `settings` only words and the counts that are not 0."""
     said: list[tuple[str, str]] = []
     for name, value in notes.items():
+        if name == REMARKS:
+            continue  # shown as such
         parts: Any = value
         if isinstance(value, dict):
             if not settings:

@@ -13,6 +13,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from ...datasets.remarks import NO_SIGHTING
 from ..plan.plan import Cell
 from ..plan.work import PlannedCell
 from ..record.schema import COLUMNS, MORE, Row
@@ -20,7 +21,7 @@ from ..verdict.summary import Line, lines
 from ..words.console import plain, watched
 from ..words.names import called
 from ..words.numerals import counted
-from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
+from .terminal import STATUS_STYLE, tables
 
 Kind = tuple[str, str]  # a cell's dataset and backend, by their labels
 
@@ -173,7 +174,7 @@ class Screen:
 
     def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
         """Warns once about a log without sightings."""
-        if row["status"] == "done" and unseen([row["sightings"]]) and dataset not in self._warned:
+        if row["status"] == "done" and row["sightings"] == 0 and dataset not in self._warned:
             self._warned.add(dataset)
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 

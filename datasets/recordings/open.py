@@ -22,7 +22,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     InputError if there is no recording, or more than one, and for unusable files.
     """
     if is_live(path):
-        return Streams(live.read(str(path), seconds), None, None, None, None)
+        return Streams(live.read(str(path), seconds), None, None, None, None, [])
     found = _frames_of(path, robot)
     home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
     if _is_bag(found):
@@ -38,7 +38,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
         length = frames.length
     else:
         raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
-    return Streams(frames, length, read_readings(home, robot.counter_bits), None, read_truth(home))
+    return Streams(frames, length, read_readings(home, robot.counter_bits), None, read_truth(home), [])
 
 
 def is_live(path: Path) -> bool:
