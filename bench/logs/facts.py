@@ -95,7 +95,7 @@ def _way(found: Numbers) -> Iterator[str]:
 
 def _times(found: Numbers) -> Iterator[str]:
     if found.times is None:
-        yield "none: t is the number of the step"
+        yield "none: there is one step" if found.way.steps == 1 else "none: t is the number of the step"
         return
     t = found.times
     yield _duration(t.duration)

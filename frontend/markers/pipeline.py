@@ -100,7 +100,10 @@ def build_log(recording: Recording, observe: Callable[[Seen], None] | None = Non
 def _remarks(recording: Recording, counts: Counter[str], start: float, end: float) -> list[str]:
     """The recording's remarks, with those on the motion from `start` to `end`, s, and on frames that are left out."""
     first, last = recording.motion.t[[0, -1]]
-    name, clock = recording.motion.readings, f"before or after the {recording.motion.readings}, {first:.10g} to {last:.10g} s"
+    name, clock = (
+        recording.motion.readings,
+        f"before or after the {recording.motion.readings}, {first:.10g} to {last:.10g} s",
+    )
     lost = counts[f"frames without {name}"]
     return [
         *recording.remarks,
