@@ -1,6 +1,8 @@
 """`bench validate`: lists everything that is wrong with a log, and what is legal yet odd."""
 
 import argparse
+import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from ...frontend.scan import Scan, attempted
 from ..plan.load import made
 from ..plan.spec import DatasetVariant, dataset_variants
 from ..plan.values import seed
+from ..words.console import announced
 
 SHOWN = 20  # problems of a log that are printed
 
@@ -48,15 +51,16 @@ def _found_and_validated(text: str, seed: int, shown: float, strict: bool) -> in
 def _validated(variant: DatasetVariant, seed: int, shown: float, strict: bool) -> int:
     place = str(getattr(variant.options, "path", None) or variant.label)
     scan, total = attempted(_scan(variant, seed)), 0
-    while True:
-        try:
-            problem = next(scan)
-        except StopIteration as end:
-            dataset = end.value
-            break
-        total += 1
-        if total <= shown:
-            print(problem)
+    with announced(f"reading {place}", partial(print, file=sys.stderr, flush=True)):
+        while True:
+            try:
+                problem = next(scan)
+            except StopIteration as end:
+                dataset = end.value
+                break
+            total += 1
+            if total <= shown:
+                print(problem)
     if total or dataset is None:
         hidden = f", of which the first {shown} are shown; --all shows them all" if total > shown else ""
         print(f"{place}: {total} problem{'s' * (total > 1)}{hidden}.")

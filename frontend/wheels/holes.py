@@ -52,10 +52,11 @@ class Holes(NamedTuple):
         """Raises InputError for a hole in which the robot's heading is lost."""
         for start, end in zip(self.start.tolist(), self.end.tolist(), strict=True):
             if self.turns * (end - start) > MOST_TURN:
+                most = MOST_TURN / self.turns
                 raise InputError(
-                    f"{source}: found no reading from {start:.10g} to {end:.10g} s, {end - start:.3g} s, expected at most "
-                    f"{MOST_TURN / self.turns:.3g} s: the robot turns by {self.turns:.2g} rad/s (root mean square), "
-                    "and after half a turn its heading is unknown. Use the log before or after it."
+                    f"{source}: found no reading from {start:.10g} to {end:.10g} s, {end - start:.3g} s, expected at "
+                    f"most {most:.3g} s: the robot turns by {self.turns:.2g} rad/s (root mean square), and after half "
+                    "a turn its heading is unknown. Use the log before or after it."
                 )
 
     def between(self, at: Array) -> NDArray[np.bool_]:
