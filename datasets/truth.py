@@ -3,6 +3,7 @@
 truth.tum        t x y z qx qy qz qw landmarks.csv    id,x,y
 """
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +30,9 @@ def read_truth(folder: Path) -> Truth | None:
 def scan_truth(folder: Path, times: Array | None = None) -> Scan[Truth | None]:
     """Scans as `read_truth` reads, without invalid rows; with `times`, poses at other times are faults."""
     path = known = None
-    if (folder / POSES).exists():
+    if os.path.lexists(folder / POSES):  # a link to nothing is no missing file
         path = yield from attempted(scan_tum(folder / POSES, times))
-    if (folder / PLACES).exists():
+    if os.path.lexists(folder / PLACES):
         known = yield from attempted(_scan_places(folder / PLACES))
     if path is None and known is None:
         return None

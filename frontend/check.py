@@ -11,7 +11,7 @@ import numpy as np
 from .errors import InputError
 from .factors import ROUNDING, UNKNOWN, Log, Map, Prior, Truth
 from .se2 import Array
-from .table import MOST
+from .table import LARGEST, MOST
 
 ODOMETRY = ("t", "dx", "dy", "dtheta", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt")
 SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
@@ -180,6 +180,8 @@ def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
         yield f"row {row}: t is {t[row]!s}, expected later than {t[row - 1]!s}"
     for row in np.flatnonzero(~np.isfinite(truth.poses).all(axis=1)):
         yield f"row {row}: the pose is {truth.poses[row].tolist()}, expected finite numbers"
+    for row in np.flatnonzero((np.abs(truth.poses[:, :2]) > LARGEST).any(axis=1)):
+        yield f"row {row}: the pose is {truth.poses[row].tolist()}, expected metres, at most {LARGEST:g}"
     if truth.map is not None:
         for problem in _known(truth.map._replace(cov=None)):
             yield f"map row {problem.row}: {problem.message}"

@@ -20,6 +20,9 @@ from .se2 import Array, Ints
 ROUNDING = 1e-9
 """Largest relative asymmetry of a covariance that counts as rounding."""
 
+REMARKS = "remarks"
+"""The key of what a log's reader found odd, among the log's notes: a list of sentences without their full stops."""
+
 UNKNOWN = -1
 """The id of a sighting without data association."""
 
@@ -143,7 +146,7 @@ class Log:
         """
         if not isinstance(prior, Prior):  # pyright: ignore[reportUnnecessaryIsInstance] - no notebook checks types
             raise InputError(f"prior: found {type(prior).__name__}, expected Prior(pose, cov).")
-        time = _numbers("t", t)
+        time = _seconds("t", t)
         steps, none = np.arange(len(time) + 1), np.zeros(0, np.int64)
         return cls(
             name=name,
@@ -224,6 +227,12 @@ class Log:
 
     def _loops(self, first: int, end: int) -> RelativePoses:
         return RelativePoses(self.loop_to[first:end], self.loop_delta[first:end], self.loop_cov[first:end])
+
+    @property
+    def remarks(self) -> list[str]:
+        """What its reader found legal yet odd, one sentence each without its full stop."""
+        found = self.notes.get(REMARKS, ())
+        return [one for one in found if isinstance(one, str)] if isinstance(found, list) else []
 
     @property
     def sighting_step(self) -> Ints:
@@ -314,9 +323,21 @@ _COLUMNS = (
 def _numbers(name: str, values: Any) -> Array:
     """Converts `values` to floats; InputError names the argument."""
     try:
-        return np.asarray(values, np.float64)
+        found = np.asarray(values)
+        if found.dtype.kind in "cmM":
+            raise TypeError(f"they are of type {found.dtype}")
+        return np.asarray(found, np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: found {type(values).__name__}, expected an array of numbers ({error}).") from None
+
+
+def _seconds(name: str, values: Any) -> Array:
+    """Converts times to s, those of numpy and pandas since 1970; InputError names the argument."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "mM":
+        return _numbers(name, values)
+    since = found - np.datetime64(0, "s") if found.dtype.kind == "M" else found
+    return since / np.timedelta64(1, "s")
 
 
 def _whole(name: str, values: Any) -> Ints:

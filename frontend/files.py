@@ -1,10 +1,12 @@
-"""Atomic file writes."""
+"""Atomic file writes, and files that can be read to their end."""
 
 import contextlib
 import os
 import secrets
 from collections.abc import Generator
 from pathlib import Path
+
+from .errors import InputError
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -33,3 +35,9 @@ def beside(path: Path) -> Path:
     """A hidden temporary path next to `path`, unique to the caller."""
     whole = path.absolute()
     return whole.with_name(f".{whole.name[:40]}.{secrets.token_hex(8)}.part")
+
+
+def check_regular(path: Path) -> None:
+    """Raises InputError for a pipe or a device, whose reading may never end; passes what is not there."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: is a pipe or a device, expected a regular file.")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .csv_values import header_names, no_number, number, other_count, other_header, shortened, shown
 from .errors import InputError
+from .files import check_regular
 from .scan import Scan, strict
 from .se2 import Array, Ints
 
@@ -140,11 +141,13 @@ def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
 
 
 def text(path: Path) -> str:
-    """The content of `path` with \n line ends; InputError if it is missing, empty or not UTF-8."""
+    """The content of `path` with \n line ends; InputError if it is missing, no regular file, empty or not UTF-8."""
+    check_regular(path)
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file.") from None
+        found = "is a link to nothing, expected a file" if path.is_symlink() else "there is no such file"
+        raise InputError(f"{path}: {found}.") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
     if not content or content.isspace():

@@ -4,6 +4,7 @@ A planar pose has z = qx = qy = 0. All values, headings included, read back bit 
 """
 
 import itertools
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,16 @@ import numpy as np
 from .elementary import arctan2, sincos
 from .scan import Scan, strict
 from .se2 import Array
-from .table import scan_spaced
+from .table import LARGEST, Table, scan_spaced
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+
+
+ROUNDED = 1e-2
+"""Largest deviation of a quaternion's length from 1: two digits of each entry."""
+
+LEVEL = 30.0
+"""degrees; a larger angle of the z axis with the vertical is of a camera's frame, or of no robot on a floor."""
 
 
 def write_tum(path: Path, t: Array, poses: Array) -> None:
@@ -37,6 +45,9 @@ def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]
     """Scans as `read_tum` reads, without invalid lines; with `times`, lines at other times are faults."""
     table = yield from scan_spaced(path, COLUMNS)
     table = yield from table.scan_finite()
+    for name in COLUMNS[1:3]:
+        far = ~(np.abs(table.column(name)) <= LARGEST)
+        table = yield from table.refuse(far, _words(table, name, f"expected metres, at most {LARGEST:g}"))
     if times is not None:
         t = table.column("t")
         table = yield from table.refuse(
@@ -47,9 +58,30 @@ def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]
     back = np.append(False, np.diff(t) <= 0)[: len(t)]
     table = yield from table.refuse(back, lambda row: f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
     table = yield from table.refuse((qz == 0) & (qw == 0), lambda _: "qz and qw are both 0, expected a turn about z")
+    table = yield from _scan_level(table.sound())
     table = table.sound()
     heading = _heading(table.column("qz"), table.column("qw"))
     return table.column("t"), np.stack((table.column("x"), table.column("y"), heading), axis=-1)
+
+
+def _words(table: Table, name: str, expected: str) -> Callable[[int], str]:
+    return lambda row: f"{name} is {table.column(name)[row]!s}, {expected}"
+
+
+def _scan_level(table: Table) -> Scan[Table]:
+    """Yields a fault for each quaternion that is not of unit length, or of a pose that is not level."""
+    x, y, z, w = table.rows[:, 4:].T
+    norm = np.sqrt(x**2 + y**2 + z**2 + w**2)
+    table = yield from table.refuse(
+        np.abs(norm - 1) > ROUNDED, lambda row: f"the quaternion has length {norm[row]:.3g}, expected 1"
+    )
+    upright = (w**2 + z**2 - x**2 - y**2) / norm**2
+    tilt = np.rad2deg(np.arccos(np.clip(upright, -1, 1)))
+    return (
+        yield from table.refuse(
+            tilt > LEVEL, lambda row: f"the pose is tilted by {tilt[row]:.0f} degrees, expected one on a floor"
+        )
+    )
 
 
 def _heading(qz: Array, qw: Array) -> Array:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...datasets.formats import log_folder
-from ...datasets.truth import sample
+from ...datasets.recordings.recording import with_truth
+from ...datasets.remarks import refuse
 from ...frontend.errors import InputError
 from ...frontend.factors import Log, Truth
 from ...frontend.markers.aruco import Sighting
@@ -34,6 +35,7 @@ class DetectRequest(NamedTuple):
     preview: Preview | None = None
     seconds: float | None = None  # of the recording, at most
     calibrate_noise: bool = False
+    strict: bool = False  # a log with a remark is refused
 
 
 def detect(
@@ -42,7 +44,7 @@ def detect(
     """Detects the markers of a recording and writes its log and report to `request.out`.
 
     `advance` is called at every frame with the number of markers found so far. InputError where no frame can be used,
-    where the noise is to be calibrated without a truth, and where something cannot be written.
+    where the noise is to be calibrated without a truth, where something cannot be written, and for a remark if strict.
     """
     if request.calibrate_noise and (truth is None or truth.map is None or not len(truth.t)):
         raise InputError(
@@ -79,8 +81,11 @@ def detect(
     ]
     findings = _findings(recording, log, truth, detection, sentences, request)
 
+    if request.strict:
+        refuse(request.source, findings.remarks)
+
     def write(folder: Path) -> None:
-        log_folder.write(folder, log, findings.truth)
+        log_folder.write(folder, findings.log, findings.truth)
         if findings.calibration is not None:
             (folder / NOISE).write_text(toml(findings.calibration), encoding="utf-8")
         write_detection_report(folder, request.out, findings, contact.pictures())
@@ -92,7 +97,7 @@ def detect(
 def _findings(
     recording: Recording, log: Log, truth: Truth | None, detection: Detection, advice: list[str], request: DetectRequest
 ) -> Findings:
-    known = None if truth is None else sample(truth, log.t)
+    log, known = with_truth(log, truth)
     sightings = detection.sightings()
     true = None if known is None else true_errors(sightings, log.t, known)
     calibration, bins = None, []

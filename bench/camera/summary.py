@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Log, Truth
+from ...datasets.remarks import remarks
+from ...frontend.factors import Dataset, Log, Truth
 from ..words.numerals import counted, listed, number
 from .noise_calibration import CONSISTENT, Calibration, RangeBin
 from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame
@@ -27,6 +28,11 @@ class Findings(NamedTuple):
     bins: Sequence[RangeBin]  # of the sightings with known errors
     advice: Sequence[str]  # why so little was detected, and what else looks wrong
     calibration: Calibration | None
+
+    @property
+    def remarks(self) -> list[str]:
+        """Lists what is legal in the log yet odd."""
+        return remarks(Dataset(self.log, self.truth))
 
 
 def hardly_any(detection: Detection) -> bool:
@@ -102,6 +108,7 @@ def as_json(f: Findings, out: str) -> dict[str, Any]:
         "markers": [one._asdict() for one in marker_rows(f)],
         "left_out": dict(left_out(f.log)),
         "advice": list(f.advice),
+        "remarks": f.remarks,
         "truth": None if f.truth is None else f.truth.kind,
         "by_range": [
             one._asdict() | {"nees": dict(zip(NOISES, one.nees, strict=False))}

@@ -118,6 +118,8 @@ def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly
     said: list[Any] = [study.question or study.title, found.conclusion.sentence]
     said += [f"  {answer.sentence}" for answer in found.answers]
     said += _left(tally, partly=partly)
+    with Store(out) as store:
+        said += [f"remark: {name}: {remark}." for name, odd in store.remarks().items() for remark in odd]
     report = write(out)
     for sentence in [*said, f"report: {report}"]:
         console.print(sentence, highlight=False, markup=False, soft_wrap=True)

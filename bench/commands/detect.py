@@ -33,6 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
     add("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
     add("--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth")
+    add("--strict", action="store_true", help="refuse a log with a remark; none is written")
     add("--json", action="store_true", help="print the findings as JSON, and nothing else")
     add("--quiet", action="store_true", help="print nothing but errors")
 
@@ -46,7 +47,9 @@ def main(namespace: argparse.Namespace) -> int:
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
     console = screen_console(quiet=namespace.quiet or namespace.json)
-    request = DetectRequest(namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise)
+    request = DetectRequest(
+        namespace.recording, out, preview, namespace.seconds, namespace.calibrate_noise, namespace.strict
+    )
     with ProgressBar(console, "frames", opened.length) as bar:
 
         def advance(markers: int) -> None:
@@ -58,6 +61,8 @@ def main(namespace: argparse.Namespace) -> int:
         return 0
     for sentence in [*headline(findings), f"Left out: {left_out_words(findings.log)}.", *findings.advice]:
         console.print(plain(sentence), highlight=False)
+    for remark in findings.remarks:
+        console.print(plain(f"remark: {remark}."), highlight=False, soft_wrap=True)
     if findings.calibration is not None:
         console.print(_noise_table(findings))
         console.print(plain(toml(findings.calibration).rstrip()), highlight=False)

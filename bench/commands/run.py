@@ -69,6 +69,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="give the ground truth to backends that ask for it, such as ekf[jacobians=ideal]; their rows are marked",
     )
+    add("--strict", action="store_true", help="refuse a log with a remark, before anything runs")
     add("--json", action="store_true", help="print the results as a JSON document, and progress to standard error")
     add("--quiet", action="store_true", help="print nothing but errors, and with --json the document")
 
@@ -83,16 +84,17 @@ def main(namespace: argparse.Namespace) -> int:
     with Screen(console) as screen:
         chosen = executors.executor(namespace, namespace.jobs, 1, exclusive=namespace.jobs is None, say=screen.say)
         with contextlib.closing(chosen) as executor:
-            plan = benchmark(given, out, executor, command, screen, retry=namespace.retry)
+            how = {"retry": namespace.retry, "strict": namespace.strict}
+            plan = benchmark(given, out, executor, command, screen, **how)
     with Store(out) as store:
-        found = lines(store.cells(), store.about()["implementations"])
+        found, remarks = lines(store.cells(), store.about()["implementations"]), store.remarks()
     ended, report = status(found), out / "report.html"
     if namespace.json:
-        words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks())
+        words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks(), remarks)
         print(json.dumps(words, indent=2, allow_nan=False))
         return ended
     if not namespace.quiet:
-        conclude(console, found)
+        conclude(console, found, remarks)
     if plan.remarks():
         console.print(plan.remarks(), highlight=False, markup=False, soft_wrap=True)
     console.print(f"report: {report}", highlight=False, markup=False, soft_wrap=True)

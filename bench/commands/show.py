@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ...datasets.remarks import refuse, remarks
 from ..logs.facts import facts, headline, noted
 from ..logs.numbers import Subject, described
 from ..logs.shown_path import LARGEST
@@ -36,6 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action=argparse.BooleanOptionalAction,
         help=f"find the batch optimum where there is no truth (default: up to {LARGEST:,} steps and sightings)",
     )
+    add("--strict", action="store_true", help="refuse a log with a remark")
     add("--json", action="store_true", help="print the numbers as JSON, and nothing else")
     add("--quiet", action="store_true", help="print nothing but errors")
 
@@ -49,6 +51,8 @@ def main(namespace: argparse.Namespace) -> int:
     place = out.resolve() if out is not None and out.is_symlink() else out  # a link stays: its target is written
     check_file("--out", place, KINDS)
     dataset = made(variant, namespace.seed)
+    if namespace.strict:
+        refuse(variant.label, remarks(dataset))
     console = screen_console(quiet=namespace.quiet or namespace.json)
     if namespace.seed and not variant.source.seeded:
         console.print(f"{variant.name} draws nothing at random: it is the same for every --seed", highlight=False)
@@ -71,7 +75,8 @@ def main(namespace: argparse.Namespace) -> int:
 
 def as_json(label: str, seed: int, subject: Subject) -> dict[str, Any]:
     """Returns the numbers as JSON takes them: m, rad and s, null for what the log has not."""
-    return {"log": label, "seed": seed, "path": subject.shown.words, **_plain(subject.numbers)}
+    about = {"log": label, "seed": seed, "path": subject.shown.words, "remarks": remarks(subject.dataset)}
+    return about | _plain(subject.numbers)
 
 
 def _plain(value: Any) -> Any:
@@ -87,6 +92,8 @@ def _print(console: Console, subject: Subject) -> None:
     shown_facts.add_column()
     for heading, text in facts(subject.numbers, subject.shown.words):
         shown_facts.add_row(heading, plain(text))
+    for remark in remarks(subject.dataset):
+        shown_facts.add_row("remark", plain(remark))
     for heading, text in noted(subject.dataset.log.notes, settings=False):
         shown_facts.add_row(plain(heading), plain(text))
     console.print(shown_facts, highlight=False)

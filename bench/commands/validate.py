@@ -1,18 +1,21 @@
 """`bench validate`: lists everything that is wrong with a log, and what is legal yet odd."""
 
 import argparse
+import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ...datasets.formats import log_folder
+from ...datasets.remarks import remarks
 from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Dataset
 from ...frontend.scan import Scan, attempted
-from ..logs.remarks import remarks
 from ..plan.load import made
 from ..plan.spec import DatasetVariant, dataset_variants
 from ..plan.values import seed
+from ..words.console import announced
 
 SHOWN = 20  # problems of a log that are printed
 
@@ -22,46 +25,52 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it")
     add("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
+    add("--strict", action="store_true", help="a remark is a problem")
     add("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
     parser.epilog = (
         "Of a log's folder every problem is found, of any other dataset the first. The exit status is 0 where there is "
-        "none, else 2; remarks are about what is legal yet odd, and do not count."
+        "none, else 2; remarks are about what is legal yet odd, and count with --strict alone."
     )
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Prints the problems and remarks of every log; 2 if one has a problem."""
     shown = float("inf") if namespace.all else SHOWN
-    return max(_found_and_validated(text, namespace.seed, shown) for text in namespace.log)
+    return max(_found_and_validated(text, namespace.seed, shown, namespace.strict) for text in namespace.log)
 
 
-def _found_and_validated(text: str, seed: int, shown: float) -> int:
+def _found_and_validated(text: str, seed: int, shown: float, strict: bool) -> int:
     try:
         variants = dataset_variants(text, "bench validate")
     except InputError as error:
         print(error)
         return 2
-    return max(_validated(variant, seed, shown) for variant in variants)
+    return max(_validated(variant, seed, shown, strict) for variant in variants)
 
 
-def _validated(variant: DatasetVariant, seed: int, shown: float) -> int:
+def _validated(variant: DatasetVariant, seed: int, shown: float, strict: bool) -> int:
     place = str(getattr(variant.options, "path", None) or variant.label)
     scan, total = attempted(_scan(variant, seed)), 0
-    while True:
-        try:
-            problem = next(scan)
-        except StopIteration as end:
-            dataset = end.value
-            break
-        total += 1
-        if total <= shown:
-            print(problem)
+    with announced(f"reading {place}", partial(print, file=sys.stderr, flush=True)):
+        while True:
+            try:
+                problem = next(scan)
+            except StopIteration as end:
+                dataset = end.value
+                break
+            total += 1
+            if total <= shown:
+                print(problem)
     if total or dataset is None:
         hidden = f", of which the first {shown} are shown; --all shows them all" if total > shown else ""
         print(f"{place}: {total} problem{'s' * (total > 1)}{hidden}.")
         return 2
-    for remark in remarks(dataset):
+    odd = remarks(dataset)
+    for remark in odd:
         print(f"remark: {place}: {remark}.")
+    if odd and strict:
+        print(f"{place}: {len(odd)} remark{'s' * (len(odd) > 1)}, which --strict refuses.")
+        return 2
     print(f"{place}: good; {_counts(dataset)}.")
     return 0
 

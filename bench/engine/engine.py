@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from ...backends import registry as backends
+from ...datasets.remarks import refuse
 from ...frontend.errors import InputError
 from ..measure.cell import Job
 from ..measure.status import FAILED
@@ -66,6 +67,7 @@ class RunRequest(NamedTuple):
     chosen: Callable[[PlannedCell], bool] = everything
     limit: int | None = None  # cells at most
     retry: bool = False  # failed ones, too
+    strict: bool = False  # a log with a remark is refused, where all logs are made first
 
 
 class Tally(NamedTuple):
@@ -107,7 +109,10 @@ class _Engine:
         self.logs = KnownLogs(store, work)
         self.log_keys = [self.logs.key(cell) for cell in work.cells]
         self.statuses = store.statuses(arrays=work.keep)
+        self._strict = request.strict
         self._look(cell for cell in work.cells if self.logs.is_doubtful(cell))
+        for name, found in store.remarks().items() if request.strict else ():
+            refuse(name, found)
         todo = self._todo(request)
         while absent := [cell for cell in self._lacking(todo) if not self.logs.is_at_hand(cell)]:
             self._look(absent)
@@ -153,6 +158,8 @@ class _Engine:
             cell = looked_at[finished.batch.log][1]
             if finished.log is None and self.work.logs_first:
                 raise InputError(finished.result.reason.removeprefix("the log could not be made: "))
+            if self._strict and finished.log is not None:
+                refuse(cell.cell.dataset.label, finished.log.remarks)
             if told := self.logs.looked(cell, finished):
                 self.watcher.say(told)
             self.watcher.looked(f"{cell.cell.dataset.label} \N{MIDDLE DOT} seed {log_seed(cell.cell)}")

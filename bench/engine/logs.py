@@ -67,7 +67,8 @@ class KnownLogs:
         """Records the facts of the cell's log."""
         known, key = Known(*log[:3]), self.key(cell)
         if self.known.get(key) != known:
-            self._store.put_log(key, _name(cell), known, log.truth if self._work.keep else {}, log.sketch)
+            truth = log.truth if self._work.keep else {}
+            self._store.put_log(key, _name(cell), known, truth, log.sketch, log.remarks)
             self.known[key] = known
             self.unmade.discard(key)
 

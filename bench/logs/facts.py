@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from math import degrees, tau
 from typing import Any
 
+from ...frontend.factors import REMARKS
 from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
@@ -67,6 +68,8 @@ def noted(notes: Mapping[str, Any], *, settings: bool) -> list[tuple[str, str]]:
     """Lists a log's notes; without `settings` only words and the counts that are not 0."""
     said: list[tuple[str, str]] = []
     for name, value in notes.items():
+        if name == REMARKS:
+            continue  # shown as such
         parts: Any = value
         if isinstance(value, dict):
             if not settings:
@@ -92,7 +95,7 @@ def _way(found: Numbers) -> Iterator[str]:
 
 def _times(found: Numbers) -> Iterator[str]:
     if found.times is None:
-        yield "none: t is the number of the step"
+        yield "none: there is one step" if found.way.steps == 1 else "none: t is the number of the step"
         return
     t = found.times
     yield _duration(t.duration)

@@ -4,6 +4,7 @@ import base64
 import tempfile
 from pathlib import Path
 
+from ...datasets.remarks import remarks
 from ...frontend.check import check, check_truth
 from ...frontend.factors import Dataset, Log
 from ...frontend.files import write_whole
@@ -33,6 +34,7 @@ class LogPicture:
         found = list(facts(self.numbers, self._subject.shown.words))
         widest = max(len(heading) for heading, _ in found)
         lines = [f"{heading:<{widest}}  {text}" for heading, text in found]
+        lines += [f"{'remark':<{widest}}  {remark}" for remark in remarks(self._subject.dataset)]
         return "\n".join([f"{self._subject.label}: {headline(self.numbers)}", *lines])
 
     def _repr_png_(self) -> bytes:
@@ -70,6 +72,7 @@ def write_page(path: Path, subject: Subject) -> None:
         "label": subject.label,
         "headline": headline(subject.numbers),
         "facts": list(facts(subject.numbers, subject.shown.words)),
+        "remarks": remarks(subject.dataset),
         "notes": noted(subject.dataset.log.notes, settings=True),
         "picture": content,
     }

@@ -125,6 +125,8 @@ def _make_sound(db: sqlite3.Connection) -> None:
         fault = db.execute(f"PRAGMA integrity_check({table})").fetchone()[0]
         if fault != "ok":
             raise sqlite3.DatabaseError(fault)
+    if "remarks" not in {row[1] for row in db.execute("PRAGMA table_info(logs)")}:
+        db.execute("ALTER TABLE logs ADD COLUMN remarks TEXT")
     there = {row[1] for row in db.execute("PRAGMA table_info(results)")}
     lacking = [name for name in KINDS if name not in there]
     if lacking:

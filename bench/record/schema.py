@@ -1,7 +1,7 @@
 """The record of a run or of a study: an SQLite file with every result under the key of all that determines it.
 
 about    facts of the whole, as JSON by name: what was asked for, the machine, the command
-logs     one row per log: under the key of what it was made from, its digest; none where it could not be made
+logs     one row per log: under the key of what it was made from, its digest; none where it could not be made; remarks
 results  one row per result: the columns of cells.csv and metrics.csv, under its key; nothing is ever taken out
 arrays   under the key of a log or a result, its arrays as numpy's .npz, where they are kept
 plan     one row per cell as it stands: its parameters, and the keys of its log and, once it is known, of its result
@@ -49,7 +49,7 @@ CREATE VIEW cells AS
 SCHEMA = f"""
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE logs (key TEXT PRIMARY KEY, dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT,
-                   truth_digest TEXT, truth_kind TEXT, sketch TEXT);
+                   truth_digest TEXT, truth_kind TEXT, sketch TEXT, remarks TEXT);
 CREATE TABLE results (key TEXT PRIMARY KEY, {", ".join(f"{name} {kind}" for name, kind in KINDS.items())},
                       {", ".join(f"{name} {what}" for name, what in ABOUT.items())});
 CREATE TABLE arrays (key TEXT PRIMARY KEY, archive BLOB NOT NULL);

@@ -22,6 +22,8 @@ from .database import BROKEN, damaged, read_only, unwritable, writable
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
 from .validity import wrong_arrays, wrong_row
 
+NAMED = 12  # seeds that are named
+
 COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT  # columns of a result in a table
 
 _PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
@@ -142,14 +144,20 @@ class Store:
         return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
 
     def put_log(
-        self, key: str, of: tuple[str, str, int], known: Known, arrays: Mapping[str, Any], sketch: Any = None
+        self,
+        key: str,
+        of: tuple[str, str, int],
+        known: Known,
+        arrays: Mapping[str, Any],
+        sketch: Any = None,
+        remarks: Sequence[str] = (),
     ) -> None:
         """Writes a log's facts; `of` are dataset, options and seed, `arrays` those of its truth."""
         with self._writing() as db:
             same = db.execute("SELECT 1 FROM logs WHERE key = ? AND truth_digest = ?", (key, known[1])).fetchone()
             db.execute(
-                "INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                (key, *of, *known, None if sketch is None else json.dumps(sketch)),
+                "INSERT OR REPLACE INTO logs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (key, *of, *known, None if sketch is None else json.dumps(sketch), json.dumps(remarks)),
             )
             if arrays or not same:
                 _keep(db, key, arrays)
@@ -157,7 +165,25 @@ class Store:
     def put_unmade(self, key: str, of: tuple[str, str, int]) -> None:
         """Records that a log could not be made, unless it once could; `of` as above."""
         with self._writing() as db:
-            db.execute("INSERT OR IGNORE INTO logs VALUES (?, ?, ?, ?, NULL, NULL, NULL, NULL)", (key, *of))
+            db.execute(
+                "INSERT OR IGNORE INTO logs (key, dataset, dataset_options, seed) VALUES (?, ?, ?, ?)", (key, *of)
+            )
+
+    def remarks(self) -> dict[str, list[str]]:
+        """Reads what is odd in the planned logs, by dataset label, with the seeds of which it is said if not of all."""
+        if "remarks" not in {row[1] for row in self._all("PRAGMA table_info(logs)")}:
+            return {}  # an earlier version's record
+        query = """SELECT DISTINCT plan.dataset, plan.dataset_options, logs.seed, logs.remarks
+                   FROM plan JOIN logs ON plan.log = logs.key ORDER BY 1, 2, 3"""
+        seeds: dict[str, dict[str, list[int]]] = {}
+        logs: dict[str, int] = {}
+        with self._read():
+            for dataset, options, seed, found in self._all(query):
+                name = label(dataset, options)
+                logs[name] = logs.get(name, 0) + 1
+                for remark in json.loads(found or "[]"):
+                    seeds.setdefault(name, {}).setdefault(remark, []).append(seed)
+        return {name: [_of_seeds(*one, logs[name]) for one in said.items()] for name, said in seeds.items()}
 
     def statuses(self, *, arrays: bool = False) -> dict[str, str]:
         """Reads the status of every result by key; with `arrays`, without those done that have no arrays."""
@@ -284,6 +310,15 @@ class Store:
         finally:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
+
+
+def _of_seeds(remark: str, seeds: Sequence[int], logs: int) -> str:
+    """Puts the seeds in front of a remark, unless it is on every log."""
+    if len(seeds) == logs:
+        return remark
+    return (
+        f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds[:NAMED]))}{', ...' * (len(seeds) > NAMED)}: {remark}"
+    )
 
 
 def _named(row: Row) -> str:

@@ -38,6 +38,7 @@ class Section(NamedTuple):
     places: str  # source of the known landmarks' places, if any: "truth" or "reference"
     verdict: Verdict
     facts: str
+    remarks: Sequence[str]  # what is legal in its logs yet odd
     accuracy: Table  # the small one that answers most questions
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
@@ -66,10 +67,14 @@ def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
     found = lines(store.cells(), run.get("implementations"))
     look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
     datasets = dict.fromkeys(line.dataset for line in found)
-    return [_section(store, run, [line for line in found if line.dataset == name], look) for name in datasets], look
+    odd = store.remarks()
+    of = {name: [line for line in found if line.dataset == name] for name in datasets}
+    return [_section(store, run, mine, look, odd.get(name, ())) for name, mine in of.items()], look
 
 
-def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look]) -> Section:
+def _section(
+    store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look], remarks: Sequence[str]
+) -> Section:
     from .figures import report_figures
     from .path_figures import trajectories
 
@@ -84,6 +89,7 @@ def _section(store: Store, run: Mapping[str, Any], found: Sequence[Line], look: 
         places="truth" if known.surveyed else known.truth_kind,
         verdict=ruling,
         facts=_facts(found, shown),
+        remarks=remarks,
         accuracy=accuracy_table(found),
         pairs=pairs_table(ruling),
         details=details_tables(found),

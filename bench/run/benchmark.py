@@ -38,13 +38,17 @@ def benchmark(
     watcher: Screen,
     *,
     retry: bool = False,
+    strict: bool = False,
 ) -> Plan:
-    """Runs `given` and DEFAULTS into `out`, or continues its run; InputError where that has other settings."""
+    """Runs `given` and DEFAULTS into `out`, or continues its run.
+
+    InputError where that has other settings, and with `strict` for a log with a remark.
+    """
     plan = planned(given, out)
     if not given and not begun(out):
         watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
     try:
-        run(plan, out, executor, command, watcher, retry=retry)
+        run(plan, out, executor, command, watcher, retry=retry, strict=strict)
     except KeyboardInterrupt:
         if not begun(out):
             raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None

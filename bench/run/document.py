@@ -22,6 +22,7 @@ datasets          one each:
   dataset, name   its label, and its display name
   truth_kind      "truth", "reference" or ""
   logs            the number of different ones
+  remarks         [text], what is legal in them yet odd
   verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],
                   comparisons: {column: [{first, second, n, closer, ratio, low,
                   high, p, adjusted, effect}]}
@@ -37,9 +38,15 @@ infinity is the text "inf", and what is not a number is null."""
 
 
 def document(
-    folder: str, report: str, status: int, lines: Sequence[Line], verdicts: Mapping[str, Verdict], remarks: str
+    folder: str,
+    report: str,
+    status: int,
+    lines: Sequence[Line],
+    verdicts: Mapping[str, Verdict],
+    remarks: str,
+    odd: Mapping[str, Sequence[str]],
 ) -> dict[str, Any]:
-    """Makes the document, as SCHEMA says; `verdicts` are by dataset label."""
+    """Makes the document, as SCHEMA says; `verdicts` and remarks on logs, `odd`, are by dataset label."""
     rows: list[Row] = [row for line in lines for row in line.rows]
     return _valid(
         {
@@ -47,7 +54,7 @@ def document(
             "report": report,
             "status": status,
             "datasets": [
-                _dataset([line for line in lines if line.dataset == dataset], verdict)
+                _dataset([line for line in lines if line.dataset == dataset], verdict, odd.get(dataset, ()))
                 for dataset, verdict in verdicts.items()
             ],
             "cells": [dict(row.columns) for row in rows],
@@ -56,12 +63,13 @@ def document(
     )
 
 
-def _dataset(lines: Sequence[Line], verdict: Verdict) -> dict[str, Any]:
+def _dataset(lines: Sequence[Line], verdict: Verdict, remarks: Sequence[str]) -> dict[str, Any]:
     return {
         "dataset": lines[0].dataset,
         "name": lines[0].name,
         "truth_kind": lines[0].truth_kind,
         "logs": logs(lines),
+        "remarks": list(remarks),
         "verdict": verdict,
         "lines": [_line(line) for line in lines],
     }

@@ -1,5 +1,6 @@
 """Shows a run's progress: tables that fill up and the time left; without a terminal, a line per cell."""
 
+import contextlib
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,14 +14,15 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from ...datasets.remarks import NO_SIGHTING
 from ..plan.plan import Cell
 from ..plan.work import PlannedCell
 from ..record.schema import COLUMNS, MORE, Row
 from ..verdict.summary import Line, lines
-from ..words.console import plain, watched
+from ..words.console import announced, plain, watched
 from ..words.names import called
 from ..words.numerals import counted
-from .terminal import NO_SIGHTING, STATUS_STYLE, tables, unseen
+from .terminal import STATUS_STYLE, tables
 
 Kind = tuple[str, str]  # a cell's dataset and backend, by their labels
 
@@ -93,6 +95,7 @@ class Screen:
         self._planned: Counter[tuple[str, str]] = Counter()
         self._names: dict[str, str] = {}
         self._warned: set[str] = set()
+        self._announced = contextlib.ExitStack()
         self._told_of: set[tuple[str, str, str]] = set()
         self._shown: Sequence[RenderableType] = ()
         self._live = Live(
@@ -103,6 +106,7 @@ class Screen:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._announced.close()
         self._live.stop()
 
     def looking(self, logs: int) -> None:
@@ -111,6 +115,8 @@ class Screen:
             self._live.start()
         if logs:
             self._stage, self._done, self._total = "preparing logs", 0, logs
+        if logs and not self._live.is_started:
+            self._announced.enter_context(announced(f"preparing {counted(logs, 'log')}", self.say))
 
     def looked(self, name: str) -> None:
         """Counts a log."""
@@ -127,6 +133,7 @@ class Screen:
             self._console.print(
                 f"{counted(done, 'cell')} in the record already, {len(cells)} to be run", highlight=False
             )
+        self._announced.close()
         todo = {cell.cell.key for cell in cells}
         self._rows = [row for row in recorded if row.key not in todo]
         self._planned = Counter(_kind(c.cell) for c in cells)
@@ -173,7 +180,7 @@ class Screen:
 
     def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
         """Warns once about a log without sightings."""
-        if row["status"] == "done" and unseen([row["sightings"]]) and dataset not in self._warned:
+        if row["status"] == "done" and row["sightings"] == 0 and dataset not in self._warned:
             self._warned.add(dataset)
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 

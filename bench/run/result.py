@@ -102,7 +102,7 @@ class Result:
     def __repr__(self) -> str:
         console = screen_console(quiet=False)
         with console.capture() as captured, Store(self.folder) as store:
-            conclude(console, lines(store.cells(), store.run()["implementations"]))
+            conclude(console, lines(store.cells(), store.run()["implementations"]), store.remarks())
         return captured.get().rstrip("\n") + f"\nreport: {self.report}"
 
     def _repr_html_(self) -> str:
@@ -134,6 +134,7 @@ def run(
     map_fixed: bool | None = None,
     oracle: bool | None = None,
     retry: bool = False,
+    strict: bool = False,
     quiet: bool = True,
 ) -> Result:
     """Runs backends on datasets as `bench run` does and returns the results.
@@ -165,7 +166,7 @@ def run(
     with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
         words = [ASKER, *(f"{name}={value}" for name, value in given.items())]
         with contextlib.closing(Local(jobs)) as executor:
-            benchmark(given, folder, executor, words, screen, retry=retry)
+            benchmark(given, folder, executor, words, screen, retry=retry, strict=strict)
     return Result(folder)
 
 

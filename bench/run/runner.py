@@ -23,7 +23,14 @@ __all__ = ["LOGS", "recorded_plan", "run"]
 
 
 def run(
-    plan: Plan, folder: Path, executor: Executor, command: Sequence[str], watcher: Watcher, *, retry: bool = False
+    plan: Plan,
+    folder: Path,
+    executor: Executor,
+    command: Sequence[str],
+    watcher: Watcher,
+    *,
+    retry: bool = False,
+    strict: bool = False,
 ) -> None:
     """Runs the plan's missing cells, then writes the folder's files. InputError leaves nothing new behind."""
 
@@ -37,7 +44,7 @@ def run(
         }
         return {**facts, **known}  # a continued run keeps its first facts
 
-    run_cells(work_of(plan), folder, executor, RunRequest(retry=retry), about, watcher)
+    run_cells(work_of(plan), folder, executor, RunRequest(retry=retry, strict=strict), about, watcher)
     with Store(folder) as store:
         export(store)
 

@@ -29,6 +29,7 @@ FIRST_TO_GO = ("p99", "in 95 %", "step, µs", "done", "map, m")  # where space i
 STATUS_STYLE = {"done": "green", "skipped": "magenta"}  # others are red; yellow cannot be read on white
 PURPOSES = {"online": "online", "final": "afterwards", "map": "for the map"}  # headings of recommendations, by purpose
 PURPOSE = 11  # columns of the headings
+NONE: Mapping[str, Sequence[str]] = {}
 
 
 def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
@@ -44,8 +45,8 @@ def verdicts(lines: Sequence[Line]) -> dict[str, Verdict]:
     return {dataset: verdict(mine) for dataset, mine in by_dataset(lines).items()}
 
 
-def conclude(console: Console, lines: Sequence[Line]) -> None:
-    """Prints the results, dataset by dataset."""
+def conclude(console: Console, lines: Sequence[Line], remarks: Mapping[str, Sequence[str]] = NONE) -> None:
+    """Prints the results, dataset by dataset, with the `remarks` on its logs."""
     found = by_dataset(lines)
     for table, mine in zip(tables(lines, console.width), found.values(), strict=True):
         console.print(table)
@@ -53,6 +54,7 @@ def conclude(console: Console, lines: Sequence[Line]) -> None:
             *(_uses(verdict(mine)) if any(line.done for line in mine) else ()),
             *([("costs", programs)] if (programs := sentence(mine)) else []),
             *failures(mine),
+            *(("remark", remark) for remark in remarks.get(mine[0].dataset, ())),
         ]
         if watched(console):
             console.print(_folded(said), highlight=False)
@@ -78,7 +80,7 @@ def _uses(found: Verdict) -> Iterator[tuple[str, str]]:
 
 
 def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
-    """Yields what went wrong on one dataset: cells not done, by backend, and logs without sightings."""
+    """Yields what went wrong on one dataset: cells not done, by backend."""
     rows = [row.columns for line in lines for row in line.rows]
     if rows and all(row["status"] == "skipped" for row in rows):
         yield "nothing run", f"all of {counted(len(rows), 'cell')} were skipped, so there is nothing to compare"
@@ -96,16 +98,6 @@ def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
             wrong, of = max(steps)
             cells = f" in {len(steps)} of {counted(len(line.rows), 'cell')}" if len(line.rows) > 1 else ""
             yield "remark", f"{line.backend}: NEES: not a covariance at {wrong:,} of {counted(of, 'step')}{cells}"
-    if unseen([row["sightings"] for row in rows if row["status"] == "done"]):
-        yield "remark", NO_SIGHTING
-
-
-NO_SIGHTING = "there is no sighting in it, so every backend gives dead reckoning"
-
-
-def unseen(sightings: Sequence[int | None]) -> bool:
-    """Returns True if no log has a sighting, by the column of that name."""
-    return bool(sightings) and not any(sightings)
 
 
 def status(lines: Sequence[Line]) -> int:

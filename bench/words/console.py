@@ -1,6 +1,9 @@
 """The console that commands print on, its progress bar, and text written so that rich takes it as it is."""
 
+import contextlib
 import re
+import threading
+from collections.abc import Callable, Generator
 from typing import Any, Self
 
 from rich.cells import cell_len
@@ -18,6 +21,21 @@ def screen_console(*, quiet: bool, aside: bool = False) -> Console:
 def watched(console: Console) -> bool:
     """Returns True for a terminal that can be overwritten: no pipe with forced colours, and no dumb terminal."""
     return console.is_terminal and console.file.isatty() and not console.is_dumb_terminal
+
+
+PATIENCE_S = 1.0  # s of silence before a user is told what is being done
+
+
+@contextlib.contextmanager
+def announced(sentence: str, say: Callable[[str], None]) -> Generator[None]:
+    """Says what is being done if that takes longer than PATIENCE_S."""
+    late = threading.Timer(PATIENCE_S, say, (sentence,))
+    late.daemon = True
+    late.start()
+    try:
+        yield
+    finally:
+        late.cancel()
 
 
 class ProgressBar:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from ...datasets import archive
 from ...datasets import registry as datasets
+from ...datasets.remarks import remarks
 from ...datasets.truth import digest
 from ...frontend.errors import InputError, SlamduelError
 from ...frontend.factors import Dataset, Map
@@ -60,6 +61,7 @@ class LogFacts(NamedTuple):
     truth: dict[str, Any]  # t, poses, ids, xy: where it is to be kept
     archive: bytes = b""  # the log and its truth: where they are to come back whole
     sketch: Any = None  # of such a log, as JSON has it
+    remarks: tuple[str, ...] = ()  # what is legal in it yet odd
 
     @property
     def digests(self) -> tuple[str, str]:
@@ -149,9 +151,10 @@ def _loaded(kept: KeptLog) -> Dataset:
 def facts_of(dataset: Dataset) -> LogFacts:
     """Returns the facts of a log with its truth or reference."""
     log, truth = dataset
+    odd = tuple(remarks(dataset))
     if truth is None:
-        return LogFacts(log.digest, "", "", {})
+        return LogFacts(log.digest, "", "", {}, remarks=odd)
     arrays: dict[str, Any] = {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
-    return LogFacts(log.digest, digest(truth), truth.kind, arrays)
+    return LogFacts(log.digest, digest(truth), truth.kind, arrays, remarks=odd)

@@ -8,17 +8,18 @@ import numpy as np
 from ...frontend.csv_values import header_names, no_number, number, other_count, other_header, shown
 from ...frontend.errors import InputError
 from ...frontend.se2 import Array, Ints
-from ...frontend.table import Table, text
+from ...frontend.table import CHUNK, Table, text
 
 
-def read_columns(path: Path, *choices: Sequence[str]) -> Table:
+def read_columns(path: Path, *choices: Sequence[str], remarks: list[str] | None = None) -> Table:
     """Reads the table in `path`, of the first of `choices` whose columns the header has; all numbers are finite.
 
-    InputError names the file, the line and the column of what cannot be read, and lists the choices.
+    A remark is added where the header has another of the choices, too. InputError names the file, the line and the
+    column of what cannot be read, and lists the choices.
     """
     lines: list[str] = text(path).split("\n")
     header = [name.strip('"') for name in header_names(lines[0])]
-    chosen = next((columns for columns in choices if set(columns) <= set(header)), None)
+    chosen, *others = [columns for columns in choices if set(columns) <= set(header)] or [None]
     if chosen is None:
         hint = next(filter(None, (other_header(lines[0], columns) for columns in choices)), None)
         wanted = ", or ".join(",".join(columns) for columns in choices)
@@ -28,6 +29,9 @@ def read_columns(path: Path, *choices: Sequence[str]) -> Table:
     for name in chosen:
         if header.count(name) > 1:
             raise InputError(f"{path}, line 1: column {name!r} occurs {header.count(name)} times, expected once.")
+    if remarks is not None:
+        used = f"as well as {','.join(chosen)}, which is used"
+        remarks += [f"{path}: has {','.join(other)} {used}" for other in others if other]
     places = [header.index(name) for name in chosen]
     numbers = np.array([number for number, line in enumerate(lines[1:], start=2) if line.strip()], np.int64)
     if not len(numbers):
@@ -37,10 +41,32 @@ def read_columns(path: Path, *choices: Sequence[str]) -> Table:
 
 
 def _rows(path: Path, lines: list[str], numbers: Ints, header: Sequence[str], places: Sequence[int]) -> Array:
-    """(r, columns) the cells at `places` of the lines with these numbers."""
+    """(r, columns) the cells at `places` of the lines with these numbers: at once, or one by one to find a fault."""
+    parts = list[Array]()
+    for first in range(0, len(numbers), CHUNK):
+        some = numbers[first : first + CHUNK].tolist()
+        content = [lines[line - 1] for line in some]
+        found = _parsed(content, len(header), places)
+        parts.append(_one_by_one(path, content, some, header, places) if found is None else found)
+    return np.concatenate(parts)
+
+
+def _parsed(lines: list[str], count: int, places: Sequence[int]) -> Array | None:
+    """Parses all lines, of `count` cells each, at once; None if one is invalid."""
+    if any(line.count(",") != count - 1 for line in lines):
+        return None
+    try:
+        return np.loadtxt(lines, delimiter=",", comments=None, usecols=places, ndmin=2)
+    except ValueError:
+        return None
+
+
+def _one_by_one(
+    path: Path, lines: list[str], numbers: Sequence[int], header: Sequence[str], places: Sequence[int]
+) -> Array:
     rows = list[list[float]]()
-    for line in numbers.tolist():
-        cells = lines[line - 1].split(",")
+    for line, content in zip(numbers, lines, strict=True):
+        cells = content.split(",")
         if len(cells) != len(header):
             raise InputError(f"{path}, line {line}: {other_count(cells, header, ',')}.")
         row = list[float]()

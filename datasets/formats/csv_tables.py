@@ -6,10 +6,10 @@
     detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left
 
 Keyframes are the times of detections, with regular ones between; the motion up to each is one factor. Between two rows
-of odometry, motion is interpolated evenly. The noise is set by the options.
+of odometry, motion is interpolated evenly; where rows are missing, with the noise of `frontend.wheels.holes` and
+without regular keyframes. The noise is set by the options. What is legal yet odd is a remark on the log.
 """
 
-import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,13 +19,15 @@ import numpy as np
 from ...frontend.dead_reckoning import summed
 from ...frontend.elementary import arctan2, hypot
 from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
+from ...frontend.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.table import MOST, Table
+from ...frontend.table import LARGEST, MOST, Table
 from ...frontend.tum import read_tum
 from ...frontend.wheels.encoder import Floors, roll
+from ...frontend.wheels.holes import Holes, outside
 from ...frontend.wheels.motion import Track, TrackNoise
+from ...frontend.wheels.units import in_degrees
 from ..registry import Source
 from ..truth import sample
 from .columns import read_columns
@@ -82,23 +84,24 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     if options.odometry is None or options.detections is None:
         missing = "odometry" if options.odometry is None else "detections"
         raise InputError(f"option {missing} of dataset csv is not given, expected csv[odometry=FILE,detections=FILE].")
-    track = _track(Path(options.odometry), options)
-    seen = _detections(Path(options.detections), options, track.t[0], track.t[-1])
-    t = _keyframes(track.t[0], track.t[-1], seen.t, options.every)
-    motions = [track.odometry(start, end) for start, end in itertools.pairwise(t)]
-    truth = _truth(options, t)
+    remarks = list[str]()
+    track = _track(Path(options.odometry), options, remarks)
+    seen = _detections(Path(options.detections), options, track.t[0], track.t[-1], remarks)
+    t = _keyframes(track.t[0], track.t[-1], seen.t, options.every, track.holes)
+    motions = track.motions(t)
+    truth = _truth(options, t, remarks)
     first = np.full((1, 3), np.nan)
     log = Log.from_arrays(
         Path(options.odometry).stem,
         _prior(options, truth, t[0]),
         t,
-        np.concatenate((first, *[motion.delta[None] for motion in motions])),
-        np.concatenate((first[..., None] * first, *[motion.cov[None] for motion in motions])),
+        np.concatenate((first, motions.delta)),
+        np.concatenate((first[..., None] * first, motions.cov)),
         sighting_step=np.searchsorted(t, seen.t),
         ids=seen.ids,
         z=seen.z,
         z_cov=_noise(seen.z, options),
-        notes=_notes(options, seen),
+        notes=_notes(options, seen) | ({REMARKS: remarks} if remarks else {}),
     )
     return Dataset(log, truth)
 
@@ -106,13 +109,13 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
 source = Source(make, Options)
 
 
-def _track(path: Path, options: Options) -> Track:
+def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     """Converts the odometry, in any of its forms, to poses in a frame of its own."""
-    table = _in_order(read_columns(path, POSES, MOTIONS, SPEEDS), strictly=False)
+    table = _in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
     t, turn = table.column("t"), _radians(options)
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     if table.columns == POSES:
-        poses = table.rows[:, 1:] * np.array([1.0, 1.0, turn])
+        poses = _poses(table, options, remarks)
         for row in np.flatnonzero(~last[:-1] & (np.diff(poses, axis=0) != 0).any(1)) + 1:
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, expected a later one")
     elif table.columns == MOTIONS:
@@ -127,14 +130,28 @@ def _track(path: Path, options: Options) -> Track:
     poses[:, 2] = wrap(poses[:, 2])
     floors = Floors(options.floor_position, options.floor_heading)
     noise = TrackNoise(options.forward, options.turning, options.turning_by_turn, floors)
-    track = Track(t[last], poses[last], noise, max_speed=options.max_speed, source=str(path))
+    bridged = table.columns == POSES
+    track = Track(t[last], poses[last], noise, options.max_speed, str(path), bridged)
     track.check()
+    remarks += track.remarks(t[0], t[-1])
     return track
 
 
-def _detections(path: Path, options: Options, start: float, end: float) -> Detections:
+def _poses(table: Table, options: Options, remarks: list[str]) -> Array:
+    """(m, 3) the poses of a table of POSES; InputError for one beyond LARGEST."""
+    for name in POSES[1:]:
+        table.bounded(-LARGEST, LARGEST, name)
+    if options.angles == "radians" and in_degrees(table.rows[:, 1:]):
+        remarks.append(
+            f"{table.path}: the robot drives along its headings if they are in degrees, and across them as radians: "
+            "are they in degrees? Option angles=degrees reads them so"
+        )
+    return table.rows[:, 1:] * np.array([1.0, 1.0, _radians(options)])
+
+
+def _detections(path: Path, options: Options, start: float, end: float, remarks: list[str]) -> Detections:
     """The detections from `start` to `end`, s."""
-    table = _in_order(read_columns(path, SIGHTINGS, POINTS), strictly=False)
+    table = _in_order(read_columns(path, SIGHTINGS, POINTS, remarks=remarks), strictly=False)
     ids, t = table.whole("id"), table.column("t")
     for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
         raise table.fault(row, f"id is {ids[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
@@ -153,13 +170,20 @@ def _detections(path: Path, options: Options, start: float, end: float) -> Detec
     for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
         raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
     inside = (start <= t) & (t <= end)
-    left_out = np.isin(ids, _ignored(options))
+    ignored = _ignored(options)
+    left_out = np.isin(ids, ignored)
+    remarks += [
+        f"option ignore={options.ignore}: {path} has no detection of id {name}, which is to be left out"
+        for name in np.setdiff1d(ignored, ids).tolist()
+    ]
     if not inside.any():
         raise InputError(
             f"{path}: its times, {t[0]!s} to {t[-1]!s} s, are outside the odometry's, {start!s} to "
             f"{end!s} s; expected the same clock."
         )
     kept = inside & ~left_out
+    clock = f"before or after the odometry, {start:.10g} to {end:.10g} s"
+    remarks += outside(str(path), int((~inside).sum()), len(t), "detection", clock)
     return Detections(t[kept], ids[kept], z[kept], int((~inside).sum()), int((inside & left_out).sum()))
 
 
@@ -174,18 +198,20 @@ def _ignored(options: Options) -> list[int]:
     return [int(name) for name in names]
 
 
-def _keyframes(start: float, end: float, seen: Array, every: float) -> Array:
-    """(n,) s: `start`, `end`, the times `seen`, and evenly spaced ones wherever gaps exceed `every`."""
-    at = np.unique(np.concatenate(([start, end], seen)))
+def _keyframes(start: float, end: float, seen: Array, every: float, holes: Holes) -> Array:
+    """(n,) s: `start`, `end`, the times `seen`, and evenly spaced ones wherever gaps exceed `every`, but in no hole."""
+    at = np.unique(np.concatenate(([start, end], seen, holes.start, holes.end)))
     pieces = np.maximum(np.ceil(np.diff(at) / every * (1 - 1e-9)), 1)
+    pieces[holes.between(at)] = 1
     if pieces.sum() > MOST_KEYFRAMES:
         raise InputError(
             f"option every={every:g} of dataset csv: splits {end - start:g} s into {pieces.sum():.0f} keyframes, "
             f"expected at most {MOST_KEYFRAMES}; are the times in seconds?"
         )
-    between = zip(at[:-1], at[1:], pieces.astype(int).tolist(), strict=True)
-    spread = [np.linspace(a, b, n, endpoint=False) for a, b, n in between]
-    return np.unique(np.concatenate((*spread, at)))
+    count = pieces.astype(int)
+    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    spread = number * np.repeat(np.diff(at) / pieces, count) + np.repeat(at[:-1], count)
+    return np.unique(np.concatenate((spread, at)))
 
 
 def _noise(z: Array, options: Options) -> Array:
@@ -196,14 +222,14 @@ def _noise(z: Array, options: Options) -> Array:
     return cov
 
 
-def _truth(options: Options, t: Array) -> Truth | None:
+def _truth(options: Options, t: Array, remarks: list[str]) -> Truth | None:
     known = None if options.landmarks is None else _places(Path(options.landmarks))
     if options.truth is None:
         return None if known is None else Truth(np.zeros(0), np.zeros((0, 3)), known, None, "truth")
     path = Path(options.truth)
     if path.suffix.lower() == ".csv":
         table = _in_order(read_columns(path, POSES), strictly=True)
-        poses = table.rows[:, 1:] * np.array([1.0, 1.0, _radians(options)])
+        poses = _poses(table, options, remarks)
         poses[:, 2] = wrap(poses[:, 2])
         times = table.column("t")
     else:

@@ -111,7 +111,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     odometry = yield from attempted(scan_csv(folder / "odometry.csv", ODOMETRY, blank_after=1))
     sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
     loops = _empty(folder / "loops.csv", LOOPS)
-    if loops.path.exists():
+    if os.path.lexists(loops.path):
         loops = yield from attempted(scan_csv(loops.path, LOOPS))
     if odometry is not None and not len(odometry.rows):
         yield InputError(f"{odometry.path}: found no steps, expected at least one row.")

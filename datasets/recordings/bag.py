@@ -33,10 +33,16 @@ class Topic(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message and its time."""
+    """A message and its time.
 
-    nanoseconds: int  # of its header, or of reception if that is 0
-    content: Any  # None: unreadable; its time then assumes the delay of the message before
+    That is of its header, or of reception where all headers of its topic have 0. One clock counts for a whole topic:
+    where only some headers have 0, their messages are `untimed`, and as long before their reception as the message
+    before; so are unreadable ones.
+    """
+
+    nanoseconds: int
+    content: Any  # None: unreadable
+    untimed: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,17 +58,15 @@ class Bag:
 
     def messages(self, topic: str) -> Iterator[Message]:
         """The messages of `topic` in order of reception."""
-        delay = 0
         with self._open() as (reader, decode):
-            for connection, received, content in reader.messages(reader.topics[topic].connections):
-                try:
-                    message = decode(content, connection.msgtype)
-                    stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-                except Exception:  # a damaged message may raise anything
-                    yield Message(received - delay, None)
-                else:
-                    delay = received - stamp if stamp else 0
-                    yield Message(stamp or received, message)
+            delays = (received - stamp for received, stamp, _ in _stamped(reader, decode, topic) if stamp)
+            first = next(delays, None)
+            delay = first or 0
+            for received, stamp, message in _stamped(reader, decode, topic):
+                delay = received - stamp if stamp else delay
+                yield Message(
+                    stamp or received - delay, message, message is not None and not stamp and first is not None
+                )
 
     @contextmanager
     def _open(self) -> Generator[tuple[Any, Callable[[bytes, str], Any]]]:
@@ -87,3 +91,15 @@ class Bag:
             repair = REPAIRS.get("" if self.path.is_dir() else self.path.suffix, "")
             said = str(error).strip().rstrip(".") or type(error).__name__
             raise InputError(f"{self.path}: is damaged or not a ROS bag ({said}). {repair}".rstrip()) from error
+
+
+def _stamped(reader: Any, decode: Callable[[bytes, str], Any], topic: str) -> Iterator[tuple[int, int, Any]]:
+    """Yields times of reception and of the header, ns, and the content of each message; 0 and None if unreadable."""
+    for connection, received, content in reader.messages(reader.topics[topic].connections):
+        try:
+            message = decode(content, connection.msgtype)
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        except Exception:  # a damaged message may raise anything
+            yield received, 0, None
+        else:
+            yield received, stamp, message

@@ -89,7 +89,9 @@ def read(folder: Path, home: Path, fps: float | None, start: float) -> FramesFol
 
 
 def load(path: Path) -> Image | None:
-    """The picture in `path` as (height, width) grey, None if it is unreadable or truncated."""
+    """The picture in `path` as (height, width) grey, None if it is unreadable, truncated or no regular file."""
+    if not path.is_file():  # a pipe may never end
+        return None
     try:
         content = np.frombuffer(path.read_bytes(), np.uint8)
         with silenced():

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ...frontend.errors import InputError
+from ...frontend.files import check_regular
 from ..truth import PLACES, POSES, read_truth
 from . import frames_folder, live, rosbag, video
 from .frames_folder import FRAMES, pictures
@@ -22,8 +23,9 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     InputError if there is no recording, or more than one, and for unusable files.
     """
     if is_live(path):
-        return Streams(live.read(str(path), seconds), None, None, None, None)
+        return Streams(live.read(str(path), seconds), None, None, None, None, [])
     found = _frames_of(path, robot)
+    check_regular(found)
     home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
     if _is_bag(found):
         bag = rosbag.read(found, robot.topics, robot.counter_bits)
@@ -38,7 +40,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
         length = frames.length
     else:
         raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
-    return Streams(frames, length, read_readings(home, robot.counter_bits), None, read_truth(home))
+    return Streams(frames, length, read_readings(home, robot.counter_bits), None, read_truth(home), [])
 
 
 def is_live(path: Path) -> bool:
@@ -62,12 +64,22 @@ def _frames_of(path: Path, robot: Robot) -> Path:
         return path
     if named is not None:
         raise InputError(f"{path}: there is no {named}, which is the [frames] source in {ROBOT}.")
+    if not found and (inside := _recordings_below(path)):
+        raise InputError(
+            f"{path}: has no metadata.yaml and no recording itself, but {inside[0]} has one: name that one, with "
+            f"--robot FILE, or write the folder's metadata.yaml with `ros2 bag reindex`."
+        )
     if len(found) != 1:
         names = ", ".join(one.name for one in found) or "none"
         raise InputError(
             f"{path}: found {names}, expected one recording: {_KINDS}. [frames] source in {ROBOT} selects one."
         )
     return found[0]
+
+
+def _recordings_below(folder: Path) -> list[Path]:
+    """The bags and videos one level below."""
+    return sorted(one for one in folder.glob("*/*") if _is_bag(one) or one.suffix.lower() in VIDEOS)
 
 
 def _is_bag(path: Path) -> bool:

@@ -4,6 +4,7 @@ ticks.csv       t,left,right     the wheels' counters, cumulative odometry.csv  
 the robot
 """
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,14 @@ def read_readings(folder: Path, counter_bits: int | None) -> Ticks | Poses | Non
     Counters `counter_bits` wide are unwrapped.
     """
     ticks, odometry = folder / TICKS, folder / ODOMETRY
-    if ticks.exists() and odometry.exists():
+    counted, posed = map(os.path.lexists, (ticks, odometry))  # a link to nothing is no missing file
+    if counted and posed:
         raise InputError(f"{folder}: has {TICKS} as well as {ODOMETRY}, expected one of them.")
-    if ticks.exists():
+    if counted:
         table = _in_order(read_csv(ticks, ("t", "left", "right")))
         counts = table.rows[:, 1:]
         return Ticks(table.column("t"), counts if counter_bits is None else unwrap(counts, counter_bits))
-    if odometry.exists():
+    if posed:
         table = _in_order(read_csv(odometry, ("t", "x", "y", "heading")))
         return Poses(table.column("t"), table.rows[:, 1:])
     return None

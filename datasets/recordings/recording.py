@@ -19,17 +19,20 @@ import numpy as np
 
 from ...frontend.camera.camera import Camera
 from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Truth
+from ...frontend.factors import REMARKS, Dataset, Log, Truth
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.options import option
 from ...frontend.wheels.motion import Motion, Ticks, Track, Wheels
 from ..registry import Source
-from ..truth import sample
+from ..truth import POSES, sample
 from .open import is_live, read_streams
 from .readings import ODOMETRY, TICKS
 from .robot import ROBOT, Robot, read_robot
 from .streams import Poses
+
+OTHER_LENS = 0.02
+"""Relative difference of two focal lengths of one lens: calibrations agree within 1 %, and ranges err by as much."""
 
 
 class Opened(NamedTuple):
@@ -63,8 +66,19 @@ source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 
 def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
-    log = build_log(opened.recording)
-    return Dataset(log, None if opened.truth is None else sample(opened.truth, log.t))
+    return with_truth(build_log(opened.recording), opened.truth)
+
+
+def with_truth(log: Log, truth: Truth | None) -> Dataset:
+    """Joins a log and a ground truth, sampled at the log's times; a remark where it has no pose at any of them."""
+    if truth is None:
+        return Dataset(log, None)
+    known = sample(truth, log.t)
+    if len(known.t) or not len(truth.t):
+        return Dataset(log, known)
+    found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"
+    remark = f"{POSES} has no pose at the log's times, {found}, and is not used: expected the same clock"
+    return Dataset(replace(log, notes={**log.notes, REMARKS: [*log.remarks, remark]}), known)
 
 
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
@@ -83,6 +97,8 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         robot = read_robot(found[0])
     streams = read_streams(path, robot, seconds)
     camera = robot.camera
+    if camera is not None and streams.camera is not None:
+        streams.remarks.extend(_contradicted(camera, streams.camera, path))
     if camera is None and streams.camera is not None:
         camera = replace(streams.camera, mounting=robot.mounting)
     if camera is None:
@@ -104,8 +120,22 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             "time_offset": robot.time_offset,
             "exposure": robot.exposure,
         },
+        remarks=streams.remarks,
     )
     return Opened(recording, streams.truth, streams.length)
+
+
+def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:
+    """Compares the calibration in robot.toml, which is used, with the recording's own."""
+    sizes = [f"{camera.width}x{camera.height}" for camera in (given, recorded)]
+    if sizes[0] != sizes[1]:
+        yield f"{path}: camera_info is of {sizes[1]} pixels, the calibration in {ROBOT}, which is used, of {sizes[0]}"
+    for name, one, other in zip(("fx", "fy"), given.focal, recorded.focal, strict=True):
+        if abs(one - other) > OTHER_LENS * one and sizes[0] == sizes[1]:
+            yield (
+                f"{path}: camera_info has {name} = {other:.6g} px, the calibration in {ROBOT}, which is used, "
+                f"{one:.6g} px: ranges differ by the same share"
+            )
 
 
 def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:

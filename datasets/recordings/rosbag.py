@@ -62,12 +62,14 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     if image is None:
         raise InputError(f"{path}: has no topic with images ({_plain(IMAGE)} or CompressedImage); {_found(listed)}")
     info = _camera_info(path, listed, topics.camera_info, image)
+    remarks = list[str]()
     return Streams(
-        frames=_Frames(bag, image),
+        frames=_Frames(bag, image, remarks),
         length=image.messages,
-        readings=_readings(bag, listed, topics, counter_bits),
+        readings=_readings(bag, listed, topics, counter_bits, remarks),
         camera=None if info is None else _camera(bag, info),
         truth=None,
+        remarks=remarks,
     )
 
 
@@ -77,17 +79,20 @@ class _Frames:
 
     bag: Bag
     topic: Topic
+    remarks: list[str]  # grows at the end
 
     def __iter__(self) -> Iterator[Frame]:
         decode = rosimage.raw if self.topic.type == IMAGE else rosimage.compressed
-        count, decoded, example, latest = 0, False, None, None
+        count, untimed, decoded, example, latest = 0, 0, False, None, None
         for message in _in_order(self.bag.messages(self.topic.name)):
             if latest is not None and message.nanoseconds == latest.nanoseconds and _alike(message, latest):
                 continue  # recorded twice
             latest = message
             image = None if message.content is None else decode(message.content)
+            untimed += message.untimed
             count, decoded, example = count + 1, decoded or image is not None, example or message.content
             yield Frame(message.nanoseconds / 10**9, image)
+        self.remarks.extend(_of_untimed(self.bag, self.topic, untimed))
         if count and not decoded:
             kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))
             expected = "a format that OpenCV reads" if decode is rosimage.compressed else ", ".join(rosimage.ENCODINGS)
@@ -113,7 +118,17 @@ def _alike(one: Message, other: Message) -> bool:
     return a is not None and b is not None and np.array_equal(a.data, b.data)
 
 
-def _readings(bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: int | None) -> Ticks | Poses | None:
+def _of_untimed(bag: Bag, topic: Topic, untimed: int) -> list[str]:
+    """The remark on messages whose headers have no time, where the others of their topic have."""
+    if not untimed:
+        return []
+    found = f"{untimed} of {topic.messages} messages of topic {topic.name} have the time 0 in their headers"
+    return [f"{bag.path}: {found}: theirs is that of their reception, less the others' delay"]
+
+
+def _readings(
+    bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: int | None, remarks: list[str]
+) -> Ticks | Poses | None:
     if topics.encoder is not None and topics.odometry is not None:
         raise InputError(f"{bag.path}: [topics] names both encoder and odometry, expected the one to use.")
     encoder = None if topics.odometry else _choose(bag.path, listed, topics.encoder, "encoder", (ENCODER,))
@@ -124,7 +139,7 @@ def _readings(bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: i
             "encoder or odometry to name the one to use."
         )
     if encoder is not None:
-        t, turned = _columns(bag, encoder, lambda m: (m.quaternion.x, m.quaternion.y, m.quaternion.z, m.quaternion.w))
+        t, turned = _columns(bag, encoder, _turned, remarks)
         if len(t) > 1 and np.allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-3):
             raise InputError(
                 f"{bag.path}: topic {encoder.name} holds orientations, expected the wheels' cumulative counts."
@@ -133,16 +148,21 @@ def _readings(bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: i
             turned = unwrap(turned, counter_bits)
         return Ticks(t, turned.reshape(-1, 2, 2).mean(axis=2))
     if odometry is not None:
-        return _poses(bag, odometry)
+        return _poses(bag, odometry, remarks)
     return None
 
 
-def _poses(bag: Bag, topic: Topic) -> Poses:
+def _turned(message: Any) -> tuple[float, ...]:
+    counts = message.quaternion
+    return counts.x, counts.y, counts.z, counts.w
+
+
+def _poses(bag: Bag, topic: Topic, remarks: list[str]) -> Poses:
     def row(message: Any) -> tuple[float, ...]:
         place, turn = message.pose.pose.position, message.pose.pose.orientation
         return place.x, place.y, turn.x, turn.y, turn.z, turn.w
 
-    t, found = _columns(bag, topic, row)
+    t, found = _columns(bag, topic, row, remarks)
     x, y, z, w = found[:, 2:].T
     norm = np.linalg.norm(found[:, 2:], axis=1)
     for one in np.flatnonzero(np.abs(norm - 1) > 1e-2):
@@ -161,12 +181,14 @@ def _poses(bag: Bag, topic: Topic) -> Poses:
     return Poses(t, np.column_stack((found[:, :2], heading)))
 
 
-def _columns(bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]]) -> tuple[Array, Array]:
+def _columns(
+    bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]], remarks: list[str]
+) -> tuple[Array, Array]:
     """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of equal times the last counts."""
     at = dict[int, tuple[float, ...]]()
-    messages = 0
+    messages = untimed = 0
     for message in bag.messages(topic.name):
-        messages += 1
+        messages, untimed = messages + 1, untimed + message.untimed
         if message.content is None:
             raise InputError(f"{bag.path}: message {messages} of topic {topic.name} cannot be read.")
         at[message.nanoseconds] = row(message.content)
@@ -177,6 +199,7 @@ def _columns(bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]]) ->
             f"{bag.path}: the {messages} messages of topic {topic.name} have only {len(at)} distinct times, expected "
             "headers with the time of each reading, or zero times."
         )
+    remarks += _of_untimed(bag, topic, untimed)
     rows = np.array([at[time] for time in sorted(at)], float)
     t = np.array([time / 10**9 for time in sorted(at)])
     for one in np.flatnonzero(~np.isfinite(rows).all(axis=1)):

@@ -25,3 +25,4 @@ class Streams(NamedTuple):
     readings: Ticks | Poses | None  # None: unmeasured motion
     camera: Camera | None  # from the recording itself, mounted at the robot's origin
     truth: Truth | None
+    remarks: list[str]  # what is legal yet odd; grows while the frames are read

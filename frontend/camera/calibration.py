@@ -18,7 +18,7 @@ from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import YAMLError
 
 from ..errors import InputError
-from ..files import write_whole
+from ..files import check_regular, write_whole
 from ..se2 import Array
 from .camera import DISTORTION_LENGTHS, Camera, Model
 
@@ -146,6 +146,7 @@ def _contents(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: found {path.stat().st_size} bytes, expected a calibration of a few hundred")
+        check_regular(path)
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}; expected a calibration file") from None

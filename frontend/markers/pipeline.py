@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..check import check
 from ..errors import InputError
-from ..factors import Log, Prior, RangeBearing, RelativePoses, Step
+from ..factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
 from ..se2 import Array
+from ..wheels.holes import outside
 from ..wheels.motion import Motion
 from .aruco import Detector, Image, Sighting
 from .noise import Noise
@@ -50,14 +51,15 @@ class Recording:
     prior: Prior
     max_range: float = 3.0  # m; ArUco EKF SLAM drops farther sightings
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    remarks: list[str] = field(default_factory=list[str])  # grows while the frames are read
 
 
 def build_log(recording: Recording, observe: Callable[[Seen], None] | None = None) -> Log:
     """Builds the log, one step per frame; omissions are counted in `notes["counts"]`.
 
-    Frames outside the time of the motion's readings and undecodable frames are left out. `observe` is called with the
-    result of each of the others. InputError for frames or readings out of order, if no frame is left, and for values
-    that no log may have.
+    Frames outside the time of the motion's readings and undecodable frames are left out; what is legal yet odd is among
+    the log's remarks. `observe` is called with the result of each of the others. InputError for frames or readings out
+    of order, if no frame is left, and for values that no log may have.
     """
     recording.motion.check()
     first, last = recording.motion.t[[0, -1]]
@@ -70,7 +72,7 @@ def build_log(recording: Recording, observe: Callable[[Seen], None] | None = Non
         latest = frame.t
         counts["frames"] += 1
         if not first <= frame.t <= last:
-            counts["frames without encoder readings"] += 1
+            counts[f"frames without {recording.motion.readings}"] += 1
             continue
         if frame.image is None:
             counts["frames that could not be decoded"] += 1
@@ -86,11 +88,28 @@ def build_log(recording: Recording, observe: Callable[[Seen], None] | None = Non
         near = RangeBearing(ids[seen.kept], seen.z[seen.kept], seen.cov[seen.kept])
         steps.append(Step(frame.t, odometry, near, _NO_LOOPS))
     if not steps:
-        raise InputError(f"{recording.name}: found no frame within the time of the encoder's readings, expected one")
-    notes = {**_settings(recording), "counts": dict(counts)}
+        clock = f"the time of the {recording.motion.readings}"
+        raise InputError(f"{recording.name}: found no frame within {clock}, expected one")
+    remarks = _remarks(recording, counts, steps[0].t, steps[-1].t)
+    notes = {**_settings(recording), "counts": dict(counts), **({REMARKS: remarks} if remarks else {})}
     log = Log.from_steps(recording.name, recording.prior, steps, notes)
     check(log, recording.name)
     return log
+
+
+def _remarks(recording: Recording, counts: Counter[str], start: float, end: float) -> list[str]:
+    """The recording's remarks, with those on the motion from `start` to `end`, s, and on frames that are left out."""
+    first, last = recording.motion.t[[0, -1]]
+    name, clock = (
+        recording.motion.readings,
+        f"before or after the {recording.motion.readings}, {first:.10g} to {last:.10g} s",
+    )
+    lost = counts[f"frames without {name}"]
+    return [
+        *recording.remarks,
+        *recording.motion.remarks(start, end),
+        *outside(recording.name, lost, counts["frames"], "frame", clock),
+    ]
 
 
 def see(recording: Recording, frame: Frame) -> Seen:

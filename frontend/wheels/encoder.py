@@ -100,24 +100,25 @@ def roll(rolling: Array, curve: Curve) -> tuple[Array, Array]:
 
 
 def compose(delta: Array, cov: Array, floors: Floors) -> Odometry:
-    """Composes n >= 1 motions, (n, 3) with covariances (n, 3, 3), into one factor; the floors are added once.
+    """Composes n >= 1 motions, (..., n, 3) with covariances (..., n, 3, 3), into one factor; the floors are added once.
 
     Equals pairwise composition to first order. Each motion's error is propagated to the end at once: rotated by its
     heading, and its turn acts on the whole remaining path.
     """
-    heading = np.cumsum(delta[:, 2])
-    s, c = sincos(heading - delta[:, 2])
-    x = np.cumsum(c * delta[:, 0] - s * delta[:, 1])
-    y = np.cumsum(s * delta[:, 0] + c * delta[:, 1])
-    to_end = np.zeros((len(delta), 3, 3))
-    to_end[:, 0, 0] = to_end[:, 1, 1] = c
-    to_end[:, 0, 1] = -s
-    to_end[:, 1, 0] = s
-    to_end[:, 0, 2] = y - y[-1]
-    to_end[:, 1, 2] = x[-1] - x
-    to_end[:, 2, 2] = 1.0
-    total = propagated(to_end, cov).sum(axis=0) + floors.cov
-    return Odometry(np.array([x[-1], y[-1], wrap(heading[-1])]), (total + total.T) / 2)
+    heading = np.cumsum(delta[..., 2], axis=-1)
+    s, c = sincos(heading - delta[..., 2])
+    x = np.cumsum(c * delta[..., 0] - s * delta[..., 1], axis=-1)
+    y = np.cumsum(s * delta[..., 0] + c * delta[..., 1], axis=-1)
+    to_end = np.zeros((*delta.shape, 3))
+    to_end[..., 0, 0] = to_end[..., 1, 1] = c
+    to_end[..., 0, 1] = -s
+    to_end[..., 1, 0] = s
+    to_end[..., 0, 2] = y - y[..., -1:]
+    to_end[..., 1, 2] = x[..., -1:] - x
+    to_end[..., 2, 2] = 1.0
+    total = propagated(to_end, cov).sum(axis=-3) + floors.cov
+    motion = np.stack((x[..., -1], y[..., -1], wrap(heading[..., -1])), axis=-1)
+    return Odometry(motion, (total + total.swapaxes(-1, -2)) / 2)
 
 
 def _sinc(half: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """The motion between two camera frames, from wheel counters or other odometry."""
 
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -8,9 +9,14 @@ import numpy as np
 from ..elementary import hypot
 from ..errors import InputError
 from ..factors import Odometry
-from ..se2 import Array, between
+from ..se2 import Array, Ints, between
 from .counters import MAX_SPEED, check_counts
 from .encoder import Encoder, Floors, compose
+from .holes import Holes, find_holes
+from .units import odd_units
+
+ROWS = 100_000
+"""Readings that are composed at once."""
 
 
 class Motion(Protocol):
@@ -21,12 +27,21 @@ class Motion(Protocol):
         """(m,) s, the times of the readings, strictly increasing."""
         ...
 
+    @property
+    def readings(self) -> str:
+        """What the readings are called."""
+        ...
+
     def check(self) -> None:
         """Raises InputError for unusable readings."""
         ...
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The motion from `start` to `end`, s, both within the readings' time."""
+        ...
+
+    def remarks(self, start: float, end: float) -> list[str]:
+        """Says what is legal yet odd in the readings from `start` to `end`, s, each without its full stop."""
         ...
 
     @property
@@ -56,15 +71,38 @@ class Wheels:
         """(m,) s, the times of the readings."""
         return self.ticks.t
 
+    @property
+    def readings(self) -> str:
+        """What the readings are called."""
+        return "encoder readings"
+
     def check(self) -> None:
-        """Raises InputError for no readings, times that do not increase, and counts that jump."""
+        """Raises InputError for no readings, times that do not increase, counts that jump, and too long a hole."""
         _in_order(self.t, self.source)
         metres = np.array([self.encoder.left, self.encoder.right])
         check_counts(self.t, self.ticks.counts, metres, self.max_speed, self.source)
+        self.holes.check(self.source)
+
+    @cached_property
+    def holes(self) -> Holes:
+        """The times without readings. The counters then tell how far the wheels rolled and turned, but not where to."""
+        return find_holes(self.t, self._moved)
+
+    def _moved(self, rows: Ints) -> tuple[Array, Array]:
+        left, right = self.encoder.travel(np.diff(self.ticks.counts[rows], axis=0)).T
+        return (np.abs(left) + np.abs(right)) / 2, (right - left) / self.encoder.base
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The counts between `start` and `end`, s, as one factor."""
-        return self.encoder.odometry(*readings(self.ticks, start, end))
+        found = self.encoder.odometry(*readings(self.ticks, start, end))
+        if not len(self.holes.start):
+            return found
+        unknown = self.holes.noise(start, end, position=False, heading=True)
+        return found._replace(cov=found.cov + np.diag(unknown))
+
+    def remarks(self, start: float, end: float) -> list[str]:
+        """Says where readings are missing between `start` and `end`, s."""
+        return self.holes.remarks(self.source, start, end)
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -82,10 +120,10 @@ class TrackNoise:
     floors: Floors = field(default_factory=Floors)
 
     def cov(self, delta: Array) -> Array:
-        """(n, 3, 3) covariances of the motions `delta` (n, 3)."""
-        way, turn = hypot(delta[:, 0], delta[:, 1]), np.abs(delta[:, 2])
+        """(..., 3, 3) covariances of the motions `delta` (..., 3)."""
+        way, turn = hypot(delta[..., 0], delta[..., 1]), np.abs(delta[..., 2])
         heading = self.turning**2 * way + self.turning_by_turn**2 * turn
-        return np.stack((self.forward**2 * way, np.zeros_like(way), heading), axis=-1)[:, :, None] * np.eye(3)
+        return np.stack((self.forward**2 * way, np.zeros_like(way), heading), axis=-1)[..., None] * np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,21 +139,69 @@ class Track:
     noise: TrackNoise
     max_speed: float = MAX_SPEED  # m/s; a faster robot is a misreading
     source: str = "odometry"  # name of the readings in messages
+    bridged: bool = True  # the sum goes on in a hole; else, what was not read is lost
+
+    @property
+    def readings(self) -> str:
+        """What the readings are called."""
+        return "odometry"
 
     def check(self) -> None:
-        """Raises InputError for no readings, times that do not increase, and poses that jump."""
+        """Raises InputError for no readings, times that do not increase, poses that jump, and too long a hole."""
         _in_order(self.t, self.source)
         _check_poses(self.t, self.poses, self.max_speed, self.source)
+        self.holes.check(self.source)
+
+    @cached_property
+    def holes(self) -> Holes:
+        """The times without readings."""
+        return find_holes(self.t, self._moved)
+
+    def _moved(self, rows: Ints) -> tuple[Array, Array]:
+        heading = np.unwrap(self.poses[:, 2])[rows]
+        return hypot(*np.diff(self.poses[rows, :2], axis=0).T), np.diff(heading)
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The motion between `start` and `end`, s, as one factor; interpolated evenly between readings."""
-        first, last = np.searchsorted(self.t, start, "right"), np.searchsorted(self.t, end, "left")
-        t = np.concatenate(([start], self.t[first:last], [end]))
-        around = slice(max(first - 1, 0), last + 1)  # the readings that enclose `start` and `end`
-        columns = (*self.poses[around, :2].T, np.unwrap(self.poses[around, 2]))
-        poses = np.stack([np.interp(t, self.t[around], column) for column in columns], axis=-1)
-        delta = between(poses[:-1], poses[1:])
-        return compose(delta, self.noise.cov(delta), self.noise.floors)
+        found = self.motions(np.array([start, end]))
+        return Odometry(found.delta[0], found.cov[0])
+
+    def motions(self, at: Array) -> Odometry:
+        """The motions between consecutive times `at` (n,), s, as columns: (n - 1, 3) and (n - 1, 3, 3)."""
+        first, last = np.searchsorted(self.t, at[:-1], "right"), np.searchsorted(self.t, at[1:], "left")
+        delta, cov = np.empty((len(first), 3)), np.empty((len(first), 3, 3))
+        inside = np.maximum(last - first, 0)
+        for count in np.unique(inside):
+            rows = np.flatnonzero(inside == count)
+            for some in np.array_split(rows, len(rows) * (count + 1) // ROWS + 1):
+                moved = self._between(at[some], at[some + 1], first[some], int(count))
+                delta[some], cov[some] = compose(moved, self.noise.cov(moved), self.noise.floors)
+        for row in np.flatnonzero(self.holes.between(at)):
+            cov[row] += np.diag(self._unknown(at[row], at[row + 1]))
+        return Odometry(delta, cov)
+
+    def _between(self, start: Array, end: Array, first: Ints, count: int) -> Array:
+        """(m, count + 1, 3) the motions from `start` to `end` (m,) over the `count` readings from `first` (m,) on."""
+        before, after = np.maximum(first - 1, 0), np.minimum(first + count, len(self.t) - 1)
+        rows = np.column_stack((before, first[:, None] + np.arange(count), after))
+        heading = np.unwrap(self.poses[rows, 2], axis=1)
+        columns = np.stack((self.poses[rows, 0], self.poses[rows, 1], heading), axis=-1)
+        poses = columns.copy()
+        poses[:, 0] = _at(start, self.t[before], self.t[rows[:, 1]], columns[:, 0], columns[:, 1])
+        poses[:, -1] = _at(end, self.t[rows[:, -2]], self.t[after], columns[:, -2], columns[:, -1])
+        return between(poses[:, :-1], poses[:, 1:])
+
+    def _unknown(self, start: float, end: float) -> Array:
+        """(3,) variances of what holes leave unknown: where the way through them led, and its own noise."""
+        unknown = self.holes.noise(start, end, position=self.bridged, heading=self.bridged)
+        inside = np.maximum(np.minimum(self.holes.end, end) - np.maximum(self.holes.start, start), 0.0)
+        way, turn = (self.holes.speed * inside).sum(), (self.holes.turning * inside).sum()
+        forward, _, heading = np.diag(self.noise.cov(np.array([[way, 0.0, turn]]))[0])
+        return unknown + np.array([forward, 0.0, heading]) + np.array([1.0, 1.0, 0.0]) * heading * way**2 / 3
+
+    def remarks(self, start: float, end: float) -> list[str]:
+        """Says where readings are missing between `start` and `end`, s, and what may be in other units."""
+        return [*self.holes.remarks(self.source, start, end), *odd_units(self.source, self.t, self.poses)]
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -135,12 +221,22 @@ class Drift:
     floors: Floors = field(default_factory=Floors)
 
     @property
+    def readings(self) -> str:
+        """What the readings are called."""
+        return "odometry"
+
+    @property
     def t(self) -> Array:
         """(2,) all of time."""
         return np.array([-np.inf, np.inf])
 
     def check(self) -> None:
         """Does nothing: no readings can be wrong."""
+
+    def remarks(self, start: float, end: float) -> list[str]:
+        """Says nothing: there are no readings."""
+        del start, end
+        return []
 
     def odometry(self, start: float, end: float) -> Odometry:
         """No motion from `start` to `end`, s."""
@@ -162,6 +258,15 @@ def readings(ticks: Ticks, start: float, end: float) -> tuple[Array, Array]:
     t = np.concatenate(([start], ticks.t[inside], [end]))
     wheels = [np.interp(t, ticks.t, ticks.counts[:, wheel]) for wheel in (0, 1)]
     return np.diff(np.stack(wheels, axis=-1), axis=0), np.diff(t)
+
+
+def _at(t: Array, before: Array, after: Array, low: Array, high: Array) -> Array:
+    """(m, 3) the columns `low` at `before` and `high` at `after`, interpolated to `t` (m,); the bits of np.interp."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = (high - low) / (after - before)[:, None]
+        found = slope * (t - before)[:, None] + low
+    found = np.where((t >= after)[:, None], high, found)
+    return np.where((t <= before)[:, None], low, found)
 
 
 def _in_order(t: Array, source: str) -> None:

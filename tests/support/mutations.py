@@ -16,8 +16,8 @@ import numpy as np
 import slamduel
 from fuzzing import damaged
 from slamduel.backends import registry
-from slamduel.bench.logs.remarks import remarks
 from slamduel.bench.measure.cell import Job, run_on
+from slamduel.datasets.remarks import remarks
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset
 from slamduel.frontend.se2 import Array, compose, wrap

@@ -9,8 +9,8 @@ import pytest
 
 from slamduel.bench.cli import main
 from slamduel.bench.commands.validate import SHOWN
-from slamduel.bench.logs.remarks import remarks
 from slamduel.datasets.formats import log_folder
+from slamduel.datasets.remarks import remarks
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Prior
 from small_log import small_dataset
 
@@ -146,7 +146,7 @@ ODD: dict[str, tuple[Change, str]] = {
         lambda parts: parts.update(sighting_step=parts["sighting_step"] // 3, ids=np.arange(120) % 12),
         "the last sighting is of step 9, the log has 30",
     ),
-    "no id": (put("ids", slice(0, 2), UNKNOWN), "2 of 120 sightings have no id"),
+    "no id": (put("ids", slice(0, 20), UNKNOWN), "20 of 120 sightings have no id"),
     "never met again": (
         lambda parts: parts.update(ids=np.arange(120)),
         "120 of 120 landmarks are sighted only once",

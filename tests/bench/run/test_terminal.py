@@ -304,7 +304,7 @@ def test_letters_that_are_not_there_have_plain_ones() -> None:
 
 def test_the_document_is_valid_json_and_says_what_the_tables_do() -> None:
     found = many(8, "ekf") + run(*(row("isam2", seed, "error", reason="x") for seed in range(8)))
-    told = json.loads(json.dumps(document("r", "r/report.html", 1, found, verdicts(found), ""), allow_nan=False))
+    told = json.loads(json.dumps(document("r", "r/report.html", 1, found, verdicts(found), "", {}), allow_nan=False))
     assert set(told) == {"folder", "report", "status", "datasets", "cells", "remarks"}
     assert len(told["cells"]) == 16
     assert set(told["cells"][0]) == {*COLUMNS, *MORE}
@@ -316,10 +316,10 @@ def test_the_document_is_valid_json_and_says_what_the_tables_do() -> None:
     assert isam2["estimates"] == {}
     assert set(dataset["verdict"]) == {"basis", "uses", "sentences", "comparisons"}
     few = many(2, "ekf")
-    (line,) = document("r", "", 0, few, verdicts(few), "")["datasets"][0]["lines"]
+    (line,) = document("r", "", 0, few, verdicts(few), "", {})["datasets"][0]["lines"]
     assert line["estimates"]["ate_m"]["low"] is None
     part = run(*(row("ekf", seed) for seed in range(7)), row("ekf", 7, "error"))
-    (line,) = document("r", "", 1, part, verdicts(part), "")["datasets"][0]["lines"]
+    (line,) = document("r", "", 1, part, verdicts(part), "", {})["datasets"][0]["lines"]
     assert float(line["estimates"]["ate_m"]["high"]) == math.inf
 
 

@@ -184,7 +184,9 @@ def test_odometry_and_compressed_images(tmp_path: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", bags.KINDS)
-def test_times_are_the_headers_and_without_them_the_bags(tmp_path: Path, kind: str) -> None:
+def test_times_are_the_headers_and_where_one_is_missing_that_of_reception_on_the_same_clock(
+    tmp_path: Path, kind: str
+) -> None:
     said = [
         bags.image(30 * MS, picture(1), received=1000 * MS),
         bags.image(10 * MS, picture(0), received=1010 * MS),  # late
@@ -197,12 +199,24 @@ def test_times_are_the_headers_and_without_them_the_bags(tmp_path: Path, kind: s
     ]
     streams = read(bags.write(tmp_path, kind, said), NAMELESS)
     found = frames(streams)
-    assert [t for t, _ in found] == [0.01, 0.03, 1.03]
+    assert [t for t, _ in found] == [0.01, 0.03, 0.04]
     for index, (_, image) in enumerate(found):
         np.testing.assert_array_equal(image, picture(index))
     assert isinstance(streams.readings, Ticks)
-    np.testing.assert_array_equal(streams.readings.t, [0.001, 0.003, 1.034])
-    np.testing.assert_array_equal(streams.readings.counts[:, 0], [2, 3, 4])
+    np.testing.assert_array_equal(streams.readings.t, [0.001, 0.002, 0.003])
+    np.testing.assert_array_equal(streams.readings.counts[:, 0], [2, 4, 3])
+    of_readings, of_images = streams.remarks
+    assert "1 of 4 messages of topic" in of_readings
+    assert "have the time 0 in their headers" in of_readings
+    assert "1 of 4 messages of topic" in of_images
+
+
+@pytest.mark.parametrize("kind", bags.KINDS)
+def test_without_any_time_in_the_headers_that_of_reception_counts(tmp_path: Path, kind: str) -> None:
+    said = [bags.image(0, picture(k), received=(1000 + 10 * k) * MS) for k in range(3)]
+    streams = read(bags.write(tmp_path, kind, said), NAMELESS)
+    assert [t for t, _ in frames(streams)] == [1.0, 1.01, 1.02]
+    assert streams.remarks == []
 
 
 def test_times_since_1970_are_rounded_once(tmp_path: Path) -> None:

@@ -1,15 +1,19 @@
-"""Finds what is legal in a log yet odd: wrong units, columns that count something else, jumps and gaps.
+"""Remarks: what is legal in a log yet odd, one sentence each without its full stop.
 
-A remark is a hint, not a verdict; each states the finding and a possible cause.
+Readers put those that only they can know into the log's notes, so that they go wherever the log goes. The others are
+found in the log itself: wrong units, columns that count something else, jumps and gaps. A remark is a hint, not a
+verdict; it states the finding, and what was expected or a possible cause.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Dataset, Log
-from ...frontend.se2 import Array
-from ...frontend.table import LARGEST
+from ..frontend.dead_reckoning import dead_reckoned
+from ..frontend.errors import InputError
+from ..frontend.factors import UNKNOWN, Dataset, Log
+from ..frontend.se2 import Array
+from ..frontend.table import LARGEST
 
 GAP = 10.0  # a gap in time, relative to the median time between steps
 JUMP = 20.0  # a jump of the odometry, in standard deviations of all other steps
@@ -17,13 +21,24 @@ NARROW = 0.1  # rad; bearings that are all nearer to 0 may have been divided by 
 FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
 SLOW = 100.0  # s; a median time between steps beyond it may be in milliseconds
 SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per second
+UNNAMED = 0.1  # share of sightings without an id: a detector's false alarms are fewer, 3 % in DLR's log
 FEW = 10  # rows below which nothing is odd
+OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
+# median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
+NO_SIGHTING = "there is no sighting in it, so every backend gives dead reckoning"
 
 
 def remarks(dataset: Dataset) -> list[str]:
-    """Lists everything odd about the log, one sentence each without its full stop."""
-    with np.errstate(over="ignore"):  # what is beyond all numbers is infinite, and remarked as such
-        return list(_remarks(dataset.log))
+    """Lists everything odd about the log, its reader's remarks first, each once."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is infinite, and remarked as such
+        return list(dict.fromkeys((*dataset.log.remarks, *_remarks(dataset.log))))
+
+
+def refuse(name: str, found: Sequence[str]) -> None:
+    """Raises InputError with the first of the remarks `found`, for --strict; `name` names the log."""
+    if found:
+        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+        raise InputError(f"--strict: {name}: {found[0]}{more}.")
 
 
 def _remarks(log: Log) -> Iterator[str]:
@@ -31,10 +46,11 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _sizes(log)
     yield from _motions(log)
     if not len(log.ids):
-        yield "there is no sighting: every estimate will be that of dead reckoning"
+        yield NO_SIGHTING
         return
     yield from _sightings(log)
     yield from _landmarks(log)
+    yield from _units(log)
 
 
 def _times(log: Log) -> Iterator[str]:
@@ -113,7 +129,7 @@ def _sightings(log: Log) -> Iterator[str]:
             "something else than the rows of odometry.csv"
         )
     unknown = int(np.sum(log.ids == UNKNOWN))
-    if unknown:
+    if unknown > UNNAMED * len(r):
         yield f"{unknown} of {len(r)} sightings have no id: a backend that does not associate leaves them out"
 
 
@@ -122,6 +138,39 @@ def _landmarks(log: Log) -> Iterator[str]:
     once = int(np.sum(times == 1))
     if len(ids) >= FEW and once > len(ids) / 4:
         yield f"{once} of {len(ids)} landmarks are sighted only once and do not constrain the path"
+
+
+def _units(log: Log) -> Iterator[str]:
+    """Compares the way between two sightings of a landmark with their ranges, a and b: from |a - b| to a + b."""
+    step, stride = log.sighting_step, np.hypot(*log.delta[1:, :2].T)
+    if not len(stride) or max(np.median(stride), np.median(log.z[:, 0])) > FAR:  # which has a remark already
+        return
+    order = np.lexsort((step, log.ids))
+    order = order[log.ids[order] != UNKNOWN]
+    same = np.flatnonzero(np.diff(log.ids[order]) == 0)
+    if len(same) < FEW:
+        return
+    one, other = order[same], order[same + 1]
+    path = dead_reckoned(log)[:, :2]
+    gone = np.concatenate(([0.0], np.cumsum(stride)))
+    straight = np.hypot(*(path[step[other]] - path[step[one]]).T)
+    way, a, b = gone[step[other]] - gone[step[one]], log.z[one, 0], log.z[other, 0]
+    moving = way > np.median(way) / 10
+    if moving.sum() < FEW or not np.median(way) > 0:
+        return
+    far = float(np.median((straight / (a + b))[moving]))
+    if far > OTHER_UNIT:
+        yield (
+            f"between two sightings of a landmark the odometry goes {far:.3g} times as far as their ranges allow "
+            "(median): perhaps it is in millimetres, or the ranges in kilometres"
+        )
+    noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
+    near = float(np.median((np.abs(a - b) / (way + 3 * noise))[moving]))
+    if near > OTHER_UNIT:
+        yield (
+            f"between two sightings of a landmark its range changes by {near:.3g} times the way of the odometry "
+            "(median): perhaps the ranges are in millimetres"
+        )
 
 
 def _count(number: int, noun: str) -> str:
