@@ -169,7 +169,11 @@ class Draws(Reckoning):
     """Well behaved and random."""
 
     def answer(self) -> Pose:
-        return self.pose + 0.01 * self.rng.normal(size=3)
+        self.drawn = self.pose + 0.01 * self.rng.normal(size=3)
+        return self.drawn
+
+    def belief(self) -> Any:
+        return Belief(self.drawn)
 
 
 @dataclass(frozen=True)

@@ -142,12 +142,6 @@ def test_a_run_of_nothing_but_skipped_cells_says_so_and_is_no_success() -> None:
     assert status(found + run(row("isam2"), row("isam2", 1, "timeout"))) == 1
 
 
-def test_a_log_without_a_sighting_is_remarked() -> None:
-    blind = run(row("ekf", sightings=0), row("isam2", sightings=0))
-    assert "every backend gives dead reckoning" in " ".join(printed(blind, 80).split())
-    assert "dead reckoning" not in printed(run(row("ekf", sightings=0), row("isam2", sightings=3)), 80)
-
-
 @pytest.mark.parametrize("width", [12, 20, 30, 80])
 def test_labels_are_wrapped_after_commas_and_brackets(width: int) -> None:
     parts = wrapped(LONG, width).split("\n ")
