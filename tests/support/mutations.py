@@ -60,7 +60,7 @@ def drive(rng: np.random.Generator) -> Tables:
         distance, bearing = np.hypot(x, y), wrap(np.arctan2(y, x) - truth[k, 2])
         near = np.flatnonzero((distance < 6) & (distance > 0.5) & (np.abs(bearing) < 1.2))
         z = distance[near] + rng.normal(0, 0.1, len(near)), wrap(bearing[near] + rng.normal(0, 0.02, len(near)))
-        seen.append(np.column_stack((np.full(len(near), t[k]), near, *z)))
+        seen.append(np.column_stack((np.full(len(near), t[k]), near.astype(np.float64), *z)))
     return {
         "odometry": np.column_stack((t, odometry)),
         "detections": np.concatenate(seen),
