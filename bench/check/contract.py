@@ -150,8 +150,11 @@ def sightings_make_a_difference(candidate: Candidate) -> str:
         return f"{len(found.final_map.ids)} landmarks in its map"
     if any(not np.array_equal(found.paths[which], without.paths[which]) for which in found.paths):
         return "another path"
-    covs = [[belief.cov for belief in trial.beliefs if belief and belief.cov is not None] for trial in (found, without)]
-    if not np.array_equal(*map(np.array, covs)):
+    seeing, not_seeing = (
+        np.array([belief.cov for belief in trial.beliefs if belief and belief.cov is not None])
+        for trial in (found, without)
+    )
+    if not np.array_equal(seeing, not_seeing):
         return "the same path, other covariances"
     raise NotApplicable(BLIND)
 

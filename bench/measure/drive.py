@@ -219,9 +219,5 @@ def _covariances(covs: bytearray, known: Sequence[int], n: int) -> Array:
     return cov
 
 
-def _finite_place(pose: Any, k: int) -> Array:
-    return finite(pose, POSE, f"step {k}: the belief's pose")
-
-
 def _finite_cov(cov: Any, k: int) -> Array:
     return finite(cov, COV, f"step {k}: the belief's covariance")

@@ -24,6 +24,10 @@ REPAIRS = {
 """Possible remedies, by the ending of the bag's file; "" for a folder."""
 
 
+BEGINNING = 10**9
+"""ns; up to here 0 in a header is the time at which a simulated clock begins, where reception agrees."""
+
+
 class Topic(NamedTuple):
     """A topic of a bag."""
 
@@ -36,8 +40,8 @@ class Message(NamedTuple):
     """A message and its time.
 
     That is of its header, or of reception where all headers of its topic have 0. One clock counts for a whole topic:
-    where only some headers have 0, their messages are `untimed`, and as long before their reception as the message
-    before; so are unreadable ones.
+    where only some headers have 0, but for those at the beginning of a clock, their messages are `untimed`, and as long
+    before their reception as the message before; so are unreadable ones.
     """
 
     nanoseconds: int
@@ -59,14 +63,15 @@ class Bag:
     def messages(self, topic: str) -> Iterator[Message]:
         """The messages of `topic` in order of reception."""
         with self._open() as (reader, decode):
-            delays = (received - stamp for received, stamp, _ in _stamped(reader, decode, topic) if stamp)
-            first = next(delays, None)
-            delay = first or 0
-            for received, stamp, message in _stamped(reader, decode, topic):
-                delay = received - stamp if stamp else delay
-                yield Message(
-                    stamp or received - delay, message, message is not None and not stamp and first is not None
-                )
+            first = next((received - stamp for received, stamp, _ in _stamped(reader, decode, topic) if stamp), None)
+            delay, begun = first or 0, False
+            for received, stamp, content in _stamped(reader, decode, topic):
+                delay, begun = (received - stamp, True) if stamp else (delay, begun)
+                at = stamp or received - delay
+                unsaid = content is not None and not stamp and first is not None
+                if unsaid and not begun and abs(at) < BEGINNING:
+                    at, unsaid = 0, False
+                yield Message(at, content, unsaid)
 
     @contextmanager
     def _open(self) -> Generator[tuple[Any, Callable[[bytes, str], Any]]]:

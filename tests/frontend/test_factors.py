@@ -1,4 +1,5 @@
 import dataclasses
+import re
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Log, Map, Prior
+from slamduel.frontend.factors import REMARKS, UNKNOWN, Log, Map, Prior
 from small_log import columns, positive_definite, small_log
 
 COLUMNS = [field.name for field in dataclasses.fields(Log) if isinstance(getattr(small_log(), field.name), np.ndarray)]
@@ -173,3 +174,24 @@ def test_lists_do_as_well() -> None:
     parts = columns(np.random.default_rng(1))
     lists = {name: part.tolist() if isinstance(part, np.ndarray) else part for name, part in parts.items()}
     assert Log.from_arrays(**lists).digest == Log.from_arrays(**parts).digest
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "ns"])
+def test_times_of_numpy_and_pandas_are_seconds(unit: str) -> None:
+    parts = columns(np.random.default_rng(1))
+    since = 2000 * np.arange(6) * np.timedelta64(1, "ms")
+    for t, start in ((since.astype(f"timedelta64[{unit}]"), 0.0), (np.datetime64("1970-01-02", unit) + since, 86400.0)):
+        np.testing.assert_array_equal(Log.from_arrays(**parts | {"t": t}).t, start + 2.0 * np.arange(6))
+
+
+def test_complex_numbers_and_times_in_place_of_numbers_are_refused() -> None:
+    parts = columns(np.random.default_rng(1))
+    for name, kind in (("z", "complex128"), ("delta", "timedelta64[s]"), ("t", "complex128")):
+        with pytest.raises(InputError, match=f"{name}: found ndarray, expected an array of numbers.*{re.escape(kind)}"):
+            Log.from_arrays(**parts | {name: parts[name].astype(kind)})
+
+
+def test_remarks_are_the_texts_among_the_notes() -> None:
+    parts = columns(np.random.default_rng(1))
+    for notes, expected in (({}, []), ({REMARKS: ["odd", 3]}, ["odd"]), ({REMARKS: "odd"}, [])):
+        assert Log.from_arrays(**parts | {"notes": notes}).remarks == expected

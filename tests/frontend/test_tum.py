@@ -49,6 +49,9 @@ def test_the_other_quaternion_of_a_turn_is_the_same_turn(tmp_path: Path):
         (GOOD + "\n# late\n1.5 1 2 0 0 0 0 1\n", "line 6: t is 1.5, expected later than 1.5"),
         (GOOD + "2.5 nan 2 0 0 0 0 1\n", "line 4: x is nan, expected a finite number"),
         (GOOD + "2.5 1 2 0 1 0 0 0\n", "line 4: qz and qw are both 0"),
+        (GOOD + "2.5 1 2 0 0 0.5 0 1\n", "line 4: the quaternion has length 1.12, expected 1"),
+        (GOOD + "2.5 1 2 0 0 0.6 0 0.8\n", "line 4: the pose is tilted by 74 degrees, expected one on a floor"),
+        (GOOD + "2.5 1 2e12 0 0 0 0 1\n", "line 4: y is 2000000000000.0, expected metres, at most 1e+09"),
         ("", "the file is empty"),
     ],
 )

@@ -40,10 +40,10 @@ def go(
     return again(Plan.from_words(words), folder, Silent(), workers)
 
 
-def again(plan: Plan, folder: Path, watcher: Watcher, workers: int = 1) -> dict[str, Row]:
+def again(plan: Plan, folder: Path, watcher: Watcher, workers: int = 1, *, strict: bool = False) -> dict[str, Row]:
     """Runs a plan, or resumes it."""
     with contextlib.closing(Local(workers)) as executor:
-        run(plan, folder, executor, ["bench", "run"], watcher)
+        run(plan, folder, executor, ["bench", "run"], watcher, strict=strict)
     return rows(folder)
 
 

@@ -316,6 +316,23 @@ def test_a_recording_folder_needs_nothing_else(tmp_path: Path, capsys: pytest.Ca
         command_detect.main(words)
 
 
+def test_what_is_odd_in_a_recording_is_told_and_strictly_is_a_refusal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "drive"
+    write({folder: "frames"}, *record(Options(seconds=1.0), np.random.default_rng(1)))
+    (folder / "truth.tum").write_text("100 0 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match=r"^--strict: .*drive: truth\.tum has no pose at the log's times"):
+        command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log", strict=True))
+    assert not (tmp_path / "log").exists()
+    assert command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log")) == 0
+    assert "remark: truth.tum has no pose" in capsys.readouterr().out
+    assert "truth.tum has no pose" in (tmp_path / "log" / "detection.html").read_text().replace("&#39;", "'")
+    assert len(log_folder.read(tmp_path / "log").log.remarks) == 1
+    assert command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log", json=True)) == 0
+    assert len(json.loads(capsys.readouterr().out)["remarks"]) == 1
+
+
 def test_a_frame_seen_alone_is_seen_as_in_the_log() -> None:
     recording, _ = small()
     frame = next(iter(recording.frames))
@@ -325,7 +342,8 @@ def test_a_frame_seen_alone_is_seen_as_in_the_log() -> None:
 
 
 def _namespace(**given: Any) -> Any:
-    words = {"robot": None, "preview": None, "seconds": None, "calibrate_noise": False, "json": False, "quiet": False}
+    words = {"robot": None, "preview": None, "seconds": None, "calibrate_noise": False}
+    words |= {"strict": False, "json": False, "quiet": False}
     return SimpleNamespace(**(words | given))
 
 

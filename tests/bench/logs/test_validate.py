@@ -1,5 +1,6 @@
 """bench validate: all problems of a folder, the first of another dataset, and remarks on what is odd."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -202,3 +203,25 @@ def test_remarks_are_printed_and_do_not_count(tmp_path: Path, capsys: pytest.Cap
     remark, good = capsys.readouterr().out.splitlines()
     assert remark.startswith(f"remark: {tmp_path / 'log'}: 1 gap in time")
     assert ": good; 30 steps, 120 sightings of 4 landmarks, no truth; " in good
+
+
+def test_a_remark_is_a_problem_where_that_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    log_folder.write(tmp_path / "log", drive(later).log, None)
+    assert main(["validate", "--strict", str(tmp_path / "log")]) == 2
+    _, refused = capsys.readouterr().out.splitlines()
+    assert refused == f"{tmp_path / 'log'}: 1 remark, which --strict refuses."
+    assert main(["show", "--json", str(tmp_path / "log")]) == 0
+    assert json.loads(capsys.readouterr().out)["remarks"][0].startswith("1 gap in time")
+    assert main(["show", "--strict", "--out", str(tmp_path / "x.png"), str(tmp_path / "log")]) == 2
+    assert "--strict: " in capsys.readouterr().err
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_a_log_is_shown_with_its_remarks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    log_folder.write(tmp_path / "log", drive(later).log, None)
+    assert main(["show", "./log", "--out", "x.html"]) == 0
+    assert " ".join(capsys.readouterr().out.split()).count("remark 1 gap in time") == 1
+    assert "<b>remark</b> 1 gap in time" in (tmp_path / "x.html").read_text()

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import html
+import json
 import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -63,6 +64,9 @@ class Page(HTMLParser):
         self.sections[self._section] = self.sections.get(self._section, "") + data + " "
 
 
+ODD = "no reading for 5 s, from 20 to 25 s"
+
+
 @pytest.fixture(scope="module")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Record]:
     """Two datasets, one of them with a reference only; every way a cell can end."""
@@ -80,6 +84,8 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Record]:
     made.failed("room", "truth", "none", "skipped", "the log has loop closures")
     made.cell("park", "reference", "ekf", off=3.0)
     made.cell("park", "reference", "isam2", paths=("online", "final"))
+    with made.store.together() as db:
+        db.execute("UPDATE logs SET remarks = ? WHERE dataset = 'room' AND seed = 0", (json.dumps([ODD, EVIL]),))
     write_report(made.store)
     yield made
     made.store.close()
@@ -202,6 +208,15 @@ def test_failures_are_told_and_escaped(record: Record, page: Page, text: str, ma
     for reason in ("after 0 s", "after 2 s", "step 3: the pose is not finite", "the log has loop closures"):
         assert reason in room
         assert reason in markdown
+
+
+def test_remarks_stand_below_the_datasets_heading(record: Record, page: Page, text: str, markdown: str) -> None:
+    room, park = (section(record, page, name) for name in ("room", "park"))
+    assert f"remark  seed 0: {ODD}" in room
+    assert f"- **remark** seed 0: {ODD}" in markdown
+    assert room.index(ODD) < room.index("ATE")
+    assert f"seed 0: {html.escape(EVIL, quote=False)}" in text.replace("&#39;", "'")
+    assert "remark" not in park.partition("ATE")[0]
 
 
 def test_whose_programs_are_compared_is_told_with_the_costs(record: Record, page: Page, markdown: str) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import dataclasses
 import json
 import os
 import re
@@ -18,6 +19,7 @@ import pytest
 
 from places import SUPPORT
 from random_logs import random_log
+from slamduel.bench.plan.plan import Plan
 from slamduel.bench.record.lock import claimed
 from slamduel.bench.record.schema import COLUMNS, Row
 from slamduel.bench.record.store import Store
@@ -25,7 +27,7 @@ from slamduel.bench.run.runner import recorded_plan
 from slamduel.bench.workers.tasks import execute
 from slamduel.datasets.formats import log_folder as logfile
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log
+from slamduel.frontend.factors import REMARKS, Log
 from slamduel.frontend.tum import read_tum
 from small_run import TIMES, Silent, again, go, rows
 
@@ -298,6 +300,23 @@ def test_nothing_is_left_of_a_run_whose_log_cannot_be_had(tmp_path: Path, log_fo
     with pytest.raises(InputError, match=r"odometry\.csv.*6"):
         go(tmp_path / "made" / "run", "ekf", broken)
     assert not (tmp_path / "made").exists()
+
+
+def test_a_remark_outlives_the_worker_that_made_the_log_and_strictly_is_a_refusal(
+    tmp_path: Path, log_folder: Path
+) -> None:
+    log, truth = logfile.read(log_folder)
+    odd = tmp_path / "odd"
+    logfile.write(odd, dataclasses.replace(log, notes={REMARKS: ["no reading for 5 s"]}), truth)
+    words = {"backend": "dead-reckoning", "dataset": str(odd), "seeds": 1, "timeout_s": 60.0, "memory_mb": 1000}
+    plan = Plan.from_words(words)
+    for place in (tmp_path / "strict", tmp_path / "run"):
+        with pytest.raises(InputError, match=r"^--strict: .*odd\]: no reading for 5 s\.$"):
+            again(plan, place, Silent(), strict=True)
+        assert place.exists() == (place.name == "run")
+        again(plan, tmp_path / "run", Silent())
+        with Store(tmp_path / "run") as store:
+            assert store.remarks() == {f"log[path={odd}]": ["no reading for 5 s"]}
 
 
 def test_a_log_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_folder: Path) -> None:

@@ -22,7 +22,7 @@ from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.bench.run.document import document
 from slamduel.bench.run.progress import Pace, Screen, words
-from slamduel.bench.run.terminal import conclude, status, tables, verdicts
+from slamduel.bench.run.terminal import NONE, conclude, status, tables, verdicts
 from slamduel.bench.verdict.statistics import FEWEST
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.words.ascii import PLAIN, plain_where_needed
@@ -58,7 +58,7 @@ def many(seeds: int, *backends: str) -> list[Line]:
     return run(*(row(backend, seed) for backend in backends for seed in range(seeds)))
 
 
-def printed(found: list[Line], width: int, *, terminal: bool = True) -> str:
+def printed(found: list[Line], width: int, *, terminal: bool = True, remarks: Any = NONE) -> str:
     """What is printed on a console of that width, without styles."""
 
     class Tty(io.StringIO):
@@ -66,12 +66,18 @@ def printed(found: list[Line], width: int, *, terminal: bool = True) -> str:
             return terminal
 
     console = Console(width=width, file=Tty(), force_terminal=terminal, no_color=True, color_system=None)
-    conclude(console, found)
+    conclude(console, found, remarks)
     return console.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def headings(found: list[Line], width: int) -> list[list[str]]:
     return [[str(column.header) for column in table.columns] for table in tables(found, width)]
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_remarks_on_the_logs_are_told_with_their_results(terminal: bool) -> None:
+    said = printed(many(2, "ekf"), 100, terminal=terminal, remarks={"room": ["no reading for 5 s"], "park": ["none"]})
+    assert " ".join(said.split()).endswith("remark no reading for 5 s")
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 100, 140])

@@ -1,3 +1,4 @@
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -219,3 +220,79 @@ def test_damaged_files_are_read_or_turned_down(files: dict[str, Any], name: str)
 def test_without_files_it_says_what_to_give() -> None:
     with pytest.raises(InputError, match="option odometry of dataset csv is not given"):
         made({})
+
+
+def remarks(options: dict[str, Any]) -> list[str]:
+    return made(options).log.remarks
+
+
+def test_an_ordinary_drive_has_no_remark(files: dict[str, Any]) -> None:
+    assert remarks(files) == []
+
+
+def test_a_hole_in_the_odometry_is_remarked_and_has_no_regular_keyframes(files: dict[str, Any]) -> None:
+    t, poses = drive()
+    kept = (t <= 10.3) | (t >= 14.0)
+    csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses))[kept])
+    log, _ = made(files)
+    (remark,) = log.remarks
+    assert remark.startswith(f"{files['odometry']}: no reading for 3.7 s, from 10.3 to 14 s")
+    assert log.t[(log.t > 10.3) & (log.t < 14)].tolist() == pytest.approx([10.5, 11.5, 12.5, 13.5])  # of detections
+    sd = np.sqrt(log.delta_cov[1:, 0, 0])
+    inside = (log.t[1:] > 10.3) & (log.t[1:] <= 14)
+    assert sd[inside].min() > 3 * sd[~inside].max()
+
+
+@pytest.mark.parametrize("form", ["t,dx,dy,dtheta", "t,v,omega"])
+def test_motion_that_is_lost_in_a_hole_is_unknown_after_it(files: dict[str, Any], form: str) -> None:
+    t, _ = drive()
+    rows = np.column_stack((t, np.tile([0.05, 0.0, 0.04] if "dx" in form else [0.5, 0.4], (len(t), 1))))
+    csv(Path(files["odometry"]), form, rows[(t <= 10.3) | (t >= 12.0)])
+    log, _ = made(files)
+    sd = np.sqrt(log.delta_cov[1:, 0, 0])[(log.t[1:] > 10.3) & (log.t[1:] <= 12.0)]
+    assert np.sqrt((sd**2).sum()) == pytest.approx(0.5 * 1.7, rel=0.05)
+
+
+def test_detections_outside_the_odometrys_time_are_remarked(files: dict[str, Any]) -> None:
+    t, poses = drive()
+    csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses))[t <= 20])
+    (remark,) = remarks(files)
+    found = "20 of 60 detections (33 %) are before or after the odometry, 0 to 20 s, and left out"
+    assert remark == f"{files['detections']}: {found}"
+
+
+def test_headings_in_degrees_are_remarked_and_read_with_their_option(files: dict[str, Any]) -> None:
+    t, poses = drive()
+    turned = np.column_stack((t, poses * [1, 1, 180 / np.pi]))
+    csv(Path(files["odometry"]), "t,x,y,heading", turned)
+    first, *_ = remarks(files)
+    assert first.startswith(f"{files['odometry']}: the robot drives along its headings if they are in degrees")
+    csv(Path(files["detections"]), "t,id,x,y", np.array([[k, 0, 1, 0] for k in range(1, 20)]))
+    assert remarks(files | {"angles": "degrees"}) == []
+
+
+def test_an_option_or_a_column_without_effect_is_remarked(files: dict[str, Any]) -> None:
+    assert remarks(files | {"ignore": "0"}) == []
+    (remark,) = remarks(files | {"ignore": "0;99"})
+    assert remark == f"option ignore=0;99: {files['detections']} has no detection of id 99, which is to be left out"
+    t, poses = drive()
+    both = np.column_stack((t, poses, np.full(len(t), 0.5), np.full(len(t), 0.4)))
+    csv(Path(files["odometry"]), "t,x,y,heading,v,omega", both)
+    (remark,) = remarks(files)
+    assert remark == f"{files['odometry']}: has t,v,omega as well as t,x,y,heading, which is used"
+
+
+def test_positions_and_headings_beyond_any_robot_are_refused(files: dict[str, Any]) -> None:
+    t, poses = drive()
+    poses[7, 2] = 1e308
+    csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses)))
+    with pytest.raises(InputError, match=r"odometry\.csv, line 9: heading is 1e\+308, expected -1e\+09 to 1e\+09"):
+        made(files)
+
+
+def test_a_pipe_or_a_device_is_refused_at_once(files: dict[str, Any], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path in (tmp_path / "pipe.csv", Path("/dev/zero")):
+        for name in ("odometry", "detections", "truth"):
+            with pytest.raises(InputError, match=f"{path}: is a pipe or a device, expected a regular file"):
+                made(files | {name: str(path)})

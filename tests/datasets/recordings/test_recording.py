@@ -1,6 +1,7 @@
 """Recordings on disk: whatever kind of file they are in, they become the same log, or a sentence says why not."""
 
 import itertools
+import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -485,3 +486,84 @@ def test_a_camera_that_is_not_there(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(InputError, match=r"camera:0: found no robot\.toml"):
         open_recording(Path("camera:0"))
     assert capfd.readouterr().err == ""
+
+
+def test_an_ordinary_recording_has_no_remark(tmp_path: Path) -> None:
+    assert build(open_recording(frames_in(tmp_path / "a"))).log.remarks == []
+
+
+def test_readings_that_are_missing_and_frames_without_them_are_remarked(tmp_path: Path) -> None:
+    folder = frames_in(tmp_path / "a")
+    lines = (folder / "ticks.csv").read_text().splitlines()
+    kept = [
+        line for line in lines[1:] if not 0.1 < float(line.split(",")[0]) < 0.65 and float(line.split(",")[0]) < 0.8
+    ]
+    (folder / "ticks.csv").write_text("\n".join([lines[0], *kept]) + "\n")
+    log = build(open_recording(folder)).log
+    hole, frames = log.remarks
+    assert "encoder: no reading for 0.55 s, from 0.1 to 0.65 s, where 0.05 s are usual" in hole
+    assert frames == "cart: 2 of 10 frames (20 %) are before or after the encoder readings, 0 to 0.75 s, and left out"
+    assert log.notes["counts"]["frames without encoder readings"] == 2
+    rows = "".join(f"{0.1 * k},{0.05 * k},0,0\n" for k in range(6))
+    (folder / "ticks.csv").unlink()
+    (folder / "odometry.csv").write_text("t,x,y,heading\n" + rows)
+    assert counts(folder)["frames without odometry"] == 4
+
+
+def test_truth_of_another_clock_is_remarked(tmp_path: Path) -> None:
+    folder = frames_in(tmp_path / "a")
+    write_truth(folder, Truth(100 + np.arange(3.0), np.zeros((3, 3)), None, None, "truth"))
+    log, truth = build(open_recording(folder))
+    assert len(truth.t) == 0
+    (remark,) = log.remarks
+    assert remark.startswith("truth.tum has no pose at the log's times, 0.0 to 0.9 s, those of its 3 are from 100.0 to")
+    assert remark.endswith("expected the same clock")
+
+
+@pytest.mark.parametrize("name", ["truth.tum", "landmarks.csv", "odometry.csv"])
+def test_a_link_to_nothing_or_to_itself_is_no_missing_file(tmp_path: Path, name: str) -> None:
+    folder = frames_in(tmp_path / "a")
+    (folder / "ticks.csv").rename(folder / "ticks") if name == "odometry.csv" else None
+    (folder / name).symlink_to(folder / "nowhere")
+    with pytest.raises(InputError, match=f"{name}: is a link to nothing, expected a file"):
+        open_recording(folder)
+    (folder / name).unlink()
+    (folder / name).symlink_to(folder / name)
+    with pytest.raises(InputError, match=f"{name}: cannot be read"):
+        open_recording(folder)
+
+
+@pytest.mark.parametrize(
+    ("camera", "words"),
+    [
+        (replace(CAMERA, focal=(300.0, 150.0)), "camera_info has fx = 150 px, the calibration in robot.toml"),
+        (replace(CAMERA, width=320, height=240), "camera_info is of 160x120 pixels, the calibration in robot.toml"),
+    ],
+)
+def test_a_bags_camera_that_contradicts_the_calibration_is_remarked(tmp_path: Path, camera: Camera, words: str) -> None:
+    source = frames_in(tmp_path / "a")
+    write.write({tmp_path / "b": "mcap"}, open_recording(source).recording, None)
+    assert open_recording(tmp_path / "b").recording.remarks == []
+    robot = read_robot(robot_in(tmp_path / "c", robot_with(camera=camera)) / "robot.toml")
+    (remark,) = open_recording(tmp_path / "b", robot).recording.remarks
+    assert words in remark
+
+
+def test_a_recording_one_level_below_is_named(tmp_path: Path) -> None:
+    source = frames_in(tmp_path / "a")
+    write.write({tmp_path / "b": "mcap"}, open_recording(source).recording, None)
+    (tmp_path / "b").rename(tmp_path / "a" / "inner")
+    outer = robot_in(tmp_path / "outer")
+    (tmp_path / "a" / "inner").rename(outer / "inner")
+    with pytest.raises(
+        InputError, match=r"outer: has no metadata\.yaml and no recording itself, but .*inner/drive.* has"
+    ):
+        open_recording(outer)
+
+
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    folder = robot_in(tmp_path / "a")
+    for name in ("drive.mkv", "drive.mcap"):
+        os.mkfifo(folder / name)
+        with pytest.raises(InputError, match=f"{name}: is a pipe or a device, expected a regular file"):
+            open_recording(folder / name)

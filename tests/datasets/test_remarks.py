@@ -1,0 +1,89 @@
+"""Remarks: none on logs as they are published, drawn or studied, and some on logs whose units do not agree."""
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.bench.plan.load import load, made
+from slamduel.bench.study import file as study_file
+from slamduel.datasets import archive
+from slamduel.datasets.formats import log_folder
+from slamduel.datasets.remarks import refuse, remarks
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import REMARKS, Dataset
+from small_log import small_dataset
+
+DRAWN = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report", "victoria-park")
+
+PUBLISHED = {
+    "dlr": "dlr/map.circles",
+    "freiburg": "freiburg",
+    **{f"mrclam[robot={robot},": "mrclam/MRCLAM_Dataset6" for robot in range(1, 6)},
+}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_log_as_it_comes_has_no_remark(name: str) -> None:
+    assert remarks(load(name)) == []
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_a_published_log_has_no_remark(name: str) -> None:
+    path = Path(os.environ.get("SLAMDUEL_DATA", "")) / PUBLISHED[name]
+    if "SLAMDUEL_DATA" not in os.environ or not path.exists():
+        pytest.skip("SLAMDUEL_DATA is not set, or has no such log")
+    assert remarks(load(f"{name}path={path}]" if "[" in name else f"{name}[path={path}]")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("full", [False, True], ids=["quick", "full"])
+def test_no_log_of_a_packaged_study_has_a_remark(full: bool) -> None:
+    """Two seeds of every dataset."""
+    found: dict[str, list[str]] = {}
+    seen: dict[str, set[int]] = {}
+    for name in study_file.packaged():
+        for planned in study_file.read(name, full=full).cells:
+            dataset, seed = planned.cell.dataset, planned.cell.seed if planned.cell.dataset.source.seeded else 0
+            of = seen.setdefault(dataset.label, set())
+            if seed in of or len(of) == 2:
+                continue
+            of.add(seed)
+            if odd := remarks(made(dataset, seed)):
+                found[f"{name}: {dataset.label}, seed {seed}"] = odd
+    assert len(seen) > 20
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "words"),
+    [
+        ("delta", [100.0, 100.0, 1.0], "the odometry goes .* times as far as their ranges allow"),
+        ("z", [100.0, 1.0], "its range changes by .* times the way of the odometry"),
+    ],
+)
+def test_odometry_and_ranges_in_different_units_are_noticed(column: str, factor: list[float], words: str) -> None:
+    log, _ = load("circle")
+    odd: Any = {column: getattr(log, column) * np.array(factor)}
+    (remark,) = remarks(Dataset(replace(log, **odd), None))
+    assert re.search(words, remark)
+
+
+def test_a_readers_remark_goes_wherever_the_log_goes(tmp_path: Path) -> None:
+    log, truth = small_dataset()
+    told = replace(log, notes={**log.notes, REMARKS: ["readings are missing", "so are frames"]})
+    assert told.digest == log.digest
+    log_folder.write(tmp_path / "log", told, truth)
+    archive.save(tmp_path / "log.npz", Dataset(told, truth))
+    for again in (log_folder.read(tmp_path / "log"), archive.load(tmp_path / "log.npz")):
+        assert remarks(again)[:2] == ["readings are missing", "so are frames"]
+
+
+def test_strict_refuses_with_the_first_of_them() -> None:
+    refuse("drive", [])
+    with pytest.raises(InputError, match=r"--strict: drive: readings are missing; and 1 more\."):
+        refuse("drive", ["readings are missing", "so are frames"])
