@@ -11,6 +11,7 @@ from ..check.isolated import examined
 from ..check.suite import Outcome, check_name, chosen
 from ..plan.spec import BackendVariant, backend_variants
 from ..words.console import plain
+from ..words.reason import reason
 
 STYLE = {"passed": "green", "gave up": "yellow", "failed": "bold red", "not applicable": "dim"}
 TIMEOUT_S = 120.0  # s; ten times the slowest check of the built-in backends, compiling a backend's inner loops included
@@ -34,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Prints every check's outcome as it ends; 1 where one failed, or where a backend cannot be imported."""
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, emoji=False, soft_wrap=True)
     checks = chosen([word.strip() for word in namespace.only.split(",") if word.strip()])
     if not 0 < namespace.timeout <= LONGEST_S:
         raise InputError(f"--timeout is {namespace.timeout:g}, expected more than 0 s and at most {LONGEST_S:,} s.")
@@ -57,7 +58,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def _say(console: Console, status: str, text: str) -> None:
-    console.print(f"[{STYLE[status]}]{status:14}[/] {plain(text)}")
+    console.print(f"[{STYLE[status]}]{status:14}[/] {plain(reason(text))}")
 
 
 def _summary(variant: BackendVariant, family: str, outcomes: list[Outcome]) -> str:

@@ -45,7 +45,7 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.json:
         print(json.dumps(document(found, told, least), indent=2))
     elif not namespace.quiet:
-        console = Console(highlight=False, markup=False)
+        console = Console(emoji=False, highlight=False, markup=False)
         grid = table(told)
         if grid is not None:
             console.print(grid)

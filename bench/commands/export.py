@@ -42,7 +42,7 @@ DEFAULT = "g2o,tum,log"
 def main(namespace: argparse.Namespace) -> int:
     """Writes every file, or nothing at all; 0."""
     said = _cells(namespace) if holds_cells(Path(namespace.what)) else _log(namespace)
-    console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
+    console = Console(emoji=False, highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     for file, what in said:
         console.print(f"{file}: {what}")
     return 0

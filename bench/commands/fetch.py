@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Handles every name, whatever becomes of the others; 2 where one failed."""
-    console = Console(quiet=namespace.quiet, highlight=False, markup=False, soft_wrap=True)
+    console = Console(quiet=namespace.quiet, emoji=False, highlight=False, markup=False, soft_wrap=True)
     _refuse(namespace)
     names = list(dict.fromkeys(namespace.names))
     if namespace.check:
@@ -46,7 +46,7 @@ def main(namespace: argparse.Namespace) -> int:
             if namespace.source is not None:
                 arrival = take(name, namespace.source)
             else:
-                with ProgressBar(Console(quiet=namespace.quiet, stderr=True), "", of_bytes=True) as bar:
+                with ProgressBar(Console(quiet=namespace.quiet, stderr=True, emoji=False), "", of_bytes=True) as bar:
 
                     def watch(url: str, at: int, total: int | None, bar: ProgressBar = bar) -> None:
                         bar.update(description=url.rstrip("/").rpartition("/")[2][-40:], completed=at, total=total)

@@ -13,6 +13,7 @@ from rich.text import Text
 from ...backends import registry as backends
 from ...datasets import registry as datasets
 from ..plan.spec import describe
+from ..words.reason import reason
 
 
 class Entry(NamedTuple):
@@ -44,7 +45,7 @@ def main(namespace: argparse.Namespace) -> int:
         }
         print(json.dumps(words, indent=2))
         return 0
-    console = Console(highlight=False, markup=False)
+    console = Console(emoji=False, highlight=False, markup=False)
     for kind, entries in kinds.items():
         console.print(kind, style="bold")
         for entry in entries:
@@ -59,10 +60,10 @@ def _backends() -> Iterator[Entry]:
         try:
             builder = backends.find_first(name)
         except backends.Missing as error:
-            yield Entry(name, str(error), [], "")
+            yield Entry(name, reason(str(error)), [], "")
         else:
             made_by = backends.implementation(name, builder.options())
-            yield Entry(name, builder.summary, _options(builder.options), made_by)
+            yield Entry(name, reason(builder.summary), _options(builder.options), reason(made_by))
 
 
 def _datasets() -> Iterator[Entry]:

@@ -34,7 +34,7 @@ def main(namespace: argparse.Namespace) -> int:
     """Writes the PDF; 0."""
     check_file("--out", namespace.out)
     check_file("--write-dictionary", namespace.write_dictionary)
-    say = Console(highlight=False, markup=False, soft_wrap=True).print
+    say = Console(emoji=False, highlight=False, markup=False, soft_wrap=True).print
     if namespace.board:
         _board(namespace)
         say(f"{namespace.out}: {namespace.board} on {namespace.page}")

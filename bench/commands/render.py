@@ -52,7 +52,7 @@ def main(namespace: argparse.Namespace) -> int:
         raise InputError(f"--as {namespace.formats}: a format is named twice, expected once.")
     out: Path = namespace.out
     places = {out: formats[0]} if len(formats) == 1 else {out / name: name for name in formats}
-    console = Console(highlight=False, soft_wrap=True, quiet=namespace.quiet)
+    console = Console(emoji=False, highlight=False, soft_wrap=True, quiet=namespace.quiet)
     recording, truth = record(variant.options, generator(variant.name, namespace.seed))
     with ProgressBar(console, "rendering", len(truth.t)) as bar:
 

@@ -34,11 +34,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(namespace: argparse.Namespace) -> int:
-    """Drives the backends through the log once more and writes the replay; 0."""
+    """Drives the backends through the log once more and writes the replay; 1 where a path is not the recorded one."""
     _check(namespace.out or [], namespace.frames)
     from ..replay.replay import choose, replay  # once the arguments are known to be right
 
-    console = Console(highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
+    console = Console(emoji=False, highlight=False, markup=False, soft_wrap=True, quiet=namespace.quiet)
     with Store(namespace.folder) as store:
         request = choose(store, namespace.dataset, namespace.backend, namespace.seed)
         default = f"replay-{request.cells[0].dataset.slug}-{request.seed}.html"
@@ -60,7 +60,7 @@ def main(namespace: argparse.Namespace) -> int:
     for path in out:
         _writer(path)(path, seen)
         console.print(f"replay: {path}")
-    return 0
+    return 0 if all(part.repeated for part in shown.parts) else 1
 
 
 def _check(out: Sequence[Path], frames: int) -> None:

@@ -47,5 +47,5 @@ def main(namespace: argparse.Namespace) -> int:
             export(store)
             write_report(store, figures=namespace.figures)
     if not namespace.quiet:
-        Console(highlight=False, markup=False, soft_wrap=True).print(f"report: {folder / 'report.html'}")
+        Console(emoji=False, highlight=False, markup=False, soft_wrap=True).print(f"report: {folder / 'report.html'}")
     return 0

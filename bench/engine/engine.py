@@ -4,14 +4,14 @@ import contextlib
 import random
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from ...backends import registry as backends
 from ...datasets.remarks import refuse
 from ...frontend.errors import InputError
-from ..measure.cell import Job
+from ..measure.cell import Job, Result
 from ..measure.status import FAILED
 from ..plan.spec import Variant
 from ..plan.work import PlannedCell, Work
@@ -19,6 +19,7 @@ from ..record.lock import claimed
 from ..record.machine import environment
 from ..record.schema import FILE, KEY, Row
 from ..record.store import Known, Store
+from ..words.reason import reason, traceback
 from ..workers.batch import Batch, Finished, KeptLog, unmade
 from ..workers.executor import Executor
 from .key import log_seed, result_key
@@ -202,6 +203,7 @@ class _Engine:
 
     def _keep(self, finished: Finished) -> None:
         assert finished.index is not None
+        finished = finished._replace(result=_told(finished.result))
         cell, result, of_log = self.work.cells[finished.index], finished.result, self.log_keys[finished.index]
         row: dict[str, Any] = {"status": result.status, "reason": result.reason}
         with self.store.together():
@@ -224,6 +226,11 @@ class _Engine:
         row |= {"digest": log.digest, "truth_kind": log.truth_kind, "timing_alone": int(finished.alone)}
         row |= {"seconds": finished.seconds, "host": finished.host, "executor": self.executor.name}
         return row | {"recorded": time.time(), "traceback": result.traceback} | result.row
+
+
+def _told(result: Result) -> Result:
+    """Returns the result with words that a record can take, whatever a backend has said."""
+    return replace(result, reason=reason(result.reason), traceback=traceback(result.traceback))
 
 
 def batch_of(
@@ -253,7 +260,7 @@ def _facts(work: Work, executor: Executor) -> dict[str, Any]:
     return {
         "options": {label: vars(variant.options) for label, variant in variants.items()},
         "folders": {label: variant.slug for label, variant in variants.items()},
-        "implementations": {label: backends.implementation(v.name, v.options) for label, v in able.items()},
+        "implementations": {label: reason(backends.implementation(v.name, v.options)) for label, v in able.items()},
         "random": [label for label, v in able.items() if v.builder is not None and v.builder.random],
         "cells": len(work.cells),
         "keep": work.keep,

@@ -4,6 +4,7 @@ The record has paths and the final map, but not how the map evolved. So each bac
 path must be the recorded one to the last bit; where it is not, the replay says so.
 """
 
+import contextlib
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -25,7 +26,8 @@ from ..plan.spec import Variant, pieces
 from ..plan.work import PlannedCell, Work, recorded
 from ..record.schema import Row
 from ..record.store import Store
-from ..words.numerals import listed
+from ..words.numerals import counted, listed
+from ..words.reason import reason
 from ..words.styles import Look, looks
 from ..workers.tasks import execute
 from . import course as replay_cell
@@ -42,6 +44,7 @@ class Part(NamedTuple):
     course: Course
     step_us: Array  # (n,) recorded CPU time of each step, NaN where there is none
     remark: str  # for the viewer, "" for none
+    repeated: bool  # False where its path is not the recorded one, or that cannot be read
 
 
 class Replay(NamedTuple):
@@ -127,7 +130,7 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
 
 def _parts(
     store: Store, request: ReplayRequest, path: Path, frames: Ints, workers: int
-) -> Iterator[tuple[Course, Array, str]]:
+) -> Iterator[tuple[Course, Array, str, bool]]:
     able = [cell for cell in request.cells if cell.backend.builder is not None]
     jobs = [job_of(request.work, PlannedCell(cell, {})) for cell in able]
     tasks = [replay_cell.ReplayTask(job, path, frames) for job in jobs]
@@ -137,37 +140,51 @@ def _parts(
     for cell in request.cells:
         course = courses.get(cell) or _none(cell.backend.missing)
         row = request.rows.get(cell.key)
-        arrays = {} if row is None else store.arrays(row, ("online", "final", "step_ns"))
+        arrays = _recorded(store, row)
         step_us = arrays["step_ns"] / 1e3 if "step_ns" in arrays else np.full(int(frames[-1]) + 1, np.nan)
-        yield course, step_us, "; ".join(_remarks(course, row, arrays, len(frames)))
+        differs = "" if row is None else _difference(course, row, arrays)
+        remarks = [*_remarks(course, row, len(frames)), *[differs] * bool(differs)]
+        yield course, step_us, "; ".join(remarks), not differs
+
+
+def _recorded(store: Store, row: Row | None) -> dict[str, Any]:
+    """Reads the cell's recorded paths and costs; {} where there are none, or none that can be read."""
+    with contextlib.suppress(InputError):
+        return {} if row is None else store.arrays(row, ("online", "final", "step_ns"))
+    return {}
 
 
 def _none(why: str) -> Course:
     return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), list[Landmarks](), 0, False, why)
 
 
-def _remarks(course: Course, row: Row | None, arrays: dict[str, Any], frames: int) -> Iterator[str]:
+def _remarks(course: Course, row: Row | None, frames: int) -> Iterator[str]:
     if course.ended:
-        yield f"stops after {len(course.path)} steps: {course.ended}" if len(course.path) else course.ended
+        ended = reason(course.ended)
+        yield f"stops after {counted(len(course.path), 'step')}: {ended}" if len(course.path) else ended
     elif course.final:
         yield "no online path: the final one is shown"
     if course.asked < len(course.maps):
-        yield f"its map was asked for at {course.asked} of {frames} frames, as it is slow"
-    recorded = arrays.get("final" if course.final else "online")
+        yield f"its map was asked for at {course.asked} of {counted(frames, 'frame')}, as it is slow"
     if row is None:
         yield "not in the record yet, so there is nothing to compare with"
-    elif recorded is not None and recorded.tobytes() != course.path.tobytes():
-        yield _difference(course.path, recorded)
     elif row.columns["status"] != "done" and not course.ended:
         yield f"ended as {row.columns['status']} in the run, and reached the end this time"
 
 
-def _difference(path: Array, recorded: Array) -> str:
-    both = min(len(path), len(recorded))
-    apart = np.flatnonzero((path[:both] != recorded[:both]).any(axis=1))
+def _difference(course: Course, row: Row, arrays: dict[str, Any]) -> str:
+    """Compares the path with the recorded one to the last bit; "" where they are the same, or none was recorded."""
+    recorded = arrays.get("final" if course.final else "online")
+    if recorded is None:
+        could_not = "NOT COMPARED: the recorded path is not there, or cannot be read"
+        return could_not if row.columns["status"] == "done" else ""
+    if recorded.tobytes() == course.path.tobytes():
+        return ""
+    both = min(len(course.path), len(recorded))
+    apart = np.flatnonzero((course.path[:both] != recorded[:both]).any(axis=1))
     if not len(apart):
-        return f"NOT THE RECORDED PATH: that has {len(recorded)} steps"
-    far = float(np.hypot(*(path[:both] - recorded[:both])[:, :2].T).max())
+        return f"NOT THE RECORDED PATH: that has {counted(len(recorded), 'step')}"
+    far = float(np.hypot(*(course.path[:both] - recorded[:both])[:, :2].T).max())
     return f"NOT THE RECORDED PATH: another from step {apart[0]} on, by up to {far:.2g} m"
 
 

@@ -127,7 +127,7 @@ def tables(lines: Sequence[Line], width: int, planned: Mapping[tuple[str, str], 
     return shown
 
 
-_RULER = Console(width=1000, file=io.StringIO())
+_RULER = Console(width=1000, emoji=False, file=io.StringIO())
 
 
 class _Form(NamedTuple):

@@ -8,14 +8,17 @@ from typing import Any, Self
 
 from rich.cells import cell_len
 from rich.console import Console
+from rich.markup import escape
 
 WIDE = 160  # columns of a file or pipe: enough for every table
 
 
 def screen_console(*, quiet: bool, aside: bool = False) -> Console:
     """Returns the console to print on, WIDE where it is no terminal; standard error if `aside`."""
-    console = Console(quiet=quiet, stderr=aside)
-    return console if watched(console) else Console(quiet=quiet, stderr=aside, width=max(console.width, WIDE))
+    console = Console(quiet=quiet, stderr=aside, emoji=False)
+    if watched(console):
+        return console
+    return Console(quiet=quiet, stderr=aside, emoji=False, width=max(console.width, WIDE))
 
 
 def watched(console: Console) -> bool:
@@ -75,8 +78,8 @@ class ProgressBar:
 
 
 def plain(text: str) -> str:
-    """Escapes brackets, which rich would read as markup."""
-    return text.replace("[", "\\[")
+    """Escapes what rich would read as markup."""
+    return escape(text)
 
 
 def wrapped(label: str, width: int) -> str:

@@ -64,6 +64,11 @@ class Raises(Reckoning):
         raise ValueError("the [brackets] of this\nmessage are <b>not</b> markup")
 
 
+class Shouts(Reckoning):
+    def trouble(self) -> None:
+        raise RuntimeError("bad \ud800 \x1b[31m \x00 :x: [bold]$_%&|<b>\nand more" + " and more" * 500_000)
+
+
 class NotANumber(Reckoning):
     def answer(self) -> Pose:
         return self.pose if self.steps < TROUBLE_AT else np.array([np.nan, 0.0, 0.0])
@@ -169,11 +174,16 @@ class Draws(Reckoning):
     """Well behaved and random."""
 
     def answer(self) -> Pose:
+<<<<<<< HEAD
         self.drawn = self.pose + 0.01 * self.rng.normal(size=3)
         return self.drawn
 
     def belief(self) -> Any:
         return Belief(self.drawn)
+=======
+        self.pose = self.pose + 0.01 * self.rng.normal(size=3)
+        return self.pose
+>>>>>>> 021cf82d8c76ae798e5e3e0ef0911a60094fcd6a
 
 
 @dataclass(frozen=True)
@@ -191,6 +201,7 @@ class Slow(Reckoning):
 
 
 raises = Builder(Raises)
+shouts = Builder(Shouts)
 not_a_number = Builder(NotANumber)
 leaves_the_earth = Builder(LeavesTheEarth)
 gives_up = Builder(GivesUp)

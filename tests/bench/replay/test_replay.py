@@ -124,6 +124,19 @@ def test_another_path_than_the_recorded_one_is_told(folder: Path, tmp_path: Path
         put(store, row.result, row.columns, arrays)
     (part,) = again(tmp_path / "run", backends="ekf").parts
     assert part.remark.startswith("NOT THE RECORDED PATH: another from step 7 on, by up to ")
+    assert main(["replay", str(tmp_path / "run"), "--backend", "ekf", "--quiet"]) == 1
+
+
+@pytest.mark.parametrize("edit", ["UPDATE arrays SET archive = x'504b00'", "DELETE FROM arrays"])
+def test_a_recorded_path_that_cannot_be_read_is_told(
+    folder: Path, tmp_path: Path, edit: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(folder, tmp_path / "run")
+    with sqlite3.connect(tmp_path / "run" / "results.sqlite") as record:
+        record.execute(f"{edit} WHERE key IN (SELECT key FROM results)")
+    record.close()
+    assert main(["replay", str(tmp_path / "run"), "--backend", "ekf", "--out", str(tmp_path / "x.html")]) == 1
+    assert "ekf: NOT COMPARED: the recorded path is not there, or cannot be read" in capsys.readouterr().out
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:

@@ -93,6 +93,7 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, log_folder: Path) -> 
 
 ODD = [
     ("raises", "error", "ValueError: the [brackets] of this message are <b>not</b> markup (misbehaving.py:"),
+    ("shouts", "error", r"RuntimeError: bad \ud800 \x1b[31m \x00 :x: [bold]$_%&|<b> and more and more"),
     ("not_a_number", "diverged", "step 4: the pose is not finite"),
     ("leaves_the_earth", "diverged", "step 4: the pose is 3.0e+12 m from the origin, farther than the 1e+09 m"),
     ("gives_up", "diverged", "the covariance is no longer positive definite"),
