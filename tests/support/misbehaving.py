@@ -174,16 +174,8 @@ class Draws(Reckoning):
     """Well behaved and random."""
 
     def answer(self) -> Pose:
-<<<<<<< HEAD
-        self.drawn = self.pose + 0.01 * self.rng.normal(size=3)
-        return self.drawn
-
-    def belief(self) -> Any:
-        return Belief(self.drawn)
-=======
         self.pose = self.pose + 0.01 * self.rng.normal(size=3)
         return self.pose
->>>>>>> 021cf82d8c76ae798e5e3e0ef0911a60094fcd6a
 
 
 @dataclass(frozen=True)
