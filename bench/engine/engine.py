@@ -203,21 +203,21 @@ class _Engine:
 
     def _keep(self, finished: Finished) -> None:
         assert finished.index is not None
-        finished = finished._replace(result=_told(finished.result))
-        cell, result, of_log = self.work.cells[finished.index], finished.result, self.log_keys[finished.index]
+        place, finished = finished.index, finished._replace(result=_told(finished.result))
+        cell, result, of_log = self.work.cells[place], finished.result, self.log_keys[place]
         row: dict[str, Any] = {"status": result.status, "reason": result.reason}
         with self.store.together():
             if finished.log is not None:
                 self.logs.know(cell, finished.log)
-            key = self.keys[finished.index] = self._key(finished.index)
+            key = self.keys[place] = self._key(place)
             if key is None:
-                self.store.settle(finished.index, None, result.reason)
+                self.store.settle(place, None, result.reason)
                 self.logs.know_unmade(cell)
             else:
                 row = self._row(cell, finished, self.logs.known[of_log])
                 if self.store.put_result(key, row, result.arrays):
                     self.statuses[key] = result.status
-                self.store.settle(finished.index, key, None)
+                self.store.settle(place, key, None)
         self.watcher.finished(cell, row, finished.seconds)
 
     def _row(self, cell: PlannedCell, finished: Finished, log: Known) -> dict[str, Any]:

@@ -178,20 +178,23 @@ def test_lists_do_as_well() -> None:
 
 @pytest.mark.parametrize("unit", ["s", "ms", "ns"])
 def test_times_of_numpy_and_pandas_are_seconds(unit: str) -> None:
-    parts = columns(np.random.default_rng(1))
+    parts: dict[str, Any] = columns(np.random.default_rng(1))
     since = 2000 * np.arange(6) * np.timedelta64(1, "ms")
     for t, start in ((since.astype(f"timedelta64[{unit}]"), 0.0), (np.datetime64("1970-01-02", unit) + since, 86400.0)):
-        np.testing.assert_array_equal(Log.from_arrays(**parts | {"t": t}).t, start + 2.0 * np.arange(6))
+        parts["t"] = t
+        np.testing.assert_array_equal(Log.from_arrays(**parts).t, start + 2.0 * np.arange(6))
 
 
 def test_complex_numbers_and_times_in_place_of_numbers_are_refused() -> None:
-    parts = columns(np.random.default_rng(1))
+    parts: dict[str, Any] = columns(np.random.default_rng(1))
     for name, kind in (("z", "complex128"), ("delta", "timedelta64[s]"), ("t", "complex128")):
+        wrong: dict[str, Any] = {**parts, name: parts[name].astype(kind)}
         with pytest.raises(InputError, match=f"{name}: found ndarray, expected an array of numbers.*{re.escape(kind)}"):
-            Log.from_arrays(**parts | {name: parts[name].astype(kind)})
+            Log.from_arrays(**wrong)
 
 
 def test_remarks_are_the_texts_among_the_notes() -> None:
-    parts = columns(np.random.default_rng(1))
+    parts: dict[str, Any] = columns(np.random.default_rng(1))
     for notes, expected in (({}, []), ({REMARKS: ["odd", 3]}, ["odd"]), ({REMARKS: "odd"}, [])):
-        assert Log.from_arrays(**parts | {"notes": notes}).remarks == expected
+        parts["notes"] = notes
+        assert Log.from_arrays(**parts).remarks == expected
