@@ -5,6 +5,7 @@ A name is that of a built-in, of an entry point in the group `slamduel.backends`
 
 import contextlib
 from collections.abc import Mapping
+from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points, packages_distributions
 from typing import Any
@@ -48,7 +49,7 @@ def target(name: str) -> str:
 def find(name: str) -> Builder:
     """Finds the builder of that name.
 
-    Raises KeyError for an unknown name, and Missing if it cannot be imported or is not a Builder.
+    Raises KeyError for an unknown name, and Missing if it cannot be imported or is not a Builder with options.
     """
     place = target(name)
     module, _, attribute = place.partition(":")
@@ -60,6 +61,11 @@ def find(name: str) -> Builder:
         raise _missing(name, f"cannot be imported: {type(error).__name__}: {error}") from error
     if not isinstance(found, Builder):
         raise _missing(name, f"is {type(found).__name__}, expected slamduel.backends.api.Builder")
+    try:
+        found.options()
+        fields(found.options)
+    except Exception as error:
+        raise _missing(name, f"has no options that can be left out: {type(error).__name__}: {error}") from error
     return found
 
 

@@ -31,6 +31,7 @@ from ...frontend.factors import Map, RangeBearing
 from ...frontend.se2 import Array, Ints
 from ..measure.misfit import misfit
 from ..plan.reference import reference
+from ..words.numerals import counted
 from .adversarial_logs import Adversary
 from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, Trial, stays_near
 from .log_recipe import made_log
@@ -72,7 +73,8 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
     allowed = bound(candidate, adversary, answer)
     what = "batch answer" if answer.batch else "truth"
     off = max(stays_near(path, answer.path, allowed, f"the {which} path") for which, path in paths.items())
-    return f"at most {off:.2g} m from the {what} in {len(log)} steps, where up to {allowed[0].max():.2g} m may be"
+    steps = counted(len(log), "step")
+    return f"at most {off:.2g} m from the {what} in {steps}, where up to {allowed[0].max():.2g} m may be"
 
 
 def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from ...backends.api import UNKNOWN, Backend, Belief, Map, Solution
 from ...frontend import se2
 from ...frontend.factors import Log
 from ...frontend.se2 import Array
+from ..words.numerals import counted
 from .candidate import Candidate, Failed, NotApplicable, first, same
 from .small_logs import IDS, NO_SIGHTINGS, RING, around, drive
 
@@ -138,7 +139,7 @@ def the_map_holds_what_was_seen(candidate: Candidate) -> str:
         if not candidate.builder.associates and set(ids) != expected:
             missing, extra = sorted(expected - set(ids)), sorted(set(ids) - expected)
             raise Failed(f"{which} lacks ids {missing} and has {extra} that were never sighted")
-    return f"{len(trial.final_map.ids)} landmarks"
+    return counted(len(trial.final_map.ids), "landmark")
 
 
 def sightings_make_a_difference(candidate: Candidate) -> str:
@@ -147,7 +148,7 @@ def sightings_make_a_difference(candidate: Candidate) -> str:
     blind = Log.from_steps(log.name, log.prior, [step._replace(sightings=NO_SIGHTINGS) for step in log])
     found, without = (candidate.run(one, asking=True) for one in (log, blind))
     if len(found.final_map.ids) > len(without.final_map.ids):
-        return f"{len(found.final_map.ids)} landmarks in its map"
+        return f"{counted(len(found.final_map.ids), 'landmark')} in its map"
     if any(not np.array_equal(found.paths[which], without.paths[which]) for which in found.paths):
         return "another path"
     seeing, not_seeing = (

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...frontend.factors import Log, Map
 from ...frontend.se2 import Array
+from ..words.numerals import counted
 from .candidate import ROUNDING, Candidate, Failed, NotApplicable, spread, stays_near
 from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_map
 
@@ -53,7 +54,7 @@ def landmarks_are_where_they_are(candidate: Candidate) -> str:
     worst = max(off, key=lambda landmark: off[landmark])
     if not off[worst] <= bound:
         raise Failed(f"landmark {worst} is {off[worst]:.3g} m off, expected at most {bound:.2g} m")
-    return f"{len(off)} landmarks, at most {off[worst]:.2g} m off"
+    return f"{counted(len(off), 'landmark')}, at most {off[worst]:.2g} m off"
 
 
 def it_goes_on_without_sightings(candidate: Candidate) -> str:

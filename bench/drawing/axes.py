@@ -12,6 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from ...frontend.se2 import Array
 from ..words.numerals import plain
 
+SIZES = (1e-100, 1e100)  # least and largest number that an axis can have: matplotlib multiplies them
 LONGEST = 34  # characters of a label that a figure has room for
 
 
@@ -34,9 +35,20 @@ def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
     return (edges[:-1] + edges[1:]) / 2, means
 
 
+def fits(value: float) -> bool:
+    """Returns True for a positive number that a logarithmic axis can have."""
+    return SIZES[0] <= value <= SIZES[1]
+
+
+def drawable(values: Array) -> Array:
+    """Returns the values with NaN for those that no axis can have: infinite, or beyond SIZES."""
+    sizes = np.abs(values)
+    return np.where((sizes == 0) | ((sizes >= SIZES[0]) & (sizes <= SIZES[1])), values, np.nan)
+
+
 def logarithmic(axis: str, axes: Axes, low: float, high: float) -> None:
     """Makes "x" or "y" logarithmic over low to high with plain ticks; leaves it linear if low is not above 0."""
-    if not (0 < low <= high < np.inf):
+    if not SIZES[0] <= low <= high <= SIZES[1]:
         return
     low, high = low / 1.3, high * 1.3
     if high < 12 * low:  # room for at least a decade, or there are too few ticks
@@ -58,7 +70,7 @@ def logarithmic(axis: str, axes: Axes, low: float, high: float) -> None:
 
 def fitted(axis: str, axes: Axes, values: Iterable[float]) -> None:
     """Makes the axis logarithmic over the positive ones of `values`; a "y" over five decades at most."""
-    positive = [value for value in values if 0 < value < np.inf]
+    positive = [value for value in values if fits(value)]
     if positive:
         high = max(positive)
         low = min(positive) if axis == "x" else max(min(positive), 1e-5 * high)

@@ -64,7 +64,7 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     path = _on_earth(solution.path, (n, 3), "finish(): the path")
     cov = solution.cov
     if cov is not None and not is_floats(cov, (n, *COV)):
-        cov = _shaped(cov, (n, *COV), "finish(): the covariances")
+        cov = _shaped(cov, (n, *COV), "finish(): the poses' covariance")
     return solution._replace(path=path, map=checked_map(solution.map, "finish()"), cov=cov)
 
 

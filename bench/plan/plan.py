@@ -8,7 +8,7 @@ from ...frontend.errors import InputError
 from . import given_map
 from .given_map import GivenMap
 from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
-from .values import as_positive, as_switch, as_text, as_whole
+from .values import as_positive, as_switch, as_text, as_whole, too_many
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,16 @@ class Plan:
             for seed in self._seeds(dataset, backend)
         ]
 
+    def check_number(self) -> None:
+        """Raises InputError for too many cells, before any of them is made."""
+        if wrong := too_many(sum(len(self._wanted(d, b)) for d in self.datasets for b in self.backends)):
+            raise InputError(f"seeds: {wrong}")
+
+    def _wanted(self, dataset: DatasetVariant, backend: BackendVariant) -> range:
+        return range(self.seeds if dataset.source.seeded or (backend.builder and backend.builder.random) else 1)
+
     def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
-        wanted = range(self.seeds if dataset.source.seeded or (backend.builder and backend.builder.random) else 1)
+        wanted = self._wanted(dataset, backend)
         return wanted if self.map is None else self.map.seeds(dataset, wanted)
 
     def remarks(self) -> str:
@@ -87,7 +95,7 @@ class Plan:
     @classmethod
     def from_words(cls, words: dict[str, Any]) -> "Plan":
         """Makes a plan; InputError for a name, an option or a limit that is wrong."""
-        return cls(
+        plan = cls(
             tuple(backend_variants(as_text("backend", words["backend"]))),
             tuple(dataset_variants(as_text("dataset", words["dataset"]))),
             as_whole("seeds", words["seeds"], 1),
@@ -96,6 +104,8 @@ class Plan:
             _map(words),
             as_switch("oracle", words.get("oracle", False)),
         )
+        plan.check_number()
+        return plan
 
 
 def _map(words: dict[str, Any]) -> GivenMap | None:

@@ -9,6 +9,15 @@ from typing import Any
 
 from ...frontend.errors import InputError
 
+MOST_CELLS = 1_000_000  # of a run or a study: more take gigabytes before the first is run
+
+
+def too_many(cells: int) -> str:
+    """Returns the end of a sentence on so many cells; "" where they are no more than MOST_CELLS."""
+    if cells <= MOST_CELLS:
+        return ""
+    return f"with these there are {cells:,} cells, expected at most {MOST_CELLS:,}."
+
 
 def seed(text: str) -> int:
     """Reads a whole number, at least 0; raises argparse's own error, as all functions that read text."""

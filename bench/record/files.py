@@ -4,6 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +92,7 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
     after = np.column_stack((known("n_eff"), *clocks))
     inside = np.column_stack([known(name) for name in ("nis_dof", "ancestors", "refused")])
     for k in range(n):
-        dof, *counts = (None if count != count else int(count) for count in inside[k])
+        dof, *counts = (int(count) if isfinite(count) else None for count in inside[k].tolist())
         yield k, *_blank(table[k]), dof, *_blank(after[k]), *counts
 
 

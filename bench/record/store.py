@@ -70,7 +70,7 @@ class Store:
 
     def put_about(self, facts: Mapping[str, Any]) -> None:
         """Writes such facts."""
-        rows = [(name, json.dumps(value)) for name, value in facts.items()]
+        rows = [(name, json.dumps(value, default=repr)) for name, value in facts.items()]
         with self._writing() as db:
             db.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", rows)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
+from ..words.numerals import counted
 from .schema import COLUMNS, FILE, KINDS, MORE
 from .store import COLUMN_KINDS, Store
 from .table_files import CsvFile, ParquetFile, TableFile
@@ -47,7 +48,7 @@ def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[t
         except OSError as error:
             paths = " and ".join(str(path) for _, path in wanted)
             raise InputError(f"{paths}: cannot be written ({error.strerror or error}).") from error
-        return [(path, f"{count:,} cells, {len(cells.kinds)} columns") for _, path in wanted]
+        return [(path, f"{counted(count, 'cell')}, {len(cells.kinds)} columns") for _, path in wanted]
 
 
 def _written(files: Sequence[TableFile], rows: Iterator[Sequence[Any]]) -> int:

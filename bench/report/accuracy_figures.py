@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array, wrap
-from ..drawing.axes import fitted, stretches
+from ..drawing.axes import drawable, fitted, stretches
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.rows import height, rows
@@ -66,13 +66,14 @@ def by_log(name: str, log: DrawnLog) -> ReportFigure | None:
             look, values = looks[line.backend], np.array(errors[line.backend, column])
             style: dict[str, Any] = {"color": look.colour, "markersize": 4.2, "gid": of(look)}
             style |= {"markerfacecolor": "none"} if column == "final_ate_m" else {"markeredgewidth": 0, "alpha": 0.75}
-            finite = values[np.isfinite(values)]
+            finite = values[np.isfinite(drawable(values))]
             axes.plot(finite, np.full(len(finite), at), "o", **style)
             found = typical(line, column)
-            if np.isfinite(found.high) and len(values) > 1:
-                axes.plot([found.low, found.high], [at, at], color=INK, linewidth=1, alpha=0.8, gid=of(look))
-            if np.isfinite(found.value):
-                axes.plot([found.value], [at], "|", color=INK, markersize=9, markeredgewidth=1.4, gid=of(look))
+            middle, low, high = drawable(np.array(found[:3]))
+            if np.isfinite(low + high) and len(values) > 1:
+                axes.plot([low, high], [at, at], color=INK, linewidth=1, alpha=0.8, gid=of(look))
+            if np.isfinite(middle):
+                axes.plot([middle], [at], "|", color=INK, markersize=9, markeredgewidth=1.4, gid=of(look))
         fitted("x", axes, [error for values in errors.values() for error in values])
         axes.set_xlabel(f"{what}, m")
 

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from ...frontend.se2 import Array, act, rotation
+from ..drawing.axes import drawable
 from ..drawing.figure import Curve
 from ..drawing.figure_maker import curve
 from ..words.styles import BASELINE
@@ -65,6 +67,7 @@ def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
     prefix = "" if online is not None and "map_xy" in a else "final_"
     motion = a.get(f"{prefix}alignment", np.zeros(3))
     landmarks = act(motion, a.get(f"{prefix}map_xy", np.zeros((0, 2))).reshape(-1, 2))
+    there = np.isfinite(drawable(landmarks)).all(axis=1)
     nearest = online if online is not None else final
     error = None
     if log.known and nearest is not None and nearest.shape == log.known["poses"].shape:
@@ -75,8 +78,8 @@ def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
         t - a["t"][0],
         None if online is None else online[:, :2],
         None if final is None else final[:, :2],
-        landmarks,
-        np.concatenate((_pose_ellipses(trace), _map_ellipses(a, prefix, landmarks, motion))),
+        landmarks[there],
+        np.concatenate((_pose_ellipses(trace), _map_ellipses(a, prefix, landmarks, there, motion))),
         error,
     )
 
@@ -91,16 +94,19 @@ def _pose_ellipses(trace: Trace) -> Array:
     return _ellipses(act(motion, a["online"][at][:, :2]), a["cov"][at][:, :2, :2], motion)
 
 
-def _map_ellipses(a: Any, prefix: str, landmarks: Array, motion: Array) -> Array:
+def _map_ellipses(a: Any, prefix: str, landmarks: Array, there: NDArray[np.bool], motion: Array) -> Array:
     covs = a.get(f"{prefix}map_cov")
-    if covs is None or not len(landmarks):
+    if covs is None or not there.any():
         return np.zeros((0, 5))
+    landmarks, covs = landmarks[there], covs[there]
     at = np.linspace(0, len(landmarks) - 1, min(LANDMARKS, len(landmarks))).astype(int)
     return _ellipses(landmarks[at], covs[at], motion)
 
 
 def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
-    """Returns ellipses (k, 5), turned with the alignment."""
+    """Returns ellipses (k, 5), turned with the alignment, of those covariances that can be drawn."""
+    known = np.isfinite(drawable(covs)).all(axis=(1, 2))
+    centres, covs = centres[known], covs[known]
     turn = rotation(motion[2])[:2, :2]
     values, vectors = np.linalg.eigh(turn @ covs @ turn.T)
     half = ELLIPSE_95 * np.sqrt(np.maximum(values, 0))

@@ -66,11 +66,12 @@ def _along(name: str, log: DrawnLog) -> ReportFigure | None:
 
 def nis(name: str, log: DrawnLog) -> ReportFigure | None:
     """Draws squared innovations over their covariance; None without, or on a single log, where only scatter shows."""
-    shown = {trace.label: log.nis[trace.label] for trace in log.traces if len(log.nis.get(trace.label, ())) > 1}
+    known = {label: [run for run in runs if len(run[0])] for label, runs in log.nis.items()}
+    shown = {trace.label: known[trace.label] for trace in log.traces if len(known.get(trace.label, ())) > 1}
     if not shown:
         return None
     look = {trace.label: trace.look for trace in log.traces}
-    end = max(float(t[-1]) for runs in shown.values() for t, _, _ in runs if len(t))
+    end = max(float(t[-1]) for runs in shown.values() for t, _, _ in runs)
     edges = np.linspace(0, end, NIS_STRETCHES + 1)
     series: list[Series] = []
     bands: list[Band] = []

@@ -107,9 +107,9 @@ def _off(cells: Sequence[tuple[Line, Row]]) -> float:
     total = 0.0
     for line, row in cells:
         column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
-        error = row.columns[column]
-        if line.backend != BASELINE and error and line.values[column].median > 0:
-            total += abs(math.log(error / line.values[column].median))
+        error, middle = row.columns[column], line.values[column].median if column in line.values else 0.0
+        if line.backend != BASELINE and error is not None and middle > 0 and 0 < error / middle < math.inf:
+            total += abs(math.log(error / middle))
     return total
 
 

@@ -8,7 +8,7 @@ from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 from ...backends.api import COMPILED_HERE
-from ..drawing.axes import fitted, logarithmic
+from ..drawing.axes import fits, fitted, logarithmic
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.labels import Point, name_points
@@ -54,7 +54,7 @@ def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
         axes = figure.subplots()
         fitted("x", axes, [choice.us for choice in choices])
         least = min(choice.error.value for choice in choices)
-        ends = [max(end, least / 3) for choice in choices for end in choice.error[:3] if np.isfinite(end)]
+        ends = [max(end, least / 3) for choice in choices for end in choice.error[:3] if fits(end)]
         logarithmic("y", axes, min(ends), max(ends))  # every point is in it, however accurate one is
         for final, front in _fronts(choices).items():
             x, y = [choice.us for choice in front], [choice.error.value for choice in front]
@@ -121,7 +121,7 @@ def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choi
 
 def _choice(line: Line, look: Look, us: float, column: str, ringed: bool) -> Iterator[_Choice]:
     error = typical(line, column)
-    if us > 0 and 0 < error.value < np.inf:
+    if fits(us) and fits(error.value):
         yield _Choice(line.backend, look, us, error, column != "ate_m", ringed)
 
 

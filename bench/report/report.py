@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+
 from ...frontend.files import write_whole
 from ..drawing.figure import write_figures
 from ..drawing.latex import latex
@@ -17,6 +19,7 @@ from .tables import cells_table, paper_table
 FIGURES, TABLES = "figures", "tables"  # folders beside the page
 
 
+@np.errstate(all="ignore")  # a record's numbers may have any size
 def write_report(store: Store, figures: Sequence[str] = ()) -> None:
     """Writes the report, each file whole, with every figure also in the formats `figures`: "pdf", "png" (300 dpi)."""
     run, rows = store.run(), list(store.cells())

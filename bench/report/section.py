@@ -61,6 +61,7 @@ class Section(NamedTuple):
         return by_group | {"consistency": timed + by_group["consistency"]}
 
 
+@np.errstate(all="ignore")  # a record's numbers may have any size
 def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
     """Makes a section for each dataset, and the backends' looks in all of them."""
     run = store.run()

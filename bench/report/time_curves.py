@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...frontend.se2 import Array
-from ..drawing.axes import fitted, legend
+from ..drawing.axes import drawable, fitted, legend
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.legend import ROW, named
@@ -59,7 +59,7 @@ def along(
     `start` is when the log began, if not with the first of the series. `level` is where values should be. Values above
     `most` are left out and listed in the caption, unless nothing would be left.
     """
-    series = [one for one in series if len(one.t)]
+    series = [one for one in series if not np.isnan(one.values).all()]
     if not series:
         return None
     begun = min(one.t[0] for one in series) if start is None else start
@@ -67,6 +67,7 @@ def along(
     beyond = {one.label: highest for one in series if (highest := float(np.nanmax(one.values))) > most}
     if beyond:
         caption += f" Beyond the top: {listed([f'{label}, up to {number(high)}' for label, high in beyond.items()])}."
+    series = [one._replace(values=drawable(one.values)) for one in series]
     key = named((one.label for one in series), log.order)
 
     def draw(figure: Figure) -> None:

@@ -12,11 +12,11 @@ from ...frontend.toml.lines import Place
 from ...frontend.toml.table import TomlTable, shown
 from ..plan.plan import Cell
 from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_options
+from ..plan.values import MOST_CELLS, too_many
 from ..plan.work import PlannedCell
 
 KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
 TAKEN = ("dataset", "backend", "seed", "status", "reason")  # not names of options: swept, they go by full names
-MOST = 1_000_000  # cells of a study: more take gigabytes before the first is run
 
 
 class Combination(NamedTuple):
@@ -124,10 +124,8 @@ def _check_number(blocks: Iterable[_Block]) -> None:
     for block in blocks:
         lengths = [len(block.datasets), len(block.backends), *map(len, block.axes), len(block.seeds)]
         count += math.prod(lengths)
-        if count > MOST:
-            raise block.words.refused(
-                "dataset", f"with these there are {count:,} cells, expected {MOST:,} at most in a study."
-            )
+        if wrong := too_many(count):
+            raise block.words.refused("dataset", wrong)
 
 
 def _combined(block: _Block, names: Mapping[str, str], *, timed: bool) -> Iterator[Combination]:
@@ -199,8 +197,8 @@ def _seeds(words: TomlTable, file: TomlTable) -> Sequence[int]:
     here = words if words.has("seeds") else file
     found = here.entries.get("seeds", 1)
     first = (words if words.has("first_seed") else file).whole("first_seed", 0, 0)
-    if type(found) is int and found > MOST:
-        raise here.fault("seeds", f"at most as many as a study may have cells, {MOST:,}")
+    if type(found) is int and found > MOST_CELLS:
+        raise here.fault("seeds", f"at most as many as a study may have cells, {MOST_CELLS:,}")
     if type(found) is int and found >= 1:
         return range(first, first + found)
     if not isinstance(found, list) or not found or not all(type(seed) is int and seed >= 0 for seed in found):

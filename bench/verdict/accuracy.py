@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from math import inf, isinf
 
-import numpy as np
-
 from ..words.numerals import chance, counted, factor, larger, listed, number, times
 from .ranking import Ranking, needed, standing
-from .statistics import FEWEST, Comparison
+from .statistics import FEWEST, Comparison, median
 
 LEAST = 1.0005  # ratio from which on a percentage of it is not written as 0 %
 SHOWN = 3  # comparisons that a sentence spells out; of more only the extremes, and the table of pairs has all
@@ -160,7 +158,7 @@ def _measured(found: Ranking, what: str, where: str, *, again: bool) -> str:
 
 def _errors(found: Ranking) -> dict[str, str]:
     medians = {
-        line.backend: float(np.median([value for _, value in line.runs(found.column)] if found.logs == 1 else values))
+        line.backend: median([value for _, value in line.runs(found.column)] if found.logs == 1 else values)
         for line in found.lines
         for values in [list(found.errors[line.backend].values())]
     }

@@ -8,14 +8,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..measure.status import FAILED
 from ..record.schema import Row
 from ..words.numerals import chance, counted, listed, number
 from .pairing import Pair, PairedRuns
 from .ranking import ROUNDING
-from .statistics import FEWEST, LEVEL, Comparison, compare, holm
+from .statistics import FEWEST, LEVEL, Comparison, compare, holm, median
 
 REGRESSION, GAIN = "regression", "gain"
 NOTHING, FEW = "no difference shown", "too few logs to test"
@@ -117,7 +115,7 @@ def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float)
         known = [(log, a, b) for log, a, b in known if math.isfinite(a) and math.isfinite(b) and min(a, b) > 0]
     if not any(math.isfinite(value) for _, a, b in known for value in (a, b)):
         return None
-    shown = float(np.median([a for _, a, _ in known])), float(np.median([b for _, _, b in known]))
+    shown = median(a for _, a, _ in known), median(b for _, _, b in known)
     if column == "nees":
         known = [(log, _off(a), _off(b)) for log, a, b in known]
     old, new = {log: a for log, a, _ in known}, {log: b for log, _, b in known}

@@ -4,10 +4,8 @@ from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import NamedTuple
 
-import numpy as np
-
 from ..words.styles import BASELINE
-from .statistics import LEVEL, Comparison, compare, holm
+from .statistics import LEVEL, Comparison, compare, holm, median
 from .summary import Line, logs, representative
 
 ALIKE = 1.01  # errors whose ratio is significantly within this and its inverse are alike, whatever the test says
@@ -63,7 +61,7 @@ def ranking(lines: Sequence[Line], column: str) -> Ranking | None:
     if not entered:
         return None
     errors = {line.backend: line.by_log(column) for line in having}
-    medians = {name: float(np.median(list(values.values()))) for name, values in errors.items()}
+    medians = {name: median(values.values()) for name, values in errors.items()}
     entered.sort(key=lambda line: medians[line.backend])
     apart = {name: {log: max(error, ROUNDING) for log, error in of.items()} for name, of in errors.items()}
     found = compare({line.backend: apart[line.backend] for line in entered})

@@ -7,10 +7,10 @@ and claims are right.
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
-from math import comb, erfc, exp, lgamma, log, sqrt
+from math import comb, erfc, exp, isfinite, lgamma, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -79,6 +79,13 @@ def estimate(values: Sequence[float]) -> Estimate:
         low = _between(known[depth - 1], known[depth], share)
         high = _between(known[n - depth], known[n - depth - 1], share)
     return Estimate(_middle(known), low, high, n)
+
+
+def median(values: Iterable[float]) -> float:
+    """Returns the median of values of any size, one at least, none NaN; infinite ones are as `estimate` takes them."""
+    ranked = sorted(values)
+    low, high = ranked[(len(ranked) - 1) // 2], ranked[len(ranked) // 2]
+    return (low + high) / 2 if isfinite(low + high) else _middle(np.array((low, high)))
 
 
 def compare(errors: Mapping[str, Mapping[str, float]]) -> list[Comparison]:

@@ -3,13 +3,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..measure.status import FAILED
 from ..record.schema import Row, label
 from ..words.columns import about
 from ..words.names import called
-from .statistics import FEWEST, estimate
+from .statistics import FEWEST, estimate, median
 
 
 class Spread(NamedTuple):
@@ -126,8 +124,7 @@ def _spreads(rows: list[Row]) -> dict[str, Spread]:
 def spread(values: Sequence[Any]) -> Spread:
     """Summarises the values of a column, one or more."""
     ranked = sorted(values)
-    middle = (ranked[(len(ranked) - 1) // 2] + ranked[len(ranked) // 2]) / 2
-    return Spread(float(middle), ranked[0], ranked[-1], len(ranked))
+    return Spread(median(ranked), ranked[0], ranked[-1], len(ranked))
 
 
 class Typical(NamedTuple):
@@ -146,4 +143,4 @@ def typical(line: Line, column: str) -> Typical:
     values = list(by_log.values()) if len(by_log) > 1 else [value for _, value in line.runs(column)]
     if len(by_log) >= FEWEST:
         return Typical(*estimate(values), interval=True)
-    return Typical(float(np.median(values)), min(values), max(values), len(by_log), interval=False)
+    return Typical(median(values), min(values), max(values), len(by_log), interval=False)

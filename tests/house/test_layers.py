@@ -64,7 +64,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "report": {"drawing", "verdict", "record", "measure", "words"},
         "engine": {"workers", "plan", "record", "measure", "words"},
         "run": {"engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words"},
-        "check": {"workers", "plan", "measure"},
+        "check": {"workers", "plan", "measure", "words"},
         "logs": {"drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},

@@ -215,3 +215,4 @@ talks = Builder(Talks)
 draws = Builder(Draws, options=NoOptions, random=True)
 slow = Builder(Slow, options=Pace)
 no_builder = 7
+no_options = Builder(Reckoning, options=dict)

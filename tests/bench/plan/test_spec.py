@@ -192,6 +192,14 @@ def test_a_plan_comes_back_from_its_words() -> None:
     ]
 
 
+def test_more_cells_than_memory_holds_are_refused_before_they_are_made() -> None:
+    words = {"backend": "ekf,fastslam", "dataset": "circle", "seeds": 10**11, "timeout_s": 1.0, "memory_mb": 1}
+    sentence = "seeds: with these there are 200,000,000,000 cells, expected at most 1,000,000."
+    with pytest.raises(InputError, match=sentence):
+        Plan.from_words(words)
+    assert len(Plan.from_words(words | {"seeds": 500}).cells()) == 1000
+
+
 def test_every_option_is_described_with_its_range() -> None:
     described = {name: (default, summary) for name, default, summary in describe(Options)}
     assert described["count"] == ("10", "how many (a whole number from 1 to 1000000)")

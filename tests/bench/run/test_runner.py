@@ -112,6 +112,7 @@ ODD = [
     ("belief_changes_path", "error", "the path differs once beliefs are asked for"),
     ("talks", "done", ""),
     ("no_builder", "error", "misbehaving:no_builder is int, expected slamduel.backends.api.Builder"),
+    ("no_options", "error", "has no options that can be left out: TypeError: must be called with a dataclass"),
     ("not_there", "error", "AttributeError"),
 ]
 """What backends of misbehaving.py do, as (name, status, reason)."""
