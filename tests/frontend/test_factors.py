@@ -181,7 +181,8 @@ def test_times_of_numpy_and_pandas_are_seconds(unit: str) -> None:
     parts = columns(np.random.default_rng(1))
     since = 2000 * np.arange(6) * np.timedelta64(1, "ms")
     for t, start in ((since.astype(f"timedelta64[{unit}]"), 0.0), (np.datetime64("1970-01-02", unit) + since, 86400.0)):
-        np.testing.assert_array_equal(Log.from_arrays(**parts | {"t": t}).t, start + 2.0 * np.arange(6))
+        change: dict[str, Any] = {"t": t}
+        np.testing.assert_array_equal(Log.from_arrays(**parts | change).t, start + 2.0 * np.arange(6))
 
 
 def test_complex_numbers_and_times_in_place_of_numbers_are_refused() -> None:
@@ -193,5 +194,6 @@ def test_complex_numbers_and_times_in_place_of_numbers_are_refused() -> None:
 
 def test_remarks_are_the_texts_among_the_notes() -> None:
     parts = columns(np.random.default_rng(1))
-    for notes, expected in (({}, []), ({REMARKS: ["odd", 3]}, ["odd"]), ({REMARKS: "odd"}, [])):
-        assert Log.from_arrays(**parts | {"notes": notes}).remarks == expected
+    for told, expected in (([], []), (["odd", 3], ["odd"]), ("odd", [])):
+        change: dict[str, Any] = {"notes": {REMARKS: told}}
+        assert Log.from_arrays(**parts | change).remarks == expected
