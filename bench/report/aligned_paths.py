@@ -67,7 +67,7 @@ def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
     prefix = "" if online is not None and "map_xy" in a else "final_"
     motion = a.get(f"{prefix}alignment", np.zeros(3))
     landmarks = act(motion, a.get(f"{prefix}map_xy", np.zeros((0, 2))).reshape(-1, 2))
-    there = np.isfinite(drawable(landmarks)).all(axis=1)
+    there: NDArray[np.bool] = np.asarray(np.isfinite(drawable(landmarks)).all(axis=1))
     nearest = online if online is not None else final
     error = None
     if log.known and nearest is not None and nearest.shape == log.known["poses"].shape:

@@ -31,7 +31,7 @@ def test_terminal_and_document_have_a_verdict(tmp_path: Path, seed: int) -> None
     console = screen_console(quiet=False)
     console.file = io.StringIO()
     conclude(console, found)
-    words = json.dumps(document("", "", status(found), found, verdicts(found), ""), allow_nan=False)
+    words = json.dumps(document("", "", status(found), found, verdicts(found), "", {}), allow_nan=False)
     assert json.loads(words)["status"] in (0, 1)
     assert all(dataset in console.file.getvalue() for dataset in {line.dataset for line in found})
 

@@ -121,8 +121,8 @@ def test_covariances_are_positive_definite_at_rest() -> None:
     [
         (blank(0.0, 0.5, 0.5), {}, "bench: frame 2 is at 0.5 s, expected later than 0.5 s"),
         (blank(0.0, float("nan")), {}, "bench: frame 1 is at nan s, expected later than 0.0 s"),
-        (blank(5.0), {}, "bench: found no frame within the time of the encoder's readings, expected one"),
-        ([], {}, "bench: found no frame within the time of the encoder's readings, expected one"),
+        (blank(5.0), {}, "bench: found no frame within the time of the encoder readings, expected one"),
+        ([], {}, "bench: found no frame within the time of the encoder readings, expected one"),
         (blank(0.0), {"motion": Wheels(Ticks(np.zeros(0), np.zeros((0, 2))), ENCODER)}, "encoder: found no readings"),
         (
             blank(0.0),
