@@ -10,7 +10,7 @@ from ...frontend.truth_errors import Errors, odometry_errors, rows_of, sighting_
 from .landmark_places import judge, placed
 from .stated_noise import normalised, typical_scale
 
-OVERCONFIDENT, CAUTIOUS = 3.0, 0.3  # mean NEES over its dimension beyond which the log is looked into
+OVERCONFIDENT, CAUTIOUS = 1.5, 0.3  # mean NEES over its dimension beyond which the log is looked into
 TYPICAL = 2.0  # times the stated standard deviation, or its inverse, from which a typical error is remarked on
 GROSS = 7.0  # standard deviations: a normal error is beyond once in 4e10 sightings
 
