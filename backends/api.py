@@ -28,7 +28,8 @@ from ..frontend.options import NoOptions, option
 from ..frontend.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
 
 __all__ = [
-    "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Backend", "Belief", "Builder", "Diverged", "Ints", "Map",
+    "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Associates", "Backend", "Belief", "Builder", "Diverged",
+    "Expected", "Expects", "Ints", "Map",
     "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth",
     "TruthWanted", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
@@ -104,6 +105,36 @@ class WantsTruth(Protocol):
         ...
 
 
+class Expected(NamedTuple):
+    """The landmarks that a backend expects to see at a step, before it processes the step's sightings."""
+
+    ids: Ints  # (n,)
+    z: Array  # (n, 2) range (m), bearing (rad)
+    cov: Array  # (2n, 2n) joint, of all z, from the uncertainty of pose and map: without the sensor's noise
+
+
+@runtime_checkable
+class Expects(Protocol):
+    """A backend that data association can stand in front of: see `association.layer`. Its maker is its class."""
+
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """The landmarks with which one of the sightings `seen` at the next step, after `odometry`, is compatible.
+
+        Compatible is a squared Mahalanobis distance below `gate`; the ids of `seen` are not to be used. Asking changes
+        no later result, not even in the last bit.
+        """
+        ...
+
+
+@runtime_checkable
+class Associates(Protocol):
+    """A backend that decides which landmark each sighting is of, and may do so after the step."""
+
+    def assigned(self) -> Ints:
+        """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or not decided on."""
+        ...
+
+
 class TruthWanted(SlamduelError):
     """Raised at the first step by a backend whose options need ground truth; its cell ends as `skipped`."""
 
@@ -118,8 +149,9 @@ class Builder:
 
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
     `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
-    otherwise logs that have some are skipped. `associates`: it does data association for sightings with id UNKNOWN;
-    otherwise these are removed from the log, and counted. `forgets`: it drops landmarks long out of view, so that it
+    otherwise logs that have some are skipped. `sightings`: it uses sightings. `associates`: it does data association for sightings with id UNKNOWN,
+    always or with some options; otherwise these are removed from the log, and counted. A class with the method of
+    `Expects` gets options of data association, and the class that does it, in front of it. `forgets`: it drops landmarks long out of view, so that it
     does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
     is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
     three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
@@ -131,7 +163,8 @@ class Builder:
     options: type = NoOptions
     random: bool = False
     loops: bool = False
-    associates: bool = False
+    sightings: bool = True
+    associates: bool | Callable[[Any], bool] = False
     forgets: bool = False
     linear: bool = False
     implementation: str | Callable[[Any], str] = ""
@@ -139,6 +172,15 @@ class Builder:
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""
         return self.implementation if isinstance(self.implementation, str) else self.implementation(options)
+
+    @property
+    def can_associate(self) -> bool:
+        """True if data association is one of its options."""
+        return callable(self.associates)
+
+    def associating(self, options: Any) -> bool:
+        """True if it does data association with these options."""
+        return self.associates if isinstance(self.associates, bool) else self.associates(options)
 
     @property
     def summary(self) -> str:

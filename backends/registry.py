@@ -12,6 +12,7 @@ from typing import Any
 
 from ..frontend.errors import InputError
 from .api import Builder
+from .association.layer import associating
 from .import_trial import death
 
 BUILTIN = {
@@ -66,7 +67,10 @@ def find(name: str) -> Builder:
         fields(found.options)
     except Exception as error:
         raise _missing(name, f"has no options that can be left out: {type(error).__name__}: {error}") from error
-    return found
+    try:
+        return associating(found)
+    except TypeError as error:
+        raise _missing(name, f"cannot have data association: {error}") from error
 
 
 def find_first(name: str) -> Builder:

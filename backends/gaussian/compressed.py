@@ -19,8 +19,10 @@ only when the part has become too large, and the part then restarts with the lan
 
 import numpy as np
 
+from ...frontend.se2 import Array, Ints
 from . import _compressed, _triangle
 from ._ekf import OWED
+from ._expecting import around, sds
 from .joint import Joint
 
 MOST = 64
@@ -41,6 +43,7 @@ class Active(Joint):
         self._place: dict[int, int] = {}  # and the inverse
         self._last_seen: dict[int, int] = {}
         self._frame = 0
+        self._sd = np.zeros(0)  # m, of every landmark of the whole when the part was begun, in any direction at most
         self._begin([])
 
     def bring(self, slots: list[int], known: int) -> list[int]:
@@ -63,6 +66,19 @@ class Active(Joint):
                 self._join(slot, new=slot >= known)
         self._last_seen.update(dict.fromkeys(slots, self._frame))
         return [place[slot] for slot in slots]
+
+    def bring_near(self, moves: bool, motion: Array, where: int, k: int, z: Array, R: Array, gate: float) -> None:
+        """Fetches the landmarks that one of k sightings z, R after the `motion` may be of; repeated, it does nothing."""
+        whole, place = self._whole, self._place
+        near = around(
+            self.mean, self.points, self.pose, moves, motion, where, whole.mean, self._sd, k, z, R, gate
+        ).tolist()  # fmt: skip
+        if any(slot not in place for slot in near):
+            self.bring(near, whole.landmarks)
+
+    def members(self) -> Ints:
+        """Indices in the whole of the part's landmarks."""
+        return self._members[: self.landmarks]
 
     def settle_with(self, whole: Joint) -> None:
         """Updates a whole to the present; the part is only read."""
@@ -92,6 +108,7 @@ class Active(Joint):
         self.grow(a)
         self._members[:a] = slots
         self._place = {slot: i for i, slot in enumerate(slots)}
+        self._sd = sds(whole.flat, whole.landmarks)
         self._last_seen = {slot: self._last_seen[slot] for slot in slots}
         _compressed.load(whole.mean, whole.cross, whole.flat, self._members, a, self.mean, self.cross, self.flat)
         self.agreed[:a] = whole.agreed[slots]

@@ -40,4 +40,4 @@ class DeadReckoning:
         return None
 
 
-build = Builder(DeadReckoning, implementation=COMPILED_HERE)
+build = Builder(DeadReckoning, sightings=False, implementation=COMPILED_HERE)

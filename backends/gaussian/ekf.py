@@ -12,16 +12,18 @@ at its prediction, for sightings and motions alike. `ideal` linearises at the gr
 """
 
 from dataclasses import dataclass
+from itertools import islice
 from math import log
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step, Truth
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from .._blas import routine
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, TruthWanted
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, TruthWanted
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, STANDARD, frame
+from ._expecting import expect
 from .compressed import Active
 from .joint import Joint
 
@@ -55,7 +57,7 @@ class Options:
         minimum=0,
         maximum=0.999999999,
     )
-    confirm: int = option(
+    gate_after: int = option(
         3, "with a gate: sightings that must agree with a landmark before others are rejected", minimum=0
     )
     compress_above: int = option(
@@ -68,7 +70,7 @@ class Ekf:
 
     With a gate, a sighting is tested against its innovation's covariance before it is used (chi-square, 2 degrees of
     freedom), in a joint update conditional on those before it in the frame. A first sighting cannot be tested, and may
-    be the outlier itself: until `confirm` others have agreed with it, one that fails the test replaces the landmark
+    be the outlier itself: until `gate_after` others have agreed with it, one that fails the test replaces the landmark
     instead of being rejected. Nothing is lost by that, as a first sighting carries no information on the pose; one that
     agreed by chance with a wrong landmark has moved the pose by no more than the gate allows. Sightings that agree are
     used from the second on, and unconfirmed landmarks are part of the map.
@@ -79,11 +81,12 @@ class Ekf:
         self._options = options
         self._where = WHERE[options.jacobians]
         self._gate = -2 * log(1 - options.gate) if options.gate > 0 else 0.0  # the quantile, at two degrees of freedom
-        self._confirm = options.confirm
+        self._confirm = options.gate_after
         self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._whole = Joint(prior.pose, prior.cov, fixed_points=self._where != STANDARD)
         self._part: Active | None = None
         self._slot: dict[int, int] = {}  # landmark id -> its index in the whole
+        self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
         self._truth: Truth | None = None
         self._true_pose = np.zeros(3)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
@@ -111,8 +114,8 @@ class Ekf:
         if self._where == IDEAL:
             self._true_pose[:] = self._truth_at(step.t)
         known, slot = len(self._slot), self._slot
-        if self._part is None and known > self._options.compress_above:
-            self._part = Active(self._whole, self._dgemm, fixed_points=self._where != STANDARD)
+        if known > self._options.compress_above:
+            self._compressed()
         ids, z, R = step.sightings
         k = len(ids)
         slots = [slot.setdefault(landmark, len(slot)) for landmark in ids.tolist()]
@@ -131,7 +134,7 @@ class Ekf:
             part.transition, part.information, part.pull,
             2 * (part.landmarks - len(slot) + known), part.columns,
             step.odometry is not None, self._motion, self._true_pose, k, self._slots, self._z, self._z_cov,
-            self._where, self._options.update == "joint", self._gate, self._options.confirm,
+            self._where, self._options.update == "joint", self._gate, self._confirm,
             part.owed_pose, part.owed_map, part.owed_transition, self._dgemm, self._dsyrk,
         )  # fmt: skip
         if why == AT_ROBOT:
@@ -141,6 +144,28 @@ class Ekf:
         if why == INDEFINITE:
             raise Diverged(f"the innovation covariance of landmark {ids[failed]} is not positive definite")
         return part.mean[:3].copy()
+
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
+        known, k = len(self._slot), len(seen.ids)
+        if known > len(self._ids):
+            new = list(islice(reversed(self._slot), known - len(self._ids)))
+            self._ids = np.concatenate((self._ids, np.array(new[::-1], np.int64)))
+        if k > len(self._slots):
+            self._slots, self._z, self._z_cov = _frame_of(2 * k)
+        self._z[:k], self._z_cov[:k] = seen.z, seen.cov
+        if odometry is not None:
+            self._motion[0], self._motion[1:] = odometry
+        where = STANDARD if self._where == IDEAL else self._where
+        moves, part = odometry is not None, self._whole
+        if known > self._options.compress_above:
+            part = self._compressed()
+            part.bring_near(moves, self._motion, where, k, self._z, self._z_cov, gate)
+        slots, z, cov = expect(
+            part.mean, part.points, part.pose, part.cross, part.flat, part.landmarks,
+            moves, self._motion, where, k, self._z, self._z_cov, gate,
+        )  # fmt: skip
+        return Expected(self._ids[slots if self._part is None else self._part.members()[slots]], z, cov)
 
     def belief(self) -> Belief:
         """The pose's marginal and the NIS of the sightings of known landmarks that were used."""
@@ -159,6 +184,12 @@ class Ekf:
 
     def finish(self) -> None:
         """None: a filter does not smooth."""
+
+    def _compressed(self) -> Active:
+        """The part in view of a map that is large."""
+        if self._part is None:
+            self._part = Active(self._whole, self._dgemm, fixed_points=self._where != STANDARD)
+        return self._part
 
     def _make_space(self, ids: list[int], slots: list[int]) -> None:
         """Reserves space for new landmarks."""

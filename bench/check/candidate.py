@@ -71,6 +71,11 @@ class Candidate:
     builder: Builder
     options: Any
 
+    @property
+    def associates(self) -> bool:
+        """True if it does data association."""
+        return self.builder.associating(self.options)
+
     def fresh(self, prior: Prior, seed: int = 0) -> Backend:
         """Makes a new backend with its own generator."""
         return self.builder.make(prior, self.options, np.random.default_rng(seed))

@@ -136,7 +136,7 @@ def the_map_holds_what_was_seen(candidate: Candidate) -> str:
     for which, landmarks in maps.items():
         _map(landmarks, which)
         ids = landmarks.ids.tolist()
-        if not candidate.builder.associates and set(ids) != expected:
+        if not candidate.associates and set(ids) != expected:
             missing, extra = sorted(expected - set(ids)), sorted(set(ids) - expected)
             raise Failed(f"{which} lacks ids {missing} and has {extra} that were never sighted")
     return counted(len(trial.final_map.ids), "landmark")
@@ -246,7 +246,7 @@ def two_at_once_share_nothing(candidate: Candidate) -> str:
 
 def unknown_landmarks_are_told_apart(candidate: Candidate) -> str:
     """A builder that says associates=True takes sightings without ids, and says what it took them for."""
-    if not candidate.builder.associates:
+    if not candidate.associates:
         raise NotApplicable("sightings without id are taken out before it sees the log")
     identified = drive(np.random.default_rng(7), around(60), ids=IDS[::3], xy=RING[::3]).log
     steps = [

@@ -45,7 +45,7 @@ def landmarks_are_where_they_are(candidate: Candidate) -> str:
     """On an exact log the map is exact, also for a landmark that was seen only once."""
     exact = drive(np.random.default_rng(14), around(60), scale=TINY, errors=0.0, sees=lambda k, i: i != 2 or k == 3)
     trial = candidate.with_landmarks(exact.log)
-    if candidate.builder.associates:
+    if candidate.associates:
         raise NotApplicable("it numbers landmarks by itself")
     position, heading = candidate.slack(exact.log)
     # A landmark is as far off as the pose it was seen from, and the reach of a sighting times its heading.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...backends import registry as backends
-from ...backends.api import Diverged, TruthWanted
+from ...backends.api import Builder, Diverged, TruthWanted
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Log, Truth
@@ -84,7 +84,9 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         builder = backends.find(job.name)
         if len(log.loop_to) and not builder.loops:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
-        if builder.associates:
+        if why := _unfit(job, builder, log, unknown):
+            return Result("skipped", why, row)
+        if builder.associating(job.options):
             row["ignored"] = 0
         outcome = drive(builder, job.options, log, lambda: generator(job.seed, job.backend), _oracle(job, read_truth))
     except Diverged as error:
@@ -105,6 +107,20 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     said = [TOLD] * outcome.told + [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row
     return Result("done", "; ".join(said), row, judged.arrays)
+
+
+def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
+    """Says why a backend and a log with, or without, ids do not go together; "" if they do."""
+    associates, sightings = builder.associating(job.options), len(log.ids)
+    if sightings and unknown == sightings and not associates and builder.sightings:
+        fit = f"{job.name}[association=jcbb]" if builder.can_associate else "ekf[association=jcbb]"
+        return f"no sighting of the log has an id, and {job.backend} does no data association; {fit} does"
+    if associates and not unknown and sightings and builder.can_associate:
+        return "every sighting of the log has an id; DATASET[ids=hidden] hides those of a simulated or published log"
+    given = log.prior.map
+    if associates and given is not None and given.cov is None:
+        return "data association needs the covariance of the given map, which has none"
+    return ""
 
 
 def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:

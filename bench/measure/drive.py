@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...backends.api import Backend, Belief, Builder, Solution, WantsTruth
+from ...backends.api import Associates, Backend, Belief, Builder, Solution, WantsTruth
+from ...backends.association.layer import Associating
 from ...frontend import compiled
 from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints
@@ -46,6 +47,10 @@ class Outcome:
     setup_ns: int
     finish_ns: int
     clock_ns: int  # what was taken off each
+    assigned: Ints | None  # (s,) the landmark it took every sighting for by the log's last step
+    final_assigned: Ints | None  # (s,) once it had finished
+    associate_ns: Ints | None  # (n,) CPU time of data association, part of step_ns
+    tried: Ints | None  # (n,) pairs or nodes that data association has tried
     told: bool  # it was given the ground truth, and makes use of it
 
 
@@ -57,7 +62,7 @@ def drive(
     A `truth` is given to a backend that asks for it, each time one is made, outside of what is timed. Raises Diverged
     where a number is not finite, Broken where the contract is not kept, and whatever the backend raises.
     """
-    log = log if builder.associates else log.identified()
+    log = log if builder.associating(options) else log.identified()
     steps = list(log)
     warm_up(builder, options, log, generator, truth)
     clock = CLOCK.cost()
@@ -72,6 +77,7 @@ def drive(
             setup_ns = time.process_time_ns() - start
             told = _tell(backend, truth)
             online, step_ns, wall_ns = timing_pass(backend, steps)
+            assigned = _assigned(backend, log)
             start = time.process_time_ns()
             finished = backend.finish()
             finish_ns = time.process_time_ns() - start
@@ -80,6 +86,8 @@ def drive(
     finally:
         gc.enable()
     solution = checked_solution(finished, len(steps))
+    final_assigned = None if solution is None else _assigned(backend, log)
+    spent = (np.array(backend.ns), np.array(backend.tried)) if isinstance(backend, Associating) else (None, None)
     del backend, finished
 
     backend = builder.make(log.prior, options, generator())
@@ -105,8 +113,23 @@ def drive(
         setup_ns=setup_ns,
         finish_ns=finish_ns,
         clock_ns=clock,
+        assigned=assigned,
+        final_assigned=final_assigned,
+        associate_ns=None if spent[0] is None else np.maximum(spent[0] - clock, 0),
+        tried=spent[1],
         told=told,
     )
+
+
+def _assigned(backend: Backend, log: Log) -> Ints | None:
+    """Asks a backend with data association which landmark every sighting is of; Broken for another answer."""
+    if not isinstance(backend, Associates):
+        return None
+    found: Any = backend.assigned()
+    if not (isinstance(found, np.ndarray) and found.dtype == np.int64 and found.shape == log.ids.shape):
+        shape = getattr(found, "shape", "")
+        raise Broken(f"assigned() returned {type(found).__name__} {shape}, expected int64 {log.ids.shape}")
+    return found
 
 
 def _tell(backend: Backend, truth: Truth | None) -> bool:
@@ -124,7 +147,7 @@ def warm_up(
     """Takes a separate backend through the log's first steps, every method once."""
     backend = builder.make(log.prior, options, generator())
     _tell(backend, truth)
-    for step in islice(log if builder.associates else log.identified(), WARM_UP):
+    for step in islice(log if builder.associating(options) else log.identified(), WARM_UP):
         backend.step(step)
     backend.belief()
     backend.map()

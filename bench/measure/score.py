@@ -1,5 +1,6 @@
 """Scores a cell: errors against ground truth, fit to the factors, CPU time."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from ...frontend.factors import UNKNOWN, Log, Map, Truth
 from ...frontend.se2 import Array, Ints
 from ...frontend.triangles import upper
 from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretches
+from .association import association_columns, by_true_ids
 from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
@@ -35,8 +37,12 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     """Scores an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
     row: dict[str, Any] = {}
     arrays = _kept(log, outcome)
-    remarks = _remarks(log, truth)
+    remarks = _remarks(log, truth) if outcome.assigned is None else []
     ends = _ends(outcome)
+    if outcome.assigned is not None and truth is not None and truth.assigned is not None:
+        for prefix, assigned in _assigned(outcome):
+            row |= _prefixed(prefix, association_columns(assigned, truth.assigned))
+            ends[prefix] = ends[prefix]._replace(map=by_true_ids(ends[prefix].map, assigned, truth.assigned))
     for prefix, end in ends.items():
         found = _not_covariances(log, end)
         row |= _prefixed(prefix, {name: wrong for name, (wrong, _) in found.items()})
@@ -58,18 +64,33 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
                 row |= _prefixed(prefix, consistency_columns("nees", values, 3))
             remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
     if truth is not None and truth.kind == "truth":
-        remarks += misstated(log, truth, row)
+        remarks += misstated(truly_named(log, truth), truth, row)
+    named = log if outcome.assigned is None else replace(log, ids=_assigned(outcome)[-1][1])
     dof = int(outcome.nis_dof.sum())
     if dof:
         row["nis"] = float(np.nansum(outcome.nis)) / dof
-    fit = _fit(log, outcome)
+    fit = _fit(named, outcome)
     if fit is not None:
         row |= {"cost_j": fit.total, "j_online" if outcome.solution is None else "j_final": fit.total}
         row |= {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
         arrays["cost_terms"] = np.array(fit)
     row["landmarks"] = len((outcome.solution or outcome).map.ids)
     row |= _measured_from(truth)
-    return Score(row | _inner(log, outcome) | step_cost(log, outcome), arrays, "; ".join(remarks))
+    return Score(row | _inner(log, outcome) | step_cost(named, outcome), arrays, "; ".join(remarks))
+
+
+def truly_named(log: Log, truth: Truth) -> Log:
+    """The log with the true ids of sightings that have none; itself if they are not known."""
+    if truth.assigned is None or not (log.ids == UNKNOWN).any():
+        return log
+    return replace(log, ids=np.where(log.ids == UNKNOWN, truth.assigned, log.ids))
+
+
+def _assigned(outcome: Outcome) -> list[tuple[str, Ints]]:
+    """The landmark of every sighting by column prefix: online, and final where there is a final path."""
+    found = [("", outcome.assigned)] * (outcome.solution is None or outcome.online is not None)
+    found += [("final_", outcome.final_assigned)] * (outcome.solution is not None)
+    return [(prefix, assigned) for prefix, assigned in found if assigned is not None]
 
 
 class _End(NamedTuple):
@@ -135,6 +156,10 @@ def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
         row["n_eff_least"] = float(effective.min())
     if len(ancestors):
         row["ancestors_left"] = float(ancestors[-1])
+    if outcome.associate_ns is not None and outcome.tried is not None and outcome.tried.any():
+        us = outcome.associate_ns[outcome.tried > 0] / 1e3
+        row["associate_us_p50"], row["associate_us_p99"] = np.percentile(us, (50, 99)).tolist()
+        row["nodes_max"] = int(outcome.tried.max())
     refused = int(outcome.refused.sum())
     if refused:
         row["refused_share"] = refused / len(log.ids)
@@ -172,6 +197,8 @@ def _kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
         "belief_ns": outcome.belief_ns,
         "other_ns": np.array((outcome.map_ns, outcome.setup_ns, outcome.finish_ns, outcome.clock_ns)),
     }
+    for prefix, assigned in _assigned(outcome):
+        arrays[f"{prefix}assigned"] = assigned
     if outcome.online is not None:
         arrays["online"] = outcome.online
     if outcome.solution is not None:

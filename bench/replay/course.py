@@ -52,7 +52,7 @@ def run(task: ReplayTask) -> Course:
         builder = backends.find(cell.name)
         if len(log.loop_to) and not builder.loops:
             return course._replace(ended="the log has loop closures, which this backend does not take")
-        log = log if builder.associates else log.identified()
+        log = log if builder.associating(cell.options) else log.identified()
         backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
         if cell.oracle and truth is not None and truth.kind == "truth" and isinstance(backend, WantsTruth):
             backend.tell(truth)  # as in the run

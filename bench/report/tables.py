@@ -37,6 +37,11 @@ COST = (
 GROWTH = (
     WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
 )  # fmt: skip
+ASSOCIATION = (
+    "pair_precision", "pair_recall", "wrong_share", "dropped_share", "landmarks_merged", "landmarks_double",
+    "landmarks_clutter", "final_pair_precision", "final_pair_recall", "final_wrong_share", "associate_us_p50",
+    "associate_us_p99", "nodes_max",
+)  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
 PAPER = ("ate_m", "final_ate_m", "nees", "cpu_s")

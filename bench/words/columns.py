@@ -112,13 +112,29 @@ ONLINE = (
            "cautious.", "steps without a usable covariance"),
     Column("landmark_nees_void", "landmarks, not a covariance", kind.COUNT,
            "Landmarks of the map whose covariance is none, likewise.", "landmarks without a usable covariance"),
+    Column("pair_precision", "pair precision", kind.SHARE,
+           "Data association: of the pairs of sightings that the backend took to be of one landmark, the share that are."
+           " 100 % where no landmark got another's sightings."),
+    Column("pair_recall", "pair recall", kind.SHARE,
+           "Of the pairs of sightings that are of one landmark, the share that the backend took to be. A sighting that "
+           "was dropped is in no pair."),
+    Column("wrong_share", "wrong", kind.SHARE,
+           "Of the sightings used, the share that are not of the landmark that most sightings of their id are of.",
+           "share of wrong associations"),
+    Column("dropped_share", "dropped", kind.SHARE,
+           "Of all sightings, the share that were used for no landmark: between two gates, or not confirmed.",
+           "share of dropped sightings"),
+    Column("landmarks_merged", "merged", kind.COUNT,
+           "Landmarks whose sightings were used only for others: no id has its most sightings from them."),
+    Column("landmarks_double", "double", kind.COUNT, "Surplus ids of landmarks that have several."),
+    Column("landmarks_clutter", "clutter", kind.COUNT, "Ids whose sightings are mostly of no landmark."),
 )  # fmt: skip
 """The columns of metrics.csv that exist for the online path and map, and again for the final ones."""
 
 
 def _final() -> Iterator[Column]:
     """Yields those of the final path and map; a particle filter's map covariance is given one particle's path."""
-    starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_"
+    starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_", "pair_", "wrong_", "dropped_"
     online = (column for start in starts for column in (*CELLS, *ONLINE) if column.name.startswith(start))
     for column in online:
         yield Column(
@@ -173,6 +189,12 @@ METRICS = (
     Column("ancestors_left", "ancestors left", kind.COUNT,
            "Particles at the start that those at the end descend from. 1: all share a single early path."),
     Column("refused_share", "refused", kind.SHARE, "Share of the sightings that the backend's gate rejected."),
+    Column("associate_us_p50", "association p50", kind.CPU_US,
+           "CPU time of data association in a step, part of the step's: asking the backend what it expects, and the "
+           "decision. Median over the steps with sightings without an id."),
+    Column("associate_us_p99", "association p99", kind.CPU_US, "Likewise, the 99th percentile."),
+    Column("nodes_max", "largest search", kind.COUNT,
+           "Most nodes of a step's search by joint compatibility; pairs of sightings and landmarks of the other rules."),
     Column("told", "given the ground truth", kind.COUNT,
            "1: the backend was given the ground truth (--oracle) and linearised there, so it is not compared with "
            "others."),

@@ -1,0 +1,129 @@
+"""The decision which landmark each sighting of a step is of, in one compiled call."""
+
+from math import log
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._expected import distance
+from .._models import wrap
+from ._assignment import cheapest, nearest
+from ._joint_compatibility import search
+
+NEAREST, CHEAPEST, JOINT = 0, 1, 2
+"""Rules: nearest neighbour, maximum likelihood, joint compatibility."""
+
+NEW, OPEN = -1, -2
+"""In place of a landmark: none that is expected; too far from one to be of it, too near to be of another."""
+
+FORBIDDEN = 1e12
+"""Cost of a pair outside its gate: above any sum of others."""
+
+
+@compiled
+def decide(
+    rule: int,
+    z: Array,
+    noise: Array,
+    of: Ints,
+    expected: Array,
+    cov: Array,
+    match: float,
+    gates: Array,
+    far: float,
+    most: int,
+) -> tuple[Ints, int]:
+    """Pairs k sightings with c expected landmarks; returns (k,) a landmark, NEW or OPEN, and the pairs or nodes tried.
+
+    z (k, 2) are range and bearing with joint covariance `noise` (2k, 2k), `of` (k,) the step of each, from 0;
+    `expected` (c, 2) and `cov` (2c, 2c) as `Expected` has them. A pair's squared distance is below `match`; a sighting
+    is of a NEW landmark if it is `far` from all that no sighting of its step is of.
+    """
+    k, c = len(z), len(expected)
+    d2, spread, pair = np.empty((k, c)), np.empty((k, c)), np.full(k, NEW)
+    for i in range(k):
+        for a in range(c):
+            s00 = cov[2 * a, 2 * a] + noise[2 * i, 2 * i]
+            s10 = cov[2 * a + 1, 2 * a] + noise[2 * i + 1, 2 * i]
+            s11 = cov[2 * a + 1, 2 * a + 1] + noise[2 * i + 1, 2 * i + 1]
+            d2[i, a] = distance(z[i, 0] - expected[a, 0], wrap(z[i, 1] - expected[a, 1]), s00, s10, s11)
+            spread[i, a] = log(s00 * s11 - s10 * s10) if d2[i, a] < match else 0.0
+    tried = k * c
+    if c > 0:
+        if rule == JOINT:
+            tried = search(z, noise, of, expected, cov, d2, match, gates, most, pair)
+        elif rule == CHEAPEST:
+            likeliest(d2, spread, of, match, pair)
+        else:
+            nearest(d2, match, of, pair)
+    taken = np.zeros((c, k), np.bool_)
+    for i in range(k):
+        if pair[i] >= 0:
+            taken[pair[i], of[i]] = True
+    for i in range(k):
+        if pair[i] >= 0:
+            continue
+        for a in range(c):
+            if d2[i, a] < far and not taken[a, of[i]]:
+                pair[i] = OPEN
+                break
+    return pair, tried
+
+
+@compiled
+def likeliest(d2: Array, spread: Array, of: Ints, match: float, pair: Ints) -> None:
+    """Maximises the likelihood of all pairs of a step: least sum of d2 + log det S (Hungarian method).
+
+    A sighting that is left alone costs as much as the worst pair within the gate could.
+    """
+    k, c = d2.shape
+    worst = match
+    for i in range(k):
+        for a in range(c):
+            if d2[i, a] < match:
+                worst = max(worst, match + spread[i, a])
+    rows, cost, column = np.empty(k, np.int64), np.empty((k, c + k)), np.empty(k, np.int64)
+    step = 0
+    done = 0
+    while done < k:
+        n = 0
+        for i in range(k):
+            if of[i] == step:
+                rows[n] = i
+                n += 1
+        for p in range(n):
+            for a in range(c):
+                inside = d2[rows[p], a] < match
+                cost[p, a] = d2[rows[p], a] + spread[rows[p], a] if inside else FORBIDDEN
+            for a in range(n):
+                cost[p, c + a] = worst
+        if n > 0:
+            cheapest(cost[:n, : c + n], column)
+        for p in range(n):
+            if column[p] < c and d2[rows[p], column[p]] < match:
+                pair[rows[p]] = column[p]
+        done += n
+        step += 1
+
+
+@compiled
+def decide_frame(
+    rule: int,
+    z: Array,
+    R: Array,
+    expected: Array,
+    cov: Array,
+    match: float,
+    gates: Array,
+    far: float,
+    most: int,
+) -> tuple[Ints, int]:
+    """`decide` for the sightings of one step, whose covariances R (k, 2, 2) are independent."""
+    k = len(z)
+    noise = np.zeros((2 * k, 2 * k))
+    for i in range(k):
+        for h in range(2):
+            for g in range(2):
+                noise[2 * i + h, 2 * i + g] = R[i, h, g]
+    return decide(rule, z, noise, np.zeros(k, np.int64), expected, cov, match, gates, far, most)

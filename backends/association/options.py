@@ -1,0 +1,72 @@
+"""Options of data association, added to those of every backend that can have it."""
+
+from dataclasses import dataclass, fields, make_dataclass
+from functools import cache
+from typing import Any
+
+from ...frontend.errors import InputError
+from ...frontend.options import option
+
+RULES = ("nn", "ml", "jcbb")
+"""Nearest neighbour, maximum likelihood, joint compatibility: in the order of their numbers in `_rules`."""
+
+
+@dataclass(frozen=True)
+class Association:
+    """Which landmark is a sighting without an id of? Probabilities are those of chi-square quantiles."""
+
+    association: str = option(
+        "none",
+        "data association of sightings without an id: nearest neighbour, maximum likelihood or joint compatibility",
+        choices=("none", *RULES),
+    )
+    match: float = option(
+        0.99, "probability that a sighting is within the gate of its landmark", minimum=0.1, maximum=0.999999999
+    )
+    joint: float = option(
+        0.99, "jcbb: probability that all pairs of a step are within their joint gate", minimum=0.1, maximum=0.999999999
+    )
+    new: float = option(
+        0.9999,
+        "a sighting beyond this probability of every free landmark is of a new one; in between it is dropped",
+        minimum=0.1,
+        maximum=0.999999999999,
+    )
+    confirm: int = option(
+        0, "later sightings that must agree with a new landmark before it enters the map; 0: at once", minimum=0
+    )
+    within: int = option(5, "steps with sightings within which those must come", minimum=1)
+    retire: int = option(
+        0, "steps with sightings after which a landmark sighted only once leaves the map; 0: never", minimum=0
+    )
+    nodes: int = option(20_000, "jcbb: most nodes of a step's search", minimum=1)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The class is made at run time: it is stored as the backend's options and the values."""
+        base = type(self).__mro__[2]
+        return _restored, (base, {one.name: getattr(self, one.name) for one in fields(self)})
+
+
+def _restored(base: type, values: dict[str, Any]) -> Any:
+    return options_with(base)(**values)
+
+
+@cache
+def options_with(base: type) -> type:
+    """The options dataclass `base` with those of data association.
+
+    Raises TypeError where it has one of the same name with another meaning.
+    """
+    twice = {one.name for one in fields(base)} & {one.name for one in fields(Association)}
+    if twice:
+        raise TypeError(f"options {', '.join(sorted(twice))} of {base.__qualname__} are those of data association, too")
+    return make_dataclass("Options", [], bases=(Association, base), frozen=True)
+
+
+def check(options: Any, where: str) -> None:
+    """Refuses options without effect: InputError names the first."""
+    if getattr(options, "association", None) != "none":
+        return
+    for one in fields(Association):
+        if getattr(options, one.name) != one.default:
+            raise InputError(f"{where}: option {one.name} is for data association; expected association=nn, ml or jcbb.")

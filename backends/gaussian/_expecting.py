@@ -1,0 +1,152 @@
+"""Sightings that a joint Gaussian belief expects after a motion, in one compiled call that changes nothing of it."""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._expected import jointly, may_be_seen, spread
+from .._models import moved
+from ._ekf import IDEAL, ODOMETRY
+from ._triangle import row
+
+
+@compiled
+def predicted(pose: Array, point: Array, P: Array, motion: Array, where: int) -> tuple[float, float]:
+    """Moves copies of the pose's mean, its linearisation point and its covariance, in place, as `predict` does.
+
+    Returns gx, gy: the Jacobian by the pose is [1, 0, gx; 0, 1, gy; 0, 0, 1].
+    """
+    turned = point[2] if where in (IDEAL, ODOMETRY) else pose[2]
+    x, y = point[0], point[1]
+    if where == ODOMETRY:
+        off = pose[2] - turned
+        point[0], point[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
+        point[2] += motion[0, 2]
+        pose[0] += point[0] - x - (point[1] - y) * off
+        pose[1] += point[1] - y + (point[0] - x) * off
+        pose[2] += motion[0, 2]
+    else:
+        pose[0], pose[1], pose[2] = moved(pose[0], pose[1], pose[2], motion[0, 0], motion[0, 1], motion[0, 2])
+        for i in range(3):
+            point[i] = pose[i]
+    gx, gy = y - point[1], point[0] - x
+    for i in range(3):
+        P[0, i] += gx * P[2, i]
+        P[1, i] += gy * P[2, i]
+    for i in range(3):
+        P[i, 0] += gx * P[i, 2]
+        P[i, 1] += gy * P[i, 2]
+    c, s = cos(turned), sin(turned)
+    G = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    for i in range(3):
+        for j in range(3):
+            for p in range(3):
+                for q in range(3):
+                    P[i, j] += G[i, p] * motion[1 + p, q] * G[j, q]
+    return gx, gy
+
+
+@compiled
+def sds(flat: Array, landmarks: int) -> Array:
+    """The largest standard deviation of each landmark in any direction, (landmarks,) m."""
+    out = np.empty(landmarks)
+    for a in range(landmarks):
+        i = 2 * a
+        upper, lower = row(i), row(i + 1)
+        out[a] = spread(flat[upper + i], flat[lower + i], flat[lower + i + 1])
+    return out
+
+
+@compiled
+def around(
+    mean: Array,
+    points: Array,
+    pose: Array,
+    moves: bool,
+    motion: Array,
+    where: int,
+    whole: Array,
+    sd: Array,
+    k: int,
+    z: Array,
+    R: Array,
+    gate: float,
+) -> Ints:
+    """Landmarks of a larger belief, not updated for some time, that one of k sightings may be of: indices (m,).
+
+    `whole` and `sd` are its mean and standard deviations of then. What came later has moved a landmark by a normal
+    vector of the covariance that it has lost: the sum of that and of an error within the gate is within twice the gate.
+    """
+    x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
+    if moves:
+        predicted(x, point, P, motion, where)
+    pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
+    furthest, wide = 0.0, sqrt(2.0 * gate)
+    for i in range(k):
+        furthest = max(furthest, z[i, 0] + wide * sqrt(R[i, 0, 0]))
+    near, m = np.empty(len(sd), np.int64), 0
+    for a in range(len(sd)):
+        dx, dy = whole[3 + 2 * a] - x[0], whole[4 + 2 * a] - x[1]
+        reach = furthest + wide * (pose_sd + sd[a])
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        if may_be_seen(x, pose_sd, heading_sd, whole[3 + 2 * a], whole[4 + 2 * a], sd[a], z, R, k, 2.0 * gate):
+            near[m] = a
+            m += 1
+    return near[:m].copy()
+
+
+@compiled
+def expect(
+    mean: Array,
+    points: Array,
+    pose: Array,
+    cross: Array,
+    flat: Array,
+    landmarks: int,
+    moves: bool,
+    motion: Array,
+    where: int,
+    k: int,
+    z: Array,
+    R: Array,
+    gate: float,
+) -> tuple[Ints, Array, Array]:
+    """Expected sightings of the landmarks that one of k sightings may be of, after the `motion` of `predict`.
+
+    Returns their indices (m,), range and bearing (m, 2), and joint covariance (2m, 2m): see `_expected.jointly`.
+    """
+    x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
+    gx, gy = predicted(x, point, P, motion, where) if moves else (0.0, 0.0)
+    pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
+    near, m = np.empty(landmarks, np.int64), 0
+    for a in range(landmarks):
+        i = 2 * a
+        upper, lower = row(i), row(i + 1)
+        sd = spread(flat[upper + i], flat[lower + i], flat[lower + i + 1])
+        if may_be_seen(x, pose_sd, heading_sd, mean[3 + i], mean[4 + i], sd, z, R, k, gate):
+            near[m] = a
+            m += 1
+    at, spots, C, L = np.empty((m, 2)), np.empty((m, 2)), np.empty((3, 2 * m)), np.empty((2 * m, 2 * m))
+    for p in range(m):
+        i = 2 * near[p]
+        for h in range(2):
+            at[p, h], spots[p, h] = mean[3 + i + h], points[3 + i + h]
+            C[0, 2 * p + h] = cross[0, i + h] + gx * cross[2, i + h]
+            C[1, 2 * p + h] = cross[1, i + h] + gy * cross[2, i + h]
+            C[2, 2 * p + h] = cross[2, i + h]
+        first, second = row(i), row(i + 1)
+        for q in range(p + 1):
+            j = 2 * near[q]
+            for g in range(2):
+                if p == q and g == 1:
+                    continue  # above the diagonal
+                L[2 * p, 2 * q + g] = flat[first + j + g]
+            for g in range(2):
+                L[2 * p + 1, 2 * q + g] = flat[second + j + g]
+    index, expected, cov = jointly(x, P, at, C, L, z, R, k, gate, point, spots)
+    for p in range(len(index)):
+        index[p] = near[index[p]]
+    return index, expected, cov
