@@ -1,12 +1,12 @@
 """Expected sightings with their joint covariance, for any belief that can state a few joint covariances."""
 
-from math import atan2, sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
 from ..frontend.compiled import compiled
 from ..frontend.se2 import Array, Ints
-from ._models import sighted, wrap
+from ._models import moved, sighted, wrap
 
 LEAST_RANGE = 1e-6
 """m; a landmark that is closer to the robot has no bearing, and is not expected."""
@@ -46,6 +46,15 @@ def spread(a: float, b: float, c: float) -> float:
     """The largest standard deviation in any direction of a covariance [a b; b c]."""
     half = (a - c) / 2
     return sqrt(max(0.0, (a + c) / 2 + sqrt(half * half + b * b)))
+
+
+@compiled
+def spreads(cov: Array, landmarks: int) -> Array:
+    """The largest standard deviation in any direction of each landmark, first in a joint covariance: (landmarks,) m."""
+    out = np.empty(landmarks)
+    for a in range(landmarks):
+        out[a] = spread(cov[2 * a, 2 * a], cov[2 * a + 1, 2 * a], cov[2 * a + 1, 2 * a + 1])
+    return out
 
 
 @compiled
@@ -147,3 +156,83 @@ def _entry(t: Array, u: Array, h: Array, i: int, j: int) -> float:
     """Entry (i, j) of (rows of H P by pose and landmark) times the other landmark's H'."""
     turn = -1.0 if j == 1 else 0.0
     return h[j, 0] * (u[i, 0] - t[i, 0]) + h[j, 1] * (u[i, 1] - t[i, 1]) + turn * t[i, 2]
+
+
+@compiled
+def near_ones(pose: Array, P: Array, xy: Array, sd: Array, z: Array, R: Array, k: int, gate: float) -> Ints:
+    """Landmarks near xy (n, 2), with standard deviations of at most sd (n,), that one of k sightings may be of: (m,).
+
+    A landmark that has been corrected since it was at `xy` has moved by a normal vector of the covariance it has lost:
+    the sum of that and of an error within the gate is within twice the gate.
+    """
+    pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
+    furthest, wide = 0.0, sqrt(2.0 * gate)
+    for i in range(k):
+        furthest = max(furthest, z[i, 0] + wide * sqrt(R[i, 0, 0]))
+    near, m = np.empty(len(sd), np.int64), 0
+    for a in range(len(sd)):
+        dx, dy = xy[a, 0] - pose[0], xy[a, 1] - pose[1]
+        reach = furthest + wide * (pose_sd + sd[a])
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        if may_be_seen(pose, pose_sd, heading_sd, xy[a, 0], xy[a, 1], sd[a], z, R, k, 2.0 * gate):
+            near[m] = a
+            m += 1
+    return near[:m].copy()
+
+
+@compiled
+def carried(pose: Array, P: Array, motion: Array) -> tuple[float, float]:
+    """Moves a pose (3,) and its covariance P (3, 3), in place, by `motion`: rows of dx, dy, dtheta and covariance.
+
+    ArUco EKF SLAM, eqs (2), (3) and (6). Returns gx, gy: the Jacobian by the pose is [1, 0, gx; 0, 1, gy; 0, 0, 1].
+    """
+    x, y, turned = pose[0], pose[1], pose[2]
+    pose[0], pose[1], pose[2] = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
+    gx, gy = y - pose[1], pose[0] - x
+    spread_on(P, gx, gy, turned, motion)
+    return gx, gy
+
+
+@compiled
+def spread_on(P: Array, gx: float, gy: float, turned: float, motion: Array) -> None:
+    """Propagates a pose's covariance P (3, 3), in place, by a motion from heading `turned`."""
+    for i in range(3):
+        P[0, i] += gx * P[2, i]
+        P[1, i] += gy * P[2, i]
+    for i in range(3):
+        P[i, 0] += gx * P[i, 2]
+        P[i, 1] += gy * P[i, 2]
+    c, s = cos(turned), sin(turned)
+    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
+    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
+    P[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
+    P[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
+    P[2, 2] += qtt
+    P[1, 0] += c * s * (qxx - qyy) + (c * c - s * s) * qxy
+    P[2, 0] += c * qxt - s * qyt
+    P[2, 1] += s * qxt + c * qyt
+    P[0, 1], P[0, 2], P[1, 2] = P[1, 0], P[2, 0], P[2, 1]
+
+
+@compiled
+def after_motion(
+    pose: Array, P: Array, at: Array, C: Array, L: Array, moves: bool, motion: Array, z: Array, R: Array, gate: float
+) -> tuple[Ints, Array, Array]:
+    """`jointly` for a joint Gaussian of pose and c landmarks as it was before a motion; nothing is changed."""
+    x, Q, D = pose.copy(), P.copy(), C.copy()
+    if moves:
+        gx, gy = carried(x, Q, motion)
+        for j in range(C.shape[1]):
+            D[0, j] += gx * C[2, j]
+            D[1, j] += gy * C[2, j]
+    return jointly(x, Q, at, D, L, z, R, len(z), gate, x, at)
+
+
+@compiled
+def ahead(pose: Array, P: Array, moves: bool, motion: Array) -> tuple[Array, Array]:
+    """Pose and covariance after a motion, as copies."""
+    x, Q = pose.copy(), P.copy()
+    if moves:
+        carried(x, Q, motion)
+    return x, Q

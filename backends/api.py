@@ -151,7 +151,8 @@ class Builder:
     `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
     otherwise logs that have some are skipped. `sightings`: it uses sightings. `associates`: it does data association for sightings with id UNKNOWN,
     always or with some options; otherwise these are removed from the log, and counted. A class with the method of
-    `Expects` gets options of data association, and the class that does it, in front of it. `forgets`: it drops landmarks long out of view, so that it
+    `Expects` gets options of data association, and the layer that does it in front of it; `expects`: so does what a
+    function makes. `forgets`: it drops landmarks long out of view, so that it
     does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
     is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
     three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
@@ -168,6 +169,7 @@ class Builder:
     forgets: bool = False
     linear: bool = False
     implementation: str | Callable[[Any], str] = ""
+    expects: bool = False
 
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""

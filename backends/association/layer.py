@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.se2 import Array, Ints
 from ..api import Backend, Belief, Builder, Expected, Expects, Pose, Solution, WantsTruth
@@ -25,6 +26,10 @@ FIRST = -2
 
 LARGEST = 64
 """Pairs that a joint gate is tabulated for at first."""
+
+
+class CannotAssociate(SlamduelError):
+    """What a builder has made does not have the method of `Expects`."""
 
 
 class Associating:
@@ -172,12 +177,16 @@ class Associating:
 
 def associating(builder: Builder) -> Builder:
     """A builder of the same backend with the options of data association; itself where it cannot have it."""
-    if not _expects(builder.make):
+    if not (builder.expects or _expects(builder.make)):
         return builder
 
     def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
         inner = builder.make(prior, options, rng)
-        return inner if options.association == "none" else Associating(inner, options)
+        if options.association == "none":
+            return inner
+        if not isinstance(inner, Expects):
+            raise CannotAssociate("with these options the backend cannot state what it expects to see: no association")
+        return Associating(inner, options)
 
     make.__doc__ = builder.make.__doc__
     associates: Callable[[Any], bool] = lambda options: options.association != "none"  # noqa: E731

@@ -1,14 +1,14 @@
 """Sightings that a joint Gaussian belief expects after a motion, in one compiled call that changes nothing of it."""
 
-from math import cos, sin, sqrt
+from math import sqrt
 
 import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from .._expected import jointly, may_be_seen, spread
+from .._expected import jointly, may_be_seen, near_ones, spread, spread_on
 from .._models import moved
-from ._ekf import IDEAL, ODOMETRY
+from ._ekf import ODOMETRY
 from ._triangle import row
 
 
@@ -18,8 +18,7 @@ def predicted(pose: Array, point: Array, P: Array, motion: Array, where: int) ->
 
     Returns gx, gy: the Jacobian by the pose is [1, 0, gx; 0, 1, gy; 0, 0, 1].
     """
-    turned = point[2] if where in (IDEAL, ODOMETRY) else pose[2]
-    x, y = point[0], point[1]
+    x, y, turned = point[0], point[1], point[2] if where == ODOMETRY else pose[2]
     if where == ODOMETRY:
         off = pose[2] - turned
         point[0], point[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
@@ -32,19 +31,7 @@ def predicted(pose: Array, point: Array, P: Array, motion: Array, where: int) ->
         for i in range(3):
             point[i] = pose[i]
     gx, gy = y - point[1], point[0] - x
-    for i in range(3):
-        P[0, i] += gx * P[2, i]
-        P[1, i] += gy * P[2, i]
-    for i in range(3):
-        P[i, 0] += gx * P[i, 2]
-        P[i, 1] += gy * P[i, 2]
-    c, s = cos(turned), sin(turned)
-    G = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    for i in range(3):
-        for j in range(3):
-            for p in range(3):
-                for q in range(3):
-                    P[i, j] += G[i, p] * motion[1 + p, q] * G[j, q]
+    spread_on(P, gx, gy, turned, motion)
     return gx, gy
 
 
@@ -67,35 +54,18 @@ def around(
     moves: bool,
     motion: Array,
     where: int,
-    whole: Array,
+    xy: Array,
     sd: Array,
     k: int,
     z: Array,
     R: Array,
     gate: float,
 ) -> Ints:
-    """Landmarks of a larger belief, not updated for some time, that one of k sightings may be of: indices (m,).
-
-    `whole` and `sd` are its mean and standard deviations of then. What came later has moved a landmark by a normal
-    vector of the covariance that it has lost: the sum of that and of an error within the gate is within twice the gate.
-    """
+    """`near_ones` after a motion, for landmarks that were at xy (n, 2) with standard deviations sd (n,)."""
     x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
     if moves:
         predicted(x, point, P, motion, where)
-    pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
-    furthest, wide = 0.0, sqrt(2.0 * gate)
-    for i in range(k):
-        furthest = max(furthest, z[i, 0] + wide * sqrt(R[i, 0, 0]))
-    near, m = np.empty(len(sd), np.int64), 0
-    for a in range(len(sd)):
-        dx, dy = whole[3 + 2 * a] - x[0], whole[4 + 2 * a] - x[1]
-        reach = furthest + wide * (pose_sd + sd[a])
-        if dx * dx + dy * dy > reach * reach:
-            continue
-        if may_be_seen(x, pose_sd, heading_sd, whole[3 + 2 * a], whole[4 + 2 * a], sd[a], z, R, k, 2.0 * gate):
-            near[m] = a
-            m += 1
-    return near[:m].copy()
+    return near_ones(x, P, xy, sd, z, R, k, gate)
 
 
 @compiled

@@ -12,12 +12,15 @@ plain error of position or landmark is its part of xi plus the heading's times J
 priors and beliefs are converted so.
 """
 
+from itertools import islice
+
 import numpy as np
 
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.se2 import Array
 from .._blas import routine
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, NoOptions, Pose
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, NoOptions, Pose
+from ..vicinity import Vicinity
 from . import _invariant, _triangle
 
 SPACE = 64
@@ -43,6 +46,7 @@ class InvariantEkf:
         self._reserve(SPACE)
         self._strip[:, :3] = prior.cov  # both errors agree at the origin
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
+        self._vicinity = Vicinity()
         if prior.map is not None:
             self._adopt(prior.map)
 
@@ -54,6 +58,13 @@ class InvariantEkf:
         if len(self._nis):
             self._take(step.sightings)
         return self._placed()
+
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks that one of the sightings may be of, by the joint belief in plain coordinates, to first order."""
+        new = list(islice(reversed(self._slot), len(self._slot) - len(self._vicinity)))
+        believed = self.belief()
+        assert believed.cov is not None
+        return self._vicinity.expected(believed.pose, believed.cov, odometry, seen, gate, new[::-1], self._marginals)
 
     def belief(self) -> Belief:
         """The pose's marginal in plain coordinates, and the NIS of the sightings of known landmarks."""
@@ -78,6 +89,16 @@ class InvariantEkf:
 
     def finish(self) -> None:
         """None: a filter does not smooth."""
+
+    def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
+        """The pose, the landmarks' places and their joint covariance, the pose last."""
+        n = len(landmarks)
+        slots = np.array([self._slot[landmark] for landmark in landmarks], np.int64)
+        at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        _invariant.plain_joint(
+            self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, slots, at, cov
+        )
+        return self._placed(), at + self._origin, cov
 
     def _placed(self) -> Pose:
         return np.array([self._pose[0] + self._origin[0], self._pose[1] + self._origin[1], self._pose[2]])

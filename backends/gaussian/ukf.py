@@ -24,11 +24,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from .._blas import routine
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
 from . import _ukf
+from ._ekf import STANDARD
+from ._expecting import expect
 from .joint import Joint
 
 
@@ -49,6 +51,7 @@ class Ukf:
         self._scaling = np.array([options.alpha**2, options.kappa, options.beta - options.alpha**2])
         self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._slot: dict[int, int] = {}  # landmark id -> its number, or -1 minus its number among those held fixed
+        self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
         self._known = np.zeros((0, 2))  # landmarks held fixed, m
         self._joint = Joint(prior.pose, prior.cov, fixed_points=False)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
@@ -74,6 +77,19 @@ class Ukf:
         if wrong:
             raise Diverged(f"the covariance of {_ukf.WRONG[wrong]} is not positive definite")
         return joint.mean[:3].copy()
+
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks that one of the sightings may be of, by the joint belief, to first order."""
+        joint, k = self._joint, len(seen.ids)
+        if odometry is not None:
+            self._motion[0], self._motion[1:] = odometry
+        slots, z, cov = expect(
+            joint.mean, joint.mean, joint.pose, joint.cross, joint.flat, joint.landmarks,
+            odometry is not None, self._motion, STANDARD, k, np.array(seen.z), np.array(seen.cov, order="C"), gate,
+        )  # fmt: skip
+        if len(self._ids) < len(self._slot):
+            self._ids = np.fromiter(self._slot, np.int64, len(self._slot))
+        return Expected(self._ids[slots], z, cov)
 
     def belief(self) -> Belief:
         """The pose's marginal and the NIS of the step's sightings of known landmarks."""

@@ -13,8 +13,10 @@ import numpy as np
 
 from ...frontend.factors import Map, Odometry, Prior, Step
 from ...frontend.se2 import Array, Ints, rotation
+from ..api import Expected
 from ..models import place
 from ..newcomers import Newcomers
+from ..vicinity import with_held
 
 FIXED_SD = 1e-6
 """m; standard deviation that holds a landmark given without covariance in place."""
@@ -135,6 +137,11 @@ class Factors:
             return landmarks
         return Map(np.array([*landmarks.ids, *more]), np.array([*landmarks.xy, *more.values()]), None)
 
+    def with_held(self, found: Expected, odometry: Odometry | None, last: int) -> Expected:
+        """What is expected after step `last`, with landmarks that are held back."""
+        held = self._newcomers.alone() if self._robust and self._newcomers is not None else {}
+        return with_held(found, held, self._newcomers, odometry, last) if held and self._newcomers else found
+
     def _sighting(self, pose: int, landmark: int, z: list[float], cov: bytes) -> gtsam.BearingRangeFactor2D:
         distance, bearing = z
         return gtsam.BearingRangeFactor2D(pose, landmark, gtsam.Rot2(bearing), distance, self._noise(cov))
@@ -180,6 +187,15 @@ def joint_covariance(keys: Keys, marginals: gtsam.Marginals | gtsam.ISAM2) -> Ar
     if not keys.landmarks:
         return np.zeros((0, 0))
     return marginals.jointMarginalCovariance(list(keys.landmarks.values())).fullMatrix()
+
+
+def in_their_order(keys: list[int]) -> Ints:
+    """Rows (2n + 3,) of GTSAM's joint marginal of n landmarks and a pose, ordered as `keys` (n,), the pose last.
+
+    GTSAM sorts variables by name, and landmarks come before poses.
+    """
+    place = np.argsort(np.argsort(keys))
+    return np.concatenate((np.stack((2 * place, 2 * place + 1), axis=1).ravel(), 2 * len(keys) + np.arange(3)))
 
 
 def failure(error: Exception) -> str:

@@ -8,19 +8,23 @@ And variables are checked for relinearization every 50 steps, which saves most o
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 
 import gtsam
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
-from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Pose, Solution
+from ...frontend.se2 import Array, rotation
+from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
+from ..vicinity import Vicinity, first_expected
 from ._gtsam import (
     FAILURES,
     LOSSES,
     Factors,
     array,
     failure,
+    in_their_order,
     joint_covariance,
     path_and_map,
     pose2,
@@ -66,6 +70,7 @@ class Isam2:
         self._options = options
         self._isam = gtsam.ISAM2(params)
         self._factors = Factors(prior, options.loss, options.loss_scale)
+        self._prior, self._vicinity = prior, Vicinity()
         self._steps = 0
         self._pose = pose2(prior.pose)
         self._update(*self._factors.prior())
@@ -80,6 +85,19 @@ class Isam2:
         if not math.isfinite(sum(pose.tolist())):
             raise Diverged("the latest pose is not finite")
         return pose
+
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
+        if self._steps == 0:
+            return first_expected(self._prior, seen, gate)
+        known = self._factors.keys.landmarks
+        new = list(islice(reversed(known), len(known) - len(self._vicinity)))
+        believed = self.belief()
+        assert believed.cov is not None
+        found = self._vicinity.expected(
+            believed.pose, believed.cov, odometry, seen, gate, new[::-1], self._joint_marginals
+        )
+        return self._factors.with_held(found, odometry, self._steps - 1)
 
     def belief(self) -> Belief:
         """The latest pose and its marginal covariance."""
@@ -118,6 +136,22 @@ class Isam2:
             return self._isam.update(graph, values, force_relinearize=relinearize)
         except FAILURES as error:
             raise Diverged(failure(error)) from None
+
+    def _joint_marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
+        """The last pose, the landmarks' places and their joint covariance, the pose last."""
+        keys = [self._factors.keys.landmarks[landmark] for landmark in landmarks]
+        pose = array(self._pose)
+        try:
+            joint = self._isam.jointMarginalCovariance([*keys, self._factors.keys.pose(self._steps - 1)]).fullMatrix()
+            at = np.array([self._isam.calculateEstimatePoint2(key) for key in keys])
+        except FAILURES as error:
+            raise Diverged(failure(error)) from None
+        rows = in_their_order(keys)
+        cov = joint[np.ix_(rows, rows)]
+        R = rotation(pose[2])
+        cov[-3:] = R @ cov[-3:]
+        cov[:, -3:] = cov[:, -3:] @ R.T
+        return pose, at, cov
 
     def _latest(self, guess: gtsam.Pose2) -> gtsam.Pose2:
         """The newest step's pose, initialised at `guess`: the maximum of its marginal."""

@@ -7,14 +7,16 @@ particles are wasted where sightings are sharper than odometry.
 """
 
 from dataclasses import dataclass
+from itertools import islice
 from math import atan2, isfinite, pi
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
+from ..vicinity import Vicinity
 from ._particles import LOGGED, correct, move, place
 from ._proposal import propose
 from .particle_maps import ParticleMaps
@@ -76,7 +78,7 @@ class FastSlam:
         self._log_weights = np.zeros(M)  # the largest is zero
         self._weights = np.full(M, 1 / M)
         self._origins = np.arange(M)  # initial particle that each descends from
-        self._maps = ParticleMaps(M)
+        self._maps, self._vicinity = ParticleMaps(M), Vicinity()
         self._paths = ParticlePaths(M)
         if prior.map is not None:
             self._adopt(prior.map)
@@ -105,18 +107,21 @@ class FastSlam:
             raise Diverged("the particles' poses are no longer finite numbers")
         return pose
 
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks that one of the sightings may be of, by mean and covariance of the weighted particles."""
+        pose, cov = self._moments() if self._started else (np.array(self._prior.pose), np.array(self._prior.cov))
+        new = list(islice(reversed(self._maps.row), len(self._maps) - len(self._vicinity)))
+        return self._vicinity.expected(pose, cov, odometry, seen, gate, new[::-1], self._marginals)
+
     def belief(self) -> Belief:
         """Weighted mean and covariance, effective number of particles, and number of initial ancestors.
 
         The covariance is None where fewer than RANK particles carry weight: it would be singular.
         """
-        pose = self._mean_pose()
-        error = self._poses[:3] - pose[:, None]
-        error[2] = wrap(error[2])
-        cov = (error * self._weights) @ error.T
+        pose, cov = self._moments()
         n_eff = self._n_eff()
         ancestors = len(np.unique(self._origins))
-        return Belief(pose, (cov + cov.T) / 2 if n_eff >= RANK else None, n_eff=n_eff, ancestors=ancestors)
+        return Belief(pose, cov if n_eff >= RANK else None, n_eff=n_eff, ancestors=ancestors)
 
     def map(self) -> Map:
         """Weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""
@@ -203,6 +208,32 @@ class FastSlam:
         x, y, _, c, s = (self._poses @ self._weights).tolist()
         heading = atan2(s, c)
         return np.array((x, y, pi if heading == -pi else heading))
+
+    def _moments(self) -> tuple[Pose, Array]:
+        """The weighted mean pose and covariance (3, 3)."""
+        pose, error = self._scatter()
+        cov = (error * self._weights) @ error.T
+        return pose, (cov + cov.T) / 2
+
+    def _scatter(self) -> tuple[Pose, Array]:
+        """The weighted mean pose, and each particle's difference from it (3, M)."""
+        pose = self._mean_pose()
+        error = self._poses[:3] - pose[:, None]
+        error[2] = wrap(error[2])
+        return pose, error
+
+    def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
+        """The mean pose, the landmarks' mean places and the mixture's joint covariance, the pose last."""
+        n, w = 2 * len(landmarks), self._weights
+        slots = self._maps.slots(np.array([self._maps.row[landmark] for landmark in landmarks], np.int64))
+        filters = self._maps.filters[slots]
+        xy = filters[:, :2] @ w
+        pose, error = self._scatter()
+        apart = np.concatenate(((filters[:, :2] - xy[..., None]).reshape(n, len(w)), error))
+        cov = (apart * w) @ apart.T
+        cov[-3:, -3:] += np.zeros((3, 3)) if self._started else self._prior.cov
+        cov[:n, :n] = _with_blocks(cov[:n, :n].copy(), filters[:, 2:] @ w)
+        return pose, xy, (cov + cov.T) / 2
 
     def _n_eff(self) -> float:
         """Effective sample size, 1 / sum of squared weights: between 1 and M."""

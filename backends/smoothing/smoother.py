@@ -10,17 +10,20 @@ motions are composed (`_links`). Periodically, variables that are off by more th
 import math
 from collections import defaultdict
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, RangeBearing, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
+from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
 from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
+from ._marginals import joint
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
 from .maps import add_map, joint_map
@@ -94,6 +97,7 @@ class Smoother:
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
         _log.move(forest.g, self._motion, forest.pose, forest.cov)
         self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
+        self._prior, self._vicinity = prior, Vicinity()
         self._given = prior.map is not None and len(prior.map.ids) > 0
         if prior.map is not None:
             self._variable = add_map(forest, prior.map)
@@ -124,6 +128,19 @@ class Smoother:
             raise Diverged("the latest pose is not finite")
         return pose
 
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
+        if self._steps == 0:
+            return first_expected(self._prior, seen, gate)
+        new = list(islice(reversed(self._variable), len(self._variable) - len(self._vicinity)))
+        found = self._vicinity.expected(
+            self._forest.pose, self._forest.cov, odometry, seen, gate, new[::-1], self._marginals
+        )
+        held = self._newcomers.alone() if self._robust else {}
+        if held:
+            found = with_held(found, held, self._newcomers, odometry, self._steps - 1)
+        return found
+
     def belief(self) -> Belief:
         """The latest pose and its marginal covariance, from the root's last rows."""
         return Belief(self._forest.pose.copy(), self._forest.cov.copy())
@@ -153,6 +170,20 @@ class Smoother:
     def joint(self, landmarks: list[int]) -> Array:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
+
+    def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
+        """The latest pose, the landmarks' places and their joint covariance, the pose last."""
+        forest, n = self._forest, len(landmarks)
+        variables = np.array([self._variable[landmark] for landmark in landmarks], np.int64)
+        pose, at, cov = np.empty(3), np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        joint(forest.g.address, variables, pose, at, cov)
+        # the pose of the last step with sightings; motions have moved it since
+        gx, gy = pose[1] - forest.pose[1], forest.pose[0] - pose[0]
+        cov[-3, :-3] += gx * cov[-1, :-3]
+        cov[-2, :-3] += gy * cov[-1, :-3]
+        cov[:-3, -3:] = cov[-3:, :-3].T
+        cov[-3:, -3:] = forest.cov
+        return forest.pose.copy(), at, cov
 
     def _due(self) -> bool:
         """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""

@@ -15,15 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, RangeBearing, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array
-from ..api import Belief, Diverged, Pose, Solution
+from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
 from ..smoothing.forest import INDEFINITE_J
 from ..smoothing.smoother import LOSSES, NEAREST, TOLERANCE
-from . import _estimates, _step
+from ..vicinity import Vicinity, first_expected, with_held
+from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS
 from ._renewal import renew
 from ._window import BOTTOM, HELD, LEFT, OLD_POSES, OLD_SIGHTINGS, PRESENCE, SIGHTINGS
@@ -71,6 +72,7 @@ class FixedLag:
         self._motion = np.zeros((4, 3))
         self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
+        self._prior, self._vicinity = prior, Vicinity()
 
     def step(self, step: Step) -> Pose:
         """Drops variables older than the lag, propagates by the motion and adds the sightings."""
@@ -106,6 +108,17 @@ class FixedLag:
             raise Diverged("the latest pose is not finite")
         return pose
 
+    def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+        """Landmarks of the window that one of the sightings may be of, by joint marginals; held ones are offered, too."""
+        if not self._times:
+            return first_expected(self._prior, seen, gate)
+        new = [landmark for landmark in self._row if landmark not in self._vicinity]
+        found = self._vicinity.expected(self._pose, self._cov, odometry, seen, gate, new, self._marginals)
+        held = self._newcomers.alone() if self._robust else {}
+        if held:
+            found = with_held(found, held, self._newcomers, odometry, self._left + len(self._times) - 1)
+        return found
+
     def belief(self) -> Belief:
         """The latest pose and its marginal covariance."""
         return Belief(self._pose.copy(), self._cov.copy())
@@ -131,6 +144,14 @@ class FixedLag:
         if not (np.isfinite(path).all() and np.isfinite(landmarks.xy).all()):
             raise Diverged("the optimum is not finite")
         return Solution(path, self._with_newcomers(path, landmarks), covs)
+
+    def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
+        """The last pose, the landmarks' places and their joint covariance, the pose last."""
+        n = len(landmarks)
+        pose, at, cov = np.empty(3), np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        rows = np.array([self._row[landmark] for landmark in landmarks], np.int64)
+        _marginals.joint(self._window, rows, pose, at, cov)
+        return pose, at, cov
 
     def _write(self, sightings: RangeBearing) -> None:
         """Copies sightings to the compiled code's input."""
@@ -201,6 +222,7 @@ class FixedLag:
     def _forget(self, landmark: int) -> None:
         """Stores a landmark's position and drops it; sighted again it is a new one."""
         w, row = self._window, self._row.pop(landmark)
+        self._vicinity.forget(landmark)
         del self._sighted[landmark]
         self._gone.pop(landmark, None)
         self._gone[landmark] = look_at_landmark(w, row)
