@@ -116,6 +116,8 @@ def expect(
                 L[2 * p, 2 * q + g] = flat[first + j + g]
             for g in range(2):
                 L[2 * p + 1, 2 * q + g] = flat[second + j + g]
+    if where == ODOMETRY:  # its points are headings alone
+        point, spots = x, at
     index, expected, cov = jointly(x, P, at, C, L, z, R, k, gate, point, spots)
     for p in range(len(index)):
         index[p] = near[index[p]]

@@ -109,7 +109,7 @@ class FastSlam:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by mean and covariance of the weighted particles."""
-        pose, cov = self._moments() if self._started else (np.array(self._prior.pose), np.array(self._prior.cov))
+        pose, cov = self._moments()
         new = list(islice(reversed(self._maps.row), len(self._maps) - len(self._vicinity)))
         return self._vicinity.expected(pose, cov, odometry, seen, gate, new[::-1], self._marginals)
 
@@ -212,12 +212,12 @@ class FastSlam:
     def _moments(self) -> tuple[Pose, Array]:
         """The weighted mean pose and covariance (3, 3)."""
         pose, error = self._scatter()
-        cov = (error * self._weights) @ error.T
+        cov = (error * self._weights) @ error.T if self._started else np.array(self._prior.cov)
         return pose, (cov + cov.T) / 2
 
     def _scatter(self) -> tuple[Pose, Array]:
         """The weighted mean pose, and each particle's difference from it (3, M)."""
-        pose = self._mean_pose()
+        pose = self._mean_pose() if self._started else np.array(self._prior.pose)
         error = self._poses[:3] - pose[:, None]
         error[2] = wrap(error[2])
         return pose, error
@@ -231,7 +231,8 @@ class FastSlam:
         pose, error = self._scatter()
         apart = np.concatenate(((filters[:, :2] - xy[..., None]).reshape(n, len(w)), error))
         cov = (apart * w) @ apart.T
-        cov[-3:, -3:] += np.zeros((3, 3)) if self._started else self._prior.cov
+        if not self._started:  # nothing is drawn yet
+            cov[-3:, -3:] = self._prior.cov
         cov[:n, :n] = _with_blocks(cov[:n, :n].copy(), filters[:, 2:] @ w)
         return pose, xy, (cov + cov.T) / 2
 
