@@ -22,6 +22,7 @@ def search(
     expected: Array,
     cov: Array,
     d2: Array,
+    far: float,
     match: float,
     gates: Array,
     most: int,
@@ -39,7 +40,7 @@ def search(
     for i in range(k):
         pair[i] = -1
         for a in range(c):
-            if d2[i, a] < match:
+            if d2[i, a] < far:
                 count[i] += 1
         if count[i] > 0:  # the sightings with the fewest candidates first
             p = m
@@ -54,7 +55,7 @@ def search(
     for p in range(m):
         i, n = order[p], 0
         for a in range(c):
-            if d2[i, a] < match:
+            if d2[i, a] < far:
                 q = n
                 while q > 0 and d2[i, candidates[p, q - 1]] > d2[i, a]:
                     candidates[p, q] = candidates[p, q - 1]
@@ -90,8 +91,9 @@ def search(
                 if taken[a, of[i]]:
                     continue
                 n = pairs[p]
-                reached = total[p] + extended(z, noise, expected, cov, i, a, sighting, landmark, n, L, w)
-                if reached < gates[n + 1]:
+                more = extended(z, noise, expected, cov, i, a, sighting, landmark, n, L, w)
+                reached = total[p] + more
+                if reached < gates[n + 1] and (n == 0 or more < match):
                     sighting[n], landmark[n] = i, a
                     pairs[p + 1], total[p + 1] = n + 1, reached
                     chosen[p], taken[a, of[i]] = a, True

@@ -52,7 +52,7 @@ def decide(
     tried = k * c
     if c > 0:
         if rule == JOINT:
-            tried = search(z, noise, of, expected, cov, d2, match, gates, most, pair)
+            tried = search(z, noise, of, expected, cov, d2, far, match, gates, most, pair)
         elif rule == CHEAPEST:
             likeliest(d2, spread, of, match, pair)
         else:

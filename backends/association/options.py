@@ -21,10 +21,10 @@ class Association:
         choices=("none", *RULES),
     )
     match: float = option(
-        0.99, "probability that a sighting is within the gate of its landmark", minimum=0.1, maximum=0.999999999
+        0.999, "probability that a sighting is within the gate of its landmark", minimum=0.1, maximum=0.999999999
     )
     joint: float = option(
-        0.99, "jcbb: probability that all pairs of a step are within their joint gate", minimum=0.1, maximum=0.999999999
+        0.9999, "jcbb: probability that all pairs of a step are within their joint gate", minimum=0.1, maximum=0.999999999
     )
     new: float = option(
         0.9999,
