@@ -31,7 +31,8 @@ __all__ = [
     "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Associates", "Backend", "Belief", "Builder", "Diverged",
     "Expected", "Expects", "Ints", "Map",
     "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth",
-    "TruthWanted", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
+    "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians",
+    "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -55,6 +56,7 @@ class Belief(NamedTuple):
     ancestors: int | None = None  # number of initial particles with living descendants
     refused: int = 0  # sightings of the step rejected by a gate
     assigned: Ints | None = None  # (k,) data association: landmark of each sighting of the step
+    located: bool = True  # False: the start is unknown, and the robot has not been found on the map yet
 
 
 class Solution(NamedTuple):
@@ -139,6 +141,10 @@ class TruthWanted(SlamduelError):
     """Raised at the first step by a backend whose options need ground truth; its cell ends as `skipped`."""
 
 
+class Unsuited(SlamduelError):
+    """Raised, when it is made, by a backend that cannot run on such a log; its cell ends as `skipped`."""
+
+
 class Diverged(SlamduelError):
     """Raised by a backend whose estimate left the domain of its equations; its cell ends as `diverged`."""
 
@@ -149,10 +155,11 @@ class Builder:
 
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
     `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
-    otherwise logs that have some are skipped. `sightings`: it uses sightings. `associates`: it does data association for sightings with id UNKNOWN,
-    always or with some options; otherwise these are removed from the log, and counted. A class with the method of
-    `Expects` gets options of data association, and the layer that does it in front of it; `expects`: so does what a
-    function makes. `forgets`: it drops landmarks long out of view, so that it
+    otherwise logs that have some are skipped. `sightings`: it uses sightings. `associates`: it does data association
+    for sightings with id UNKNOWN, always or with some options; otherwise these are removed from the log, and counted.
+    A class with the method of `Expects` gets options of data association, and the layer that does it in front of it;
+    `expects`: so does what a function makes. `locates`: it finds an unknown start on a given map itself; otherwise it
+    is made where the robot is found. `forgets`: it drops landmarks long out of view, so that it
     does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
     is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
     three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
@@ -166,6 +173,7 @@ class Builder:
     loops: bool = False
     sightings: bool = True
     associates: bool | Callable[[Any], bool] = False
+    locates: bool = False
     forgets: bool = False
     linear: bool = False
     implementation: str | Callable[[Any], str] = ""

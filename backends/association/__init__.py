@@ -1,1 +1,1 @@
-"""Data association: one layer that makes up the ids of sightings, for every backend that states what it expects."""
+"""Data association in front of any backend that states what it expects, and the start of one on a given map."""

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.se2 import Array, Ints
-from ..api import Backend, Belief, Builder, Expected, Expects, Pose, Solution, WantsTruth
+from ..api import Backend, Belief, Builder, Expected, Expects, Pose, Solution, Unsuited, WantsTruth
 from ._rules import OPEN, decide_frame
 from .newborn import Newborn
 from .options import RULES, options_with
@@ -26,10 +25,6 @@ FIRST = -2
 
 LARGEST = 64
 """Pairs that a joint gate is tabulated for at first."""
-
-
-class CannotAssociate(SlamduelError):
-    """What a builder has made does not have the method of `Expects`."""
 
 
 class Associating:
@@ -185,7 +180,9 @@ def associating(builder: Builder) -> Builder:
         if options.association == "none":
             return inner
         if not isinstance(inner, Expects):
-            raise CannotAssociate("with these options the backend cannot state what it expects to see: no association")
+            raise Unsuited("with these options the backend cannot state what it expects to see: no association")
+        if prior.map is not None and prior.map.cov is None:
+            raise Unsuited("data association needs the covariance of the given map, which has none")
         return Associating(inner, options)
 
     make.__doc__ = builder.make.__doc__

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...backends import registry as backends
-from ...backends.api import Builder, Diverged, TruthWanted
+from ...backends.api import Builder, Diverged, TruthWanted, Unsuited
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Log, Truth
@@ -94,6 +94,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     except TruthWanted as error:
         blind = job.oracle and _oracle(job, read_truth) is None
         return Result("skipped", "--oracle: this log has no ground truth" if blind else str(error), row)
+    except Unsuited as error:
+        return Result("skipped", str(error), row)
     except SlamduelError as error:
         return Result("error", str(error), row)
     except MemoryError:
@@ -117,9 +119,6 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
         return f"no sighting of the log has an id, and {job.backend} does no data association; {fit} does"
     if associates and not unknown and sightings and builder.can_associate:
         return "every sighting of the log has an id; DATASET[ids=hidden] hides those of a simulated or published log"
-    given = log.prior.map
-    if associates and given is not None and given.cov is None:
-        return "data association needs the covariance of the given map, which has none"
     return ""
 
 

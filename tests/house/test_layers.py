@@ -39,8 +39,9 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "backends": {
         TOP: set(),
+        "association": {TOP},
         "gaussian": {TOP},
-        "particles": {TOP},
+        "particles": {TOP, "association"},
         "smoothing": {TOP},
         "window": {TOP, "smoothing"},
         "graphs": {TOP, "smoothing", "window"},
