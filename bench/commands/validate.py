@@ -86,7 +86,7 @@ def _counts(dataset: Dataset) -> str:
     log, truth = dataset
     landmarks = len(np.unique(log.ids[log.ids != UNKNOWN]))
     known = "no truth"
-    if truth is not None:
+    if truth is not None and (len(truth.t) or truth.map is not None):
         places = "" if truth.map is None else f" and of {len(truth.map.ids)} landmarks"
         known = f"{truth.kind} of {len(truth.t)} steps{places}"
     return f"{len(log)} steps, {len(log.ids)} sightings of {landmarks} landmarks, {known}; digest {log.digest[:12]}"

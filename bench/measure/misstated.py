@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...frontend.factors import UNKNOWN, Log, Truth
-from ...frontend.truth_errors import Errors, odometry_errors, rows_of, sighting_errors
+from ...frontend.truth_errors import Errors, named, odometry_errors, rows_of, sighting_errors
 from .landmark_places import judge, placed
 from .stated_noise import normalised, typical_scale
 
@@ -20,6 +20,7 @@ def misstated(log: Log, truth: Truth, row: dict[str, Any]) -> Iterator[str]:
     beliefs = [row[name] for name in ("nees", "final_nees") if row.get(name) is not None]
     if not any(nees > OVERCONFIDENT or nees < CAUTIOUS for nees in beliefs):
         return
+    log = named(log, truth)
     right = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
     if truth.map is None:
         right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
