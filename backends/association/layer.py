@@ -8,17 +8,22 @@ backend. Ids that are known are left as they are. Made-up ids are -2, -3, ...: n
 import dataclasses
 import math
 import time
+from collections import deque
 from collections.abc import Callable
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
-from ...frontend.se2 import Array, Ints
+from ...frontend.se2 import Array, Ints, compose
+from .._expected import carried
 from ..api import Backend, Belief, Builder, Expected, Expects, Pose, Solution, Unsuited, WantsTruth
-from ._rules import OPEN, decide_frame
-from .newborn import Newborn
+from ._line import agreeing, polar
+from ._rules import NEW, decide, decide_frame
+from .locate import locate
 from .options import RULES, options_with
+from .virtual import virtual
 
 FIRST = -2
 """The first made-up id; the next ones are below it."""
@@ -26,21 +31,33 @@ FIRST = -2
 LARGEST = 64
 """Pairs that a joint gate is tabulated for at first."""
 
+LONGEST = 100
+"""Steps in line at most."""
+
+FEW_NEW, SURE, MARGIN, REACH = 3, 5, 6.0, 2.0
+"""A rescue is tried where that many sightings and half of them would be new; the landmarks that have to agree, and how
+much likelier the pose has to be than any other; landmarks are taken from that many ranges of the furthest sighting."""
+
 
 class Associating:
-    """A backend behind data association."""
+    """A backend behind data association.
 
-    def __init__(self, inner: Backend, options: Any) -> None:
+    A step waits in line where later ones are to be known before it is named: for `lookahead` more sightings, all
+    weighed as one frame at its pose, and for those that have to `confirm` a new landmark. The pose until then is that
+    of the last step named, and odometry from there.
+    """
+
+    def __init__(self, inner: Backend, prior: Prior, options: Any) -> None:
         self._inner: Any = inner
-        self._rule = RULES.index(options.association)
+        self._options, self._rule = options, RULES.index(options.association)
         self._match, self._far = quantile(options.match, 1), quantile(options.new, 1)
-        self._share, self._gates = options.joint, gates(options.joint, LARGEST)
-        self._most = options.nodes
+        self._gates = gates(options.joint, LARGEST)
+        self._line = deque[Step]()
+        self._pose: Array | None = prior.pose.copy()
         self._next = FIRST
-        self._sure: list[int] = []  # the landmark of every sighting so far
-        self._now = np.zeros(0, np.int64)  # of those of the last step
-        self._newborn = Newborn(options.confirm, options.within, self._match) if options.confirm else None
-        self._retire = options.retire
+        self._sure: list[int] = []  # the landmark of every sighting of a step that has been named
+        self._seen = 0  # sightings so far
+        self._now = np.zeros(0, np.int64)  # landmarks of the last step's sightings
         self._once: dict[int, int] = {}  # landmark sighted once -> the number of the step with sightings
         self._retired: set[int] = set()
         self._looks = 0  # steps with sightings
@@ -48,80 +65,126 @@ class Associating:
         self.tried: list[int] = []  # pairs or nodes of the search, each step
 
     def step(self, step: Step) -> Pose | None:
-        """Decides which landmark each sighting without an id is of, then hands the step on."""
-        ids, z, cov = step.sightings
-        named = ids.tolist()
-        if UNKNOWN not in named:
-            if self._newborn is not None:
-                self._newborn.move(step.odometry)
-            self._now = ids
-            self._sure += named
-            self.ns.append(0)
-            self.tried.append(0)
-            return self._inner.step(step)
-        start = time.process_time_ns()
-        nodes = self._name(step, named)
-        self._now = np.array(named, np.int64)
-        self._sure += named
-        if UNKNOWN in named:
-            used = self._now != UNKNOWN
-            step = step._replace(sightings=RangeBearing(self._now[used], z[used], cov[used]))
-        else:
-            step = step._replace(sightings=RangeBearing(self._now, z, cov))
-        self.ns.append(time.process_time_ns() - start)
-        self.tried.append(nodes)
-        return self._inner.step(step)
+        """Takes the steps for which enough is known: decides which landmark each sighting is of, and hands them on."""
+        self._seen += len(step.sightings.ids)
+        self.ns.append(0)
+        self.tried.append(0)
+        self._line.append(step)
+        while self._line and self._ready():
+            self._take()
+        if not self._line or self._pose is None:
+            return None if self._pose is None else self._pose.copy()
+        self._now = np.full(len(step.sightings.ids), UNKNOWN)
+        return self._ahead(np.zeros((3, 3)))[0]
 
     def belief(self) -> Belief | None:
         """The backend's, and the landmark that each sighting of the last step was taken for."""
         found = self._inner.belief()
-        return None if found is None else found._replace(assigned=self._now.copy())
+        if found is None or not self._line:
+            return None if found is None else found._replace(assigned=self._now.copy())
+        pose, cov = self._ahead(np.zeros((3, 3)) if found.cov is None else found.cov)
+        return Belief(pose, None if found.cov is None else cov, assigned=self._now.copy())
 
     def map(self) -> Map:
         """The backend's, without landmarks that were taken out."""
         return self._without_retired(self._inner.map())
 
     def finish(self) -> Solution | None:
-        """The backend's, without landmarks that were taken out."""
+        """Takes the steps still in line; the backend's solution, without landmarks that were taken out."""
+        while self._line:
+            self._take()
         found = self._inner.finish()
         return None if found is None else found._replace(map=self._without_retired(found.map))
 
     def assigned(self) -> Ints:
-        """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used."""
-        return np.array(self._sure, np.int64)
+        """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or waits."""
+        return np.array(self._sure + [UNKNOWN] * (self._seen - len(self._sure)), np.int64)
 
     def tell(self, truth: Truth) -> bool:
         """Hands the ground truth on to a backend that asks for it."""
         return isinstance(self._inner, WantsTruth) and self._inner.tell(truth)
 
+    def _ready(self) -> bool:
+        """Tells if the first step in line need not wait."""
+        options, line = self._options, self._line
+        if not (options.lookahead or options.confirm) or UNKNOWN not in line[0].sightings.ids or len(line) > LONGEST:
+            return True
+        later = [len(step.sightings.ids) for step in islice(line, 1, None)]
+        looks = len(later) - later.count(0)
+        return sum(later) >= options.lookahead and (looks >= options.within or not options.confirm)
+
+    def _take(self) -> None:
+        """Names the sightings of the first step in line and hands it on."""
+        step = self._line[0]
+        ids, z, cov = step.sightings
+        named = ids.tolist()
+        if UNKNOWN in named:
+            start = time.process_time_ns()
+            self.tried[-1] += self._name(step, named)
+            self._now = np.array(named, np.int64)
+            used = slice(None) if UNKNOWN not in named else self._now != UNKNOWN
+            step = step._replace(sightings=RangeBearing(self._now[used], z[used], cov[used]))
+            self.ns[-1] += time.process_time_ns() - start
+        else:
+            self._now = ids
+        self._sure += named
+        self._line.popleft()
+        self._pose = self._inner.step(step)
+
     def _name(self, step: Step, named: list[int]) -> int:
         """Replaces UNKNOWN in `named`, where it is decided; returns the pairs or nodes tried."""
-        seen = step.sightings
-        expected = self._expected(step.odometry, seen, named)
-        if len(named) >= len(self._gates):
-            self._gates = gates(self._share, 2 * len(named))
         open_ = [i for i, name in enumerate(named) if name == UNKNOWN]
-        z, cov = seen.z, seen.cov
-        if len(open_) < len(named):
-            z, cov = z[open_], cov[open_]
-        pair, nodes = decide_frame(
-            self._rule, z, cov, expected.z, expected.cov, self._match, self._gates, self._far, self._most
-        )
-        known, new = expected.ids.tolist(), list[int]()
-        for i, landmark in zip(open_, pair.tolist(), strict=True):
+        if self._options.lookahead:
+            known, pair, nodes = self._weighed_ahead(step, named)
+        else:
+            known, pair, nodes = self._weighed(step, named, open_)
+        pair = pair[: len(open_)].tolist()
+        if self._options.rescue and pair.count(NEW) >= max(FEW_NEW, len(pair) / 2):
+            pair, known = self._rescued(step, open_, pair, known)
+        new = list[int]()
+        for i, landmark in zip(open_, pair, strict=True):
             if landmark >= 0:
                 named[i] = known[landmark]
-            elif landmark != OPEN:
+            elif landmark == NEW:
                 new.append(i)
-        if self._newborn is not None:
-            self._confirm(step, named, new)
-        else:
-            for i in new:
-                named[i] = self._next
-                self._next -= 1
-        if self._retire:
+        if new and self._options.confirm:
+            new = self._confirmed(new)
+        for i in new:
+            named[i] = self._next
+            self._next -= 1
+        if self._options.retire:
             self._forget(named, {named[i] for i in new})
         return nodes
+
+    def _weighed(self, step: Step, named: list[int], open_: list[int]) -> tuple[list[int], Ints, int]:
+        """Decides on the sightings without an id: the landmarks expected, and which of them each is of."""
+        seen = step.sightings
+        expected = self._expected(step.odometry, seen, named)
+        z, cov = (seen.z, seen.cov) if len(open_) == len(named) else (seen.z[open_], seen.cov[open_])
+        pair, nodes = decide_frame(
+            self._rule, z, cov, expected.z, expected.cov, self._match, self._gates_for(len(z)), self._far,
+            self._options.nodes,
+        )  # fmt: skip
+        return expected.ids.tolist(), pair, nodes
+
+    def _weighed_ahead(self, step: Step, named: list[int]) -> tuple[list[int], Ints, int]:
+        """Likewise by the next steps' sightings too, as one frame at this step's pose."""
+        steps, count = [step], 0
+        for later in islice(self._line, 1, None):
+            if count >= self._options.lookahead:
+                break
+            steps.append(later)
+            count += len(later.sightings.ids)
+        frame = virtual(steps)
+        rows = np.flatnonzero(frame.ids == UNKNOWN)
+        entries = np.stack((2 * rows, 2 * rows + 1), axis=1).ravel()
+        z, noise, blocks = polar(frame.xy[rows], np.ascontiguousarray(frame.cov[np.ix_(entries, entries)]))
+        expected = self._expected(step.odometry, RangeBearing(frame.ids[rows], z, blocks), named)
+        pair, nodes = decide(
+            self._rule, z, noise, frame.step[rows], expected.z, expected.cov, self._match, self._gates_for(len(z)),
+            self._far, self._options.nodes,
+        )  # fmt: skip
+        return expected.ids.tolist(), pair, nodes
 
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:
         """What the backend expects, without landmarks that were taken out or that a sighting with an id is of."""
@@ -132,20 +195,46 @@ class Associating:
             return expected
         entries = np.repeat(2 * np.array(keep, np.int64), 2)
         entries[1::2] += 1
-        return Expected(expected.ids[keep], expected.z[keep], expected.cov[np.ix_(entries, entries)])
+        return Expected(expected.ids[keep], expected.z[keep], np.ascontiguousarray(expected.cov[np.ix_(entries, entries)]))
 
-    def _confirm(self, step: Step, named: list[int], new: list[int]) -> None:
-        """Makes landmarks of those of the `new` sightings that earlier ones agree with."""
-        assert self._newborn is not None
-        self._newborn.move(step.odometry)
-        first = len(self._sure)
-        born = self._newborn.sighted(step.sightings.z[new], step.sightings.cov[new], [first + i for i in new])
-        for i, rows in zip(new, born, strict=True):
-            if rows is not None:
-                named[i] = self._next
-                for row in rows[:-1]:
-                    self._sure[row] = self._next
-                self._next -= 1
+    def _rescued(self, step: Step, open_: list[int], pair: list[int], known: list[int]) -> tuple[list[int], list[int]]:
+        """Looks for a frame that would be mostly new on the map so far, before it doubles landmarks.
+
+        One frame whose sightings are all off together doubles what it sees, and all is lost. Only the decision is made
+        by the pose found; the backend gets the sightings as they are.
+        """
+        if len(open_) < SURE or self._pose is None:
+            return pair, known
+        around = self.map()
+        here = self._pose if step.odometry is None else compose(self._pose, step.odometry.delta)
+        near = np.flatnonzero(np.hypot(*(around.xy - here[:2]).T) < REACH * step.sightings.z[:, 0].max())
+        if len(near) < SURE:
+            return pair, known
+        entries = np.stack((2 * near, 2 * near + 1), axis=1).ravel()
+        cov = None if around.cov is None else around.cov[np.ix_(entries, entries)]
+        sightings = RangeBearing(*(column[open_] for column in step.sightings))
+        fix = locate(
+            [step._replace(odometry=None, sightings=sightings)],
+            Map(around.ids[near], around.xy[near], cov),
+            least=SURE,
+            margin=MARGIN,
+        )
+        if fix is None:
+            return pair, known
+        ids = fix.ids.tolist()
+        return [k if landmark != UNKNOWN else NEW for k, landmark in enumerate(ids)], ids
+
+    def _confirmed(self, new: list[int]) -> list[int]:
+        """Those of the `new` sightings of the first step in line that enough of the following steps agree with."""
+        steps, looks = [self._line[0]], 0
+        for later in islice(self._line, 1, None):
+            if looks == self._options.within:
+                break
+            steps.append(later)
+            looks += len(later.sightings.ids) > 0
+        frame = virtual(steps)
+        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._match).tolist()
+        return [i for i, times in zip(new, agreed, strict=True) if times >= self._options.confirm]
 
     def _forget(self, named: list[int], new: set[int]) -> None:
         """Takes out landmarks that were sighted once, long ago: a first sighting says nothing of the pose."""
@@ -156,10 +245,26 @@ class Associating:
             else:
                 self._once.pop(landmark, None)
         for landmark in list(self._once):  # in the order of their sightings
-            if self._looks - self._once[landmark] <= self._retire:
+            if self._looks - self._once[landmark] <= self._options.retire:
                 break
             del self._once[landmark]
             self._retired.add(landmark)
+
+    def _ahead(self, cov: Array) -> tuple[Pose, Array]:
+        """The last named step's pose, of this covariance, after the odometry of the steps in line."""
+        assert self._pose is not None
+        pose, cov, motion = self._pose.copy(), cov.copy(), np.empty((4, 3))
+        for step in self._line:
+            if step.odometry is not None:
+                motion[0], motion[1:] = step.odometry
+                carried(pose, cov, motion)
+        return pose, cov
+
+    def _gates_for(self, pairs: int) -> Array:
+        """Joint gates of up to that many pairs."""
+        if pairs >= len(self._gates):
+            self._gates = gates(self._options.joint, 2 * pairs)
+        return self._gates
 
     def _without_retired(self, found: Map) -> Map:
         if not self._retired:
@@ -183,7 +288,7 @@ def associating(builder: Builder) -> Builder:
             raise Unsuited("with these options the backend cannot state what it expects to see: no association")
         if prior.map is not None and prior.map.cov is None:
             raise Unsuited("data association needs the covariance of the given map, which has none")
-        return Associating(inner, options)
+        return Associating(inner, prior, options)
 
     make.__doc__ = builder.make.__doc__
     associates: Callable[[Any], bool] = lambda options: options.association != "none"  # noqa: E731

@@ -32,10 +32,16 @@ class Association:
         minimum=0.1,
         maximum=0.999999999999,
     )
-    confirm: int = option(
-        0, "later sightings that must agree with a new landmark before it enters the map; 0: at once", minimum=0
+    rescue: bool = option(
+        True, "look for a frame that would be mostly new on the map so far, before it doubles landmarks"
     )
-    within: int = option(5, "steps with sightings within which those must come", minimum=1)
+    lookahead: int = option(
+        0, "later sightings that are weighed together with a step's, which waits for them", minimum=0, maximum=1000
+    )
+    confirm: int = option(
+        0, "later steps that must agree with a new landmark for it to enter the map; 0: every one does", minimum=0
+    )
+    within: int = option(5, "steps with sightings among which those must be; the step waits for them", minimum=1, maximum=50)
     retire: int = option(
         0, "steps with sightings after which a landmark sighted only once leaves the map; 0: never", minimum=0
     )

@@ -55,7 +55,7 @@ class Active(Joint):
         place = self._place
         absent = [slot for slot in slots if slot not in place]
         if absent:
-            if self.landmarks + len(absent) > MOST:
+            if self.landmarks + len(absent) > max(MOST, 2 * len(slots)):
                 present = [slot for slot in slots if slot in place]
                 self._last_seen.update(dict.fromkeys(present, self._frame))
                 self.settle_with(self._whole)
