@@ -14,9 +14,9 @@ LEAST_RANGE = 1e-6
 
 @compiled
 def may_be_seen(
-    pose: Array, pose_sd: float, heading_sd: float, x: float, y: float, sd: float, z: Array, R: Array, k: int, gate: float
+    pose: Array, pose_sd: float, heading_sd: float, x: float, y: float, sd: float, z: Array, R: Array, gate: float
 ) -> bool:
-    """Tells if one of k sightings z (k, 2), R (k, 2, 2) can be within `gate` of a landmark at (x, y).
+    """Tells if one of the sightings z (k, 2), R (k, 2, 2) can be within `gate` of a landmark at (x, y).
 
     `pose_sd` and `sd` bound the standard deviation, m, of the positions of robot and landmark in any direction: no
     correlation makes that of their difference larger than the sum. So no landmark within the gate is left out.
@@ -28,7 +28,7 @@ def may_be_seen(
     both = pose_sd + sd
     along = gate * both * both
     turned, across, bearing = False, 0.0, 0.0
-    for i in range(k):
+    for i in range(len(z)):
         off = z[i, 0] - r
         if not off * off <= along + gate * R[i, 0, 0]:
             continue
@@ -75,12 +75,11 @@ def jointly(
     L: Array,
     z: Array,
     R: Array,
-    k: int,
     gate: float,
     pose_point: Array,
     points: Array,
 ) -> tuple[Ints, Array, Array]:
-    """Expected sightings of those of c landmarks that are within `gate` of one of the k sightings z (k, 2), R (k, 2, 2).
+    """Expected sightings of those of c landmarks that are within `gate` of one of the sightings z (k, 2), R (k, 2, 2).
 
     `pose` (3,) and `at` (c, 2) are the means, P (3, 3) the pose's covariance, C (3, 2c) that with the landmarks, L
     (2c, 2c) theirs, of which only blocks on and below the diagonal are read; the models are linearised at `pose_point`
@@ -102,21 +101,17 @@ def jointly(
         for i in range(2):  # rows of H times the columns of the pose, and of the landmark itself
             turn = -1.0 if i == 1 else 0.0
             for j in range(3):
-                t[i, j] = (
-                    h[i, 0] * (C[j, 2 * a] - P[0, j]) + h[i, 1] * (C[j, 2 * a + 1] - P[1, j]) + turn * P[2, j]
-                )
+                t[i, j] = h[i, 0] * (C[j, 2 * a] - P[0, j]) + h[i, 1] * (C[j, 2 * a + 1] - P[1, j]) + turn * P[2, j]
         own = 2 * a
         for i in range(2):
             turn = -1.0 if i == 1 else 0.0
             for j in range(2):
                 first = L[own, own] if j == 0 else L[own + 1, own]
                 second = L[own + 1, own + j]
-                u[i, j] = (
-                    h[i, 0] * (first - C[0, own + j]) + h[i, 1] * (second - C[1, own + j]) + turn * C[2, own + j]
-                )
+                u[i, j] = h[i, 0] * (first - C[0, own + j]) + h[i, 1] * (second - C[1, own + j]) + turn * C[2, own + j]
         s00, s10, s11 = _entry(t, u, h, 0, 0), _entry(t, u, h, 1, 0), _entry(t, u, h, 1, 1)
         er, eb = sighted(pose[0], pose[1], pose[2], at[a, 0], at[a, 1])
-        for i in range(k):
+        for i in range(len(z)):
             if distance(z[i, 0] - er, wrap(z[i, 1] - eb), s00 + R[i, 0, 0], s10 + R[i, 1, 0], s11 + R[i, 1, 1]) < gate:
                 index[m], expected[m, 0], expected[m, 1] = a, er, eb
                 m += 1
@@ -159,15 +154,16 @@ def _entry(t: Array, u: Array, h: Array, i: int, j: int) -> float:
 
 
 @compiled
-def near_ones(pose: Array, P: Array, xy: Array, sd: Array, z: Array, R: Array, k: int, gate: float) -> Ints:
-    """Landmarks near xy (n, 2), with standard deviations of at most sd (n,), that one of k sightings may be of: (m,).
+def near_ones(pose: Array, P: Array, xy: Array, sd: Array, z: Array, R: Array, gate: float) -> Ints:
+    """Landmarks near xy (n, 2), with standard deviations of at most sd (n,), that one of the sightings z (k, 2), R (k, 2, 2)
+    may be of: (m,).
 
     A landmark that has been corrected since it was at `xy` has moved by a normal vector of the covariance it has lost:
     the sum of that and of an error within the gate is within twice the gate.
     """
     pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
     furthest, wide = 0.0, sqrt(2.0 * gate)
-    for i in range(k):
+    for i in range(len(z)):
         furthest = max(furthest, z[i, 0] + wide * sqrt(R[i, 0, 0]))
     near, m = np.empty(len(sd), np.int64), 0
     for a in range(len(sd)):
@@ -175,7 +171,7 @@ def near_ones(pose: Array, P: Array, xy: Array, sd: Array, z: Array, R: Array, k
         reach = furthest + wide * (pose_sd + sd[a])
         if dx * dx + dy * dy > reach * reach:
             continue
-        if may_be_seen(pose, pose_sd, heading_sd, xy[a, 0], xy[a, 1], sd[a], z, R, k, 2.0 * gate):
+        if may_be_seen(pose, pose_sd, heading_sd, xy[a, 0], xy[a, 1], sd[a], z, R, 2.0 * gate):
             near[m] = a
             m += 1
     return near[:m].copy()
@@ -226,7 +222,7 @@ def after_motion(
         for j in range(C.shape[1]):
             D[0, j] += gx * C[2, j]
             D[1, j] += gy * C[2, j]
-    return jointly(x, Q, at, D, L, z, R, len(z), gate, x, at)
+    return jointly(x, Q, at, D, L, z, R, gate, x, at)
 
 
 @compiled

@@ -59,9 +59,9 @@ class Vicinity:
         motion = self._motion
         if odometry is not None:
             motion[0], motion[1:] = odometry
-        z, R = np.array(seen.z), np.array(seen.cov, order="C")
+        z, R = seen.z, seen.cov
         x, P = ahead(pose, cov, odometry is not None, motion)
-        near = self._ids[near_ones(x, P, self._xy, self._sd, z, R, len(z), gate)].tolist()
+        near = self._ids[near_ones(x, P, self._xy, self._sd, z, R, gate)].tolist()
         landmarks = near + [landmark for landmark in new if landmark not in self._rows]
         if not landmarks:
             return NOTHING
@@ -97,10 +97,10 @@ def first_expected(prior: Prior, seen: RangeBearing, gate: float) -> Expected:
     known = prior.map
     if known is None or known.cov is None or not len(known.ids):
         return NOTHING
-    z, R = np.array(seen.z), np.array(seen.cov, order="C")
+    z, R = seen.z, seen.cov
     pose, P = np.array(prior.pose), np.array(prior.cov)
     sd = spreads(np.array(known.cov), len(known.ids))
-    near = near_ones(pose, P, np.array(known.xy), sd, z, R, len(z), gate)
+    near = near_ones(pose, P, np.array(known.xy), sd, z, R, gate)
     entries = np.stack((2 * near, 2 * near + 1), axis=1).ravel()
     L, C = np.ascontiguousarray(known.cov[np.ix_(entries, entries)]), np.zeros((3, 2 * len(near)))
     index, expected, cov = after_motion(

@@ -3,6 +3,12 @@
 A hypothesis pairs sightings with landmarks so that the joint distance of all its pairs, with their correlations, is
 within the gate of their number. The best one has the most pairs, and of these the least distance. The distance grows
 with each pair, by the conditional distance of the new one: one more row pair of a Cholesky factor.
+
+Two tests differ from the paper's. An error that all pairs have in common, such as a heading that is off by three
+standard deviations, puts each of them far off, though jointly they fit: a narrow gate for each alone would turn all
+down, and a wrong pair would be left. So the gate of a pair alone is wide, the distance of a part of a hypothesis is
+held against the gate of the pairs that it may still get, and each pair's conditional distance, given those before, has
+a narrow gate.
 """
 
 from math import sqrt
@@ -70,7 +76,8 @@ def search(
     best_pairs, best, nodes, p = 0, np.inf, 0, 0
     while p >= 0:
         if p == m:
-            if pairs[m] > best_pairs or (pairs[m] == best_pairs and total[m] < best):
+            fewer = pairs[m] < best_pairs or (pairs[m] == best_pairs and total[m] >= best)
+            if not fewer and total[m] < gates[pairs[m]]:
                 best_pairs, best = pairs[m], total[m]
                 for q in range(m):
                     pair[order[q]] = chosen[q]
@@ -93,7 +100,7 @@ def search(
                 n = pairs[p]
                 more = extended(z, noise, expected, cov, i, a, sighting, landmark, n, L, w)
                 reached = total[p] + more
-                if reached < gates[n + 1] and (n == 0 or more < match):
+                if reached < gates[reach] and (n == 0 or more < match):
                     sighting[n], landmark[n] = i, a
                     pairs[p + 1], total[p + 1] = n + 1, reached
                     chosen[p], taken[a, of[i]] = a, True

@@ -41,14 +41,16 @@ def decide(
     is of a NEW landmark if it is `far` from all that no sighting of its step is of.
     """
     k, c = len(z), len(expected)
-    d2, spread, pair = np.empty((k, c)), np.empty((k, c)), np.full(k, NEW)
+    d2, pair = np.empty((k, c)), np.full(k, NEW)
+    spread = np.empty((k, c)) if rule == CHEAPEST else d2
     for i in range(k):
         for a in range(c):
             s00 = cov[2 * a, 2 * a] + noise[2 * i, 2 * i]
             s10 = cov[2 * a + 1, 2 * a] + noise[2 * i + 1, 2 * i]
             s11 = cov[2 * a + 1, 2 * a + 1] + noise[2 * i + 1, 2 * i + 1]
             d2[i, a] = distance(z[i, 0] - expected[a, 0], wrap(z[i, 1] - expected[a, 1]), s00, s10, s11)
-            spread[i, a] = log(s00 * s11 - s10 * s10) if d2[i, a] < match else 0.0
+            if rule == CHEAPEST and d2[i, a] < match:
+                spread[i, a] = log(s00 * s11 - s10 * s10)
     tried = k * c
     if c > 0:
         if rule == JOINT:
@@ -57,18 +59,23 @@ def decide(
             likeliest(d2, spread, of, match, pair)
         else:
             nearest(d2, match, of, pair)
-    taken = np.zeros((c, k), np.bool_)
-    for i in range(k):
-        if pair[i] >= 0:
-            taken[pair[i], of[i]] = True
     for i in range(k):
         if pair[i] >= 0:
             continue
         for a in range(c):
-            if d2[i, a] < far and not taken[a, of[i]]:
+            if d2[i, a] < far and free(a, of[i], pair, of):
                 pair[i] = OPEN
                 break
     return pair, tried
+
+
+@compiled
+def free(a: int, step: int, pair: Ints, of: Ints) -> bool:
+    """Tells if no sighting of that step is of landmark `a`."""
+    for i in range(len(pair)):
+        if pair[i] == a and of[i] == step:
+            return False
+    return True
 
 
 @compiled

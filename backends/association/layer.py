@@ -9,7 +9,7 @@ import dataclasses
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any
 
@@ -52,6 +52,7 @@ class Associating:
         self._options, self._rule = options, RULES.index(options.association)
         self._match, self._far = quantile(options.match, 1), quantile(options.new, 1)
         self._gates = gates(options.joint, LARGEST)
+        self._waits = options.lookahead > 0 or options.confirm > 0
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
         self._next = FIRST
@@ -69,9 +70,13 @@ class Associating:
         self._seen += len(step.sightings.ids)
         self.ns.append(0)
         self.tried.append(0)
+        if not self._waits:
+            self._take(step)
+            return self._pose
         self._line.append(step)
         while self._line and self._ready():
-            self._take()
+            self._take(self._line[0])
+            self._line.popleft()
         if not self._line or self._pose is None:
             return None if self._pose is None else self._pose.copy()
         self._now = np.full(len(step.sightings.ids), UNKNOWN)
@@ -92,7 +97,8 @@ class Associating:
     def finish(self) -> Solution | None:
         """Takes the steps still in line; the backend's solution, without landmarks that were taken out."""
         while self._line:
-            self._take()
+            self._take(self._line[0])
+            self._line.popleft()
         found = self._inner.finish()
         return None if found is None else found._replace(map=self._without_retired(found.map))
 
@@ -107,33 +113,35 @@ class Associating:
     def _ready(self) -> bool:
         """Tells if the first step in line need not wait."""
         options, line = self._options, self._line
-        if not (options.lookahead or options.confirm) or UNKNOWN not in line[0].sightings.ids or len(line) > LONGEST:
+        if UNKNOWN not in line[0].sightings.ids or len(line) > LONGEST:
             return True
         later = [len(step.sightings.ids) for step in islice(line, 1, None)]
         looks = len(later) - later.count(0)
         return sum(later) >= options.lookahead and (looks >= options.within or not options.confirm)
 
-    def _take(self) -> None:
-        """Names the sightings of the first step in line and hands it on."""
-        step = self._line[0]
+    def _take(self, step: Step) -> None:
+        """Names the sightings of a step, the first in line, and hands it on."""
         ids, z, cov = step.sightings
         named = ids.tolist()
         if UNKNOWN in named:
             start = time.process_time_ns()
             self.tried[-1] += self._name(step, named)
             self._now = np.array(named, np.int64)
-            used = slice(None) if UNKNOWN not in named else self._now != UNKNOWN
-            step = step._replace(sightings=RangeBearing(self._now[used], z[used], cov[used]))
+            sightings = RangeBearing(self._now, z, cov)
+            if UNKNOWN in named:
+                used = self._now != UNKNOWN
+                sightings = RangeBearing(self._now[used], z[used], cov[used])
+            step = Step(step.t, step.odometry, sightings, step.loops)
             self.ns[-1] += time.process_time_ns() - start
         else:
             self._now = ids
         self._sure += named
-        self._line.popleft()
         self._pose = self._inner.step(step)
 
     def _name(self, step: Step, named: list[int]) -> int:
         """Replaces UNKNOWN in `named`, where it is decided; returns the pairs or nodes tried."""
-        open_ = [i for i, name in enumerate(named) if name == UNKNOWN]
+        unnamed = named.count(UNKNOWN)
+        open_ = range(unnamed) if unnamed == len(named) else [i for i, name in enumerate(named) if name == UNKNOWN]
         if self._options.lookahead:
             known, pair, nodes = self._weighed_ahead(step, named)
         else:
@@ -156,11 +164,14 @@ class Associating:
             self._forget(named, {named[i] for i in new})
         return nodes
 
-    def _weighed(self, step: Step, named: list[int], open_: list[int]) -> tuple[list[int], Ints, int]:
+    def _weighed(self, step: Step, named: list[int], open_: Sequence[int]) -> tuple[list[int], Ints, int]:
         """Decides on the sightings without an id: the landmarks expected, and which of them each is of."""
         seen = step.sightings
         expected = self._expected(step.odometry, seen, named)
-        z, cov = (seen.z, seen.cov) if len(open_) == len(named) else (seen.z[open_], seen.cov[open_])
+        z, cov = seen.z, seen.cov
+        if len(open_) < len(named):
+            z, cov = z[list(open_)], cov[list(open_)]
+            z.flags.writeable = cov.flags.writeable = False
         pair, nodes = decide_frame(
             self._rule, z, cov, expected.z, expected.cov, self._match, self._gates_for(len(z)), self._far,
             self._options.nodes,
@@ -179,6 +190,7 @@ class Associating:
         rows = np.flatnonzero(frame.ids == UNKNOWN)
         entries = np.stack((2 * rows, 2 * rows + 1), axis=1).ravel()
         z, noise, blocks = polar(frame.xy[rows], np.ascontiguousarray(frame.cov[np.ix_(entries, entries)]))
+        z.flags.writeable = blocks.flags.writeable = False  # as a log's: kernels are compiled for one kind
         expected = self._expected(step.odometry, RangeBearing(frame.ids[rows], z, blocks), named)
         pair, nodes = decide(
             self._rule, z, noise, frame.step[rows], expected.z, expected.cov, self._match, self._gates_for(len(z)),
@@ -189,15 +201,19 @@ class Associating:
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:
         """What the backend expects, without landmarks that were taken out or that a sighting with an id is of."""
         expected = self._inner.expected(odometry, seen, self._far)
+        if not self._retired and named.count(UNKNOWN) == len(named):
+            return expected
         out = self._retired.union(named) if self._retired else named
         keep = [k for k, landmark in enumerate(expected.ids.tolist()) if landmark not in out]
         if len(keep) == len(expected.ids):
             return expected
         entries = np.repeat(2 * np.array(keep, np.int64), 2)
         entries[1::2] += 1
-        return Expected(expected.ids[keep], expected.z[keep], np.ascontiguousarray(expected.cov[np.ix_(entries, entries)]))
+        return Expected(
+            expected.ids[keep], expected.z[keep], np.ascontiguousarray(expected.cov[np.ix_(entries, entries)])
+        )
 
-    def _rescued(self, step: Step, open_: list[int], pair: list[int], known: list[int]) -> tuple[list[int], list[int]]:
+    def _rescued(self, step: Step, open_: Sequence[int], pair: list[int], known: list[int]) -> tuple[list[int], list[int]]:
         """Looks for a frame that would be mostly new on the map so far, before it doubles landmarks.
 
         One frame whose sightings are all off together doubles what it sees, and all is lost. Only the decision is made
@@ -212,7 +228,7 @@ class Associating:
             return pair, known
         entries = np.stack((2 * near, 2 * near + 1), axis=1).ravel()
         cov = None if around.cov is None else around.cov[np.ix_(entries, entries)]
-        sightings = RangeBearing(*(column[open_] for column in step.sightings))
+        sightings = RangeBearing(*(column[list(open_)] for column in step.sightings))
         fix = locate(
             [step._replace(odometry=None, sightings=sightings)],
             Map(around.ids[near], around.xy[near], cov),

@@ -24,7 +24,10 @@ class Association:
         0.999, "probability that a sighting is within the gate of its landmark", minimum=0.1, maximum=0.999999999
     )
     joint: float = option(
-        0.9999, "jcbb: probability that all pairs of a step are within their joint gate", minimum=0.1, maximum=0.999999999
+        0.9999,
+        "jcbb: probability that all pairs of a step are within their joint gate",
+        minimum=0.1,
+        maximum=0.999999999,
     )
     new: float = option(
         0.9999,
@@ -41,7 +44,9 @@ class Association:
     confirm: int = option(
         0, "later steps that must agree with a new landmark for it to enter the map; 0: every one does", minimum=0
     )
-    within: int = option(5, "steps with sightings among which those must be; the step waits for them", minimum=1, maximum=50)
+    within: int = option(
+        5, "steps with sightings among which those must be; the step waits for them", minimum=1, maximum=50
+    )
     retire: int = option(
         0, "steps with sightings after which a landmark sighted only once leaves the map; 0: never", minimum=0
     )
@@ -75,4 +80,6 @@ def check(options: Any, where: str) -> None:
         return
     for one in fields(Association):
         if getattr(options, one.name) != one.default:
-            raise InputError(f"{where}: option {one.name} is for data association; expected association=nn, ml or jcbb.")
+            raise InputError(
+                f"{where}: option {one.name} is for data association; expected association=nn, ml or jcbb."
+            )

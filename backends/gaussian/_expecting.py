@@ -56,7 +56,6 @@ def around(
     where: int,
     xy: Array,
     sd: Array,
-    k: int,
     z: Array,
     R: Array,
     gate: float,
@@ -65,7 +64,7 @@ def around(
     x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
     if moves:
         predicted(x, point, P, motion, where)
-    return near_ones(x, P, xy, sd, z, R, k, gate)
+    return near_ones(x, P, xy, sd, z, R, gate)
 
 
 @compiled
@@ -79,24 +78,29 @@ def expect(
     moves: bool,
     motion: Array,
     where: int,
-    k: int,
     z: Array,
     R: Array,
     gate: float,
 ) -> tuple[Ints, Array, Array]:
-    """Expected sightings of the landmarks that one of k sightings may be of, after the `motion` of `predict`.
+    """Expected sightings of the landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of, after the `motion` of `predict`.
 
     Returns their indices (m,), range and bearing (m, 2), and joint covariance (2m, 2m): see `_expected.jointly`.
     """
     x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
     gx, gy = predicted(x, point, P, motion, where) if moves else (0.0, 0.0)
     pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
-    near, m = np.empty(landmarks, np.int64), 0
+    near, m, furthest = np.empty(landmarks, np.int64), 0, 0.0
+    for i in range(len(z)):
+        furthest = max(furthest, z[i, 0] + sqrt(gate * R[i, 0, 0]) + sqrt(gate) * pose_sd)
     for a in range(landmarks):
         i = 2 * a
         upper, lower = row(i), row(i + 1)
+        dx, dy = mean[3 + i] - x[0], mean[4 + i] - x[1]
+        beyond = sqrt(dx * dx + dy * dy) - furthest
+        if beyond > 0.0 and beyond * beyond > gate * (flat[upper + i] + flat[lower + i + 1]):
+            continue
         sd = spread(flat[upper + i], flat[lower + i], flat[lower + i + 1])
-        if may_be_seen(x, pose_sd, heading_sd, mean[3 + i], mean[4 + i], sd, z, R, k, gate):
+        if may_be_seen(x, pose_sd, heading_sd, mean[3 + i], mean[4 + i], sd, z, R, gate):
             near[m] = a
             m += 1
     at, spots, C, L = np.empty((m, 2)), np.empty((m, 2)), np.empty((3, 2 * m)), np.empty((2 * m, 2 * m))
@@ -118,7 +122,7 @@ def expect(
                 L[2 * p + 1, 2 * q + g] = flat[second + j + g]
     if where == ODOMETRY:  # its points are headings alone
         point, spots = x, at
-    index, expected, cov = jointly(x, P, at, C, L, z, R, k, gate, point, spots)
+    index, expected, cov = jointly(x, P, at, C, L, z, R, gate, point, spots)
     for p in range(len(index)):
         index[p] = near[index[p]]
     return index, expected, cov

@@ -147,23 +147,19 @@ class Ekf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
-        known, k = len(self._slot), len(seen.ids)
+        known, moves, part = len(self._slot), odometry is not None, self._whole
         if known > len(self._ids):
             new = list(islice(reversed(self._slot), known - len(self._ids)))
             self._ids = np.concatenate((self._ids, np.array(new[::-1], np.int64)))
-        if k > len(self._slots):
-            self._slots, self._z, self._z_cov = _frame_of(2 * k)
-        self._z[:k], self._z_cov[:k] = seen.z, seen.cov
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
         where = STANDARD if self._where == IDEAL else self._where
-        moves, part = odometry is not None, self._whole
         if known > self._options.compress_above:
             part = self._compressed()
-            part.bring_near(moves, self._motion, where, k, self._z, self._z_cov, gate)
+            part.bring_near(moves, self._motion, where, seen.z, seen.cov, gate)
         slots, z, cov = expect(
             part.mean, part.points, part.pose, part.cross, part.flat, part.landmarks,
-            moves, self._motion, where, k, self._z, self._z_cov, gate,
+            moves, self._motion, where, seen.z, seen.cov, gate,
         )  # fmt: skip
         return Expected(self._ids[slots if self._part is None else self._part.members()[slots]], z, cov)
 

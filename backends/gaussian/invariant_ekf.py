@@ -95,9 +95,7 @@ class InvariantEkf:
         n = len(landmarks)
         slots = np.array([self._slot[landmark] for landmark in landmarks], np.int64)
         at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        _invariant.plain_joint(
-            self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, slots, at, cov
-        )
+        _invariant.plain_joint(self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, slots, at, cov)
         return self._placed(), at + self._origin, cov
 
     def _placed(self) -> Pose:

@@ -80,12 +80,12 @@ class Ukf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief, to first order."""
-        joint, k = self._joint, len(seen.ids)
+        joint = self._joint
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
         slots, z, cov = expect(
             joint.mean, joint.mean, joint.pose, joint.cross, joint.flat, joint.landmarks,
-            odometry is not None, self._motion, STANDARD, k, np.array(seen.z), np.array(seen.cov, order="C"), gate,
+            odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
         )  # fmt: skip
         if len(self._ids) < len(self._slot):
             self._ids = np.fromiter(self._slot, np.int64, len(self._slot))
