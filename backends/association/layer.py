@@ -9,7 +9,7 @@ import dataclasses
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import islice
 from typing import Any
 
@@ -56,6 +56,9 @@ class Associating:
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
         self._next = FIRST
+        self._known = set[int]() if prior.map is None else set(prior.map.ids.tolist())  # ids sighted as such, or given
+        self._made: dict[int, int] = {}  # known id -> made-up one of the same landmark
+        self._called: dict[int, int] = {}  # and the inverse
         self._sure: list[int] = []  # the landmark of every sighting of a step that has been named
         self._seen = 0  # sightings so far
         self._now = np.zeros(0, np.int64)  # landmarks of the last step's sightings
@@ -86,13 +89,13 @@ class Associating:
         """The backend's, and the landmark that each sighting of the last step was taken for."""
         found = self._inner.belief()
         if found is None or not self._line:
-            return None if found is None else found._replace(assigned=self._now.copy())
+            return None if found is None else found._replace(assigned=self._translated(self._now.tolist()))
         pose, cov = self._ahead(np.zeros((3, 3)) if found.cov is None else found.cov)
-        return Belief(pose, None if found.cov is None else cov, assigned=self._now.copy())
+        return Belief(pose, None if found.cov is None else cov, assigned=self._translated(self._now.tolist()))
 
     def map(self) -> Map:
         """The backend's, without landmarks that were taken out."""
-        return self._without_retired(self._inner.map())
+        return self._as_called(self._inner.map())
 
     def finish(self) -> Solution | None:
         """Takes the steps still in line; the backend's solution, without landmarks that were taken out."""
@@ -100,11 +103,11 @@ class Associating:
             self._take(self._line[0])
             self._line.popleft()
         found = self._inner.finish()
-        return None if found is None else found._replace(map=self._without_retired(found.map))
+        return None if found is None else found._replace(map=self._as_called(found.map))
 
     def assigned(self) -> Ints:
         """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or waits."""
-        return np.array(self._sure + [UNKNOWN] * (self._seen - len(self._sure)), np.int64)
+        return self._translated(self._sure + [UNKNOWN] * (self._seen - len(self._sure)))
 
     def tell(self, truth: Truth) -> bool:
         """Hands the ground truth on to a backend that asks for it."""
@@ -123,9 +126,12 @@ class Associating:
         """Names the sightings of a step, the first in line, and hands it on."""
         ids, z, cov = step.sightings
         named = ids.tolist()
-        if UNKNOWN in named:
+        if self._made:  # a known id may be of a landmark that was there without one
+            named = [self._made.get(name, name) for name in named]
+        open_ = self._open(named)
+        if open_:
             start = time.process_time_ns()
-            self.tried[-1] += self._name(step, named)
+            self.tried[-1] += self._name(step, named, open_)
             self._now = np.array(named, np.int64)
             sightings = RangeBearing(self._now, z, cov)
             if UNKNOWN in named:
@@ -134,24 +140,36 @@ class Associating:
             step = Step(step.t, step.odometry, sightings, step.loops)
             self.ns[-1] += time.process_time_ns() - start
         else:
-            self._now = ids
+            self._now = np.array(named, np.int64)
         self._sure += named
         self._pose = self._inner.step(step)
 
-    def _name(self, step: Step, named: list[int]) -> int:
-        """Replaces UNKNOWN in `named`, where it is decided; returns the pairs or nodes tried."""
-        unnamed = named.count(UNKNOWN)
-        open_ = range(unnamed) if unnamed == len(named) else [i for i, name in enumerate(named) if name == UNKNOWN]
+    def _open(self, named: list[int]) -> list[int]:
+        """The sightings to be decided on: those without an id, and those with one that comes up after made-up ones."""
+        if named.count(UNKNOWN) == len(named):
+            return list(range(len(named)))
+        if self._next == FIRST:
+            self._known.update(named)
+            return [i for i, name in enumerate(named) if name == UNKNOWN]
+        return [i for i, name in enumerate(named) if name == UNKNOWN or (name > UNKNOWN and name not in self._known)]
+
+    def _name(self, step: Step, named: list[int], open_: list[int]) -> int:
+        """Replaces ids in `named`, where they are decided on; returns the pairs or nodes tried."""
+        given = [named[i] for i in open_]
+        for i in open_:
+            named[i] = UNKNOWN
         if self._options.lookahead:
-            known, pair, nodes = self._weighed_ahead(step, named)
+            known, pair, nodes = self._weighed_ahead(step, named, open_)
         else:
             known, pair, nodes = self._weighed(step, named, open_)
         pair = pair[: len(open_)].tolist()
         if self._options.rescue and pair.count(NEW) >= max(FEW_NEW, len(pair) / 2):
             pair, known = self._rescued(step, open_, pair, known)
         new = list[int]()
-        for i, landmark in zip(open_, pair, strict=True):
-            if landmark >= 0:
+        for i, landmark, own in zip(open_, pair, given, strict=True):
+            if own != UNKNOWN:
+                named[i] = self._joined(own, known[landmark] if landmark >= 0 else UNKNOWN)
+            elif landmark >= 0:
                 named[i] = known[landmark]
             elif landmark == NEW:
                 new.append(i)
@@ -164,13 +182,21 @@ class Associating:
             self._forget(named, {named[i] for i in new})
         return nodes
 
-    def _weighed(self, step: Step, named: list[int], open_: Sequence[int]) -> tuple[list[int], Ints, int]:
+    def _joined(self, own: int, landmark: int) -> int:
+        """The id for a landmark of known id `own`, sighted as such for the first time, that may be there without one."""
+        self._known.add(own)
+        if landmark >= UNKNOWN or landmark in self._called:
+            return own
+        self._made[own], self._called[landmark] = landmark, own
+        return landmark
+
+    def _weighed(self, step: Step, named: list[int], open_: list[int]) -> tuple[list[int], Ints, int]:
         """Decides on the sightings without an id: the landmarks expected, and which of them each is of."""
         seen = step.sightings
         expected = self._expected(step.odometry, seen, named)
         z, cov = seen.z, seen.cov
         if len(open_) < len(named):
-            z, cov = z[list(open_)], cov[list(open_)]
+            z, cov = z[open_], cov[open_]
             z.flags.writeable = cov.flags.writeable = False
         pair, nodes = decide_frame(
             self._rule, z, cov, expected.z, expected.cov, self._match, self._gates_for(len(z)), self._far,
@@ -178,7 +204,7 @@ class Associating:
         )  # fmt: skip
         return expected.ids.tolist(), pair, nodes
 
-    def _weighed_ahead(self, step: Step, named: list[int]) -> tuple[list[int], Ints, int]:
+    def _weighed_ahead(self, step: Step, named: list[int], open_: list[int]) -> tuple[list[int], Ints, int]:
         """Likewise by the next steps' sightings too, as one frame at this step's pose."""
         steps, count = [step], 0
         for later in islice(self._line, 1, None):
@@ -187,7 +213,8 @@ class Associating:
             steps.append(later)
             count += len(later.sightings.ids)
         frame = virtual(steps)
-        rows = np.flatnonzero(frame.ids == UNKNOWN)
+        first = len(named)
+        rows = np.concatenate((open_, first + np.flatnonzero(frame.ids[first:] == UNKNOWN))).astype(np.int64)
         entries = np.stack((2 * rows, 2 * rows + 1), axis=1).ravel()
         z, noise, blocks = polar(frame.xy[rows], np.ascontiguousarray(frame.cov[np.ix_(entries, entries)]))
         z.flags.writeable = blocks.flags.writeable = False  # as a log's: kernels are compiled for one kind
@@ -213,7 +240,7 @@ class Associating:
             expected.ids[keep], expected.z[keep], np.ascontiguousarray(expected.cov[np.ix_(entries, entries)])
         )
 
-    def _rescued(self, step: Step, open_: Sequence[int], pair: list[int], known: list[int]) -> tuple[list[int], list[int]]:
+    def _rescued(self, step: Step, open_: list[int], pair: list[int], known: list[int]) -> tuple[list[int], list[int]]:
         """Looks for a frame that would be mostly new on the map so far, before it doubles landmarks.
 
         One frame whose sightings are all off together doubles what it sees, and all is lost. Only the decision is made
@@ -221,14 +248,14 @@ class Associating:
         """
         if len(open_) < SURE or self._pose is None:
             return pair, known
-        around = self.map()
+        around = self._inner.map()
         here = self._pose if step.odometry is None else compose(self._pose, step.odometry.delta)
         near = np.flatnonzero(np.hypot(*(around.xy - here[:2]).T) < REACH * step.sightings.z[:, 0].max())
         if len(near) < SURE:
             return pair, known
         entries = np.stack((2 * near, 2 * near + 1), axis=1).ravel()
         cov = None if around.cov is None else around.cov[np.ix_(entries, entries)]
-        sightings = RangeBearing(*(column[list(open_)] for column in step.sightings))
+        sightings = RangeBearing(*(column[open_] for column in step.sightings))
         fix = locate(
             [step._replace(odometry=None, sightings=sightings)],
             Map(around.ids[near], around.xy[near], cov),
@@ -282,13 +309,18 @@ class Associating:
             self._gates = gates(self._options.joint, 2 * pairs)
         return self._gates
 
-    def _without_retired(self, found: Map) -> Map:
-        if not self._retired:
-            return found
-        keep = np.flatnonzero(~np.isin(found.ids, list(self._retired)))
-        entries = np.stack((2 * keep, 2 * keep + 1), axis=1).ravel()
-        cov = None if found.cov is None else found.cov[np.ix_(entries, entries)]
-        return Map(found.ids[keep], found.xy[keep], cov)
+    def _translated(self, ids: list[int]) -> Ints:
+        """Ids as they are known now: of a made-up one whose landmark has got a known one, that."""
+        return np.array([self._called.get(i, i) for i in ids] if self._called else ids, np.int64)
+
+    def _as_called(self, found: Map) -> Map:
+        """The map by these ids, without landmarks that were taken out."""
+        if self._retired:
+            keep = np.flatnonzero(~np.isin(found.ids, list(self._retired)))
+            entries = np.stack((2 * keep, 2 * keep + 1), axis=1).ravel()
+            cov = None if found.cov is None else found.cov[np.ix_(entries, entries)]
+            found = Map(found.ids[keep], found.xy[keep], cov)
+        return found._replace(ids=self._translated(found.ids.tolist())) if self._called else found
 
 
 def associating(builder: Builder) -> Builder:

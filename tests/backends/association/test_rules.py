@@ -157,7 +157,9 @@ def test_what_is_far_from_all_that_are_free_is_new_and_what_is_between_is_open(r
 def test_nothing_expected_or_nothing_seen_is_no_pair() -> None:
     nobody, nothing = np.zeros((0, 2)), np.zeros((0, 0))
     for rule in (NEAREST, CHEAPEST, JOINT):
-        pair, tried = decide_frame(rule, np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1)), nobody, nothing, MATCH, GATES, FAR, 9)
+        pair, tried = decide_frame(
+            rule, np.ones((3, 2)), np.tile(np.eye(2), (3, 1, 1)), nobody, nothing, MATCH, GATES, FAR, 9
+        )
         assert (pair.tolist(), tried) == ([NEW] * 3, 0)
         pair, _ = decide_frame(rule, nobody, np.zeros((0, 2, 2)), np.ones((1, 2)), np.eye(2), MATCH, GATES, FAR, 9)
         assert len(pair) == 0
