@@ -59,8 +59,8 @@ def _prior(log: Log) -> Iterator[str]:
     sd = float(np.sqrt(log.prior.cov[2, 2]))
     if sd > UNKNOWN_HEADING:
         yield (
-            f"the heading of the prior has a standard deviation of {sd:.3g} rad: a backend that linearises there cannot "
-            f"be consistent, expected at most {UNKNOWN_HEADING:g} rad"
+            f"the heading of the prior has a standard deviation of {sd:.3g} rad: a backend that linearises there "
+            f"cannot be consistent, expected at most {UNKNOWN_HEADING:g} rad"
         )
 
 

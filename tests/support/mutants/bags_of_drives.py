@@ -28,7 +28,7 @@ from slamduel.frontend.wheels.motion import TrackNoise
 from small_recording import MOUNTING, SIDE, sighting
 
 from .drive import Tables, drive
-from .ending import Ended, judged, sound
+from .ending import Ended, in_any_order, judged, sound
 
 REUSED, SECONDS = 16, 40.0  # mutations of one drive, and its length
 NS, BEGIN = 10**9, 1_000  # s, of the first message: in the header and on reception
@@ -189,7 +189,8 @@ MUTATIONS: dict[str, Mutation] = {
     **{f"{of}: clock jumps": _shifted(of, 0.7, 100.0, from_half=True) for of in ("frames", "odometry")},
     **{f"{of}: clock drifts": _each(of, lambda one: replace(one, stamp=BEGIN + 1.05 * (one.stamp - BEGIN)))
        for of in ("frames", "odometry")},
-    **{f"{of}: milliseconds": _each(of, lambda one: replace(one, stamp=1000 * one.stamp)) for of in ("frames", "odometry")},
+    **{f"{of}: milliseconds": _each(of, lambda one: replace(one, stamp=1000 * one.stamp))
+       for of in ("frames", "odometry")},
     "all: twice": _twice,
     "all: received in any order": _shuffled,
     "all: stamps 0": lambda said, rng: [replace(one, stamp=0.0) for one in said],
@@ -238,7 +239,7 @@ def _load(path: Path, told: Told) -> Dataset:
 
 def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many bags, every kind in turn; each fifth is a damaged file instead, each tenth another lens."""
-    kinds = list(MUTATIONS)
+    kinds = in_any_order(MUTATIONS, seed)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         for case in range(cases):
             rng = np.random.default_rng([seed, case])

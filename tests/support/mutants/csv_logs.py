@@ -12,7 +12,7 @@ from fuzzing import damaged
 from slamduel.frontend.se2 import Array
 
 from .drive import TABLES, Tables, drive
-from .ending import Ended, judged, sound
+from .ending import Ended, in_any_order, judged, sound
 from .tables import MUTATIONS
 
 REUSED = 20  # mutations of one drive
@@ -37,7 +37,7 @@ def written(folder: Path, files: dict[str, str | bytes]) -> str:
 
 def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many logs, every kind in turn; each sixth is a damaged file instead."""
-    kinds = list(MUTATIONS)
+    kinds = in_any_order(MUTATIONS, seed)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         folder = Path(scratch)
         for case in range(cases):

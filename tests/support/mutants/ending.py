@@ -1,7 +1,9 @@
 """The end of a mutated log: refused, remarked on, the same within noise, worse in silence, or crashed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from slamduel.backends import registry
 from slamduel.bench.measure.cell import Job, run_on
@@ -22,6 +24,11 @@ class Ended(NamedTuple):
     kind: str  # of the mutation
     end: str  # of ENDS
     words: str  # the refusal, the remark, or the numbers
+
+
+def in_any_order(kinds: Iterable[str], seed: int) -> list[str]:
+    """The kinds of a family in an order of the seed's, so that few cases are of all sorts."""
+    return np.random.default_rng(seed).permutation(sorted(kinds)).tolist()
 
 
 def result(made: Dataset) -> tuple[dict[str, Any], str]:

@@ -46,7 +46,7 @@ POSES: dict[str, Callable[[Any], Any]] = {
     "nan": _put(0, np.nan),
     "inf": _put(1, np.inf),
     "heading inf": _put(2, -np.inf),
-    "heading unwrapped": lambda pose: pose + [0, 0, 2 * np.pi],
+    "heading unwrapped": lambda pose: pose + np.array((0, 0, 2 * np.pi)),
     "huge": _put(0, 1e200),
     "beyond the Earth": _put(0, 1e10),
     "subnormal": _put(0, 5e-324),
@@ -68,7 +68,7 @@ POSES: dict[str, Callable[[Any], Any]] = {
 BELIEFS: dict[str, Callable[[Any], Any]] = {
     "none": lambda belief: None,
     "tuple": lambda belief: (belief.pose, belief.cov),
-    "elsewhere": lambda belief: belief._replace(pose=belief.pose + [0.5, 0, 0]),
+    "elsewhere": lambda belief: belief._replace(pose=belief.pose + np.array((0.5, 0, 0))),
     "pose nan": lambda belief: belief._replace(pose=belief.pose * np.nan),
     "no cov": _cov(lambda cov: None),
     "cov 1e-12": _cov(lambda cov: 1e-12 * cov),

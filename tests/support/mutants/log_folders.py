@@ -13,7 +13,7 @@ from fuzzing import damaged
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.se2 import Array, compose
 
-from .ending import Ended, judged, sound
+from .ending import Ended, in_any_order, judged, sound
 from .random_drive import random_drive
 
 Files = dict[str, bytes]
@@ -48,7 +48,9 @@ def _numbers(name: str, change: Callable[[Array], None], first: int = 1) -> Muta
         rows = np.array(cells)
         change(rows)
         texts = [["" if np.isnan(x) else str(int(x)) if x == int(x) else repr(float(x)) for x in row] for row in rows]
-        files[name] = ("\n".join([*lines[:first], *(("," if comma else " ").join(row) for row in texts)]) + "\n").encode()
+        files[name] = (
+            "\n".join([*lines[:first], *(("," if comma else " ").join(row) for row in texts)]) + "\n"
+        ).encode()
 
     return mutate
 
@@ -194,7 +196,7 @@ MUTATIONS: dict[str, Mutation] = {
 
 def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many folders, every kind in turn; each sixth is a damaged file instead."""
-    kinds = list(MUTATIONS)
+    kinds = in_any_order(MUTATIONS, seed)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         for case in range(cases):
             rng = np.random.default_rng([seed, case])

@@ -14,7 +14,7 @@ from slamduel.bench.words.reason import reason
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Dataset
 
-from .ending import Ended, compared
+from .ending import Ended, compared, in_any_order
 from .faulty import FAULTS, ODD_BUILDERS
 from .random_drive import random_drive
 
@@ -25,16 +25,16 @@ PLACE = "mutants.faulty"
 
 def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many plug-ins, every fault in turn; each tenth is an odd builder instead."""
-    faults, odd = list(FAULTS), list(ODD_BUILDERS)
+    faults, odd = in_any_order(FAULTS, seed), in_any_order(ODD_BUILDERS, seed)
     for case in range(cases):
         if case % REUSED == 0:
             made = random_drive(np.random.default_rng([seed, case]), 30.0)
             right = ran("build", "", made).row
         if case % 10 == 9:
-            name, fault = odd[(seed + case // 10) % len(odd)], ""
+            name, fault = odd[(case // 10) % len(odd)], ""
             kind, place = f"plug-in builder: {name}", f"odd_{name.replace(' ', '_')}"
         else:
-            fault = faults[(seed + case - case // 10) % len(faults)]
+            fault = faults[(case - case // 10) % len(faults)]
             kind, place = f"plug-in {fault}", "build"
         try:
             yield judged(kind, ran(place, fault, made), right)
