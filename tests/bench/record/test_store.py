@@ -279,6 +279,13 @@ def _version_1(path: Path) -> None:
     db.close()
 
 
+def _no_cells(path: Path) -> None:
+    db = sqlite3.connect(path)
+    db.execute("DROP VIEW cells")
+    db.execute("DROP TABLE results")
+    db.close()
+
+
 WHOLE = "expected the record of a run or a study, whole. Nothing was changed; cells.csv beside it has the results; "
 
 
@@ -289,6 +296,7 @@ WHOLE = "expected the record of a run or a study, whole. Nothing was changed; ce
         (_other_tables, "found other tables, expected a record."),
         (_later_version, "found a record of format 99, expected 2: another version of slamduel wrote it."),
         (_version_1, "bench run into a new folder makes a new one."),
+        (_no_cells, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
         (_damaged, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
     ],
 )
