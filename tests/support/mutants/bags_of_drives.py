@@ -241,6 +241,8 @@ def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many bags, every kind in turn; each fifth is a damaged file instead, each tenth another lens."""
     kinds = in_any_order(MUTATIONS, seed)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        said, told, right = Messages(), Told(), dict[str, Any]()
+        truth = Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
         for case in range(cases):
             rng = np.random.default_rng([seed, case])
             folder, kind = Path(scratch) / str(case), bags.KINDS[case % len(bags.KINDS)]

@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,7 @@ def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     kinds = in_any_order(MUTATIONS, seed)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         folder = Path(scratch)
+        clean, right = Tables(), dict[str, Any]()
         for case in range(cases):
             rng = np.random.default_rng([seed, case])
             if case % REUSED == 0:

@@ -198,6 +198,7 @@ def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many folders, every kind in turn; each sixth is a damaged file instead."""
     kinds = in_any_order(MUTATIONS, seed)
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
+        clean, right = Files(), dict[str, Any]()
         for case in range(cases):
             rng = np.random.default_rng([seed, case])
             folder = Path(scratch) / str(case)

@@ -26,6 +26,7 @@ PLACE = "mutants.faulty"
 def tried(cases: int, seed: int = 0) -> Iterator[Ended]:
     """Mutates that many plug-ins, every fault in turn; each tenth is an odd builder instead."""
     faults, odd = in_any_order(FAULTS, seed), in_any_order(ODD_BUILDERS, seed)
+    made, right = random_drive(np.random.default_rng(seed), 1.0), dict[str, Any]()
     for case in range(cases):
         if case % REUSED == 0:
             made = random_drive(np.random.default_rng([seed, case]), 30.0)
