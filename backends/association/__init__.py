@@ -1,0 +1,1 @@
+"""Data association in front of any backend, and the start of one on a given map."""
