@@ -12,8 +12,8 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from ._landmark_grid import nearest
 
-MISS = 2.0
-"""Cost of a place without a landmark: the logarithm of the odds that a sighting is of a mapped landmark, about 7 to 1."""
+MISS = 3.0
+"""Cost of a place without a landmark: the logarithm of the odds that a sighting is of a mapped landmark, about 20 to 1."""
 ALIKE = 0.1
 """Headings (rad) nearer than this are of one hypothesis, where the places fall together too."""
 
