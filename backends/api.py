@@ -54,6 +54,7 @@ class Belief(NamedTuple):
     ancestors: int | None = None  # number of initial particles with living descendants
     refused: int = 0  # sightings of the step rejected by a gate
     assigned: Ints | None = None  # (k,) data association: landmark of each sighting of the step
+    located: bool = True  # False: the start is unknown, and the robot has not been found on the map yet
 
 
 class Solution(NamedTuple):
@@ -119,7 +120,8 @@ class Builder:
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
     `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
     otherwise logs that have some are skipped. `associates`: it does data association for sightings with id UNKNOWN;
-    otherwise these are removed from the log, and counted. `forgets`: it drops landmarks long out of view, so that it
+    otherwise these are removed from the log, and counted. `locates`: it finds an unknown start on a given map itself;
+    otherwise it is made where the robot is found. `forgets`: it drops landmarks long out of view, so that it
     does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
     is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
     three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
@@ -132,6 +134,7 @@ class Builder:
     random: bool = False
     loops: bool = False
     associates: bool = False
+    locates: bool = False
     forgets: bool = False
     linear: bool = False
     implementation: str | Callable[[Any], str] = ""

@@ -41,6 +41,7 @@ def packed(dataset: Dataset) -> bytes:
             members["truth.assigned"] = truth.assigned
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
+    words |= {} if log.prior.start == "known" else {"start": log.prior.start}
     members["words"] = np.frombuffer(json.dumps(words).encode(), np.uint8)
     content = BytesIO()
     np.savez(content, allow_pickle=False, **members)
@@ -85,7 +86,8 @@ def _both(members: Members, words: Words) -> Dataset:
 
 
 def _log(members: Members, words: Words) -> Log:
-    prior = Prior(_frozen(members["prior.pose"]), _frozen(members["prior.cov"]), _map(members, "prior.map"))
+    given = _map(members, "prior.map")
+    prior = Prior(_frozen(members["prior.pose"]), _frozen(members["prior.cov"]), given, words.get("start", "known"))
     return Log(words["name"], prior, **{name: _frozen(members[name]) for name in _LOG}, notes=words["notes"])
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from .errors import InputError
-from .factors import ROUNDING, UNKNOWN, Log, Map, Prior, Truth
+from .factors import ROUNDING, STARTS, UNKNOWN, Log, Map, Prior, Truth
 from .se2 import Array
 from .table import LARGEST, MOST
 
@@ -85,6 +85,10 @@ def _prior(prior: Prior) -> Iterator[Problem]:
     yield from _finite("prior", ("x", "y", "heading"), prior.pose[None])
     yield from _angle("prior", "heading", prior.pose[2:])
     yield from _covariance("prior", prior.cov[None])
+    if prior.start not in STARTS:
+        yield Problem("prior", 0, f"start is {prior.start!r}, expected 'known' or 'unknown'")
+    if prior.start == "unknown" and prior.map is None:
+        yield Problem("prior", 0, "start is unknown without a map, expected a map to find it on")
     if prior.map is not None:
         yield from _known(prior.map)
 

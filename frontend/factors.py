@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -25,6 +25,9 @@ REMARKS = "remarks"
 
 UNKNOWN = -1
 """The id of a sighting without data association."""
+
+Start = Literal["known", "unknown"]
+STARTS: tuple[Start, ...] = get_args(Start)
 
 
 class Odometry(NamedTuple):
@@ -68,11 +71,15 @@ class Map(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed."""
+    """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed.
+
+    An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders.
+    """
 
     pose: Array  # (3,)
     cov: Array  # (3, 3) in the world frame, positive definite
     map: Map | None = None
+    start: Start = "known"
 
 
 class Truth(NamedTuple):
@@ -255,6 +262,7 @@ class Log:
             "prior.map.xy": None if known is None else known.xy,
             "prior.map.cov": None if known is None else known.cov,
         }
+        columns |= {} if self.prior.start == "known" else {"prior.start unknown": None}
         columns |= {name: getattr(self, name) for name in _COLUMNS}
         return digest_of(columns)
 
@@ -390,7 +398,7 @@ def _frozen_prior(prior: Prior) -> Prior:
     known = prior.map
     if known is not None:
         known = Map(_frozen_ids(known.ids), _frozen(known.xy), None if known.cov is None else _frozen(known.cov))
-    return Prior(_frozen(prior.pose), _frozen(prior.cov), known)
+    return Prior(_frozen(prior.pose), _frozen(prior.cov), known, prior.start)
 
 
 def _without_first(rows: Array) -> Array:

@@ -1,7 +1,8 @@
 """Poses that lay a pair of places on a pair of landmarks as far apart, and the best of them.
 
 A place that falls near a landmark counts the logarithm of its likelihood there over that of landmarks strewn about as
-densely as there; one that does not costs MISS. Variances are half-traces: of the places and landmarks relative to the pair that is laid.
+densely as there; one that does not costs MISS. Variances are half-traces: of the places and landmarks relative to the
+pair that is laid.
 """
 
 from math import atan2, cos, floor, log, pi, sin, sqrt
@@ -13,7 +14,7 @@ from ...frontend.se2 import Array, Ints
 from ._landmark_grid import nearest
 
 MISS = 3.0
-"""Cost of a place without a landmark: the logarithm of the odds that a sighting is of a mapped landmark, about 20 to 1."""
+"""Cost of a place without a landmark: logarithm of the odds, 20 to 1, that what is sighted is on the map."""
 ALIKE = 0.1
 """Headings (rad) nearer than this are of one hypothesis, where the places fall together too."""
 
@@ -98,7 +99,7 @@ def search(
     pair_a: Ints, pair_b: Ints, length: Array, variance: Array,
     xy: Array, half: Array, corner: Array, cell: float, first: Ints, members: Ints, kept: Array,
 ) -> int:  # fmt: skip
-    """Lays the `pairs` (p, 2) of `places` (k, 2) on the pairs of landmarks low[i]:high[i] of the sorted ones, both ways.
+    """Lays the `pairs` (p, 2) of `places` (k, 2) on the pairs of landmarks low[i]:high[i], sorted, both ways.
 
     Fills `kept` (m, 4) with the best: position of the places' mean (m), heading, score; returns how many there are.
     """

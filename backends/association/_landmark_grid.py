@@ -39,10 +39,10 @@ def fill(xy: Array, corner: Array, cell: float, first: Ints, members: Ints) -> N
 def nearest(x: float, y: float, reach: float, xy: Array, corner: Array, cell: float, first: Ints, members: Ints) -> int:
     """Finds the landmark nearest to (x, y) within `reach`; -1 where there is none."""
     rows, columns = first.shape[0], first.shape[1] - 1
-    top = min(max(int(floor((y + reach - corner[1]) / cell)), -1), rows - 1)
-    low = max(min(int(floor((y - reach - corner[1]) / cell)), rows), 0)
-    right = min(max(int(floor((x + reach - corner[0]) / cell)), -1), columns - 1)
-    left = max(min(int(floor((x - reach - corner[0]) / cell)), columns), 0)
+    top = min(max(floor((y + reach - corner[1]) / cell), -1), rows - 1)
+    low = max(min(floor((y - reach - corner[1]) / cell), rows), 0)
+    right = min(max(floor((x + reach - corner[0]) / cell), -1), columns - 1)
+    left = max(min(floor((x - reach - corner[0]) / cell), columns), 0)
     found, best = -1, reach * reach
     if right < left:
         return found

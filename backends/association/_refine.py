@@ -69,8 +69,10 @@ def match(
 
 
 @compiled
-def joint(pose: Array, places: Array, cov: Array, to: Ints, xy: Array, map_cov: Array, r: Array, G: Array, S: Array) -> int:
-    """Computes the residuals r (2m,) of the m matched places, their Jacobian G (2m, 3) by the pose, and covariance S."""
+def joint(
+    pose: Array, places: Array, cov: Array, to: Ints, xy: Array, map_cov: Array, r: Array, G: Array, S: Array
+) -> int:
+    """Computes the residuals r (2m,) of the m matched places, their Jacobian G (2m, 3) by the pose, covariance S."""
     c, s = cos(pose[2]), sin(pose[2])
     m = 0
     for q in range(len(places)):
@@ -138,7 +140,7 @@ def determinant(a: Array) -> float:
 
 @compiled
 def worst(r: Array, inverse: Array, m: int, room: Array) -> tuple[int, float]:
-    """Finds the match that adds least to the likelihood, given the others: its number, and what it adds, `room` (m,)."""
+    """Finds the match that adds least to the likelihood, given the others, `room` (m,): its number, what it adds."""
     which, least = -1, np.inf
     for i in range(m):
         x = y = 0.0

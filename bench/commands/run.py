@@ -8,6 +8,7 @@ import textwrap
 import time
 from pathlib import Path
 
+from ...frontend.factors import STARTS
 from ..plan.values import count, positive
 from ..record.store import Store
 from ..run.benchmark import DEFAULTS, benchmark
@@ -63,6 +64,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "id,x,y[,cxx,cxy,cyy]. The log's start must be known in the frame of the map; what it lacks is added as new",
     )
     add("--map-fixed", action="store_true", default=None, help="hold that map fixed, ignoring its covariance")
+    add(
+        "--start",
+        choices=STARTS,
+        help="unknown: the robot may be anywhere on the map that --map gives, and is found by its sightings; errors "
+        "are those from there on (default known)",
+    )
     add(
         "--oracle",
         action="store_true",

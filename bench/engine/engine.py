@@ -240,8 +240,9 @@ def batch_of(
     dataset = cell.cell.dataset
     jobs = tuple((place, job_of(work, one)) for place, one in cells.items())
     known = None if work.map is None else work.map.of(dataset, cell.cell.seed)
+    start = "known" if work.map is None else work.map.start
     return Batch(
-        dataset.name, dataset.options, log_seed(cell.cell), jobs, work.timeout_s, work.keep, kept, whole, known
+        dataset.name, dataset.options, log_seed(cell.cell), jobs, work.timeout_s, work.keep, kept, whole, known, start
     )
 
 

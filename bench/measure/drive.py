@@ -13,8 +13,10 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...backends.api import Backend, Belief, Builder, Solution, WantsTruth
+from ...backends.association.locating import begin
 from ...frontend import compiled
 from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints
@@ -37,6 +39,7 @@ class Outcome:
     n_eff: Array  # (n,) NaN where there are no particles
     ancestors: Array  # (n,) of the particles, NaN where there are none or they are not counted
     refused: Ints  # (n,) sightings that a gate rejected
+    located: NDArray[np.bool]  # (n,) False until an unknown start is found
     map: Map
     solution: Solution | None
     step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
@@ -68,7 +71,7 @@ def drive(
         while True:
             ready = compiled.ready()
             start = time.process_time_ns()
-            backend = builder.make(log.prior, options, generator())
+            backend = begin(builder, log.prior, options, generator())
             setup_ns = time.process_time_ns() - start
             told = _tell(backend, truth)
             online, step_ns, wall_ns = timing_pass(backend, steps)
@@ -82,7 +85,7 @@ def drive(
     solution = checked_solution(finished, len(steps))
     del backend, finished
 
-    backend = builder.make(log.prior, options, generator())
+    backend = begin(builder, log.prior, options, generator())
     _tell(backend, truth)
     beliefs = _belief_pass(backend, steps, online)
     start = time.process_time_ns()
@@ -96,6 +99,7 @@ def drive(
         n_eff=beliefs.n_eff,
         ancestors=beliefs.ancestors,
         refused=beliefs.refused,
+        located=beliefs.located,
         map=checked_map(found, "map()"),
         solution=solution,
         step_ns=np.maximum(step_ns - clock, 0),
@@ -122,7 +126,7 @@ def warm_up(
     truth: Truth | None = None,
 ) -> None:
     """Takes a separate backend through the log's first steps, every method once."""
-    backend = builder.make(log.prior, options, generator())
+    backend = begin(builder, log.prior, options, generator())
     _tell(backend, truth)
     for step in islice(log if builder.associates else log.identified(), WARM_UP):
         backend.step(step)
@@ -159,6 +163,7 @@ class _Beliefs(NamedTuple):
     n_eff: Array
     ancestors: Array
     refused: Ints
+    located: NDArray[np.bool]
     ns: Ints  # CPU time of asking
 
 
@@ -166,7 +171,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
     """Returns the belief after every step; Broken where asking has changed the path."""
     n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
     nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
-    nis_dof, refused = [0] * n, [0] * n
+    nis_dof, refused, located = [0] * n, [0] * n, [True] * n
     path = b"" if online is None else online.tobytes()
     known, covs, believed, poses = list[int](), bytearray(), list[int](), bytearray()
     try:
@@ -181,7 +186,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
                 continue
             if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
                 raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
-            place, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _ = belief
+            place, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _, located[k] = belief
             poses += (
                 place if is_floats(place, POSE) else finite(place, POSE, f"step {k}: the belief's pose")
             ).tobytes()
@@ -199,6 +204,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
         n_eff=np.array([np.nan if value is None else value for value in n_eff]),
         ancestors=np.array([np.nan if value is None else value for value in ancestors]),
         refused=np.array(refused, np.int64).reshape(n),
+        located=np.array(located, np.bool),
         ns=np.array(ns, np.int64),
     )
 

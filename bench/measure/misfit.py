@@ -61,8 +61,9 @@ def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
 
 
 def _prior(log: Log, path: Array, landmarks: Map) -> float:
-    known = log.prior.map
-    off = _squared(difference(path[:1], log.prior.pose[None]), log.prior.cov[None])
+    known, off = log.prior.map, 0.0
+    if log.prior.start == "known":
+        off = _squared(difference(path[:1], log.prior.pose[None]), log.prior.cov[None])
     if known is None or known.cov is None:
         return off
     row = {landmark: k for k, landmark in enumerate(landmarks.ids.tolist())}

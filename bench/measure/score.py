@@ -12,6 +12,7 @@ from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretche
 from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
+from .locating import locating
 from .metrics import covariances, nees, not_covariances
 from .misfit import Misfit, misfit
 from .misstated import misstated
@@ -35,7 +36,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     """Scores an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
     row: dict[str, Any] = {}
     arrays = _kept(log, outcome)
-    remarks = _remarks(log, truth)
+    remarks = _remarks(log, outcome, truth)
     ends = _ends(outcome)
     for prefix, end in ends.items():
         found = _not_covariances(log, end)
@@ -45,6 +46,9 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
             row |= _prefixed(prefix, map_accuracy(log, truth, truth.map, end.map))
     if truth is not None and len(truth.t):
         at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
+        known = outcome.located[at]  # an unknown start: errors are those from the fix on
+        at, truth = at[known], truth._replace(t=truth.t[known], poses=truth.poses[known])
+    if truth is not None and len(truth.t):
         over = stretches(truth, timed=length(log.t) is not None)
         for prefix, end in ends.items():
             if end.path is None:
@@ -69,6 +73,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
         arrays["cost_terms"] = np.array(fit)
     row["landmarks"] = len((outcome.solution or outcome).map.ids)
     row |= _measured_from(truth)
+    row |= locating(log, outcome, truth)
     return Score(row | _inner(log, outcome) | step_cost(log, outcome), arrays, "; ".join(remarks))
 
 
@@ -109,11 +114,13 @@ def _prefixed(prefix: str, row: dict[str, Any]) -> dict[str, Any]:
     return {prefix + name: value for name, value in row.items()}
 
 
-def _remarks(log: Log, truth: Truth | None) -> list[str]:
+def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
     said: list[str] = []
     given = log.prior.map
     if given is not None and not np.isin(given.ids, log.ids).any():
         said.append(f"none of the {len(given.ids)} landmarks of the given map is sighted")
+    if not outcome.located.any():
+        said.append("the robot was not found on the given map")
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")

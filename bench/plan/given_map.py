@@ -14,7 +14,7 @@ import numpy as np
 
 from ...datasets import registry as datasets
 from ...frontend.errors import InputError
-from ...frontend.factors import Log, Map
+from ...frontend.factors import Log, Map, Start
 from ...frontend.se2 import Array
 from ..record.schema import FILE, Row, label
 from ..record.store import Store
@@ -40,6 +40,7 @@ class GivenMap:
     kinds: frozenset[str]  # what is known of their covariances
     world: str  # the dataset it was made from, if each of its seeds is another world; else ""
     made_of: str = ""  # that dataset with its options, "" for a file
+    start: Start = "known"  # of the robot on it
 
     def seeds(self, dataset: DatasetVariant, wanted: Iterable[int]) -> list[int]:
         """Returns those of `wanted` whose log is of a world that was mapped; InputError where there is none."""
@@ -68,6 +69,7 @@ class GivenMap:
         total = hashlib.sha256()
         for seed, known in sorted(self.maps.items()):
             total.update(f"{seed} {len(known.ids)} {known.cov is not None}\n".encode())
+            total.update(b"unknown start\n" * (self.start == "unknown"))
             for column in known if known.cov is not None else known[:2]:
                 total.update(np.ascontiguousarray(column).tobytes())
         return total.hexdigest()
@@ -76,17 +78,29 @@ class GivenMap:
         """Describes the map for a report."""
         sizes = sorted({len(known.ids) for known in self.maps.values()})
         many = f"{sizes[0]} to {sizes[-1]} landmarks" if len(sizes) > 1 else counted(sizes[0], "landmark")
-        return f"{many} from {self.source}, {' or '.join(sorted(self.kinds))}"
+        start = ", the start on it unknown" if self.start == "unknown" else ""
+        return f"{many} from {self.source}, {' or '.join(sorted(self.kinds))}{start}"
 
     def _by_seed(self, dataset: DatasetVariant) -> bool:
         return bool(self.world) and dataset.name == self.world
 
 
-def read(source: str, *, fixed: bool) -> GivenMap:
+def read(source: str, *, fixed: bool, start: Start = "known") -> GivenMap:
     """Reads the map in `source`: a folder of a run or cell, all seeds as *, or a CSV file of landmarks.
 
-    InputError names the file, and the row, of what cannot be used, or the cells to choose from.
+    InputError names the file, and the row, of what cannot be used, or the cells to choose from, and where a map without
+    covariance is not said to be exact for an unknown `start`.
     """
+    found = replace(_read(source, fixed), start=start)
+    if start == "unknown" and not fixed and any(known.cov is None for known in found.maps.values()):
+        raise InputError(
+            f"--start unknown: the map of {source} has no covariance, expected one with; --map-fixed says that it is "
+            "exact."
+        )
+    return found
+
+
+def _read(source: str, fixed: bool) -> GivenMap:
     path = Path(source)
     if path.is_file():
         known = read_landmarks(path)
@@ -98,11 +112,11 @@ def read(source: str, *, fixed: bool) -> GivenMap:
     raise InputError(f"--map {source}: there is no {'map here' if path.exists() else 'such place'}; {expected}.")
 
 
-def localising(log: Log, known: Map, where: str) -> Log:
-    """Puts the map into the log's prior; InputError where it has one already."""
+def localising(log: Log, known: Map, where: str, start: Start = "known") -> Log:
+    """Puts the map, and what is known of the start, into the log's prior; InputError where it has a map already."""
     if log.prior.map is not None:
         raise InputError(f"--map: {where} has a map of its own in its prior, expected a log without.")
-    return replace(log, prior=log.prior._replace(map=known))
+    return replace(log, prior=log.prior._replace(map=known, start=start))
 
 
 class _Known(NamedTuple):

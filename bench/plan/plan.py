@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...frontend.errors import InputError
+from ...frontend.factors import STARTS
 from . import given_map
 from .given_map import GivenMap
 from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
-from .values import as_positive, as_switch, as_text, as_whole, too_many
+from .values import as_choice, as_positive, as_switch, as_text, as_whole, too_many
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class Plan:
             "memory_mb": self.memory_mb,
             "map": None if self.map is None else self.map.source,
             "map_fixed": self.map is not None and self.map.fixed,
+            "start": "known" if self.map is None else self.map.start,
             "map_digest": None if self.map is None else self.map.digest,
             "oracle": self.oracle,
         }
@@ -116,11 +118,14 @@ def _map(words: dict[str, Any]) -> GivenMap | None:
     """Reads the given map; InputError where its digest is no longer the recorded one."""
     source, expected = words.get("map"), words.get("map_digest")  # a run of an earlier version has neither
     fixed = as_switch("map_fixed", words.get("map_fixed", False))
+    start = as_choice("start", words.get("start", "known"), STARTS)
     if source is None:
+        if start == "unknown":
+            raise InputError("--start unknown: there is no map to find it on, expected --map beside it.")
         if fixed:
             raise InputError("--map-fixed: there is no map to hold fixed, expected --map beside it.")
         return None
-    found = given_map.read(as_text("map", source), fixed=fixed)
+    found = given_map.read(as_text("map", source), fixed=fixed, start=start)
     if expected is not None and found.digest != expected:
         raise InputError(
             f"--map {source}: has changed since this run was begun: its digest is {found.digest[:12]}, expected "

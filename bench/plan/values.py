@@ -5,9 +5,11 @@ from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ...frontend.errors import InputError
+
+T = TypeVar("T")
 
 MOST_CELLS = 1_000_000  # of a run or a study: more take gigabytes before the first is run
 
@@ -54,6 +56,14 @@ def as_whole(name: str, value: Any, least: int) -> int:
     if type(value) is bool or not isinstance(value, Integral) or int(value) < least:
         raise InputError(f"{name}: found {value!r}, expected {_whole(least)}.")
     return int(value)
+
+
+def as_choice(name: str, value: Any, known: Sequence[T]) -> T:
+    """Returns `value` if it is one of `known`; InputError names the argument."""
+    for one in known:
+        if value == one:
+            return one
+    raise InputError(f"{name}: found {value!r}, expected one of {', '.join(map(str, known))}.")
 
 
 def as_positive(name: str, value: Any) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Backend, Diverged, Map, WantsTruth
+from ...backends.association.locating import begin
 from ...datasets import archive
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import Step
@@ -53,7 +54,7 @@ def run(task: ReplayTask) -> Course:
         if len(log.loop_to) and not builder.loops:
             return course._replace(ended="the log has loop closures, which this backend does not take")
         log = log if builder.associates else log.identified()
-        backend = builder.make(log.prior, cell.options, cells.generator(cell.seed, cell.backend))
+        backend = begin(builder, log.prior, cell.options, cells.generator(cell.seed, cell.backend))
         if cell.oracle and truth is not None and truth.kind == "truth" and isinstance(backend, WantsTruth):
             backend.tell(truth)  # as in the run
     except Exception as error:

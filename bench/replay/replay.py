@@ -123,7 +123,8 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
     made = None if before is None else LogFiles(store.folder).read(dataset.name, before)
     if made is None:
         known = None if given is None else given.of(dataset, request.seed)
-        made = prepared(dataset.name, dataset.options, log_seed(cell), known)
+        start = "known" if given is None else given.start
+        made = prepared(dataset.name, dataset.options, log_seed(cell), known, start)
     if before is not None and made.log.digest != before.digest:
         raise InputError(
             f"{store.folder}: {dataset.label}, seed {request.seed}, has changed since this run: its "

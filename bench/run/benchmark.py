@@ -25,6 +25,7 @@ DEFAULTS: dict[str, Any] = {
     "memory_mb": 8000,
     "map": None,
     "map_fixed": False,
+    "start": "known",
     "oracle": False,
 }
 """the settings of a run where nothing is given"""

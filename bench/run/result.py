@@ -132,6 +132,7 @@ def run(
     memory_mb: int | None = None,
     map: Path | str | None = None,  # noqa: A002 - the option's name
     map_fixed: bool | None = None,
+    start: str | None = None,
     oracle: bool | None = None,
     retry: bool = False,
     strict: bool = False,
@@ -152,6 +153,7 @@ def run(
         "memory_mb": memory_mb,
         "map": str(map) if isinstance(map, Path) else map,
         "map_fixed": map_fixed,
+        "start": start,
         "oracle": oracle,
         "backend": None if backend is None else _backends(backend),
     }

@@ -54,6 +54,7 @@ NEES = Kind(expected=1.0)
 INSIDE_95 = Kind(expected=0.95, shown=_percent)
 SHARE = Kind(shown=_percent)
 CPU_US = Kind(unit="µs", is_time=True)
+CPU_MS = Kind(unit="ms", is_time=True)
 CPU_S = Kind(unit="s", is_time=True, shown=lambda s: number(s) if s >= SHORTEST_S else f"<{SHORTEST_S:g}")
 CPU_SHARE = Kind(is_time=True, shown=_percent)
 EXPONENT = Kind(is_time=True, never_negative=False, shown=lambda b: f"{round(b, 2) + 0.0:.2f}")  # never -0.00

@@ -181,6 +181,16 @@ METRICS = (
            "places."),
     Column("reference", "reference", kind.TEXT,
            "What the path is measured from where there is no ground truth and it is not the plain batch optimum."),
+    Column("located_share", "located", kind.SHARE,
+           "Share of the steps from the one on at which the robot is found on the given map. Errors of its path are "
+           "those at these steps. Blank where the start is known."),
+    Column("wrong_fix_share", "at a wrong place", kind.SHARE,
+           "Share of the located steps whose online pose is at another place: farther from the true one than half of "
+           "the map's landmarks are from their nearest other one, or turned by more than 30 degrees. Not aligned."),
+    Column("locate_steps", "steps to locate", kind.COUNT, "Steps until the robot is first found on the given map."),
+    Column("locate_ms", "time to locate", kind.CPU_MS,
+           "CPU time of these steps, those in which nothing is seen included, and the steps that the backend is given "
+           "at once where the robot is found."),
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 

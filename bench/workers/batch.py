@@ -12,7 +12,7 @@ from ...datasets import registry as datasets
 from ...datasets.remarks import remarks
 from ...datasets.truth import digest
 from ...frontend.errors import InputError, SlamduelError
-from ...frontend.factors import Dataset, Map
+from ...frontend.factors import Dataset, Map, Start
 from ...frontend.sketch import sketch
 from ..measure import cell
 from ..measure.cell import Job, Result
@@ -44,6 +44,7 @@ class Batch:
     kept: KeptLog | None = None  # the log is loaded instead of made
     whole: bool = False  # the log itself comes back, too
     map: Map | None = None  # goes into the log's prior
+    start: Start = "known"  # likewise
     rehearsal: bool = False  # the jobs' backends load or compile their code, and nothing is measured
 
     @property
@@ -96,14 +97,16 @@ class Logs:
         """Returns the batch's log and its facts; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
-            dataset = (
-                _loaded(batch.kept) if batch.kept else prepared(batch.dataset, batch.options, batch.seed, batch.map)
-            )
+            dataset = _loaded(batch.kept) if batch.kept else _prepared(batch)
             found = dataset, facts_of(dataset)
         self._kept[batch.log] = found
         while len(self._kept) > LOGS_KEPT:
             del self._kept[next(iter(self._kept))]
         return found
+
+
+def _prepared(batch: Batch) -> Dataset:
+    return prepared(batch.dataset, batch.options, batch.seed, batch.map, batch.start)
 
 
 def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: None) -> Iterator[Finished]:

@@ -13,7 +13,7 @@ import numpy as np
 import tomli_w
 
 from ...frontend.errors import InputError
-from ...frontend.factors import Log, Map, Prior
+from ...frontend.factors import STARTS, Log, Map, Prior
 from ...frontend.scan import Scan, attempted
 from ...frontend.toml.table import LARGEST, TomlTable
 
@@ -78,6 +78,7 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
     if log.prior.map is not None:
         ids, xy, cov = log.prior.map
         prior["map"] = {"ids": ids.tolist(), "xy": xy.tolist()} | ({} if cov is None else {"cov": cov.tolist()})
+    prior |= {} if log.prior.start == "known" else {"start": log.prior.start}
     truth = {} if truth_kind is None else {"truth": {"kind": truth_kind}}
     digests = {key: digest for key in ("factors", "truth") if (digest := getattr(contents, key)) is not None}
     # First the files' contents: if the end of this file is lost, that can be told from a shorter log.
@@ -112,11 +113,12 @@ def _truth_kind(file: TomlTable) -> Literal["truth", "reference"] | None:
 def _scan_prior(file: TomlTable) -> Scan[Prior]:
     """The prior; `NOWHERE` in place of an invalid one."""
     given = file.table("prior")
-    yield from given.unknown(("pose", "cov", "map"))
+    yield from given.unknown(("pose", "cov", "map", "start"))
     pose = yield from _tried(given.numbers, "pose", 3, most=LARGEST_FLOAT)
     cov = yield from _tried(given.numbers, "cov", 3, 3, most=LARGEST_FLOAT)
     known = (yield from _scan_map(given.table("map"))) if given.has("map") else None
-    return NOWHERE if pose is None or cov is None else Prior(pose, cov, known)
+    start = (yield from _tried(given.choice, "start", "known", STARTS)) or "known"
+    return NOWHERE if pose is None or cov is None else Prior(pose, cov, known, start)
 
 
 def _scan_map(known: TomlTable) -> Scan[Map | None]:

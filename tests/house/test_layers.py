@@ -39,6 +39,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "backends": {
         TOP: set(),
+        "association": {TOP},
         "gaussian": {TOP},
         "particles": {TOP},
         "smoothing": {TOP},

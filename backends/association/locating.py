@@ -1,0 +1,171 @@
+"""A backend whose start on the given map is not known, or whose robot is carried elsewhere, in front of any backend.
+
+Steps are held until the robot is found on the map; then the backend is made with the pose found, and takes the steps
+held. From there on the sightings are watched. Where they have become likelier by chance than at the pose, the robot is
+looked for again, by the sightings since, and the backend is made anew where it is found elsewhere.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...frontend.factors import Map, Prior, RelativePoses, Step, Truth
+from ...frontend.se2 import Array, compose, inverse, wrap
+from ..api import Backend, Belief, Builder, Pose, Solution, WantsTruth
+from .locate import LEAST, Fix, locate
+from .map_index import MapIndex
+from .watch import Watch
+
+WINDOW = 48
+"""Steps with sightings that the robot is looked for by, at most."""
+WIDER = 10.0
+"""The covariance of a pose found is multiplied by this: the backend gets the same sightings again, and would count them
+twice. So it counts them 1.1 times."""
+SAME = 0.5
+"""rad: a pose found is the one believed where headings differ by less, and places by less than landmarks do."""
+
+
+def begin(builder: Builder, prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
+    """Makes a backend; one that cannot find an unknown start itself is put behind `Locating`."""
+    if prior.start == "known" or prior.map is None or builder.locates:
+        return builder.make(prior, options, rng)
+    return Locating(lambda found: builder.make(found, options, rng), prior, prior.map)
+
+
+class Locating:
+    """Looks for the robot on the map, and makes the backend where it finds it."""
+
+    def __init__(self, make: Callable[[Prior], Backend], prior: Prior, known: Map) -> None:
+        self._make, self._prior, self._map = make, prior, known
+        self._on = MapIndex.of(known) if len(known.ids) else None
+        self._watch = None if self._on is None else Watch(self._on)
+        self._truth: Truth | None = None
+        self._inner: Backend | None = None
+        self._first = 0  # step at which the inner backend starts
+        self._online: bool | None = None  # False: a batch method
+        self._held: list[Step] = []  # the last steps
+        self._delta = list[Array]()  # (3,) of every step
+        self._parts = list[Array]()  # smoothed paths of backends that have been given up
+        self._pose = prior.pose.copy()
+        self._asked = 0  # sightings when it was last looked for
+
+    def tell(self, truth: Truth) -> bool:
+        """Takes the ground truth for a backend that asks for it."""
+        self._truth = truth
+        return self._told(self._make(self._prior))
+
+    def step(self, step: Step) -> Pose | None:
+        """Takes a step; the pose before the robot is found is the prior's, and odometry from there."""
+        if self._online is None:  # the interface says only by its answer whether a backend works online
+            trial = self._make(self._prior)
+            self._told(trial)
+            self._online = trial.step(step) is not None
+        self._delta.append(np.zeros(3) if step.odometry is None else step.odometry.delta)
+        before, self._pose = self._pose, compose(self._pose, self._delta[-1])
+        self._hold(step)
+        if self._inner is None:
+            self._look(self._held)
+        else:
+            if self._online and self._watch is not None:
+                self._watch.step(before, step)
+            found = self._inner.step(_shifted(step, self._first))
+            self._pose = self._pose if found is None else found
+            if self._watch is not None and self._watch.lost:
+                self._look(self._held[-self._watch.since :])
+        return self._pose.copy() if self._online else None
+
+    def belief(self) -> Belief | None:
+        """That of the backend; not located, and without covariance, before there is one."""
+        if self._inner is None:
+            return Belief(self._pose.copy(), located=False)
+        return self._inner.belief() or Belief(self._pose.copy())
+
+    def map(self) -> Map:
+        """That of the backend; the given one before there is one."""
+        return self._map if self._inner is None else self._inner.map()
+
+    def finish(self) -> Solution | None:
+        """The backend's; before its start, the path that odometry leads back on from there."""
+        if self._inner is None:
+            return None
+        solution = self._inner.finish()
+        if solution is None:
+            return None
+        path = np.concatenate((*self._parts, solution.path)) if self._parts else solution.path
+        back = list[Array]()
+        for delta in reversed(self._delta[1 : len(self._delta) - len(path) + 1]):
+            back.append(compose(back[-1] if back else path[0], inverse(delta)))
+        path = np.concatenate((np.array(back[::-1]).reshape(-1, 3), path))
+        cov = solution.cov
+        if cov is not None:
+            cov = np.concatenate((np.full((len(path) - len(cov), 3, 3), np.nan), cov))
+        return Solution(path, solution.map, cov)
+
+    def _hold(self, step: Step) -> None:
+        """Holds the last steps with `WINDOW` that have sightings, from one of these on."""
+        if not self._held and not len(step.sightings.ids):
+            return
+        self._held.append(step)
+        seeing = [k for k, held in enumerate(self._held) if len(held.sightings.ids)]
+        self._held = self._held[seeing[-min(WINDOW, len(seeing))] :]
+
+    def _look(self, steps: list[Step]) -> None:
+        """Looks for the robot by these last steps, once their sightings are an eighth more than the last time."""
+        if self._on is None or not steps or not len(steps[-1].sightings.ids):
+            return
+        self._asked += len(steps[-1].sightings.ids)
+        many = sum(len(one.sightings.ids) for one in steps)
+        if many < LEAST or 8 * self._asked < many:
+            return
+        self._asked = 0
+        fix = locate(steps, self._on)
+        if fix is None:
+            return
+        if self._inner is None or self._elsewhere(fix, steps):
+            self._start(fix, steps)
+        elif self._watch is not None:
+            self._watch.reset()
+
+    def _elsewhere(self, fix: Fix, steps: list[Step]) -> bool:
+        """Returns True where the pose found leads to another place than the one believed."""
+        pose = _led(fix.pose, steps)
+        gap = self._on.cell if self._on is not None else 0.0
+        return bool(np.hypot(*(pose - self._pose)[:2]) > gap or abs(wrap(pose[2] - self._pose[2])) > SAME)
+
+    def _start(self, fix: Fix, steps: list[Step]) -> None:
+        """Makes the backend with the pose found, and gives it the steps."""
+        first = len(self._delta) - len(steps)
+        if self._inner is not None:
+            given_up = self._inner.finish()
+            if given_up is not None:
+                self._parts.append(given_up.path[: first - self._first])
+        self._first = first
+        self._inner = self._make(Prior(fix.pose, WIDER * fix.cov, self._map))
+        self._told(self._inner)
+        self._pose = _led(fix.pose, steps)
+        for k, step in enumerate(steps):
+            answer = self._inner.step(_shifted(step if k else step._replace(odometry=None), first))
+            self._pose = self._pose if answer is None else answer
+        if self._watch is not None:
+            self._watch.reset()
+
+    def _told(self, backend: Backend) -> bool:
+        return self._truth is not None and isinstance(backend, WantsTruth) and backend.tell(self._truth)
+
+
+def _led(pose: Array, steps: list[Step]) -> Array:
+    """The pose at the last of the steps, by the odometry from that at the first."""
+    for step in steps[1:]:
+        if step.odometry is not None:
+            pose = compose(pose, step.odometry.delta)
+    return pose
+
+
+def _shifted(step: Step, first: int) -> Step:
+    """The step with its loop closures counted from step `first`; those to earlier steps are left out."""
+    if not first or not len(step.loops.to):
+        return step
+    to, delta, cov = step.loops
+    here = to >= first
+    return step._replace(loops=RelativePoses(to[here] - first, delta[here], cov[here]))
