@@ -30,7 +30,8 @@ from ..frontend.se2 import Array, Ints, act, act_jacobians, between, compose, co
 __all__ = [
     "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Backend", "Belief", "Builder", "Diverged", "Ints", "Map",
     "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth",
-    "TruthWanted", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
+    "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians",
+    "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -107,6 +108,10 @@ class WantsTruth(Protocol):
 
 class TruthWanted(SlamduelError):
     """Raised at the first step by a backend whose options need ground truth; its cell ends as `skipped`."""
+
+
+class Unsuited(SlamduelError):
+    """Raised, when it is made, by a backend that cannot run on such a log; its cell ends as `skipped`."""
 
 
 class Diverged(SlamduelError):

@@ -23,6 +23,7 @@ BUILTIN = {
     "invariant-ekf": "slamduel.backends.gaussian.invariant_ekf:build",
     "isam2": "slamduel.backends.graphs.isam2:build",
     "kf": "slamduel.backends.gaussian.kf:build",
+    "mcl": "slamduel.backends.particles.mcl:build",
     "smoother": "slamduel.backends.smoothing.smoother:build",
     "ukf": "slamduel.backends.gaussian.ukf:build",
 }

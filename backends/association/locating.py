@@ -44,7 +44,8 @@ class Locating:
         self._inner: Backend | None = None
         self._first = 0  # step at which the inner backend starts
         self._online: bool | None = None  # False: a batch method
-        self._held: list[Step] = []  # the last steps
+        self._held: list[Step] = []  # the last steps, from one with sightings on
+        self._seeing = 0  # of these steps
         self._delta = list[Array]()  # (3,) of every step
         self._parts = list[Array]()  # smoothed paths of backends that have been given up
         self._pose = prior.pose.copy()
@@ -64,15 +65,9 @@ class Locating:
         self._delta.append(np.zeros(3) if step.odometry is None else step.odometry.delta)
         before, self._pose = self._pose, compose(self._pose, self._delta[-1])
         self._hold(step)
-        if self._inner is None:
-            self._look(self._held)
-        else:
-            if self._online and self._watch is not None:
-                self._watch.step(before, step)
-            found = self._inner.step(_shifted(step, self._first))
-            self._pose = self._pose if found is None else found
-            if self._watch is not None and self._watch.lost:
-                self._look(self._held[-self._watch.since :])
+        if not self._found(before, step) and self._inner is not None:
+            answer = self._inner.step(_shifted(step, self._first))
+            self._pose = self._pose if answer is None else answer
         return self._pose.copy() if self._online else None
 
     def belief(self) -> Belief | None:
@@ -107,25 +102,34 @@ class Locating:
         if not self._held and not len(step.sightings.ids):
             return
         self._held.append(step)
-        seeing = [k for k, held in enumerate(self._held) if len(held.sightings.ids)]
-        self._held = self._held[seeing[-min(WINDOW, len(seeing))] :]
+        self._seeing += bool(len(step.sightings.ids))
+        while self._seeing > WINDOW or not len(self._held[0].sightings.ids):
+            self._seeing -= bool(len(self._held.pop(0).sightings.ids))
 
-    def _look(self, steps: list[Step]) -> None:
+    def _found(self, before: Array, step: Step) -> bool:
+        """Returns True where the backend is made anew, and has taken the step; the last pose was `before`."""
+        if self._inner is None or self._watch is None:
+            return self._look(self._held)
+        if self._online:
+            self._watch.step(before, step)
+        return self._watch.lost and self._look(self._held[-self._watch.since :])
+
+    def _look(self, steps: list[Step]) -> bool:
         """Looks for the robot by these last steps, once their sightings are an eighth more than the last time."""
         if self._on is None or not steps or not len(steps[-1].sightings.ids):
-            return
+            return False
         self._asked += len(steps[-1].sightings.ids)
         many = sum(len(one.sightings.ids) for one in steps)
         if many < LEAST or 8 * self._asked < many:
-            return
+            return False
         self._asked = 0
         fix = locate(steps, self._on)
-        if fix is None:
-            return
-        if self._inner is None or self._elsewhere(fix, steps):
+        elsewhere = fix is not None and (self._inner is None or self._elsewhere(fix, steps))
+        if fix is not None and elsewhere:
             self._start(fix, steps)
-        elif self._watch is not None:
+        if fix is not None and self._watch is not None:
             self._watch.reset()
+        return elsewhere
 
     def _elsewhere(self, fix: Fix, steps: list[Step]) -> bool:
         """Returns True where the pose found leads to another place than the one believed."""
@@ -147,8 +151,6 @@ class Locating:
         for k, step in enumerate(steps):
             answer = self._inner.step(_shifted(step if k else step._replace(odometry=None), first))
             self._pose = self._pose if answer is None else answer
-        if self._watch is not None:
-            self._watch.reset()
 
     def _told(self, backend: Backend) -> bool:
         return self._truth is not None and isinstance(backend, WantsTruth) and backend.tell(self._truth)

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from ...backends.api import Builder
+from ...backends.api import Builder, Unsuited
 from ...frontend.errors import InputError
 from ..plan.spec import backend_variants
 from . import contract, estimates
@@ -93,7 +93,7 @@ def examine(check: Check, candidate: Candidate) -> Outcome:
     name, title = check.name, check.title
     try:
         return Outcome(name, title, "passed", check.run(candidate))
-    except NotApplicable as reason:
+    except (NotApplicable, Unsuited) as reason:
         return Outcome(name, title, "not applicable", str(reason))
     except GaveUp as reason:
         return Outcome(name, title, "gave up", str(reason))

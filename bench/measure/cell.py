@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...backends import registry as backends
-from ...backends.api import Diverged, TruthWanted
+from ...backends.api import Diverged, TruthWanted, Unsuited
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Log, Truth
@@ -92,6 +92,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     except TruthWanted as error:
         blind = job.oracle and _oracle(job, read_truth) is None
         return Result("skipped", "--oracle: this log has no ground truth" if blind else str(error), row)
+    except Unsuited as error:
+        return Result("skipped", str(error), row)
     except SlamduelError as error:
         return Result("error", str(error), row)
     except MemoryError:

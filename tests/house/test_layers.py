@@ -41,7 +41,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         TOP: set(),
         "association": {TOP},
         "gaussian": {TOP},
-        "particles": {TOP},
+        "particles": {TOP, "association"},
         "smoothing": {TOP},
         "window": {TOP, "smoothing"},
         "graphs": {TOP, "smoothing", "window"},

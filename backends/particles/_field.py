@@ -1,0 +1,39 @@
+"""Weights of particles by a likelihood field: Probabilistic Robotics, table 6.3, over landmarks."""
+
+from math import exp, log, pi, sqrt
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from ..association._landmark_grid import nearest
+from ._particles import cosine_sine
+
+ASTRAY = 0.05
+"""Share of sightings that are not of the nearest landmark: they are equally likely anywhere (z_rand of the table)."""
+GATE = 13.8
+"""Squared standard deviations beyond which a landmark is not looked for: exp(-GATE / 2) is 0.001."""
+
+
+@compiled
+def weigh(
+    poses: Array, who: Ints, z: Array, z_cov: Array, widen: float, area: float, log_weights: Array,
+    xy: Array, half: Array, corner: Array, cell: float, first: Ints, members: Ints,
+) -> None:  # fmt: skip
+    """Adds to `log_weights` (M,) the logarithm of the likelihood of the sightings z (k, 2) at `poses` (5, M).
+
+    `who` (k,) is the landmark of each by its row in the map, -1: the nearest. Standard
+    deviations are `widen` times those of the sightings and landmarks.
+    """
+    for i in range(len(z)):
+        r = z[i, 0]
+        cb, sb = cosine_sine(z[i, 1])
+        widest = half[who[i], who[i]] if who[i] >= 0 else half.max()
+        v = widen * widen * (0.5 * (z_cov[i, 0, 0] + r * r * z_cov[i, 1, 1]) + widest)
+        reach, peak, floor = sqrt(GATE * v), (1 - ASTRAY) / (2 * pi * v), ASTRAY / area
+        for m in range(poses.shape[1]):
+            x = poses[0, m] + r * (poses[3, m] * cb - poses[4, m] * sb)
+            y = poses[1, m] + r * (poses[4, m] * cb + poses[3, m] * sb)
+            n = who[i] if who[i] >= 0 else nearest(x, y, reach, xy, corner, cell, first, members)
+            likelihood = floor
+            if n >= 0:
+                likelihood += peak * exp(-0.5 * ((xy[n, 0] - x) ** 2 + (xy[n, 1] - y) ** 2) / v)
+            log_weights[m] += log(likelihood)
