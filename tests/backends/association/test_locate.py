@@ -90,7 +90,7 @@ def test_on_the_map_of_another_world_it_is_silent() -> None:
 def test_where_two_places_look_alike_it_is_silent() -> None:
     log, _, known = ring()
     n = len(known.ids)
-    far = known.xy + (1000.0, 0.0)
+    far = known.xy + np.array((1000.0, 0.0))
     twice = Map(np.arange(2 * n), np.concatenate((known.xy, far)), np.eye(4 * n) * 1e-4)
     assert locate(window(unnamed(log), 0, 16), twice) is None
 
@@ -99,7 +99,7 @@ def test_ids_tell_places_apart_that_look_alike() -> None:
     log, truth, known = ring()
     n = len(known.ids)
     ids = np.concatenate((known.ids, known.ids.max() + 1 + known.ids))
-    twice = Map(ids, np.concatenate((known.xy, known.xy + (1000.0, 0.0))), np.eye(4 * n) * 1e-4)
+    twice = Map(ids, np.concatenate((known.xy, known.xy + np.array((1000.0, 0.0)))), np.eye(4 * n) * 1e-4)
     fix = locate(window(log, 0, 8), twice)
     assert fix is not None
     assert not astray(fix.pose, truth.poses[0], known)
