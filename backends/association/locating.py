@@ -17,7 +17,7 @@ from .locate import LEAST, Fix, locate
 from .map_index import MapIndex
 from .watch import Watch
 
-WINDOW = 48
+WINDOW = 128
 """Steps with sightings that the robot is looked for by, at most."""
 WIDER = 10.0
 """The covariance of a pose found is multiplied by this: the backend gets the same sightings again, and would count them
