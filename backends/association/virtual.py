@@ -22,7 +22,8 @@ class Virtual(NamedTuple):
 def virtual(steps: Sequence[Step], doubt: float = 1.0) -> Virtual:
     """Places the sightings of `steps` by the odometry between them; that of the first step is ignored.
 
-    To first order in the noise, as an EKF. The odometry's covariances are multiplied by `doubt`. A later step without odometry counts as standing still.
+    To first order in the noise, as an EKF. The odometry's covariances are multiplied by `doubt`. A later step without
+    odometry counts as standing still.
     """
     delta, delta_cov = np.zeros((len(steps), 3)), np.zeros((len(steps), 3, 3))
     for k, step in enumerate(steps[1:], start=1):

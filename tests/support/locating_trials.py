@@ -70,7 +70,7 @@ def located(made: Trial, on: Map | None = None) -> Tally:
     """Looks for the robot by `locate` from every start, on another map where one is given."""
     index = MapIndex.of(made.given if on is None else on)
     said, steps, once, whole = list[str](), list[int](), [0.0], list[float]()
-    locate(list(windows(made.log, 0))[0], index)  # compiles
+    locate(next(iter(windows(made.log, 0))), index)  # compiles
     for start in made.starts:
         verdict, spent = "silent", 0.0
         for size, held in zip(SIZES, windows(made.log, start), strict=False):

@@ -214,3 +214,17 @@ def test_without_ids_the_robot_is_found_by_a_backend_that_needs_none() -> None:
     assert known is not None
     assert located[-1]
     assert not astray(poses[39], truth.poses[39], known)
+
+
+def test_a_batch_has_room_for_landmarks_that_are_given_and_never_sighted() -> None:
+    log, _ = lost()
+    known = replace(log.head(3), prior=log.prior._replace(start="known"))
+    assert log.prior.map is not None
+    assert len(np.unique(known.ids)) < len(log.prior.map.ids) - 10
+    backend = begun("graph", known)
+    for step in known:
+        backend.step(step)
+    solution = backend.finish()
+    assert solution is not None
+    assert np.array_equal(np.sort(solution.map.ids), np.sort(log.prior.map.ids))
+    assert np.isfinite(solution.map.xy).all()
