@@ -12,7 +12,7 @@ from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretche
 from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
-from .locating import locating
+from .locating import from_the_fix_on, locating
 from .metrics import covariances, nees, not_covariances
 from .misfit import Misfit, misfit
 from .misstated import misstated
@@ -44,11 +44,9 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
         remarks += [_none(prefix, name, *counts) for name, counts in found.items() if counts[0]]
         if truth is not None and truth.map is not None:
             row |= _prefixed(prefix, map_accuracy(log, truth, truth.map, end.map))
+    truth = None if truth is None else from_the_fix_on(log, outcome, truth)
     if truth is not None and len(truth.t):
         at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
-        known = outcome.located[at]  # an unknown start: errors are those from the fix on
-        at, truth = at[known], truth._replace(t=truth.t[known], poses=truth.poses[known])
-    if truth is not None and len(truth.t):
         over = stretches(truth, timed=length(log.t) is not None)
         for prefix, end in ends.items():
             if end.path is None:
