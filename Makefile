@@ -6,7 +6,7 @@
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
-# make study-mutations      2,000 mutated logs: each refused, remarked on, or as good as the unmutated one
+# make study-mutations      2,000 mutated logs, bags, plug-ins and records: each refused, remarked on, or as good as before
 # make study-kills          a study killed at 20 random moments ends as if it had been left in peace
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
 
@@ -70,7 +70,7 @@ study-statistics: $(VENV)/.installed
 	$(BIN)/python -m slamduel.bench.verdict.simulation
 
 study-mutations: $(VENV)/.installed-dev
-	PYTHONPATH=tests/support $(BIN)/python tests/support/mutations.py 2000
+	PYTHONPATH=tests/support $(BIN)/python -m mutants 2000
 
 study-kills: $(VENV)/.installed-dev
 	$(BIN)/python tests/support/kills.py 20

@@ -25,6 +25,7 @@ UNNAMED = 0.1  # share of sightings without an id: a detector's false alarms are
 FEW = 10  # rows below which nothing is odd
 OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
 # median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
+UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 NO_SIGHTING = "there is no sighting in it, so every backend gives dead reckoning"
 
 
@@ -42,6 +43,7 @@ def refuse(name: str, found: Sequence[str]) -> None:
 
 
 def _remarks(log: Log) -> Iterator[str]:
+    yield from _prior(log)
     yield from _times(log)
     yield from _sizes(log)
     yield from _motions(log)
@@ -51,6 +53,15 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _sightings(log)
     yield from _landmarks(log)
     yield from _units(log)
+
+
+def _prior(log: Log) -> Iterator[str]:
+    sd = float(np.sqrt(log.prior.cov[2, 2]))
+    if sd > UNKNOWN_HEADING:
+        yield (
+            f"the heading of the prior has a standard deviation of {sd:.3g} rad: a backend that linearises there "
+            f"cannot be consistent, expected at most {UNKNOWN_HEADING:g} rad"
+        )
 
 
 def _times(log: Log) -> Iterator[str]:

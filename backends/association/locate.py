@@ -29,6 +29,8 @@ PLACES = 16
 """Places used, the surest ones."""
 SIGHTINGS = 400
 """Sightings used at most, those of the first steps: the cost of their joint covariance is quadratic."""
+DOUBT = 16.0
+"""The odometry's covariances are multiplied by this: many logs state them too small."""
 LAID = 20_000
 """Pairs of landmarks tried at most: those of the pairs of places that fit fewest come first."""
 REFINED = 48
@@ -52,7 +54,7 @@ def locate(steps: Sequence[Step], known: Map | MapIndex, least: int = LEAST, mar
     landmarks agree and the best pose is `margin` likelier, by the logarithm, than chance and than the best elsewhere.
     """
     many = np.cumsum([len(step.sightings.ids) for step in steps])
-    seen = virtual(steps[: max(1, int(np.searchsorted(many, SIGHTINGS, side="right")))])
+    seen = virtual(steps[: max(1, int(np.searchsorted(many, SIGHTINGS, side="right")))], DOUBT)
     if len(seen.ids) < least or len(known.ids) < least:
         return None
     on = known if isinstance(known, MapIndex) else MapIndex.of(known)

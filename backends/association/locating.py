@@ -17,7 +17,7 @@ from .locate import LEAST, Fix, locate
 from .map_index import MapIndex
 from .watch import Watch
 
-WINDOW = 48
+WINDOW = 128
 """Steps with sightings that the robot is looked for by, at most."""
 WIDER = 10.0
 """The covariance of a pose found is multiplied by this: the backend gets the same sightings again, and would count them
@@ -49,7 +49,7 @@ class Locating:
         self._delta = list[Array]()  # (3,) of every step
         self._parts = list[Array]()  # smoothed paths of backends that have been given up
         self._pose = prior.pose.copy()
-        self._seen = 0  # sightings
+        self._sighted = 0  # sightings so far
         self._asked = 0  # sightings when it was last looked for
 
     def tell(self, truth: Truth) -> bool:
@@ -63,7 +63,7 @@ class Locating:
             trial = self._make(self._prior)
             self._told(trial)
             self._online = trial.step(step) is not None
-        self._seen += len(step.sightings.ids)
+        self._sighted += len(step.sightings.ids)
         self._delta.append(np.zeros(3) if step.odometry is None else step.odometry.delta)
         before, self._pose = self._pose, compose(self._pose, self._delta[-1])
         self._hold(step)
@@ -87,7 +87,7 @@ class Locating:
         if not isinstance(self._inner, Associates):
             return None
         found = self._inner.assigned()
-        return np.concatenate((np.full(self._seen - len(found), UNKNOWN), found))
+        return np.concatenate((np.full(self._sighted - len(found), UNKNOWN), found))
 
     def finish(self) -> Solution | None:
         """The backend's; before its start, the path that odometry leads back on from there."""

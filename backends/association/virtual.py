@@ -19,15 +19,17 @@ class Virtual(NamedTuple):
     cov: Array  # (2k, 2k) joint: the sensor's noise, and the odometry's, which later places have in common
 
 
-def virtual(steps: Sequence[Step]) -> Virtual:
+def virtual(steps: Sequence[Step], doubt: float = 1.0) -> Virtual:
     """Places the sightings of `steps` by the odometry between them; that of the first step is ignored.
 
-    To first order in the noise, as an EKF. A later step without odometry counts as standing still.
+    To first order in the noise, as an EKF. The odometry's covariances are multiplied by `doubt`. A later step without
+    odometry counts as standing still.
     """
     delta, delta_cov = np.zeros((len(steps), 3)), np.zeros((len(steps), 3, 3))
     for k, step in enumerate(steps[1:], start=1):
         if step.odometry is not None:
             delta[k], delta_cov[k] = step.odometry
+    delta_cov *= doubt
     seen = [step.sightings for step in steps]
     ids = np.concatenate([one.ids for one in seen])
     z = np.concatenate([one.z for one in seen])

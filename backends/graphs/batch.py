@@ -43,7 +43,8 @@ class Batch:
         ids, self._which = np.unique(log.ids, return_inverse=True)
         self._log, self._written, self._ids = log, 0, ids.tolist()
         forest = self.forest = Forest(loss, scale)
-        forest.room(n, n + len(ids), len(log.ids), n + len(log.loop_to), 0)
+        given = 0 if prior.map is None else len(prior.map.ids)  # sighted or not
+        forest.room(n, n + len(ids) + given, len(log.ids), n + len(log.loop_to), 0)
         self._columns = _columns(log)
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
         _log.move(forest.g, self._columns.motions[0], forest.pose, forest.cov)

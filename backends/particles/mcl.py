@@ -22,8 +22,9 @@ from .resampling import systematic
 
 SLOW, FAST = 0.001, 0.1
 """Rates of the averages of the likelihood (alpha of table 8.3)."""
-ANEW = 0.1
-"""Share of particles to be drawn anew from which on they are resampled, however even their weights."""
+FALLEN = 2.0
+"""Particles are drawn anew where the fast average is below the slow one over this: a share 1 - FALLEN fast / slow
+(Gutmann and Fox, 2002). With 1, as in the table, a cloud that is wider than at a known start is drawn anew forever."""
 TOGETHER = 0.9
 """The robot is located where this share of the weight is near the heaviest particle."""
 RANK = 4
@@ -72,7 +73,7 @@ class Mcl:
 
     def step(self, step: Step) -> Pose:
         """Resamples where the weights are too uneven, moves the particles and weighs them by the sightings."""
-        unlikely = self._slow - self._fast > ANEW * self._slow
+        unlikely = self._slow > FALLEN * self._fast
         if unlikely or 1 / (self._weights @ self._weights) < len(self._weights) / 2:
             self._resample()
         self._move(step)
@@ -157,7 +158,7 @@ class Mcl:
         M = len(self._weights)
         self._poses = np.take(self._poses, systematic(self._weights, self._rng), axis=1)
         self._log_weights, self._weights = np.zeros(M), np.full(M, 1 / M)
-        anew = np.flatnonzero(self._rng.random(M) * self._slow < self._slow - self._fast)
+        anew = np.flatnonzero(self._rng.random(M) * self._slow < self._slow - FALLEN * self._fast)
         if len(anew):
             self._scatter(anew)
 

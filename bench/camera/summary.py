@@ -77,16 +77,14 @@ def left_out(log: Log) -> list[tuple[str, int]]:
 
 def left_out_words(log: Log) -> str:
     """Lists it in a line; "nothing" where there is nothing."""
-    return (
-        listed(
-            [
-                f"{n:,} {name}" if name.startswith(("frames ", "sightings ")) else f"{n:,} markers ({name})"
-                for name, n in left_out(log)
-            ]
-        )
-        if left_out(log)
-        else "nothing"
-    )
+    return listed([_left_out(name, n) for name, n in left_out(log)]) if left_out(log) else "nothing"
+
+
+def _left_out(name: str, n: int) -> str:
+    noun, _, why = name.partition(" ")
+    if noun in ("frames", "sightings"):
+        return f"{counted(n, noun.removesuffix('s'))} {why}"
+    return f"{counted(n, 'marker')} ({name})"
 
 
 def marker_rows(f: Findings) -> list[Marker]:

@@ -16,6 +16,7 @@ from ..plan.load import made
 from ..plan.spec import DatasetVariant, dataset_variants
 from ..plan.values import seed
 from ..words.console import announced
+from ..words.numerals import counted
 
 SHOWN = 20  # problems of a log that are printed
 
@@ -84,9 +85,10 @@ def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:
 
 def _counts(dataset: Dataset) -> str:
     log, truth = dataset
-    landmarks = len(np.unique(log.ids[log.ids != UNKNOWN]))
+    landmarks = counted(len(np.unique(log.ids[log.ids != UNKNOWN])), "landmark")
     known = "no truth"
     if truth is not None and (len(truth.t) or truth.map is not None):
-        places = "" if truth.map is None else f" and of {len(truth.map.ids)} landmarks"
-        known = f"{truth.kind} of {len(truth.t)} steps{places}"
-    return f"{len(log)} steps, {len(log.ids)} sightings of {landmarks} landmarks, {known}; digest {log.digest[:12]}"
+        places = "" if truth.map is None else f" and of {counted(len(truth.map.ids), 'landmark')}"
+        known = f"{truth.kind} of {counted(len(truth.t), 'step')}{places}"
+    sighted = f"{counted(len(log), 'step')}, {counted(len(log.ids), 'sighting')} of {landmarks}"
+    return f"{sighted}, {known}; digest {log.digest[:12]}"

@@ -13,6 +13,7 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.files import beside
 from ...frontend.tum import write_tum
+from ..words.numerals import counted
 
 
 def export_log(dataset: Dataset, formats: Sequence[str], out: Path) -> list[tuple[Path, str]]:
@@ -45,7 +46,10 @@ def formats_of(text: str) -> list[str]:
 def _graph(folder: Path, dataset: Dataset, file: str, for_gtsam: bool) -> list[tuple[str, str]]:
     log = dataset.log
     left_out = write_g2o(folder / file, log, for_gtsam=for_gtsam)
-    what = f"{len(log):,} poses, {len(log.loop_to):,} loop closures, {len(log.ids) - left_out:,} sightings"
+    what = (
+        f"{counted(len(log), 'pose')}, {counted(len(log.loop_to), 'loop closure')}, "
+        f"{counted(len(log.ids) - left_out, 'sighting')}"
+    )
     if left_out:
         what += f"; {left_out:,} of unknown landmarks are left out, g2o has no place for them"
     return [(file, what)]
@@ -54,16 +58,16 @@ def _graph(folder: Path, dataset: Dataset, file: str, for_gtsam: bool) -> list[t
 def _tum(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
     log, truth = dataset
     write_tum(folder / "odometry.tum", log.t, dead_reckoned(log))
-    said = [("odometry.tum", f"{len(log):,} poses, by odometry alone")]
+    said = [("odometry.tum", f"{counted(len(log), 'pose')}, by odometry alone")]
     if truth is None or not len(truth.t):
         return said
     write_tum(folder / "truth.tum", truth.t, truth.poses)
-    return [*said, ("truth.tum", f"{len(truth.t):,} poses")]
+    return [*said, ("truth.tum", counted(len(truth.t), "pose"))]
 
 
 def _log(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
     log_folder.write(folder / "log", *dataset)
-    return [("log", f"{len(dataset.log):,} steps, {len(dataset.log.ids):,} sightings")]
+    return [("log", f"{counted(len(dataset.log), 'step')}, {counted(len(dataset.log.ids), 'sighting')}")]
 
 
 FORMATS: dict[str, Callable[[Path, Dataset], list[tuple[str, str]]]] = {

@@ -108,6 +108,8 @@ def finite(values: Any, shape: tuple[int, ...], what: str) -> Array:
 
 def _shaped(values: Any, shape: tuple[int, ...], what: str) -> Array:
     try:
+        if np.iscomplexobj(values):  # numpy would drop the imaginary part
+            raise TypeError
         array = np.array(values, np.float64)
     except (TypeError, ValueError):
         raise Broken(f"{what} is {type(values).__name__}, expected an array of floats of shape {shape}") from None

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...frontend.factors import Log, Truth
 from ...frontend.se2 import Array
@@ -11,6 +12,12 @@ from .drive import Outcome
 
 TURNED = np.pi / 6
 """rad: a heading that is more than this off is wrong."""
+
+
+def from_the_fix_on(log: Log, outcome: Outcome, truth: Truth) -> Truth:
+    """Returns the truth of the steps at which the robot was located: all of them from a known start."""
+    located = outcome.located[np.searchsorted(log.t, truth.t)]
+    return truth._replace(t=truth.t[located], poses=truth.poses[located])
 
 
 def locating(log: Log, outcome: Outcome, truth: Truth | None) -> dict[str, Any]:
@@ -29,7 +36,7 @@ def locating(log: Log, outcome: Outcome, truth: Truth | None) -> dict[str, Any]:
     return row
 
 
-def elsewhere(path: Array, truth: Array, apart: float) -> Array:
+def elsewhere(path: Array, truth: Array, apart: float) -> NDArray[np.bool]:
     """Returns True (m,) where a pose is farther than `apart` (m) from the true one, or turned from it."""
     off = np.abs(difference(path, truth))
     return (np.hypot(off[:, 0], off[:, 1]) > apart) | (off[:, 2] > TURNED)

@@ -14,7 +14,7 @@ from .association import association_columns, by_true_ids
 from .cpu_time import step_cost
 from .drive import Outcome
 from .growth import mapped
-from .locating import locating
+from .locating import from_the_fix_on, locating
 from .metrics import covariances, nees, not_covariances
 from .misfit import Misfit, misfit
 from .misstated import misstated
@@ -50,11 +50,9 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
         remarks += [_none(prefix, name, *counts) for name, counts in found.items() if counts[0]]
         if truth is not None and truth.map is not None:
             row |= _prefixed(prefix, map_accuracy(log, truth, truth.map, end.map))
+    truth = None if truth is None else from_the_fix_on(log, outcome, truth)
     if truth is not None and len(truth.t):
         at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
-        known = outcome.located[at]  # an unknown start: errors are those from the fix on
-        at, truth = at[known], truth._replace(t=truth.t[known], poses=truth.poses[known])
-    if truth is not None and len(truth.t):
         over = stretches(truth, timed=length(log.t) is not None)
         for prefix, end in ends.items():
             if end.path is None:
@@ -68,7 +66,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
                 row |= _prefixed(prefix, consistency_columns("nees", values, 3))
             remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
     if truth is not None and truth.kind == "truth":
-        remarks += misstated(truly_named(log, truth), truth, row)
+        remarks += misstated(log, truth, row)
     named = log if outcome.assigned is None else replace(log, ids=_assigned(outcome)[-1][1])
     dof = int(outcome.nis_dof.sum())
     if dof:
@@ -82,13 +80,6 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     row |= _measured_from(truth)
     row |= locating(log, outcome, truth)
     return Score(row | _inner(log, outcome) | step_cost(named, outcome), arrays, "; ".join(remarks))
-
-
-def truly_named(log: Log, truth: Truth) -> Log:
-    """The log with the true ids of sightings that have none; itself if they are not known."""
-    if truth.assigned is None or not (log.ids == UNKNOWN).any():
-        return log
-    return replace(log, ids=np.where(log.ids == UNKNOWN, truth.assigned, log.ids))
 
 
 def _assigned(outcome: Outcome) -> list[tuple[str, Ints]]:

@@ -95,8 +95,12 @@ class Plan:
         }
 
     @classmethod
-    def from_words(cls, words: dict[str, Any]) -> "Plan":
-        """Makes a plan; InputError for a name, an option or a limit that is wrong."""
+    def from_words(cls, words: Any) -> "Plan":
+        """Makes a plan; InputError for a name, an option or a limit that is wrong, or not there."""
+        known: Any = words if isinstance(words, dict) else {}
+        for name in ("backend", "dataset", "seeds", "timeout_s", "memory_mb"):
+            if name not in known:
+                raise InputError(f"the plan of the run has no {name}, expected what bench run was asked for.")
         plan = cls(
             tuple(backend_variants(as_text("backend", words["backend"]))),
             tuple(dataset_variants(as_text("dataset", words["dataset"]))),

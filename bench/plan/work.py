@@ -55,12 +55,15 @@ def recorded(store: Store) -> Work:
     if not planned:
         raise InputError(f"{store.folder}: no cell is planned in its record; expected a run or study that was begun.")
     if about.get("kind") == "run":
-        return work_of(Plan.from_words(about["plan"]))
+        return work_of(Plan.from_words(about.get("plan")))
     cells: list[PlannedCell] = []
     for (dataset, dataset_options, backend, options, seed), parameters, _, _ in planned:
         cell = Cell(_dataset(label(dataset, dataset_options)), _backend(label(backend, options)), seed)
         cells.append(PlannedCell(cell, parameters))
-    limits = {name: about[name] for name in ("keep", "oracle", "timeout_s", "memory_mb")}
+    limits: dict[str, Any] = {name: about.get(name) for name in ("keep", "oracle", "timeout_s", "memory_mb")}
+    if None in limits.values():
+        lacks = next(name for name, value in limits.items() if value is None)
+        raise InputError(f"{store.folder}: its record has no {lacks}, expected that of a study, whole.")
     return Work(cells=tuple(cells), **limits)
 
 

@@ -20,7 +20,7 @@ from ..measure.status import FAILED
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
-from .validity import wrong_arrays, wrong_row
+from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
 NAMED = 12  # seeds that are named
 
@@ -79,6 +79,9 @@ class Store:
         about = self.about()
         if "folders" not in about:
             raise InputError(f"{self.folder}: nothing of a run or a study is in it yet; expected one that was begun.")
+        of = "SELECT DISTINCT dataset, dataset_options FROM plan UNION SELECT DISTINCT backend, options FROM plan"
+        if problem := wrong_facts(about, [label(name, options) for name, options in self._all(of)]):
+            raise damaged(self.folder / FILE, problem)
         sketches: dict[str, Any] = {}
         truths: dict[str, str | None] = {}
         query = """SELECT DISTINCT plan.dataset, plan.dataset_options, plan.seed, truth_digest, truth_kind, sketch
@@ -87,7 +90,8 @@ class Store:
             name = f"{label(dataset, options)}, seed {seed}"
             truths[name] = truth if kind == "truth" else None
             if sketch:
-                sketches[name] = json.loads(sketch)
+                with self._read():
+                    sketches[name] = json.loads(sketch)
         return about | {"sketches": sketches, "truths": truths}
 
     def planned(self) -> list[Planned]:
@@ -116,12 +120,18 @@ class Store:
 
     def truth(self, row: Row) -> dict[str, Any]:
         """Reads the arrays of the cell's ground truth: `t`, `poses`, `ids` and `xy` if known; empty without."""
-        return self.archive(row.log)
+        found = self.archive(row.log)
+        if problem := wrong_truth(found, {}):
+            raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
+        return found
 
     def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
         """Reads a cell's arrays by name; of `names`, where given, those that it has."""
         found = self.archive(row.result, names)
-        if problem := wrong_arrays(found, row.columns["steps"]):
+        problem = wrong_arrays(found, row.columns["steps"])
+        if not problem and "at" in found:
+            problem = wrong_truth(self.archive(row.log, ("t", "poses")), found)
+        if problem:
             raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
         return found
 
@@ -181,7 +191,10 @@ class Store:
             for dataset, options, seed, found in self._all(query):
                 name = label(dataset, options)
                 logs[name] = logs.get(name, 0) + 1
-                for remark in json.loads(found or "[]"):
+                said = json.loads(found or "[]")
+                if not isinstance(said, list) or not all(isinstance(one, str) for one in said):
+                    raise ValueError(f"the remarks on {name} are {said!r:.40}, expected a list of texts")
+                for remark in said:
                     seeds.setdefault(name, {}).setdefault(remark, []).append(seed)
         return {name: [_of_seeds(*one, logs[name]) for one in said.items()] for name, said in seeds.items()}
 

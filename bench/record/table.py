@@ -37,9 +37,13 @@ def holds_cells(folder: Path) -> bool:
 def export_cells(folder: Path, csv: Path | None, parquet: Path | None) -> list[tuple[Path, str]]:
     """Writes a folder's cells, all files or none; returns each with its content. InputError where impossible."""
     wanted = [(made, path) for made, path in ((CsvFile, csv), (ParquetFile, parquet)) if path is not None]
-    for _, path in wanted:
+    for made, path in wanted:
         if path.is_dir() or path.name.startswith(FILE):  # with what SQLite keeps beside them
             raise InputError(f"{path}: is {'a folder' if path.is_dir() else 'a record'}, expected a file to be made.")
+        if path.is_file() and not made.is_one(path):
+            raise InputError(
+                f"{path}: exists and is no table of cells, expected a new file, or one of an earlier export."
+            )
     if csv is not None and parquet is not None and csv.absolute() == parquet.absolute():
         raise InputError(f"--csv and --parquet: found {csv} for both, expected a file each.")
     with _opened(folder) as cells:

@@ -6,7 +6,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from ...frontend.errors import InputError
 from ...frontend.files import beside
@@ -15,10 +15,19 @@ from ...frontend.files import beside
 class TableFile(ABC):
     """A table file being written: rows go to a hidden part file, removed unless it is published."""
 
+    start: ClassVar[bytes]  # of every such file
+
     def __init__(self, path: Path, kinds: Mapping[str, str]) -> None:
         self.path = path
         self.kinds = kinds  # of the columns: TEXT, INTEGER, REAL or BOOLEAN
         self.part = beside(path)
+
+    @classmethod
+    def is_one(cls, path: Path) -> bool:
+        """Returns True for a file that an earlier export may have written, or that is empty."""
+        with path.open("rb") as file:
+            found = file.read(len(cls.start))
+        return found in (b"", cls.start)
 
     @abstractmethod
     def begin(self) -> None:
@@ -54,6 +63,8 @@ class TableFile(ABC):
 class CsvFile(TableFile):
     """CSV: floats round-trip; blank where there is no value."""
 
+    start = b"dataset,"  # the first column of every table of cells
+
     def begin(self) -> None:
         """Writes the names of the columns."""
         self._switches = [k for k, kind in enumerate(self.kinds.values()) if kind == "BOOLEAN"]
@@ -76,6 +87,8 @@ class CsvFile(TableFile):
 
 class ParquetFile(TableFile):
     """Parquet, by pyarrow; null where there is no value."""
+
+    start = b"PAR1"
 
     def begin(self) -> None:
         """Opens the file; InputError where pyarrow is not installed."""

@@ -1,7 +1,7 @@
-"""Checks a record's rows by their columns and its arrays by their shapes, against edits by hand."""
+"""Checks a record's facts and rows by their types and its arrays by their shapes, against edits by hand."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,66 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "final_map_cov": ("f", 2, 2),
 }
 """The arrays of a cell: n steps, m of them with a known pose, l landmarks of the online map, f of the final one."""
+
+FACTS: Mapping[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("environment", "folders", "options"), dict),
+    "workers": int,
+    "timing_policy": str,
+    "started": (int, float),
+}
+"""The facts of a run or a study that every reader needs, and their types."""
+
+MORE_FACTS: Mapping[str, type | tuple[type, ...]] = {
+    **dict.fromkeys(("plan", "implementations"), dict),
+    **dict.fromkeys(("kind", "command"), str),
+    "random": list,
+}
+"""Those that earlier versions, or studies, have not."""
+
+
+def wrong_facts(about: Mapping[str, Any], labels: Collection[str]) -> str:
+    """Describes the first fact that is not there or of another type; `labels` need a folder each. "" where all fit."""
+    lacking = {} if about.get("kind") == "study" else {"command": str}
+    for name, kind in {**FACTS, **lacking}.items():
+        if not isinstance(about.get(name), kind):
+            return f"about: {name} is {_cut(about.get(name))}, expected {_KINDS[kind]}"
+    for name, kind in MORE_FACTS.items():
+        if name in about and not isinstance(about[name], kind):
+            return f"about: {name} is {_cut(about[name])}, expected {_KINDS[kind]}"
+    if not isinstance(about["environment"].get("packages"), dict):
+        return "about: environment has no packages, expected their versions by name"
+    texts = {"folders": about["folders"], "implementations": about.get("implementations", {})}
+    for name, label, text in ((name, *one) for name, words in texts.items() for one in words.items()):
+        if not isinstance(text, str):
+            return f"about: {name} has {_cut(text)} for {label}, expected a text"
+    without = next((name for name in labels if name not in about["folders"]), None)
+    return "" if without is None else f"about: folders has none for {without}, which the plan names"
+
+
+_KINDS: Mapping[Any, str] = {
+    dict: "a table",
+    list: "a list",
+    str: "a text",
+    int: "a whole number",
+    (int, float): "a number",
+}
+
+
+def wrong_truth(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
+    """Describes how the arrays of a log's truth do not fit one another, or a cell's `arrays`; "" where they do."""
+    t, poses = known.get("t"), known.get("poses")
+    needed = len(arrays["at"]) if "at" in arrays else None
+    if not known:
+        return "" if needed is None else "the poses that its path is measured from are not there"
+    if t is None or poses is None or any(a.dtype.kind not in "fiu" for a in (t, poses)):
+        return "the truth of its log has no times or no poses"
+    if t.ndim != 1 or poses.shape != (len(t), 3) or needed not in (None, len(t)):
+        return f"the truth of its log has {' x '.join(map(str, poses.shape))} poses, expected {needed or t.size} x 3"
+    if "ids" in known or "xy" in known:
+        ids, xy = known.get("ids"), known.get("xy")
+        if ids is None or xy is None or ids.ndim != 1 or xy.shape != (len(ids), 2) or xy.dtype.kind not in "fiu":
+            return "the truth of its log has other landmarks than places, expected as many"
+    return ""
 
 
 def wrong_row(columns: Mapping[str, Any]) -> str:

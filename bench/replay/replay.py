@@ -113,7 +113,12 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
     """Loads or makes the cells' log and archives it at `path`; InputError where it is not the recorded one."""
     cell = request.cells[0]
     dataset, given = cell.dataset, request.work.map
-    of = next(planned.log for planned in store.planned() if planned.key == cell.key)
+    of = next((planned.log for planned in store.planned() if planned.key == cell.key), None)
+    if of is None:
+        raise InputError(
+            f"{store.folder}: {dataset.label} with {cell.backend.label}, seed {cell.seed}, is not in its record's "
+            "plan, expected every cell of the run."
+        )
     before = store.logs().get(of)
     made = None if before is None else LogFiles(store.folder).read(dataset.name, before)
     if made is None:

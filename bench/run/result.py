@@ -163,6 +163,8 @@ def run(
         given["dataset"] = ",".join(_word(one, folder, held) for one in _each(dataset, truth))
     elif truth is not None:
         raise _needless_truth()
+    elif backend is not None and not begun(folder):
+        raise InputError(f"{ASKER}: dataset is None, expected a name, a path, a Log or a Dataset(log, truth).")
     as_whole("jobs", jobs, 1)
     planned(given, folder)
     with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:

@@ -56,7 +56,7 @@ def recorded_plan(folder: Path) -> Plan | None:
             known = store.about()
             _refuse_a_study(folder, known)
             if store.planned():
-                return Plan.from_words(known["plan"])
+                return Plan.from_words(known.get("plan"))
         return None
     if folder.exists() and (not folder.is_dir() or any(item.name not in (LOCK, LOGS) for item in folder.iterdir())):
         found = f"a run's files without their record, {FILE}" if (folder / "run.json").is_file() else "no run"

@@ -117,7 +117,7 @@ def _scan_prior(file: TomlTable) -> Scan[Prior]:
     pose = yield from _tried(given.numbers, "pose", 3, most=LARGEST_FLOAT)
     cov = yield from _tried(given.numbers, "cov", 3, 3, most=LARGEST_FLOAT)
     known = (yield from _scan_map(given.table("map"))) if given.has("map") else None
-    start = (yield from _tried(given.choice, "start", "known", STARTS)) or "known"
+    start = (yield from _tried(given.choice, "start", None, STARTS)) or "known"
     return NOWHERE if pose is None or cov is None else Prior(pose, cov, known, start)
 
 

@@ -92,7 +92,7 @@ class Detector:
         height, width = image.shape[:2]
         if (width, height) != (self.camera.width, self.camera.height):
             expected = f"{self.camera.width}x{self.camera.height}"
-            raise InputError(f"frame: found {width}x{height} pixels, expected the camera's {expected}")
+            raise InputError(f"frame: found {width}x{height} pixels, expected the camera's {expected}.")
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
         found, ids, _ = self._opencv.detectMarkers(grey)
         corners = np.asarray(found, float).reshape(-1, 4, 2)

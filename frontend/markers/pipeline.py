@@ -68,7 +68,7 @@ def build_log(recording: Recording, observe: Callable[[Seen], None] | None = Non
     latest = -np.inf
     for number, frame in enumerate(recording.frames):
         if not frame.t > latest:
-            raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s")
+            raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s.")
         latest = frame.t
         counts["frames"] += 1
         if not first <= frame.t <= last:
@@ -89,7 +89,7 @@ def build_log(recording: Recording, observe: Callable[[Seen], None] | None = Non
         steps.append(Step(frame.t, odometry, near, _NO_LOOPS))
     if not steps:
         clock = f"the time of the {recording.motion.readings}"
-        raise InputError(f"{recording.name}: found no frame within {clock}, expected one")
+        raise InputError(f"{recording.name}: found no frame within {clock}, expected one.")
     remarks = _remarks(recording, counts, steps[0].t, steps[-1].t)
     notes = {**_settings(recording), "counts": dict(counts), **({REMARKS: remarks} if remarks else {})}
     log = Log.from_steps(recording.name, recording.prior, steps, notes)

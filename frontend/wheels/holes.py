@@ -22,6 +22,9 @@ LEAST = 0.5
 MANY = 5.0
 """Medians of the time between readings: four readings in a row are lost, which no jitter explains."""
 
+CHANCE = 0.01
+"""Probability with which readings lost one by one, at random, leave a time that counts as a hole."""
+
 MOST_TURN = np.pi
 """rad, by which a robot may usually turn in a hole: beyond, its heading is not known up to whole turns."""
 
@@ -98,7 +101,7 @@ def find_holes(t: Array, moved: Callable[[Ints], tuple[Array, Array]]) -> Holes:
     none = np.zeros(0)
     between = np.diff(t)
     usual = float(np.median(between)) if len(between) else 0.0
-    rows = np.flatnonzero(between > max(LEAST, MANY * usual))
+    rows = np.flatnonzero(between > max(LEAST, _many(between, usual) * usual))
     if not len(rows):
         return Holes(none, none, none, none, usual, 0.0)
     way, turn = (np.abs(across[::2]) for across in moved(np.column_stack((rows, rows + 1)).ravel()))
@@ -108,6 +111,18 @@ def find_holes(t: Array, moved: Callable[[Ints], tuple[Array, Array]]) -> Holes:
     lasting = between[rows]
     fastest = np.maximum(speed, way / lasting), np.maximum(turns, turn / lasting)
     return Holes(t[rows], t[rows + 1], *fastest, usual, turns)
+
+
+def _many(between: Array, usual: float) -> float:
+    """Medians beyond which a time between readings is a hole.
+
+    Where a share q of the readings is lost at random, k are lost in a row after a reading with probability q^k, so that
+    the longest of n times is beyond 1 + k medians with a probability of at most n q^k. Times beyond 1.5 medians give q.
+    """
+    lost = float((between > 1.5 * usual).mean()) if len(between) else 0.0
+    if not 0 < lost < 1:
+        return MANY
+    return max(MANY, 1 + float(np.log(CHANCE / len(between)) / np.log(lost)))
 
 
 def _usual(t: Array, holes: Ints, moved: Callable[[Ints], tuple[Array, Array]]) -> tuple[float, float]:

@@ -271,11 +271,11 @@ def _at(t: Array, before: Array, after: Array, low: Array, high: Array) -> Array
 
 def _in_order(t: Array, source: str) -> None:
     if len(t) == 0:
-        raise InputError(f"{source}: found no readings, expected at least one")
+        raise InputError(f"{source}: found no readings, expected at least one.")
     late = np.flatnonzero(~(np.diff(t) > 0))
     if len(late):
         row = int(late[0]) + 1
-        raise InputError(f"{source}: reading {row} is at {t[row]} s, expected later than {t[row - 1]} s")
+        raise InputError(f"{source}: reading {row} is at {t[row]} s, expected later than {t[row - 1]} s.")
 
 
 def _check_poses(t: Array, poses: Array, max_speed: float, source: str) -> None:

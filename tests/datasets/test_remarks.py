@@ -73,6 +73,15 @@ def test_odometry_and_ranges_in_different_units_are_noticed(column: str, factor:
     assert re.search(words, remark)
 
 
+@pytest.mark.parametrize(("sd", "told"), [(0.9, 0), (1.1, 1), (1000.0, 1)])
+def test_a_start_whose_heading_is_unknown_is_noticed(sd: float, told: int) -> None:
+    log, _ = load("circle")
+    odd = replace(log, prior=log.prior._replace(cov=np.diag([1.0, 1.0, sd**2])))
+    found = remarks(Dataset(odd, None))
+    assert len(found) == told
+    assert all(f"the heading of the prior has a standard deviation of {sd:.3g} rad" in one for one in found)
+
+
 def test_a_readers_remark_goes_wherever_the_log_goes(tmp_path: Path) -> None:
     log, truth = small_dataset()
     told = replace(log, notes={**log.notes, REMARKS: ["readings are missing", "so are frames"]})

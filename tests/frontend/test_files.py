@@ -23,6 +23,17 @@ def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+def test_a_full_disk_is_named_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left") as caught:
+        write_whole(tmp_path / "log.png", b"content")
+    assert caught.value.filename == str(tmp_path / "log.png")
+    assert not list(tmp_path.iterdir())
+
+
 def test_nothing_is_left_of_a_text_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("old")
     with pytest.raises(UnicodeEncodeError):

@@ -132,6 +132,11 @@ class WrongShape(Reckoning):
         return np.zeros(2)
 
 
+class Complex(Reckoning):
+    def answer(self) -> Any:
+        return self.pose + 1j
+
+
 class SometimesNone(Reckoning):
     def answer(self) -> Any:
         return self.pose if self.steps % 2 else None
@@ -205,6 +210,7 @@ kills_its_runner = Builder(KillsItsRunner)
 crashes = Builder(Crashes)
 exits = Builder(Exits)
 wrong_shape = Builder(WrongShape)
+complex_pose = Builder(Complex)
 sometimes_none = Builder(SometimesNone)
 wrong_belief = Builder(WrongBelief)
 believes_elsewhere = Builder(BelievesElsewhere)

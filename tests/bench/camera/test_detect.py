@@ -17,7 +17,7 @@ from slamduel.bench.camera.detect import DetectRequest, detect
 from slamduel.bench.camera.kept_frames import MOST
 from slamduel.bench.camera.preview import Preview
 from slamduel.bench.camera.sightings import Detection, in_log, markers, per_frame, true_errors
-from slamduel.bench.camera.summary import Findings, as_json, headline, left_out
+from slamduel.bench.camera.summary import Findings, as_json, headline, left_out, left_out_words
 from slamduel.bench.cli import main
 from slamduel.bench.commands import detect as command_detect
 from slamduel.datasets.formats import log_folder
@@ -220,6 +220,13 @@ def test_bad_frames_are_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
+def test_what_is_left_out_is_counted_and_named_as_it_is() -> None:
+    counts = {"frames": 9, "sightings": 3, "frames without odometry": 1, "sightings beyond 3 m": 2, "too dark": 1}
+    recording, _ = small()
+    log = replace(build_log(recording), notes={"counts": counts})
+    assert left_out_words(log) == "1 frame without odometry, 2 sightings beyond 3 m and 1 marker (too dark)"
+
+
 def test_only_the_first_seconds(tmp_path: Path) -> None:
     recording, truth = small()
     f = run(tmp_path / "log", recording, truth, seconds=2.0)

@@ -188,7 +188,8 @@ SLOW = {"smoother": pytest.mark.slow}
 def conforms(name: str, checks: Sequence[Check]) -> None:
     outcomes = check(registry.find(name), checks=checks)
     assert [found for found in outcomes if found.status == "failed"] == []
-    assert {found.status for found in outcomes[len(QUICK) :]} <= {"passed", "gave up"}
+    ends = {"passed", "gave up"} if name != "mcl" else {"not applicable"}  # these logs have no map for it
+    assert {found.status for found in outcomes[len(QUICK) :]} <= ends
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW.get(n, ())) for n in sorted(registry.BUILTIN)])

@@ -93,6 +93,30 @@ def test_out_alone_goes_on_and_report_writes_the_files_again(
 
 
 @pytest.mark.usefixtures("no_report")
+def test_a_misspelt_folder_to_go_on_in_is_asked_about(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "--backend", "ekf", "--dataset", str(log_folder), "--out", str(tmp_path / "monday")]) == 0
+    capsys.readouterr()
+    assert main(["run", "--out", str(tmp_path / "mondya")]) == 2
+    said = capsys.readouterr().err
+    assert f"there is no run to continue, did you mean {tmp_path / 'monday'}?" in said
+    assert not (tmp_path / "mondya").exists()
+
+
+def test_a_run_of_nothing_that_was_named_says_what_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stopped(*_: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("slamduel.bench.run.benchmark.run", stopped)
+    assert main(["run", "--out", str(tmp_path / "nothere")]) == 130
+    printed = capsys.readouterr()
+    assert f"A new run in {tmp_path / 'nothere'}: " in printed.out + printed.err
+
+
+@pytest.mark.usefixtures("no_report")
 def test_another_plan_into_the_same_folder_is_refused(
     tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -342,6 +342,14 @@ def test_a_seed_that_changes_nothing_is_said_to(
     assert "it is the same for every --seed" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("t", "words"), [([3.5], "none: there is one step"), ([0.0, 1.0, 2.0], "none: t is the number of the step")]
+)
+def test_a_log_without_times_says_why(t: list[float], words: str) -> None:
+    log = log_of(len(t), (0,), (3,), t=np.array(t))
+    assert dict(facts(measured(log, None), ""))["times"] == words
+
+
 def test_a_headline_counts_what_is_one() -> None:
     assert headline(measured(log_of(2, (0,), (1,)))) == (
         "2 steps, 10.0 m, 2.00 s, 1 sighting of 1 landmark, never comes back"

@@ -32,6 +32,17 @@ def test_a_good_log_is_counted(folder: Path, capsys: pytest.CaptureFixture[str])
     assert line == f"{folder}: good; {counts}; digest {digest}."
 
 
+def test_a_log_of_one_step_is_counted_in_the_singular(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    log, truth = small_dataset()
+    assert truth is not None
+    first = log.head(1)
+    one = truth._replace(t=truth.t[:1], poses=truth.poses[:1], map=None, assigned=None)
+    log_folder.write(tmp_path / "log", first, one)
+    assert main(["validate", str(tmp_path / "log")]) == 0
+    *_, line = capsys.readouterr().out.splitlines()
+    assert "good; 1 step, 3 sightings of 1 landmark, truth of 1 step; digest " in line
+
+
 def test_every_problem_is_a_line(folder: Path, capsys: pytest.CaptureFixture[str]):
     for name, old, new in (("odometry.csv", "t,dx", "t,x"), ("landmarks.csv", "\n3,", "\nthree,")):
         text = (folder / name).read_text(encoding="utf-8")

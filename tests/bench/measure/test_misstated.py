@@ -1,6 +1,7 @@
 """Remarks on logs whose measurements are not as accurate as stated."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,6 +41,26 @@ def test_errors_of_another_size_than_stated_are_told(scale: float) -> None:
         found = re.fullmatch(f"the errors of the {noun} are typically (.*) times what is stated", remark)
         assert found is not None
         assert float(found[1]) == pytest.approx(scale, rel=0.15)
+
+
+@pytest.mark.parametrize("scale", [20.0, 0.02])
+def test_errors_tenfold_off_are_told_whatever_the_belief(scale: float) -> None:
+    for option, noun in (("sensor_scale", "sightings"), ("odometry_scale", "motions")):
+        log, truth = circle(f",{option}={scale}")
+        assert truth is not None
+        for some in (truth, truth._replace(map=None)):
+            (remark,) = misstated(log, some, {"nees": 1.0})
+            assert remark.startswith(f"the errors of the {noun} are typically ")
+
+
+def test_a_prior_that_is_not_where_the_robot_is_explains_a_belief_that_is_off() -> None:
+    log, truth = circle()
+    assert truth is not None
+    pose = log.prior.pose + np.array([3.0, 4.0, 0.5])
+    moved = replace(log, prior=log.prior._replace(pose=pose, cov=1e-4 * np.eye(3)))
+    (remark,) = misstated(moved, truth, OFF)
+    assert remark.startswith("the log's prior is 5 m and 0.5 rad off the true pose, ")
+    assert list(misstated(moved, truth, {"nees": 1.0})) == []
 
 
 @pytest.mark.parametrize("with_map", [True, False])

@@ -75,6 +75,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     assert all(row[name] == 1 for name in ones)
     assert set(row) <= {*COLUMNS, *MORE}
     untold = {"n_eff_least", "ancestors_left", "refused_share", "j_loops", "j_online", "told", "reference"}
+    untold |= {"located_share", "wrong_fix_share", "locate_steps", "locate_ms"}  # the start is known
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
     assert {*MORE} - set(row) == untold | few
 

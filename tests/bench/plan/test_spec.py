@@ -182,7 +182,13 @@ def test_a_plan_comes_back_from_its_words() -> None:
         "memory_mb": 100,
     }
     plan = Plan.from_words(words)
-    assert plan.words() == words | {"map": None, "map_fixed": False, "map_digest": None, "oracle": False}
+    assert plan.words() == words | {
+        "map": None,
+        "map_fixed": False,
+        "start": "known",
+        "map_digest": None,
+        "oracle": False,
+    }
     cells = [(c.dataset.name, c.backend.name, c.seed) for c in plan.cells()]
     assert sorted(cells) == [
         ("aruco-room", "ekf", 0),

@@ -15,9 +15,10 @@ import pytest
 
 from slamduel.bench.record.database import FORMER
 from slamduel.bench.record.lock import claimed
-from slamduel.bench.record.schema import FILE
+from slamduel.bench.record.schema import FILE, packed
 from slamduel.bench.record.store import Known, Store
 from slamduel.frontend.errors import InputError
+from small_record import Record
 
 ARRAYS = {"t": np.array([0.0, 0.1]), "online": np.array([[0.1, 0.2, 0.3]])}
 
@@ -279,6 +280,13 @@ def _version_1(path: Path) -> None:
     db.close()
 
 
+def _no_cells(path: Path) -> None:
+    db = sqlite3.connect(path)
+    db.execute("DROP VIEW cells")
+    db.execute("DROP TABLE results")
+    db.close()
+
+
 WHOLE = "expected the record of a run or a study, whole. Nothing was changed; cells.csv beside it has the results; "
 
 
@@ -289,6 +297,7 @@ WHOLE = "expected the record of a run or a study, whole. Nothing was changed; ce
         (_other_tables, "found other tables, expected a record."),
         (_later_version, "found a record of format 99, expected 2: another version of slamduel wrote it."),
         (_version_1, "bench run into a new folder makes a new one."),
+        (_no_cells, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
         (_damaged, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
     ],
 )
@@ -405,3 +414,54 @@ def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:
         put("kept", fails=False)
         assert reader.logs().keys() == {"kept"}
         assert reader.statuses().keys() == {"k0", "kept"}
+
+
+def changed(folder: Path, *statements: str) -> None:
+    db = sqlite3.connect(folder / FILE)
+    for statement in statements:
+        db.execute(statement)
+    db.commit()
+    db.close()
+
+
+@pytest.mark.parametrize(
+    ("statement", "sentence"),
+    [
+        ("DELETE FROM about WHERE name = 'environment'", "about: environment is None, expected a table"),
+        ("DELETE FROM about WHERE name = 'command'", "about: command is None, expected a text"),
+        ("UPDATE about SET value = '3' WHERE name = 'folders'", "about: folders is 3, expected a table"),
+        ("UPDATE about SET value = '{}' WHERE name = 'folders'", "about: folders has none for ekf"),
+        ("UPDATE about SET value = '\"x\"' WHERE name = 'random'", "about: random is 'x', expected a list"),
+        ("UPDATE about SET value = '{' WHERE name = 'options'", "Expecting property name"),
+        ("UPDATE logs SET sketch = '{'", "Expecting property name"),
+        ("UPDATE plan SET dataset = 'hall'", "about: folders has none for hall, which the plan names"),
+    ],
+)
+def test_facts_that_somebody_edited_are_refused(tmp_path: Path, statement: str, sentence: str) -> None:
+    record = Record(tmp_path / "run")
+    record.cell("room", "truth", "ekf")
+    record.store.close()
+    changed(tmp_path / "run", statement)
+    with Store(tmp_path / "run") as store, pytest.raises(InputError, match=r"expected the record of a run") as caught:
+        store.run()
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "sentence"),
+    [
+        ({}, "the poses that its path is measured from are not there"),
+        ({"t": np.zeros(3)}, "the truth of its log has no times or no poses"),
+        ({"t": np.zeros(3), "poses": np.zeros((3, 3))}, "the truth of its log has 3 x 3 poses, expected 60 x 3"),
+    ],
+)
+def test_a_truth_that_does_not_fit_its_cells_is_refused(tmp_path: Path, arrays: dict[str, Any], sentence: str) -> None:
+    record = Record(tmp_path / "run")
+    record.cell("room", "truth", "ekf")
+    with record.store.together() as db:
+        db.execute("DELETE FROM arrays WHERE key LIKE 'log %'")
+        if arrays:
+            db.execute("INSERT INTO arrays VALUES (?, ?)", ("log ('room', '', 0)", packed(arrays)))
+    (row,) = record.store.cells()
+    with pytest.raises(InputError, match=sentence):
+        record.store.arrays(row)

@@ -119,10 +119,22 @@ def test_without_pyarrow_it_is_a_sentence(
     assert export(study, "--csv", tmp_path / "a.csv") == 0
 
 
+@pytest.mark.parametrize("option", ["--csv", "--parquet"])
+def test_a_file_of_something_else_is_not_replaced_and_an_earlier_export_is(
+    study: Path, tmp_path: Path, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a").write_text("a letter")
+    assert export(study, option, tmp_path / "a") == 2
+    assert "a: exists and is no table of cells, expected a new file" in capsys.readouterr().err
+    assert (tmp_path / "a").read_text() == "a letter"
+    for _ in range(2):
+        assert export(study, option, tmp_path / "b") == 0
+
+
 def test_a_store_that_breaks_off_leaves_what_was_there(
     study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "a.csv").write_text("as it was")
+    (tmp_path / "a.csv").write_text("dataset,as it was")
 
     def torn(store: Store, found: Any) -> Any:
         yield next(found)
@@ -131,7 +143,7 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
     monkeypatch.setattr(Store, "_each", torn)
     assert export(study, "--csv", tmp_path / "a.csv", "--parquet", tmp_path / "a.parquet") == 2
     assert "a.parquet: cannot be written (No space left on device)." in capsys.readouterr().err
-    assert (tmp_path / "a.csv").read_text() == "as it was"
+    assert (tmp_path / "a.csv").read_text() == "dataset,as it was"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "study"]
 
 

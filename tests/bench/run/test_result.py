@@ -135,6 +135,7 @@ def test_another_truth_is_another_log(tmp_path: Path, world: Dataset) -> None:
         ({"dataset": 5}, "dataset is 5, expected a name"),
         ({"dataset": [None]}, "dataset is None, expected a name"),
         ({"dataset": []}, "dataset is empty"),
+        ({"dataset": None}, "dataset is None, expected a name, a path, a Log or a Dataset"),
         ({"truth": 5}, "truth: found int, expected a Truth"),
         ({"dataset": "victoria-prak"}, "^slamduel.run: there is no dataset"),
         ({"backend": "ekff"}, "^slamduel.run: there is no backend"),

@@ -104,6 +104,7 @@ ODD = [
     ("crashes", "error", "killed by SIGSEGV; its last words: reading address zero now"),
     ("exits", "error", "SystemExit: had enough"),
     ("wrong_shape", "error", "step 0: the pose has shape (2,), expected (3,)"),
+    ("complex_pose", "error", "step 0: the pose is ndarray, expected an array of floats of shape (3,)"),
     ("sometimes_none", "error", "a pose at some steps and None at others"),
     ("wrong_belief", "error", "belief() returned tuple at step 0, expected Belief or None"),
     ("believes_elsewhere", "error", "step 4: the belief's pose is ["),

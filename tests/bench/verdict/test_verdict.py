@@ -158,6 +158,18 @@ def test_one_log_is_nothing_to_test_and_repeats_speak_for_it_alone() -> None:
     assert "--seeds" in use(said(told("a", ate_m=[0.1]), told("b", ate_m=[0.2]))).why
 
 
+@pytest.mark.parametrize(
+    ("dataset", "words"),
+    [
+        ("circle", "One log is too few, 6 at least (--seeds)."),
+        ("csv", "One log is too few, 6 at least of a dataset; --seeds draws no others of a recording."),
+    ],
+)
+def test_more_seeds_are_advised_where_they_draw_other_logs(dataset: str, words: str) -> None:
+    found = [*told("a", ate_m=[0.1]), *told("b", ate_m=[0.2])]
+    assert use(said([Row({**row.columns, "dataset": dataset}, "") for row in found])).why == words
+
+
 def test_online_and_final_are_never_held_against_each_other() -> None:
     found = said(
         rows("ekf", 1),

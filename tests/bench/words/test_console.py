@@ -1,10 +1,12 @@
 """What a backend is called, or has said, reaches the terminal letter by letter."""
 
 import io
+import threading
 
 import pytest
 
-from slamduel.bench.words.console import plain, screen_console
+from slamduel.bench.words import console as consoles
+from slamduel.bench.words.console import announced, plain, screen_console
 
 
 @pytest.mark.parametrize(
@@ -15,3 +17,24 @@ def test_text_is_printed_as_it_is(text: str) -> None:
     console.file = io.StringIO()
     console.print(f"[green]done[/] {plain(text)}", highlight=False, soft_wrap=True)
     assert console.file.getvalue() == f"done {text}\n"
+
+
+def test_what_takes_long_is_announced_while_it_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(consoles, "PATIENCE_S", 0.0)
+    told, heard = list[str](), threading.Event()
+
+    def say(sentence: str) -> None:
+        told.append(sentence)
+        heard.set()
+
+    with announced("reading a long log", say):
+        assert heard.wait(60)
+    assert told == ["reading a long log"]
+
+
+def test_what_is_quick_is_not_announced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(consoles, "PATIENCE_S", 3600.0)
+    told = list[str]()
+    with announced("reading a log", told.append):
+        pass
+    assert told == []

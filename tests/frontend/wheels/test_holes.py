@@ -54,6 +54,17 @@ def test_a_short_time_or_a_slow_clock_is_no_hole() -> None:
     assert Track(slow, bends(slow), TrackNoise()).remarks(0, 60) == []
 
 
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
+def test_readings_lost_one_by_one_at_random_leave_no_hole(share: float) -> None:
+    rng, found = np.random.default_rng(1), 0
+    for _ in range(200):
+        kept = rng.random(len(T)) > share
+        found += len(Track(T[kept], bends()[kept], TrackNoise()).holes.start) > 0
+    assert found <= 6  # of 2 expected at most
+    kept[250:265] = False
+    assert len(Track(T[kept], bends()[kept], TrackNoise()).holes.start) == 1
+
+
 @pytest.mark.parametrize("length", [1.0, 2.0, 4.0, 6.0])
 def test_the_noise_in_a_hole_holds_what_happened_in_it(length: float) -> None:
     """Of many holes, the normalised squared error of the motion to their middle is that of a cautious belief."""

@@ -1,0 +1,1 @@
+"""Mutated logs, recordings, plug-ins and records, and how each has to end."""
