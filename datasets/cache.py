@@ -8,6 +8,7 @@ import contextlib
 import hashlib
 import os
 import platform
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from ..frontend.check import check
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset
 from . import archive
+from .hidden_ids import KNOWN, HiddenIds, hidden
 from .registry import Source
 
 _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
@@ -27,9 +29,17 @@ _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
 def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
 
-    A costly source must depend on nothing but its options, its random generator and the code of this package.
+    A costly source must depend on nothing but its options, its random generator and the code of this package. Ids are
+    hidden here, so that the log is otherwise that with known ids, and cached once.
     """
     seed = seed if source.seeded else 0
+    if not isinstance(options, HiddenIds):
+        return _kept(name, source, options, seed)
+    dataset = _kept(name, source, replace(options, ids=KNOWN), seed)
+    return hidden(dataset, options.ids, generator(f"ids of {name}", seed))
+
+
+def _kept(name: str, source: Source, options: Any, seed: int) -> Dataset:
     if not source.costly:
         return _made(name, source, options, seed)
     entry = folder() / f"{_key(name, options, seed)}.npz"

@@ -66,10 +66,12 @@ def _tables(headings: tuple[str, ...], entries: list[Entry]) -> Iterator[str]:
     yield from _table(headings, [(f"`{entry.name}`", *entry.cells) for entry in entries])
     having = Counter(option for entry in entries for option in entry.options)
     shared = [option for option, count in having.items() if count >= SHARED]
-    if shared:
-        names = [f"`{entry.name}`" for entry in entries if set(shared) & set(entry.options)]
-        yield f"\nOptions of {', '.join(names)}:\n"
-        yield from _options(shared)
+    groups = dict[tuple[str, ...], list[Option]]()
+    for option in shared:
+        groups.setdefault(tuple(entry.name for entry in entries if option in entry.options), []).append(option)
+    for names, options in groups.items():
+        yield f"\nOptions of {', '.join(f'`{name}`' for name in names)}:\n"
+        yield from _options(options)
     for entry in entries:
         own = [option for option in entry.options if option not in shared]
         if own:

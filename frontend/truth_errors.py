@@ -1,5 +1,6 @@
 """Measurement errors against ground truth."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,16 @@ def odometry_errors(log: Log, truth: Truth) -> Errors:
     row = np.flatnonzero((pose[1:] >= 0) & (pose[:-1] >= 0)) + 1
     right = between(truth.poses[pose[row - 1]], truth.poses[pose[row]])
     return Errors(row, difference(log.delta[row], right))
+
+
+def named(log: Log, truth: Truth | None) -> Log:
+    """The log with the true ids of its UNKNOWN sightings, as far as they are known; itself if there are none."""
+    unknown = log.ids == UNKNOWN
+    if truth is None or truth.assigned is None or not unknown.any():
+        return log
+    ids = np.where(unknown, truth.assigned, log.ids)
+    ids.flags.writeable = False
+    return replace(log, ids=ids)
 
 
 def sighted_from(poses: Array, xy: Array) -> Array:

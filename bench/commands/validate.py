@@ -87,7 +87,7 @@ def _counts(dataset: Dataset) -> str:
     log, truth = dataset
     landmarks = counted(len(np.unique(log.ids[log.ids != UNKNOWN])), "landmark")
     known = "no truth"
-    if truth is not None:
+    if truth is not None and (len(truth.t) or truth.map is not None):
         places = "" if truth.map is None else f" and of {counted(len(truth.map.ids), 'landmark')}"
         known = f"{truth.kind} of {counted(len(truth.t), 'step')}{places}"
     sighted = f"{counted(len(log), 'step')}, {counted(len(log.ids), 'sighting')} of {landmarks}"

@@ -8,6 +8,7 @@ from ...backends.api import Solution
 from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ...frontend.se2 import Array, Ints, between, compose
+from ...frontend.truth_errors import named
 from ..measure.landmark_places import Places, placed
 from ..plan.reference import outliers, reference
 
@@ -36,7 +37,7 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
     """Chooses the true path, else the batch optimum if `solve` (None: if the log is small), else dead reckoning."""
     log, truth = dataset
     if truth is None or not len(truth.t):
-        truth, words = _solved(log, solve)
+        truth, words = _solved(named(log, truth), solve)
     else:
         words = "truth" if truth.kind == "truth" else "the batch optimum"
     reckoned = dead_reckoned(log)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...frontend.factors import UNKNOWN, Log, Truth
 from ...frontend.se2 import Array
-from ...frontend.truth_errors import Errors, difference, odometry_errors, rows_of, sighting_errors
+from ...frontend.truth_errors import Errors, difference, named, odometry_errors, rows_of, sighting_errors
 from .landmark_places import judge, placed
 from .stated_noise import normalised, typical_scale
 
@@ -24,6 +24,7 @@ def misstated(log: Log, truth: Truth, row: dict[str, Any]) -> Iterator[str]:
     """Yields remarks on a log that a backend's NEES in `row` contradicts, as far as the true path can tell."""
     beliefs = [row[name] for name in ("nees", "final_nees") if row.get(name) is not None]
     off = any(nees > OVERCONFIDENT or nees < CAUTIOUS for nees in beliefs)
+    log = named(log, truth)
     right = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
     if truth.map is None:
         right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth

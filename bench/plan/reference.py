@@ -19,6 +19,7 @@ from ...datasets import archive, cache
 from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Dataset, Log, Map, Truth
 from ...frontend.se2 import act
+from ...frontend.truth_errors import named
 from ..measure.metrics import align
 from ..measure.misfit import misfits
 
@@ -54,10 +55,13 @@ def reference(log: Log) -> Truth | None:
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:
-    """Returns `truth` if it has a path, else a reference, aligned with true landmarks if there are any."""
+    """Returns `truth` if it has a path, else a reference, aligned with true landmarks if there are any.
+
+    The reference is that of the true ids, so that hidden ones do not change it.
+    """
     if truth is not None and len(truth.t):
         return truth
-    path = reference(log)
+    path = reference(named(log, truth))
     if path is None or truth is None:
         return path or truth
     if truth.map is None or path.map is None:

@@ -147,6 +147,8 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
     if text == "none" and type(None) in kinds:
         return None
     kind = next(k for k in kinds if k is not type(None))
+    if str in kinds and text in (field.metadata.get("choices") or ()):
+        return text
     if not text and kind is str and type(None) in kinds:
         raise InputError(f"{where}: option {field.name} is empty, expected {_expected(field, kind)}.")
     try:
@@ -157,10 +159,10 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
         ) from None
     low, high, choices = (field.metadata.get(key) for key in ("minimum", "maximum", "choices"))
     outside = choices is not None and value not in choices
-    if not isinstance(value, str):
+    if not isinstance(value, str):  # a number, for which `choices` are words in its place
         outside = value != value or (low is not None and value < low) or (high is not None and value > high)
     if outside:
-        how = "is not one of its values" if choices is not None else "is out of range"
+        how = "is not one of its values" if isinstance(value, str) else "is out of range"
         raise InputError(f"{where}: option {field.name}={text} {how}; expected {_expected(field, kind)}.")
     return value
 
@@ -175,9 +177,10 @@ _KINDS: dict[Any, tuple[Any, str]] = {
 
 def _expected(field: Field[Any], kind: Any) -> str:
     low, high, choices = (field.metadata.get(key) for key in ("minimum", "maximum", "choices"))
-    if choices:
-        return "one of " + ", ".join(choices)
-    words = _KINDS[kind][1]
+    either = "one of " + ", ".join(choices or ())
+    if choices and kind is str:
+        return either
+    words = f"{either}, or {_KINDS[kind][1]}" if choices else _KINDS[kind][1]
     if low is not None and high is not None:
         return f"{words} from {low} to {high}"
     if low is not None:

@@ -34,6 +34,7 @@ from ...frontend.factors import UNKNOWN, Dataset, Log, Prior
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from ...frontend.triangles import symmetric
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched
 from .stepwise import FLOORED, Row, definite, read_rows
@@ -49,7 +50,7 @@ _NEAREST = 1e-3
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(HiddenIds):
     """The location of the log."""
 
     path: str | None = option(None, f"the file {FILE} or its folder; not given: the copy from bench fetch dlr")

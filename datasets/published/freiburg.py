@@ -34,6 +34,7 @@ from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
 from ...frontend.small_matrices import propagated
 from ...frontend.table import LARGEST, read_spaced
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched
 from .stepwise import FLOORED, Row, definite, read_rows
@@ -55,7 +56,7 @@ _UNLIKELY = 5.0
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(HiddenIds):
     """Location of the log, and its noise."""
 
     path: str | None = option(None, "folder with sensor_data.dat and world.dat; not given: the copy from bench fetch")
@@ -189,7 +190,7 @@ def _world(path: Path) -> Map:
 
 def _notes(options: Options, lifted: int, floored: int) -> dict[str, Any]:
     settings = asdict(options)
-    del settings["path"]
+    del settings["path"], settings["ids"]
     return {
         "source": "Robot Mapping course, EKF SLAM exercise; C. Stachniss, University of Freiburg, WS 2013/14",
         "licence": "none stated with the files",

@@ -22,6 +22,7 @@ from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
 from ...frontend.table import Table
 from ...frontend.wheels.encoder import Floors, compose, roll
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched
 from .mrclam_files import LAST_ROBOT, NOBODY, Recorded, folder_of, read_files, since
@@ -43,7 +44,7 @@ START_SD = 1e-3
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(HiddenIds):
     """The log, and one set of noise settings for all robots, so that no robot is tuned to its own ground truth.
 
     The defaults are rounded from the errors of dataset 6, its five robots together, and do not depend on any backend's
@@ -185,7 +186,7 @@ def _sightings(recorded: Recorded, start: float, end: float, keep_robots: bool) 
 
 def _notes(folder: Path, options: Options, start: float, seen: Sightings) -> dict[str, Any]:
     settings = asdict(options)
-    del settings["path"]
+    del settings["path"], settings["ids"]
     return {
         "source": f"UTIAS MRCLAM, {folder.name}; Leung, Halpern, Barfoot, Liu, IJRR 30(8):969-974, 2011",
         "licence": "none stated with the files",

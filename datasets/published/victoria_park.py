@@ -8,8 +8,8 @@ known ids for iSAM (M. Kaess et al., 2008). Pose and tree ids share one name spa
 import numpy as np
 
 from ...frontend.factors import Dataset
-from ...frontend.options import NoOptions
 from ..formats import gtsam_text
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 
 _NOTES = {
@@ -19,9 +19,9 @@ _NOTES = {
 }
 
 
-def make(options: NoOptions, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a recorded log is not random
+def make(options: HiddenIds, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a recorded log is not random
     """Victoria Park: a real car among trees, 6,969 steps, 3,640 sightings of 151 known trees, no ground truth."""
     return gtsam_text.read(gtsam_text.shipped("victoria_park.txt"), "cov", "victoria-park", _NOTES)
 
 
-source = Source(make)
+source = Source(make, HiddenIds)

@@ -20,6 +20,7 @@ from ...frontend.se2 import Array, Ints, wrap
 from ...frontend.small_matrices import product
 from ...frontend.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from ..rendering.room import Room, wall_point
 from .faults import Faults, with_faults
@@ -61,7 +62,7 @@ LOOP = Loop(
 
 
 @dataclass(frozen=True)
-class Options(Faults):
+class Options(HiddenIds, Faults):
     """The room, the drive, and faults."""
 
     markers: int = option(24, "markers around the walls", minimum=1, maximum=200)

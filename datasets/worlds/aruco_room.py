@@ -16,6 +16,7 @@ from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.options import option
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Wheels
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.disturbances import Disturbances, take
@@ -46,7 +47,7 @@ BERTH = 0.3
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(HiddenIds):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)

@@ -18,6 +18,7 @@ from ...frontend.options import option
 from ...frontend.se2 import Array
 from ...frontend.small_matrices import product
 from ...frontend.wheels.encoder import compose
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import FLOORS, in_reach, polar, prior
@@ -50,7 +51,7 @@ ASIDE = (4.0, 14.0)
 
 
 @dataclass(frozen=True)
-class Options(Faults):
+class Options(HiddenIds, Faults):
     """The world, its noise, and faults."""
 
     landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)

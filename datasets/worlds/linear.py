@@ -13,6 +13,7 @@ from ...frontend.elementary import sincos
 from ...frontend.factors import Dataset, Log, Map, Prior, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, wrap
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import START_SD, in_reach, sightings
@@ -34,7 +35,7 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options(Faults):
+class Options(HiddenIds, Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(400, "steps, of half a metre", minimum=2, maximum=100_000)

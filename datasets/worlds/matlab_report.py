@@ -17,6 +17,7 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import FLOORS, counted, in_reach, polar, prior
@@ -45,7 +46,7 @@ NEAREST, FARTHEST, HALF_VIEW = 0.3, 2.2, np.deg2rad(42.0)
 
 
 @dataclass(frozen=True)
-class Options(Faults):
+class Options(HiddenIds, Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)

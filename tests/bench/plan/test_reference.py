@@ -11,6 +11,7 @@ from slamduel.bench.report.tables import accuracy_table
 from slamduel.bench.run.terminal import tables
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.verdict.verdict import verdict
+from slamduel.datasets.hidden_ids import hidden
 from slamduel.datasets.worlds.outliers import swapped
 from slamduel.frontend.factors import Dataset, Truth
 from slamduel.frontend.se2 import act
@@ -75,6 +76,22 @@ def test_surveyed_landmarks_stay_beside_a_reference_path(world: Dataset) -> None
 
 def test_a_true_path_needs_no_reference(world: Dataset) -> None:
     assert reference.known(world.log, world.truth) is world.truth
+
+
+@pytest.mark.parametrize("ids", ["hidden", 0.5])
+def test_hidden_ids_leave_the_reference_as_it_was(
+    world: Dataset, ids: float | str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And its entry in the cache: it is found again, not found anew."""
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
+    log, truth = hidden(Dataset(world.log, None), ids, np.random.default_rng(2))
+    found, plain = reference.known(log, truth), reference.reference(world.log)
+    assert found is not None
+    assert plain is not None
+    np.testing.assert_array_equal(found.poses, plain.poses)
+    assert found.assigned is not None
+    np.testing.assert_array_equal(found.assigned, world.log.ids)
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_what_the_reference_is_stands_wherever_distances_do(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ class Options:
     loud: bool = option(False, "whether")
     shape: str = option("round", "which", choices=("round", "square"))
     path: str | None = option(None, "where")
+    names: float | str = option("all", "which, or how many", minimum=0, maximum=1, choices=("all", "none"))
 
 
 @pytest.mark.parametrize(
@@ -31,6 +32,8 @@ class Options:
         ([("loud", "True"), ("shape", "square")], Options(loud=True, shape="square")),
         ([("path", "none")], Options(path=None)),
         ([("path", "a b/c")], Options(path="a b/c")),
+        ([("names", "none")], Options(names="none")),
+        ([("names", "3e-1")], Options(names=0.3)),
     ],
 )
 def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expected: Options) -> None:
@@ -41,7 +44,7 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
     ("given", "sentence"),
     [
         ([("cuont", "3")], "backend x: there is no option 'cuont'; did you mean 'count'?"),
-        ([("zzz", "3")], "there is no option 'zzz'; expected one of count, loud, path, shape, share."),
+        ([("zzz", "3")], "there is no option 'zzz'; expected one of count, loud, names, path, shape, share."),
         ([("count", "3.5")], "option count=3.5: found '3.5', expected a whole number from 1 to 1000000."),
         ([("count", "0")], "option count=0 is out of range; expected a whole number from 1 to 1000000."),
         ([("share", "nan")], "option share=nan is out of range; expected a number from 0 to 1."),
@@ -204,4 +207,5 @@ def test_every_option_is_described_with_its_range() -> None:
     described = {name: (default, summary) for name, default, summary in describe(Options)}
     assert described["count"] == ("10", "how many (a whole number from 1 to 1000000)")
     assert described["shape"] == ("round", "which (one of round, square)")
+    assert described["names"] == ("all", "which, or how many (one of all, none, or a number from 0 to 1)")
     assert described["path"] == ("none", "where (text)")

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from slamduel.datasets.formats import log_folder
+from slamduel.datasets.hidden_ids import HiddenIds
 from slamduel.datasets.published import victoria_park
 from slamduel.frontend.check import problems
 from slamduel.frontend.factors import Log
-from slamduel.frontend.options import NoOptions
 
 FILE = Path(gtsam.findExampleDataFile("victoria_park.txt"))
 
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    return victoria_park.source.make(NoOptions(), np.random.default_rng(0)).log
+    return victoria_park.source.make(HiddenIds(), np.random.default_rng(0)).log
 
 
 def test_nothing_of_the_file_is_lost(log: Log):
@@ -27,7 +27,7 @@ def test_nothing_of_the_file_is_lost(log: Log):
 
 
 def test_there_is_no_truth():
-    assert victoria_park.source.make(NoOptions(), np.random.default_rng(0)).truth is None
+    assert victoria_park.source.make(HiddenIds(), np.random.default_rng(0)).truth is None
 
 
 def test_sightings_and_motions_are_the_file_s(log: Log):
@@ -49,7 +49,7 @@ def test_sightings_and_motions_are_the_file_s(log: Log):
 
 def test_the_log_is_what_it_was():
     """Results that were published with it stay comparable: the factors are these, bit for bit."""
-    found = victoria_park.source.make(NoOptions(), np.random.default_rng(0)).log
+    found = victoria_park.source.make(HiddenIds(), np.random.default_rng(0)).log
     assert found.digest == "e93839eeeb58d76b382aad65e6cb2b3e6a42701fc287fef39089c72f245e5aff"
     assert found.name == "victoria-park"
     assert "University of Sydney" in found.notes["source"]
