@@ -50,6 +50,7 @@ BUILTIN = {
     "recording": ".recordings.recording:source",
     "toro": ".formats.toro:source",
     "victoria-park": ".published.victoria_park:source",
+    "victoria-park-raw": ".published.victoria_park_raw:source",
 }
 """Name -> module of this package and the `Source` in it."""
 

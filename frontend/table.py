@@ -3,6 +3,8 @@
 Every reader here is the strict form of a scan, which reports all faults and not only the first.
 """
 
+import gzip
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple, SupportsIndex
@@ -141,13 +143,20 @@ def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
 
 
 def text(path: Path) -> str:
-    """The content of `path` with \n line ends; InputError if it is missing, no regular file, empty or not UTF-8."""
+    """The content of `path` with \n line ends, unpacked if it is a .gz.
+
+    InputError if it is missing, no regular file, damaged, empty or not UTF-8.
+    """
     check_regular(path)
     try:
         content = path.read_bytes()
+        if path.suffix == ".gz":
+            content = gzip.decompress(content)
     except FileNotFoundError:
         found = "is a link to nothing, expected a file" if path.is_symlink() else "there is no such file"
         raise InputError(f"{path}: {found}.") from None
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be unpacked ({error}).") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from error
     if not content or content.isspace():

@@ -116,6 +116,21 @@ PUBLISHED: dict[str, Published] = {
         link=r"ekf[^/]*\.(zip|tgz|tar\.gz)$",
     ),
     **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},
+    "victoria-park-raw": Published(
+        title="Victoria Park as recorded: a car, trees found by a laser, without ids; GPS as truth",
+        citation="Guivant and Nebot, Optimization of the simultaneous localization and map-building algorithm for "
+        "real-time implementation, IEEE Trans. Robotics and Automation 17(3), 2001",
+        licence="New BSD, of RFS-SLAM, which has this copy; none stated with the recording",
+        page="https://github.com/kykleung/RFS-SLAM/tree/aa5170b/data/VictoriaPark",
+        urls=("https://github.com/kykleung/RFS-SLAM/archive/aa5170b.zip",),
+        addresses="the repository has these files at this commit; its archive, all of it, was not tried",
+        by_hand="download inputs.dat, measurements.dat and gps.dat into a folder",
+        files={
+            "inputs.dat": "94353fa7a529f8a9e9770e69363d27472fe414f3637a107dce54a7f8db96e7d8",
+            "measurements.dat": "b0737e2d312cbb80d466a8f1d6048e11dd06939a5ffb63becc8b954cde149746",
+            "gps.dat": "944657cdaacdb9c421bf3a7ec1af95f05a8b9fefb513374f1f617bacc5426c07",
+        },
+    ),
 }
 """Name -> catalogue entry."""
 

@@ -40,6 +40,7 @@ def logs() -> dict[str, Callable[[], Dataset]]:
         found["dlr"] = partial(made, "dlr", path=f"{DATA}/dlr/map.circles")
         for motion in ("turns", "course"):
             found[f"freiburg {motion}"] = partial(made, "freiburg", path=f"{DATA}/freiburg", motion=motion)
+        found["victoria-park-raw"] = partial(made, "victoria-park-raw", path=f"{DATA}/victoria_park_raw")
         for robot in range(1, 6):
             found[f"mrclam {robot}"] = partial(made, "mrclam", path=f"{DATA}/mrclam/MRCLAM_Dataset6", robot=robot)
     return found

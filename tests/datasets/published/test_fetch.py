@@ -1,5 +1,6 @@
 """`bench fetch`: published logs are put in place whole, checked and at once, or not at all with a sentence."""
 
+import gzip
 import os
 import re
 import resource
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import publishers
+import slamduel
 import toy_log
 from publishers import Http
 from slamduel.bench.cli import main
@@ -204,7 +206,12 @@ def test_a_log_that_is_not_here_names_the_command() -> None:
 
 
 def test_the_catalogue_is_complete() -> None:
-    assert [name for name in PUBLISHED if name != "toy"] == ["dlr", "freiburg", *(f"mrclam-{n}" for n in range(1, 10))]
+    assert [name for name in PUBLISHED if name != "toy"] == [
+        "dlr",
+        "freiburg",
+        *(f"mrclam-{n}" for n in range(1, 10)),
+        "victoria-park-raw",
+    ]
     for name, log in PUBLISHED.items():
         if name != "toy":
             assert log.urls
@@ -220,3 +227,13 @@ def test_the_real_ones_are_what_the_catalogue_says(name: str, folder: str) -> No
         pytest.skip("SLAMDUEL_DATA is not set: no copies of the published logs")
     assert main(["fetch", name, "--quiet", "--from", str(Path(root) / folder)]) == 0
     assert main(["fetch", name, "--quiet", "--check"]) == 0
+
+
+def test_the_raw_park_is_what_the_catalogue_says(tmp_path: Path) -> None:
+    root = os.environ.get("SLAMDUEL_DATA")
+    if not root:
+        pytest.skip("SLAMDUEL_DATA is not set: no copies of the published logs")
+    for packed in (Path(root) / "victoria_park_raw").glob("*.dat.gz"):
+        (tmp_path / packed.stem).write_bytes(gzip.decompress(packed.read_bytes()))
+    assert main(["fetch", "victoria-park-raw", "--quiet", "--from", str(tmp_path)]) == 0
+    assert len(slamduel.load("victoria-park-raw").log.ids) == 52974
