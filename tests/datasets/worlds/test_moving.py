@@ -21,7 +21,7 @@ from slamduel.frontend.factors import Dataset, Truth
 from slamduel.frontend.se2 import Array, Ints, wrap
 from slamduel.frontend.truth_errors import sighting_errors, standing
 
-EXACT = {"steps": 400, "sighting": 1e-4, "landmarks": 40}
+EXACT: dict[str, Any] = {"steps": 400, "sighting": 1e-4, "landmarks": 40}
 
 
 def made(seed: int = 0, **options: Any) -> Dataset:
@@ -115,7 +115,7 @@ def test_what_has_moved_out_of_view_is_not_sighted() -> None:
 
 def test_other_faults_stay_what_they_are() -> None:
     """Wrong ids keep their true ones, and lost sightings are those of the log without motion."""
-    spoilt = {"wrong_ids": 0.2, "missing": 0.2, "sensor_scale": 2.0, "clutter": 0.3}
+    spoilt: dict[str, Any] = {"wrong_ids": 0.2, "missing": 0.2, "sensor_scale": 2.0, "clutter": 0.3}
     still, moved = made(**spoilt), made(moving=0.3, moving_speed=1e-9, **spoilt)
     np.testing.assert_array_equal(moved.log.ids, still.log.ids)
     np.testing.assert_allclose(moved.log.z, still.log.z, atol=1e-6)
