@@ -16,7 +16,8 @@ from slamduel.frontend.se2 import Array, between
 
 
 def made(**options: Any) -> Dataset:
-    dataset = circle(Options(**{"steps": 400, **options}), generator("circle", 0))
+    given: dict[str, Any] = {"steps": 400, **options}
+    dataset = circle(Options(**given), generator("circle", 0))
     assert not list(problems(dataset.log))
     assert dataset.truth is not None
     check_truth(dataset.log, dataset.truth, "circle")
