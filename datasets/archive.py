@@ -39,6 +39,8 @@ def packed(dataset: Dataset) -> bytes:
         members |= {"truth.t": truth.t, "truth.poses": truth.poses} | _map_members("truth.map", truth.map)
         if truth.assigned is not None:
             members["truth.assigned"] = truth.assigned
+        if truth.moving is not None:
+            members["truth.moving"] = truth.moving
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
@@ -95,8 +97,9 @@ def _truth(members: Members, words: Words) -> Truth | None:
     if words["truth"] is None:
         return None
     assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
-    known = _map(members, "truth.map")
-    return Truth(_frozen(members["truth.t"]), _frozen(members["truth.poses"]), known, assigned, **words["truth"])
+    moving = _frozen(members["truth.moving"]) if "truth.moving" in members else None
+    t, poses, known = _frozen(members["truth.t"]), _frozen(members["truth.poses"]), _map(members, "truth.map")
+    return Truth(t, poses, known, assigned, **words["truth"], moving=moving)
 
 
 def _map_members(name: str, known: Map | None) -> dict[str, Any]:

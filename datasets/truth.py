@@ -1,22 +1,25 @@
 """Ground truth of the path and the landmarks, as files beside a recording.
 
-truth.tum        t x y z qx qy qz qw landmarks.csv    id,x,y
+truth.tum        t x y z qx qy qz qw
+landmarks.csv    id,x,y[,moving]          moving: 1 if the landmark moves from that place, else 0
 """
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..frontend.factors import Map, Truth, digest_of
 from ..frontend.scan import Scan, attempted, strict
-from ..frontend.se2 import Array, wrap
+from ..frontend.se2 import Array, Ints, wrap
 from ..frontend.table import scan_csv
 from ..frontend.tum import scan_tum, write_tum
 
 POSES = "truth.tum"
 PLACES = "landmarks.csv"
 COLUMNS = ("id", "x", "y")
+MOVING = ("moving",)
 
 LONGEST_GAP = 0.5
 """s; longest interval between two true poses that is interpolated."""
@@ -29,31 +32,31 @@ def read_truth(folder: Path) -> Truth | None:
 
 def scan_truth(folder: Path, times: Array | None = None) -> Scan[Truth | None]:
     """Scans as `read_truth` reads, without invalid rows; with `times`, poses at other times are faults."""
-    path = known = None
+    path = places = None
     if os.path.lexists(folder / POSES):  # a link to nothing is no missing file
         path = yield from attempted(scan_tum(folder / POSES, times))
     if os.path.lexists(folder / PLACES):
-        known = yield from attempted(_scan_places(folder / PLACES))
-    if path is None and known is None:
+        places = yield from attempted(_scan_places(folder / PLACES))
+    if path is None and places is None:
         return None
+    known, moving = places or (None, None)
     t, poses = path or (np.zeros(0), np.zeros((0, 3)))
     t.flags.writeable = poses.flags.writeable = False
-    return Truth(t, poses, known, None, "truth")
+    return Truth(t, poses, known, moving=moving)
 
 
 def digest(truth: Truth) -> str:
     """sha256, in hexadecimal, of the ground truth as stored in a log's folder: all but the covariance of its map."""
     known = truth.map
-    return digest_of(
-        {
-            f"kind {truth.kind}": None,
-            "t": truth.t,
-            "poses": truth.poses,
-            "map.ids": None if known is None else known.ids,
-            "map.xy": None if known is None else known.xy,
-            "assigned": truth.assigned,
-        }
-    )
+    columns = {
+        f"kind {truth.kind}": None,
+        "t": truth.t,
+        "poses": truth.poses,
+        "map.ids": None if known is None else known.ids,
+        "map.xy": None if known is None else known.xy,
+        "assigned": truth.assigned,
+    }
+    return digest_of(columns if truth.moving is None else {**columns, "moving": truth.moving})
 
 
 def write_truth(folder: Path, truth: Truth) -> None:
@@ -62,9 +65,11 @@ def write_truth(folder: Path, truth: Truth) -> None:
         write_tum(folder / POSES, truth.t, truth.poses)
     if truth.map is not None:
         with (folder / PLACES).open("w", encoding="utf-8", newline="\n") as file:
-            file.write(",".join(COLUMNS) + "\n")
-            places = zip(truth.map.ids.tolist(), *truth.map.xy.T.tolist(), strict=True)
-            file.writelines(f"{name},{x!r},{y!r}\n" for name, x, y in places)
+            columns: list[list[Any]] = [truth.map.ids.tolist(), *truth.map.xy.T.tolist()]
+            if truth.moving is not None:
+                columns.append(np.isin(truth.map.ids, truth.moving).astype(int).tolist())
+            file.write(",".join(COLUMNS if truth.moving is None else COLUMNS + MOVING) + "\n")
+            file.writelines(",".join(map(repr, row)) + "\n" for row in zip(*columns, strict=True))
 
 
 def sample(truth: Truth, t: Array) -> Truth:
@@ -89,14 +94,21 @@ def sample(truth: Truth, t: Array) -> Truth:
     return truth._replace(t=times, poses=poses)
 
 
-def _scan_places(path: Path) -> Scan[Map]:
-    table = yield from scan_csv(path, COLUMNS)
+def _scan_places(path: Path) -> Scan[tuple[Map, Ints | None]]:
+    """The landmarks, and the ids of those that move, where the file says so."""
+    table = yield from scan_csv(path, COLUMNS, MOVING)
+    told = table.columns[-1:] == MOVING
     table = yield from table.scan_finite()
     table = (yield from table.scan_whole("id")).sound()
+    if told:
+        flag = table.column("moving")
+        odd = (flag != 0) & (flag != 1)
+        table = (yield from table.refuse(odd, lambda row: f"moving is {flag[row]!s}, expected 0 or 1")).sound()
     names = table.column("id")
     _, first = np.unique(names, return_index=True)
     twice = np.isin(np.arange(len(names)), first, invert=True)
     table = (yield from table.refuse(twice, lambda row: f"id {names[row]:.0f} occurs twice, expected once")).sound()
-    ids, xy = table.whole("id"), table.rows[:, 1:].copy()
-    ids.flags.writeable = xy.flags.writeable = False
-    return Map(ids, xy, None)
+    ids, xy = table.whole("id"), table.rows[:, 1:3].copy()
+    moving = ids[table.column("moving") == 1] if told else ids[:0]
+    ids.flags.writeable = xy.flags.writeable = moving.flags.writeable = False
+    return Map(ids, xy, None), moving if told else None

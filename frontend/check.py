@@ -166,6 +166,8 @@ def _truth_shapes(log: Log, truth: Truth) -> Iterator[str]:
     if truth.map is not None:
         n = np.size(truth.map.ids)
         columns += [("map.ids", truth.map.ids, (n,), "iu"), ("map.xy", truth.map.xy, (n, 2), "iuf")]
+    if truth.moving is not None:
+        columns.append(("moving", truth.moving, (np.size(truth.moving),), "iu"))
     for name, column, shape, kinds in columns:
         if not isinstance(column, np.ndarray):
             yield f"{name} is {type(column).__name__}, expected an array"
@@ -189,6 +191,10 @@ def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
     if truth.map is not None:
         for problem in _known(truth.map._replace(cov=None)):
             yield f"map row {problem.row}: {problem.message}"
+    if truth.moving is not None:
+        known = np.zeros(0, np.int64) if truth.map is None else truth.map.ids
+        for row in np.flatnonzero(~np.isin(truth.moving, known)):
+            yield f"moving row {row}: found {truth.moving[row]}, expected the id of a landmark of the map"
     if truth.assigned is not None:
         for row in np.flatnonzero((truth.assigned < UNKNOWN) | (truth.assigned > MOST)):
             yield f"assigned row {row}: found {truth.assigned[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown"

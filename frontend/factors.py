@@ -95,6 +95,7 @@ class Truth(NamedTuple):
     kind: Literal["truth", "reference"] = "truth"  # "reference": the batch optimum of a log without ground truth
     places: Literal["truth", "reference"] = "truth"  # of the map; landmarks may be surveyed though the path is unknown
     words: str = ""  # describes the reference, unless it is simply the batch optimum
+    moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
 
 
 class Dataset(NamedTuple):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .elementary import arctan2, hypot
-from .factors import UNKNOWN, Log, Truth
+from .factors import UNKNOWN, Log, Map, Truth
 from .se2 import Array, Ints, between, wrap
 
 
@@ -18,13 +18,17 @@ class Errors(NamedTuple):
 
 
 def sighting_errors(log: Log, truth: Truth) -> Errors:
-    """Errors of sightings where pose and landmark have ground truth; a true id takes precedence over the given one."""
+    """Errors of sightings where pose and landmark have ground truth, without those of landmarks that move.
+
+    A true id takes precedence over the given one.
+    """
     ids = log.ids if truth.assigned is None else truth.assigned
-    if truth.map is None:
+    known = standing(truth)
+    if known is None:
         return Errors(np.zeros(0, np.int64), np.zeros((0, 2)))
-    pose, place = rows_of(truth.t, log.t[log.sighting_step]), rows_of(truth.map.ids, ids)
+    pose, place = rows_of(truth.t, log.t[log.sighting_step]), rows_of(known.ids, ids)
     row = np.flatnonzero((pose >= 0) & (place >= 0) & (ids != UNKNOWN))
-    return Errors(row, difference(log.z[row], sighted_from(truth.poses[pose[row]], truth.map.xy[place[row]])))
+    return Errors(row, difference(log.z[row], sighted_from(truth.poses[pose[row]], known.xy[place[row]])))
 
 
 def odometry_errors(log: Log, truth: Truth) -> Errors:
@@ -43,6 +47,14 @@ def named(log: Log, truth: Truth | None) -> Log:
     ids = np.where(unknown, truth.assigned, log.ids)
     ids.flags.writeable = False
     return replace(log, ids=ids)
+
+
+def standing(truth: Truth) -> Map | None:
+    """The true landmarks that do not move."""
+    if truth.map is None or truth.moving is None:
+        return truth.map
+    stays = ~np.isin(truth.map.ids, truth.moving)
+    return Map(truth.map.ids[stays], truth.map.xy[stays], None)
 
 
 def sighted_from(poses: Array, xy: Array) -> Array:

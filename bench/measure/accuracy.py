@@ -6,6 +6,7 @@ import numpy as np
 
 from ...frontend.factors import Log, Map, Truth
 from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import standing
 from .metrics import (
     Alignment,
     align,
@@ -59,15 +60,20 @@ def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Int
         if found is not None:
             row[name] = found.translation
             row |= {"rpe_rad": found.rotation} if name == "rpe_m" else {}
-    if truth.map is not None and truth.places == truth.kind:  # else true places are in another frame than the path
-        row["map_rmse_m"] = map_rmse(landmarks, truth.map, alignment)
+    known = standing(truth)
+    if known is not None and truth.places == truth.kind:  # else true places are in another frame than the path
+        row["map_rmse_m"] = map_rmse(landmarks, known, alignment)
     return Accuracy(row, moved, alignment)
 
 
 def map_accuracy(log: Log, truth: Truth, known: Map, found: Map) -> dict[str, Any]:
-    """Compares the map with the known one, aligned by itself where no path is known in that one's frame."""
+    """Compares the map with the known one, aligned by itself where no path is known in that one's frame.
+
+    Landmarks that move have no error, but may be missed.
+    """
     ids = log.ids if truth.assigned is None else truth.assigned
     row: dict[str, Any] = {"landmarks_missed": missed(found, known, ids), "landmarks_spurious": spurious(found, known)}
+    known = standing(truth) or known
     if not len(truth.t) or truth.places != truth.kind:
         row["map_rmse_m"] = own_map_rmse(found, known)
     elif truth.kind == "truth":

@@ -1,6 +1,7 @@
 """Reads a file of landmarks as a map to start from, such as a cell's map.csv or a log's landmarks.csv.
 
 id,x,y                  each landmark's place, m
+id,x,y,moving           the same; those that move, 1 in the last column, are left out
 id,x,y,cxx,cxy,cyy      and each landmark's covariance, m²; blank throughout where unknown
 """
 
@@ -15,12 +16,14 @@ from ...frontend.table import Table, text
 from ...frontend.triangles import symmetric
 from ..record.files import MAP as COLUMNS
 
+MOVING = (*COLUMNS[:3], "moving")
+
 
 def read_landmarks(path: Path) -> Map:
     """Reads the map in `path`; InputError names the file and the line of what cannot be used."""
     lines = text(path).rstrip("\n").split("\n")
     header = tuple(cell.strip() for cell in lines[0].split(","))
-    if header not in (COLUMNS, COLUMNS[:3]):
+    if header not in (COLUMNS, COLUMNS[:3], MOVING):
         raise InputError(f"{path}, line 1: found {lines[0]!r}, expected id,x,y or {','.join(COLUMNS)}.")
     rows = [_cells(path, number, line, header) for number, line in enumerate(lines[1:], start=2)]
     table = Table(path, header, np.array(rows).reshape(-1, len(header)), np.arange(2, len(rows) + 2))
@@ -33,6 +36,9 @@ def read_landmarks(path: Path) -> Map:
         raise table.fault(row, f"id is {ids[row]}, expected 0 or more")
     for row in np.setdiff1d(np.arange(len(ids)), first):
         raise table.fault(row, f"id {ids[row]} is there a second time, expected it once")
+    if header == MOVING:
+        stays = table.finite().column("moving") == 0
+        return Map(ids[stays], table.rows[stays, 1:3], None)
     triangles = table.rows[:, 3:]
     if not triangles.size or np.isnan(triangles).all():
         return Map(ids, table.rows[:, 1:3].copy(), None)

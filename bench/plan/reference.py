@@ -66,7 +66,7 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
         return path or truth
     if truth.map is None or path.map is None:
         return path._replace(assigned=truth.assigned)
-    return path._replace(map=_beside(truth.map, path.map), places="truth", assigned=truth.assigned)
+    return path._replace(map=_beside(truth.map, path.map), places="truth", assigned=truth.assigned, moving=truth.moving)
 
 
 def outliers(log: Log, solution: Solution) -> Outliers:

@@ -5,7 +5,7 @@
     sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     one row per sighting, sorted by step
     loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt    one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
-    landmarks.csv    id,x,y                                          the landmarks' true positions; optional
+    landmarks.csv    id,x,y[,moving]                                 the landmarks' true positions; optional
 
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files

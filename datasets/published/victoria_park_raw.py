@@ -25,16 +25,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...frontend.elementary import arctan2, hypot, sincos
 from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...frontend.options import option
-from ...frontend.se2 import Array, wrap
+from ...frontend.se2 import Array, Ints, wrap
 from ...frontend.table import Table, read_spaced
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..registry import Source
 from .catalogue import fetched
+
+Flags = NDArray[np.bool_]
 
 LENGTH, HALF_AXLE = 2.83, 0.76
 """m, wheel base, and from the middle of the rear axle to the wheel whose speed is measured."""
@@ -189,7 +192,7 @@ def _motions(t: Array, inputs: Table, options: Options) -> tuple[Array, Array]:
     return delta, delta_cov
 
 
-def _interpolated(gps: Table, t: Array) -> tuple[Array, Array]:
+def _interpolated(gps: Table, t: Array) -> tuple[Array, Flags]:
     """Poses (n, 3) at `t` (n,), and a mask of those between fixes at most GAP apart, (n,)."""
     at, x, y = gps.rows.T
     moving, course = _courses(gps)
@@ -200,7 +203,7 @@ def _interpolated(gps: Table, t: Array) -> tuple[Array, Array]:
     return poses, (at[0] <= t) & (t <= at[-1]) & (near | np.isin(t, at))
 
 
-def _courses(gps: Table) -> tuple[Array, Array]:
+def _courses(gps: Table) -> tuple[Ints, Array]:
     """The fixes (m,) at which the car moves, as rows, and its courses (m,) there."""
     at, x, y = gps.rows.T
     first, last = np.searchsorted(at, at - COURSE), np.searchsorted(at, at + COURSE, side="right") - 1

@@ -5,12 +5,14 @@ boxes by many, so that edges are accurate to a few thousandths of a pixel. Grey 
 lens and exposure act.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from ...frontend.camera.camera import Camera
@@ -63,6 +65,8 @@ class Renderer:
     grain: float = 2.0  # grey levels, standard deviation of the sensor's noise
     samples: int = 6  # its square is the number of rays per pixel, for the markers and the boxes' edges
     vignetting: float = 0.4  # strength of the light's falloff towards the corners; 1: the fourth power of the cosine
+    printed: Mapping[int, NDArray[np.bool_]] = field(default_factory=dict[int, NDArray[np.bool_]])  # id -> bits (n, n),
+    # True is white, of markers that are not as in the dictionary
 
     def frame(self, pose: Array, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
         """(height, width) grey, seen from `pose` (4, 4) T_world_camera; for poses (n, 4, 4), the mean of their light.
@@ -148,6 +152,8 @@ class Renderer:
         sheets: dict[int, Singles] = {}
         for marker in self.room.markers:
             drawn = np.asarray(dictionary.generateImageMarker(marker.id, modules, borderBits=1), float)
+            if marker.id in self.printed:
+                drawn[1:-1, 1:-1] = self.printed[marker.id]
             grey = np.pad(np.where(drawn > 0, PAPER, INK), 1, constant_values=PAPER)
             sheets[marker.id] = np.stack((grey, np.ones_like(grey)), axis=-1).astype(np.float32)
         return sheets

@@ -7,13 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...frontend.elementary import hypot, sincos
 from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Prior, Truth
+from ...frontend.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...frontend.markers.aruco import Detector
-from ...frontend.markers.markers import Markers
+from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.options import option
+from ...frontend.se2 import Ints
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Wheels
 from ..hidden_ids import HiddenIds
@@ -22,6 +24,7 @@ from ..rendering.cameras import CAMERAS
 from ..rendering.disturbances import Disturbances, take
 from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
+from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
 from .outliers import swapped
 from .wheeled_robot import Loop, count, drive
@@ -73,13 +76,23 @@ class Options(HiddenIds):
     occlusion: float = option(0.0, "share of partly covered frames", minimum=0.0, maximum=1.0)
     slip: float = option(0.0, "wheel slips per metre, not covered by the stated noise", minimum=0.0, maximum=5.0)
     counts_per_metre: float = option(6250.0, "resolution of the wheel counters", minimum=10.0, maximum=1e7)
+    unreadable: float = option(
+        0.0, "share of the markers whose bits are no marker's: found, but without an id", minimum=0.0, maximum=1.0
+    )
     outliers: float = option(0.0, "share of sightings with another marker's id", minimum=0.0, maximum=0.5)
 
 
 def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
     """Rendered camera frames of a room with ArUco markers, and wheel encoders; one room per seed."""
+    if options.unreadable and options.outliers:
+        raise InputError(
+            f"dataset aruco-room: found options unreadable={options.unreadable:g} and outliers={options.outliers:g}, "
+            "expected one of them: a marker without an id has none to be wrong."
+        )
     recording, truth = record(options, rng)
     log = build_log(recording)
+    if options.unreadable:
+        truth = truth._replace(assigned=_nearest(log, truth))
     if options.outliers == 0:
         return Dataset(log, truth)
     # Drawn after everything else, so that the log is the clean one except for its outliers.
@@ -104,6 +117,8 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
     frame_times = np.arange(int(options.seconds * options.frame_rate + 1e-9) + 1) / options.frame_rate
     tick_times = TICK * np.arange(int(np.ceil(frame_times[-1] / TICK)) + 2.0)
     poses, _ = drive(LOOP, options.speed, frame_times)
+    (chance,) = layout.spawn(1)
+    unreadable = np.flatnonzero(chance.uniform(size=options.markers) < options.unreadable).tolist()
     encoder = replace(ENCODER, left=1 / options.counts_per_metre, right=1 / options.counts_per_metre)
     ticks = count(*drive(LOOP, options.speed, tick_times), tick_times, encoder, wheels, options.slip)
     camera = CAMERAS[options.camera]
@@ -115,18 +130,34 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
         blur=options.blur,
         grain=options.grain,
         vignetting=options.vignetting,
+        printed=scrambled(find(DICTIONARY), unreadable, chance),
     )
     disturbances = Disturbances(options.exposure, options.sway, options.gain_drift, options.shadow, options.occlusion)
     recording = Recording(
         name="aruco-room",
         frames=take(renderer, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
         motion=Wheels(ticks, encoder),
-        detector=Detector(Markers(DICTIONARY, SIDE), camera),
+        detector=Detector(Markers(DICTIONARY, SIDE), camera, unread=options.unreadable > 0),
         noise=_noise(options),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},
     )
     return recording, Truth(frame_times, poses, room.landmarks, None, "truth")
+
+
+def _nearest(log: Log, truth: Truth) -> Ints:
+    """(s,) the ids of the log's sightings; of those without one the marker that is there, UNKNOWN if none is."""
+    assert truth.map is not None
+    ids, step = log.ids.copy(), log.sighting_step
+    poses = truth.poses[np.searchsorted(truth.t, log.t)]
+    for k in np.flatnonzero(ids == UNKNOWN):
+        x, y, heading = poses[step[k]]
+        s, c = sincos(heading + log.z[k, 1])
+        away = hypot(*(np.array([x + log.z[k, 0] * c, y + log.z[k, 0] * s]) - truth.map.xy).T)
+        if away.min() < SIDE:
+            ids[k] = truth.map.ids[away.argmin()]
+    ids.flags.writeable = False
+    return ids
 
 
 def _noise(options: Options) -> Noise:

@@ -17,6 +17,8 @@ from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, between, wrap
 from ...frontend.truth_errors import difference, rows_of, sighted_from
+from .kidnapping import kidnapped
+from .moving import moved
 from .outliers import swapped
 from .wheeled_robot import SLIP_MOST, slip_lengths
 
@@ -50,6 +52,13 @@ class Faults:
         "unknown", "ids of false sightings: unknown, or a new id each (nobody)", choices=("unknown", "nobody")
     )
     jitter: float = option(0.0, "error of the time of a step's sightings, sd in s", minimum=0.0, maximum=60.0)
+    moving: float = option(0.0, "share of the landmarks that move", minimum=0.0, maximum=1.0)
+    motion: str = option(
+        "velocity", "their motion: at constant speed, or with pauses", choices=("velocity", "stop-and-go")
+    )
+    moving_speed: float = option(0.5, "their speed, m/s", minimum=0.0, maximum=50.0)
+    roaming: float = option(2.0, "how far they go in x and in y before they turn back, m", minimum=0.01, maximum=1e4)
+    kidnap: float = option(0.0, "time at which the robot is put elsewhere on its way, s; 0: never", minimum=0.0)
 
 
 class _Draws(NamedTuple):
@@ -62,6 +71,8 @@ class _Draws(NamedTuple):
     ids: np.random.Generator
     missing: np.random.Generator
     clutter: np.random.Generator
+    moving: np.random.Generator
+    kidnap: np.random.Generator
 
 
 def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> Dataset:
@@ -69,7 +80,8 @@ def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> D
 
     Its ground truth must have a pose per step, and the map. The new one's `assigned` has the true ids if some have
     changed or sightings are false, whose true id is UNKNOWN. A sighting whose error makes its range zero or negative is
-    lost, even without faults. The log's notes have the options, and counts, under "faults".
+    lost, even without faults, as is that of a landmark that has moved out of view. The log's notes have the options,
+    and counts, under "faults".
     """
     wanted = {field.name: value for field in fields(Faults) if (value := getattr(faults, field.name)) != field.default}
     log, truth = dataset
@@ -85,10 +97,18 @@ def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> D
         log, counts["slips"] = _slipped(log, truth, faults.slip, draws.slips)
     if wanted.keys() & {"sensor_scale", "tails", "jitter"}:
         log = _missed(log, truth, faults, draws)
+    in_view = np.ones(len(log.ids), bool)
+    if faults.moving:
+        log, truth, in_view = moved(
+            log, truth, faults.moving, faults.motion, faults.moving_speed, faults.roaming, draws.moving
+        )
+        assert truth.moving is not None
+        counts["moving landmarks"] = len(truth.moving)
     if faults.wrong_ids:
         log, truth = swapped(log, truth, faults.wrong_ids, draws.ids)
         assert truth is not None
     kept = (draws.missing.uniform(size=len(log.ids)) >= faults.missing) & (log.z[:, 0] > 0)
+    kept &= in_view
     false = _clutter(log, view, faults.clutter, draws.clutter)
     blind = _gap(len(log), faults.gap)
     kept, false = kept & ~blind[log.sighting_step], false.only(~blind[false.step])
@@ -97,6 +117,8 @@ def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> D
     if not kept.all():
         counts["sightings lost"] = int((~kept).sum())
     log, truth = _merged(log, truth, kept, false, faults.clutter_ids)
+    if faults.kidnap:
+        log, truth, counts["kidnapped at step"] = kidnapped(log, truth, faults.kidnap, draws.kidnap)
     return Dataset(replace(log, notes={**log.notes, "faults": wanted | counts}), truth)
 
 

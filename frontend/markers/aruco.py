@@ -1,7 +1,7 @@
 """Detects ArUco markers in a camera frame and locates their centres relative to the robot."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from ..camera.camera import Camera
 from ..compile_ahead import compile_ahead
 from ..errors import InputError
+from ..factors import UNKNOWN
 from ..se2 import Array
 from . import template
+from .bits import sample
 from .markers import Markers
 from .square_pose import SquarePose, square, square_poses
 
@@ -36,6 +38,12 @@ ROUGH_SD = 0.3
 CELL = 8
 """px per module when a square is rectified for reading; OpenCV's 4 loses one in ten markers of 15 px."""
 
+APART = 0.05
+"""Share of their perimeter between two outlines from which both are tried.
+
+With OpenCV's 0.125 the edge of the paper stands for many an unread square.
+"""
+
 
 FARTHEST, LARGEST_SHARE = 2.0, 0.04
 """px, and share of a marker's size, by which refinement may move a corner; most move less than a pixel."""
@@ -44,7 +52,7 @@ FARTHEST, LARGEST_SHARE = 2.0, 0.04
 class Sighting(NamedTuple):
     """A marker found in a frame."""
 
-    id: int
+    id: int  # UNKNOWN: of a square whose bits are no marker's
     corners: Array  # (4, 2) px, clockwise from the marker's own top left one
     corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
@@ -61,6 +69,9 @@ class Detector:
     markers: Markers
     camera: Camera
     refinement: Refinement = "template"
+    unread: bool = (
+        False  # squares whose bits are no marker's are found, too: as UNKNOWN, with the bits as their pattern
+    )
 
     @cached_property
     def _opencv(self) -> cv2.aruco.ArucoDetector:
@@ -69,6 +80,8 @@ class Detector:
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = OPENCV.get(self.refinement, cv2.aruco.CORNER_REFINE_NONE)
         parameters.perspectiveRemovePixelPerCell = CELL
+        if self.unread:
+            parameters.minMarkerDistanceRate = APART
         return cv2.aruco.ArucoDetector(self.markers.opencv, parameters)
 
     @cached_property
@@ -87,21 +100,22 @@ class Detector:
     def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
         """Detects the markers in a grey or BGR `image`, sorted by id, and counts rejections by reason.
 
-        Of several with one id the largest in the image stays. InputError for an image that is not of the camera's size.
+        Of several with one id, unless it is UNKNOWN, the largest in the image stays. InputError for an image that is
+        not of the camera's size.
         """
         height, width = image.shape[:2]
         if (width, height) != (self.camera.width, self.camera.height):
             expected = f"{self.camera.width}x{self.camera.height}"
             raise InputError(f"frame: found {width}x{height} pixels, expected the camera's {expected}.")
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-        found, ids, _ = self._opencv.detectMarkers(grey)
+        found, ids, others = self._opencv.detectMarkers(grey)
         corners = np.asarray(found, float).reshape(-1, 4, 2)
         names = np.asarray(ids, int).ravel() if len(found) else np.zeros(0, int)
         rejected = Counter[str]()
         sightings: list[Sighting] = []
         for index in np.lexsort((-_area(corners), names)):
             name = int(names[index])
-            refined = self._refine(grey, name, corners[index])
+            refined = self._refine(grey, self._pattern(name), corners[index])
             if refined is None:
                 rejected["the printed pattern is not there"] += 1
                 continue
@@ -112,19 +126,30 @@ class Detector:
                 rejected["same id twice in a frame"] += 1
             else:
                 sightings.append(sighting)
+        if self.unread:
+            sightings = [*self._unread(grey, np.asarray(others, float).reshape(-1, 4, 2)), *sightings]
         alone = [one for one in sightings if not any(_within(one, other) for other in sightings)]
         if len(alone) < len(sightings):
             rejected["inside another marker"] += len(sightings) - len(alone)
         return alone, rejected
 
-    def _refine(self, grey: Image, name: int, corners: Array) -> tuple[Array, Array] | None:
+    def _unread(self, grey: Image, quads: Array) -> Iterator[Sighting]:
+        """Yields the squares among the outlines `quads` (n, 4, 2) that are printed like a marker."""
+        for corners in quads:
+            bits = sample(grey, corners, self.markers.opencv.markerSize)
+            refined = None if bits is None else self._refine(grey, template.pattern(bits), corners)
+            sighting = None if refined is None else self.locate(UNKNOWN, *refined)
+            if sighting is not None:
+                yield sighting
+
+    def _refine(self, grey: Image, pattern: NDArray[np.bool_], corners: Array) -> tuple[Array, Array] | None:
         """The corners' rays (4, 2) and their covariance (8, 8); None where the marker is not in the frame."""
         rays = self.camera.undistort(corners)
         if not np.isfinite(rays).all():
             return None
         if self.refinement != "template":
             return rays, self._cov_of_rays(rays, ROUGH_SD)
-        fit = template.fit(grey, self.camera.rays, self._pattern(name), rays, corners)
+        fit = template.fit(grey, self.camera.rays, pattern, rays, corners)
         if fit is None:
             return None
         moved = self.camera.project(np.column_stack((fit.rays, np.ones(4)))) - corners

@@ -161,6 +161,7 @@ def test_a_table_of_detections_without_ids_is_dead_reckoned(tmp_path: Path) -> N
 def assert_dead_reckoned(log: Log) -> None:
     builder = backends.find("ekf")
     run = drive(builder, builder.options(), log, lambda: np.random.default_rng(0))
+    assert run.online is not None
     np.testing.assert_allclose(run.online, dead_reckoned(log), atol=1e-9)
     assert len(run.map.ids) == 0
 

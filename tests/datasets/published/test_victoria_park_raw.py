@@ -2,9 +2,11 @@ import gzip
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fuzzing import survivors
 from slamduel.bench.measure.metrics import align, aligned
@@ -14,7 +16,7 @@ from slamduel.frontend.check import check_truth, problems
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Truth
-from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.frontend.se2 import Array, Ints, between, compose, wrap
 
 SPEED, STEERING = 2.0, 0.2
 """m/s of the middle of the rear axle, rad."""
@@ -26,7 +28,7 @@ WHEEL = SPEED * (1 - np.tan(STEERING) * HALF_AXLE / LENGTH)
 """m/s of the left wheel, which is on the inside of a curve to the left."""
 
 
-def rows(path: Path, table: Array) -> None:
+def rows(path: Path, table: NDArray[np.floating[Any]]) -> None:
     path.write_text("".join(" ".join(f"{value:.6f}" for value in row) + "\n" for row in table))
 
 
@@ -41,9 +43,9 @@ def laser(t: Array) -> Array:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A car that goes round for 20 s and sees two trees in every scan, the first of them before all readings."""
-    t = 0.2 + 0.025 * np.arange(800)
+    t = 0.2 + 0.025 * np.arange(800.0)
     rows(tmp_path / "inputs.dat", np.column_stack((t, np.full_like(t, WHEEL), np.full_like(t, STEERING))))
-    scans = np.repeat(0.1 + 0.2 * np.arange(100), 2)
+    scans = np.repeat(0.1 + 0.2 * np.arange(100.0), 2)
     trees = np.tile([[5.0, np.pi / 2 + 0.3, 0.4], [9.0, 0.5, 0.8]], (100, 1))
     rows(tmp_path / "measurements.dat", np.column_stack((scans, trees)))
     t = np.concatenate((np.arange(0.0, 8.0, 0.2), np.arange(12.0, 20.0, 0.2)))
@@ -100,8 +102,7 @@ def test_a_car_that_stands_keeps_its_course_and_has_little_noise(folder: Path):
 
 def test_a_steering_error_turns_the_car_and_moves_the_laser(folder: Path):
     """Over a second it turns by the rate's derivative, as the file's readings with that error would."""
-    few = {"forward": 1e-6, "lateral": 1e-6, "turn": 1e-6}
-    log, _ = made(folder, Options(steering=0.01, **few))
+    log, _ = made(folder, Options(steering=0.01, forward=1e-6, lateral=1e-6, turn=1e-6))
     off = np.loadtxt(folder / "inputs.dat")
     off[:, 2] += 1e-5
     rows(folder / "inputs.dat", off)
@@ -205,7 +206,7 @@ def test_dead_reckoning_is_far_off_after_half_an_hour_and_near_over_a_minute(who
     assert truth is not None
     path = dead_reckoned(log)[np.searchsorted(log.t, truth.t)]
 
-    def apart(rows: Array) -> float:
+    def apart(rows: Ints) -> float:
         moved = aligned(align(path[rows], truth.poses[rows]), path[rows])
         return float(np.median(np.hypot(*(moved - truth.poses[rows])[:, :2].T)))
 

@@ -1,5 +1,6 @@
 """The rendered drive as a dataset: what it promises of the log, the truth and the noise."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from slamduel.datasets.worlds.wheeled_robot import count, drive, slipped
 from slamduel.frontend.check import check
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
+from slamduel.frontend.factors import UNKNOWN, Dataset
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.noise_fit import squares
 from slamduel.frontend.se2 import Array, between, wrap
@@ -234,3 +235,29 @@ def test_options_are_checked() -> None:
     for given, said in ((("camera", "none"), "pinhole, wide, tilted, fisheye"), (("boxes", "9"), "from 0 to 8")):
         with pytest.raises(InputError, match=said):
             read_options(Options, [given], "dataset aruco-room")
+
+
+def test_a_marker_that_cannot_be_read_is_sighted_without_an_id_as_well_as_the_others(short: Dataset) -> None:
+    made = aruco_room(Options(seconds=2.0, unreadable=0.3), np.random.default_rng(1))
+    unread = made.log.ids == UNKNOWN
+    assert unread.any()
+    assert (~unread).any()
+    assert len(made.log.ids) > 0.9 * len(short.log.ids)
+    # Each is one of those in view, at its place, and none of those that are read.
+    assigned = made.truth.assigned
+    assert not set(assigned[unread].tolist()) & {UNKNOWN, *made.log.ids[~unread].tolist()}
+    right = true_measurements(Dataset(replace(made.log, ids=assigned), made.truth))
+    off = made.log.z - right
+    off[:, 1] = wrap(off[:, 1])
+    in_sd = off[unread] / np.sqrt(np.einsum("kii->ki", made.log.z_cov[unread]))
+    assert (np.sqrt((in_sd**2).mean(axis=0)) < 2).all()
+    both = {(k, name): z for k, name, z in zip(short.log.sighting_step, short.log.ids, short.log.z[:, 0], strict=True)}
+    found = zip(made.log.sighting_step[~unread], made.log.ids[~unread], made.log.z[~unread, 0], strict=True)
+    assert np.median([abs(both[k, name] - z) for k, name, z in found if (k, name) in both]) < 1e-3
+    np.testing.assert_array_equal(made.log.delta, short.log.delta)
+    check(made.log, "aruco-room")
+
+
+def test_what_has_no_id_has_no_wrong_one() -> None:
+    with pytest.raises(InputError, match=r"unreadable=0.5 and outliers=0.1, expected one of them"):
+        aruco_room(Options(seconds=2.0, unreadable=0.5, outliers=0.1), np.random.default_rng(1))

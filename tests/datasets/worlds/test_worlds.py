@@ -33,6 +33,8 @@ WORST = {
     "wrong_ids": "0.5",
     "clutter": "1",
     "jitter": "60",
+    "moving": "0.5",
+    "moving_speed": "50",
 }
 
 
