@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 from ...backends import registry as backends
 from ...backends.api import Builder, NoOptions
+from ...backends.association import options as association
 from ...datasets import registry as datasets
 from ...datasets.formats import graph_kind
 from ...datasets.registry import Source
@@ -84,7 +85,12 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
         except backends.Missing as error:
             found.append(BackendVariant(name, NoOptions(), None, str(error)))
             continue
-        found.append(BackendVariant(name, read_options(builder.options, given, f"backend {name}"), builder))
+        where = f"backend {name}"
+        if not builder.can_associate and any(option == "association" for option, _ in given):
+            raise InputError(f"{where}: it does no data association; expected a backend that does, such as ekf.")
+        options = read_options(builder.options, given, where)
+        association.check(options, where)
+        found.append(BackendVariant(name, options, builder))
     return _without_repeats(found, asker)
 
 
