@@ -42,7 +42,8 @@ FACTS: Mapping[str, type | tuple[type, ...]] = {
 
 MORE_FACTS: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("plan", "implementations"), dict),
-    **dict.fromkeys(("kind", "command"), str),
+    "kind": str,
+    "command": (str, list),
     "random": list,
 }
 """Those that earlier versions, or studies, have not."""
@@ -73,6 +74,7 @@ _KINDS: Mapping[Any, str] = {
     str: "a text",
     int: "a whole number",
     (int, float): "a number",
+    (str, list): "a text or its words",
 }
 
 

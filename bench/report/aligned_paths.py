@@ -114,15 +114,21 @@ def _ellipses(centres: Array, covs: Array, motion: Array) -> Array:
     return np.column_stack((centres, half[:, 1], half[:, 0], angle))
 
 
+def _finite(points: Array) -> Array:
+    """The points (m, 2) of those (n, 2) that an axis can have."""
+    return points[np.isfinite(drawable(points)).all(axis=1)]
+
+
 def framed(log: DrawnLog, panels: Sequence[Panel]) -> Frame:
     """Frames the known path and map with some room; with nothing known, the middle 98 % of all paths."""
     if log.known:
-        points = np.concatenate((log.known["poses"][:, :2], log.known.get("xy", np.zeros((0, 2)))))
+        points = _finite(np.concatenate((log.known["poses"][:, :2], log.known.get("xy", np.zeros((0, 2))))))
+        points = points if len(points) else np.zeros((1, 2))
         low, high = points.min(axis=0), points.max(axis=0)
     else:
         able = [p for p in panels if p.trace.label != BASELINE] or panels
-        ends = [np.percentile(path, (1, 99), axis=0) for p in able for path in (p.online, p.final) if path is not None]
-        ends += [np.percentile(p.map, (1, 99), axis=0) for p in able if len(p.map)]
+        shown = [_finite(a) for p in able for a in (p.online, p.final, p.map) if a is not None]
+        ends = [np.percentile(points, (1, 99), axis=0) for points in shown if len(points)] or [np.zeros((2, 2))]
         low, high = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
     room = 0.08 * max(*(high - low), 0.5)
     low, high = low - room, high + room

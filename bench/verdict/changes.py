@@ -199,17 +199,22 @@ def _endings(pair: Pair) -> list[Change]:
 
 
 def _lost(pair: Pair) -> list[Change]:
-    """Reports quantities that cells had and have not any more, though they are done."""
+    """Reports quantities that done cells had and have not any more, and those that are infinite only now."""
     told: list[Change] = []
     done = [both for both in pair.measured if both[0].columns["status"] == both[1].columns["status"] == "done"]
     for quantity in QUANTITIES:
-        column = quantity.column
-        gone = [b for a, b in done if a.columns[column] is not None and b.columns[column] is None]
-        if gone and not quantity.costs:
-            seeds = listed([str(row.columns["seed"]) for row in gone])
-            words = f"had one before, has none now: seed{'s' * (len(gone) > 1)} {seeds}"
-            lost = Change(pair.dataset, pair.backend, quantity.words, quantity.kind, REGRESSION, words, len(done))
-            told.append(lost)
+        values = [(b, a.columns[quantity.column], b.columns[quantity.column]) for a, b in done]
+        gone = [b for b, old, new in values if old is not None and new is None]
+        failed = [b for b, old, new in values if old is None and new is not None and not math.isfinite(new)]
+        for rows, how in (
+            (gone, "had one before, has none now"),
+            (failed, "had none before, has an infinite one now"),
+        ):
+            if rows and not quantity.costs:
+                words = f"{how}: seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
+                told.append(
+                    Change(pair.dataset, pair.backend, quantity.words, quantity.kind, REGRESSION, words, len(done))
+                )
     return told
 
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 from unittest.mock import create_autospec
 
 from slamduel.bench.engine.engine import Watcher
+from slamduel.bench.record.schema import label
 from slamduel.bench.record.store import Store
 
 ENVIRONMENT = {"processor": "abacus & sons", "memory_gb": None, "packages": {"slamduel": "0.1.0", "evo": None}}
@@ -30,8 +31,10 @@ def small_study(folder: Path, name: str, text: str, outcomes: Iterable[Outcome],
     cells = list(outcomes)
     with Store(folder, writing=True) as store:
         command = ["bench", "ablate", f"{name}.toml"]
+        folders = {label(*_key(cell)[at : at + 2]): "a-folder" for cell in cells for at in (0, 2)}
         words: dict[str, Any] = {"kind": "study", "name": name, "size": size, "text": text, "command": command}
-        words |= {"executor": "local", "workers": 2, "folders": {}, "environment": ENVIRONMENT, "started": 1.8e9}
+        words |= {"executor": "local", "workers": 2, "folders": folders, "options": {}, "timing_policy": "alone"}
+        words |= {"environment": ENVIRONMENT, "started": 1.8e9}
         store.put_about(words)
         store.put_plan([(*_key(cell), cell.parameters, f"log {k}", f"key {k}") for k, cell in enumerate(cells)])
         for k, cell in enumerate(cells):

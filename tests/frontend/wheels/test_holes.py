@@ -56,7 +56,7 @@ def test_a_short_time_or_a_slow_clock_is_no_hole() -> None:
 
 @pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
 def test_readings_lost_one_by_one_at_random_leave_no_hole(share: float) -> None:
-    rng, found = np.random.default_rng(1), 0
+    rng, found, kept = np.random.default_rng(1), 0, np.zeros(0, bool)
     for _ in range(200):
         kept = rng.random(len(T)) > share
         found += len(Track(T[kept], bends()[kept], TrackNoise()).holes.start) > 0
