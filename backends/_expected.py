@@ -155,8 +155,9 @@ def _entry(t: Array, u: Array, h: Array, i: int, j: int) -> float:
 
 @compiled
 def near_ones(pose: Array, P: Array, xy: Array, sd: Array, z: Array, R: Array, gate: float) -> Ints:
-    """Landmarks near xy (n, 2), with standard deviations of at most sd (n,), that one of the sightings z (k, 2), R (k, 2, 2)
-    may be of: (m,).
+    """Landmarks near xy (n, 2), with deviations of at most sd (n,), that a sighting z (k, 2), R (k, 2, 2) may be of.
+
+    Returns their indices (m,).
 
     A landmark that has been corrected since it was at `xy` has moved by a normal vector of the covariance it has lost:
     the sum of that and of an error within the gate is within twice the gate.

@@ -12,7 +12,6 @@ from typing import Any
 
 from ..frontend.errors import InputError
 from .api import Builder
-from .association.layer import associating
 from .import_trial import death
 
 BUILTIN = {
@@ -68,8 +67,9 @@ def find(name: str) -> Builder:
         fields(found.options)
     except Exception as error:
         raise _missing(name, f"has no options that can be left out: {type(error).__name__}: {error}") from error
+    layer = import_module(f"{__package__}.association.layer")  # it imports numba
     try:
-        return associating(found)
+        return layer.associating(found)
     except TypeError as error:
         raise _missing(name, f"cannot have data association: {error}") from error
 

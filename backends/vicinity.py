@@ -23,7 +23,7 @@ class Marginals(Protocol):
     """The part of a backend that is asked."""
 
     def __call__(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
-        """The last pose (3,), places (n, 2) of these landmarks, and joint covariance (2n + 3, 2n + 3), the pose last."""
+        """The last pose (3,), these landmarks' places (n, 2), and joint covariance (2n + 3, 2n + 3), the pose last."""
         ...
 
 

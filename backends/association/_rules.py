@@ -72,10 +72,11 @@ def decide(
 @compiled
 def free(a: int, step: int, pair: Ints, of: Ints) -> bool:
     """Tells if no sighting of that step is of landmark `a`."""
+    count = 0
     for i in range(len(pair)):
         if pair[i] == a and of[i] == step:
-            return False
-    return True
+            count += 1
+    return count == 0
 
 
 @compiled

@@ -125,7 +125,7 @@ class Associating:
     def _take(self, step: Step) -> None:
         """Names the sightings of a step, the first in line, and hands it on."""
         ids, z, cov = step.sightings
-        named = ids.tolist()
+        named: list[int] = ids.tolist()
         if self._made:  # a known id may be of a landmark that was there without one
             named = [self._made.get(name, name) for name in named]
         open_ = self._open(named)
@@ -183,7 +183,7 @@ class Associating:
         return nodes
 
     def _joined(self, own: int, landmark: int) -> int:
-        """The id for a landmark of known id `own`, sighted as such for the first time, that may be there without one."""
+        """The id for a landmark of known id `own`, now sighted as such, that may be there without one."""
         self._known.add(own)
         if landmark >= UNKNOWN or landmark in self._called:
             return own
@@ -254,18 +254,18 @@ class Associating:
         if len(near) < SURE:
             return pair, known
         entries = np.stack((2 * near, 2 * near + 1), axis=1).ravel()
-        cov = None if around.cov is None else around.cov[np.ix_(entries, entries)]
-        sightings = RangeBearing(*(column[open_] for column in step.sightings))
+        joint = None if around.cov is None else around.cov[np.ix_(entries, entries)]
+        ids, z, cov = step.sightings
         fix = locate(
-            [step._replace(odometry=None, sightings=sightings)],
-            Map(around.ids[near], around.xy[near], cov),
+            [step._replace(odometry=None, sightings=RangeBearing(ids[open_], z[open_], cov[open_]))],
+            Map(around.ids[near], around.xy[near], joint),
             least=SURE,
             margin=MARGIN,
         )
         if fix is None:
             return pair, known
-        ids = fix.ids.tolist()
-        return [k if landmark != UNKNOWN else NEW for k, landmark in enumerate(ids)], ids
+        found = fix.ids.tolist()
+        return [k if landmark != UNKNOWN else NEW for k, landmark in enumerate(found)], found
 
     def _confirmed(self, new: list[int]) -> list[int]:
         """Those of the `new` sightings of the first step in line that enough of the following steps agree with."""

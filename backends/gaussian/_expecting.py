@@ -82,7 +82,7 @@ def expect(
     R: Array,
     gate: float,
 ) -> tuple[Ints, Array, Array]:
-    """Expected sightings of the landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of, after the `motion` of `predict`.
+    """Expected sightings, after the `motion`, of landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
     Returns their indices (m,), range and bearing (m, 2), and joint covariance (2m, 2m): see `_expected.jointly`.
     """

@@ -68,7 +68,7 @@ class Active(Joint):
         return [place[slot] for slot in slots]
 
     def bring_near(self, moves: bool, motion: Array, where: int, z: Array, R: Array, gate: float) -> None:
-        """Fetches the landmarks that one of the sightings z, R after the `motion` may be of; repeated, it does nothing."""
+        """Fetches the landmarks that a sighting z, R after the `motion` may be of; repeated, it does nothing."""
         whole, place = self._whole, self._place
         xy = whole.mean[3 : 3 + 2 * len(self._sd)].reshape(-1, 2)
         near = around(self.mean, self.points, self.pose, moves, motion, where, xy, self._sd, z, R, gate).tolist()

@@ -22,8 +22,8 @@ from ..models import place
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
+from ._covariances import joint
 from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
-from ._marginals import joint
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
 from .maps import add_map, joint_map

@@ -89,7 +89,8 @@ def joint(w: Window, landmarks: Ints, pose: Array, at: Array, cov: Array) -> Non
         for j in range(i + 1, m):
             for a in range(columns):
                 T[j, a] -= w.work[o + j] * T[i, a]
-        gather(T[i], w.work[o + m], mean, cov)
+        d = float(w.work[o + m])
+        gather(T[i], d, mean, cov)
     for a in range(columns):
         for b in range(a):
             cov[b, a] = cov[a, b]

@@ -109,7 +109,7 @@ class FixedLag:
         return pose
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
-        """Landmarks of the window that one of the sightings may be of, by joint marginals; held ones are offered, too."""
+        """Landmarks of the window that one of the sightings may be of, by joint marginals; also those held back."""
         if not self._times:
             return first_expected(self._prior, seen, gate)
         new = [landmark for landmark in self._row if landmark not in self._vicinity]

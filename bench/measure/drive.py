@@ -50,11 +50,11 @@ class Outcome:
     setup_ns: int
     finish_ns: int
     clock_ns: int  # what was taken off each
-    assigned: Ints | None  # (s,) the landmark it took every sighting for by the log's last step
-    final_assigned: Ints | None  # (s,) once it had finished
-    associate_ns: Ints | None  # (n,) CPU time of data association, part of step_ns
-    tried: Ints | None  # (n,) pairs or nodes that data association has tried
     told: bool  # it was given the ground truth, and makes use of it
+    assigned: Ints | None = None  # (s,) the landmark it took every sighting for by the log's last step
+    final_assigned: Ints | None = None  # (s,) once it had finished
+    associate_ns: Ints | None = None  # (n,) CPU time of data association, part of step_ns
+    tried: Ints | None = None  # (n,) pairs or nodes that data association has tried
 
 
 def drive(

@@ -104,7 +104,11 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
     """Makes tables of what the small one leaves out, of online and final path and map; medians."""
     return [
         laid(having, names, _median, f"{what} in detail: {_basis(lines, ends=False)}")
-        for what, names in (("Online path and map", ONLINE), ("Path and map smoothed at the end", FINAL))
+        for what, names in (
+            ("Data association", ASSOCIATION),
+            ("Online path and map", ONLINE),
+            ("Path and map smoothed at the end", FINAL),
+        )
         if (having := _having(lines, names))
     ]
 

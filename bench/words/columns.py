@@ -113,8 +113,8 @@ ONLINE = (
     Column("landmark_nees_void", "landmarks, not a covariance", kind.COUNT,
            "Landmarks of the map whose covariance is none, likewise.", "landmarks without a usable covariance"),
     Column("pair_precision", "pair precision", kind.SHARE,
-           "Data association: of the pairs of sightings that the backend took to be of one landmark, the share that are."
-           " 100 % where no landmark got another's sightings."),
+           "Data association: of the pairs of sightings that the backend took to be of one landmark, the share that "
+           "are. 100 % where no landmark got another's sightings."),
     Column("pair_recall", "pair recall", kind.SHARE,
            "Of the pairs of sightings that are of one landmark, the share that the backend took to be. A sighting that "
            "was dropped is in no pair."),
@@ -194,7 +194,8 @@ METRICS = (
            "decision. Median over the steps with sightings without an id."),
     Column("associate_us_p99", "association p99", kind.CPU_US, "Likewise, the 99th percentile."),
     Column("nodes_max", "largest search", kind.COUNT,
-           "Most nodes of a step's search by joint compatibility; pairs of sightings and landmarks of the other rules."),
+           "Most nodes of a step's search by joint compatibility; of the other rules, pairs of sightings and "
+           "landmarks."),
     Column("told", "given the ground truth", kind.COUNT,
            "1: the backend was given the ground truth (--oracle) and linearised there, so it is not compared with "
            "others."),

@@ -106,7 +106,8 @@ def test_on_a_given_map_its_ids_are_found() -> None:
 
 def test_clutter_is_not_born_where_it_has_to_be_confirmed() -> None:
     made = ring(clutter=0.5)
-    assert made.truth is not None and made.truth.assigned is not None
+    assert made.truth is not None
+    assert made.truth.assigned is not None
     log, true = without_ids(made.log), made.truth.assigned
     rows = [
         association_columns(driven_to_the_end("ekf", log, association="jcbb", **more).assigned(), true)

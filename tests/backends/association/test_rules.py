@@ -148,7 +148,7 @@ def test_what_is_far_from_all_that_are_free_is_new_and_what_is_between_is_open(r
     for off, found in ((0.0, 0), (0.1 * np.sqrt(MATCH) * 1.05, OPEN), (0.1 * np.sqrt(FAR) * 1.05, NEW)):
         if rule == JOINT and found == OPEN:
             continue  # a single pair has the wide gate
-        pair, _ = decide_frame(rule, expected + [off, 0.0], R, expected, cov, MATCH, GATES, FAR, 1000)
+        pair, _ = decide_frame(rule, expected + np.array((off, 0.0)), R, expected, cov, MATCH, GATES, FAR, 1000)
         assert pair.tolist() == [found]
     pair, _ = decide_frame(rule, np.repeat(expected, 2, 0), np.repeat(R, 2, 0), expected, cov, MATCH, GATES, FAR, 1000)
     assert sorted(pair.tolist()) == [NEW, 0]  # the other one is of the same place, and that is taken
