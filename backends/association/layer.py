@@ -85,6 +85,11 @@ class Associating:
         self._now = np.full(len(step.sightings.ids), UNKNOWN)
         return self._ahead(np.zeros((3, 3)))[0]
 
+    @property
+    def inner(self) -> Backend:
+        """The backend behind."""
+        return self._inner
+
     def belief(self) -> Belief | None:
         """The backend's, and the landmark that each sighting of the last step was taken for."""
         found = self._inner.belief()
