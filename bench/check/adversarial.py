@@ -19,21 +19,22 @@ An estimate may be off it by SIGMAS standard deviations of a Kalman filter that 
 
 import warnings
 from collections import Counter
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...backends.api import Diverged
+from ...backends.api import UNKNOWN, Diverged, Unsuited
 from ...frontend import se2
 from ...frontend.factors import Map, RangeBearing
 from ...frontend.se2 import Array, Ints
 from ..measure.misfit import misfit
 from ..plan.reference import reference
 from ..words.numerals import counted
-from .adversarial_logs import Adversary
-from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, Trial, stays_near
+from .adversarial_logs import ADVERSARIES, Adversary
+from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, NotApplicable, Trial, stays_near
 from .log_recipe import made_log
 from .small_logs import Drive, around, dead_reckoned
 
@@ -75,6 +76,32 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
     off = max(stays_near(path, answer.path, allowed, f"the {which} path") for which, path in paths.items())
     steps = counted(len(log), "step")
     return f"at most {off:.2g} m from the {what} in {steps}, where up to {allowed[0].max():.2g} m may be"
+
+
+def stands_logs_without_ids(candidate: Candidate) -> str:
+    """One that does data association ends finite on the hard logs without ids, or says why it cannot."""
+    if not candidate.associates:
+        raise NotApplicable("sightings without id are taken out before it sees the log")
+    ended = 0
+    for adversary in ADVERSARIES:
+        log = adversary.made.log
+        if not candidate.builder.loops and len(log.loop_to):
+            continue
+        hidden = replace(log, ids=np.full(len(log.ids), UNKNOWN))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                trial = candidate.run(hidden)
+        except Diverged:
+            ended += 1
+            continue
+        except Unsuited as reason:
+            raise NotApplicable(str(reason)) from None
+        for which, path in trial.paths.items():
+            if not np.isfinite(path).all():
+                raise Failed(f"{adversary.name}: the {which} path is not finite")
+        _is_finite(trial.final_map, f"{adversary.name}: the final map")
+    return f"{len(ADVERSARIES)} logs, given up with a reason on {ended}"
 
 
 def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[Array, Array]:

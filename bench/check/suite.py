@@ -15,7 +15,7 @@ from ...backends.api import Builder, Unsuited
 from ...frontend.errors import InputError
 from ..plan.spec import backend_variants
 from . import contract, estimates
-from .adversarial import ends_near_the_batch_answer
+from .adversarial import ends_near_the_batch_answer, stands_logs_without_ids
 from .adversarial_logs import ADVERSARIES
 from .candidate import Candidate, Failed, GaveUp, NotApplicable
 
@@ -55,8 +55,12 @@ QUICK: tuple[Check, ...] = (
     *(_of("estimates", function) for function in estimates.CHECKS),
 )
 """those on small logs, about two seconds in all"""
-ADVERSARIAL: tuple[Check, ...] = tuple(
-    Check("adversarial", log.name, log.title, partial(ends_near_the_batch_answer, adversary=log)) for log in ADVERSARIES
+ADVERSARIAL: tuple[Check, ...] = (
+    *(
+        Check("adversarial", log.name, log.title, partial(ends_near_the_batch_answer, adversary=log))
+        for log in ADVERSARIES
+    ),
+    _of("adversarial", stands_logs_without_ids),
 )
 CHECKS = QUICK + ADVERSARIAL
 
