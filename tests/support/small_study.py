@@ -31,7 +31,7 @@ def small_study(folder: Path, name: str, text: str, outcomes: Iterable[Outcome],
     cells = list(outcomes)
     with Store(folder, writing=True) as store:
         command = ["bench", "ablate", f"{name}.toml"]
-        folders = {label(*_key(cell)[at : at + 2]): "a-folder" for cell in cells for at in (0, 2)}
+        folders = {label(*map(str, _key(cell)[at : at + 2])): "a-folder" for cell in cells for at in (0, 2)}
         words: dict[str, Any] = {"kind": "study", "name": name, "size": size, "text": text, "command": command}
         words |= {"executor": "local", "workers": 2, "folders": folders, "options": {}, "timing_policy": "alone"}
         words |= {"environment": ENVIRONMENT, "started": 1.8e9}
