@@ -13,6 +13,9 @@ from ..frontend.options import option
 
 KNOWN, HIDDEN = "known", "hidden"
 
+HIDDEN_NOTE = "hidden ids"
+"""The key of how many ids were hidden on demand, among the log's notes."""
+
 
 @dataclass(frozen=True)
 class HiddenIds:
@@ -40,7 +43,7 @@ def hidden(dataset: Dataset, ids: float | str, rng: np.random.Generator) -> Data
     left = np.where(hide, UNKNOWN, log.ids)
     left.flags.writeable = False
     truth = truth or Truth(np.zeros(0), np.zeros((0, 3)))
-    notes = {**log.notes, "ids": f"{hide.sum()} of {len(hide)} are hidden"}
+    notes = {**log.notes, HIDDEN_NOTE: f"{hide.sum()} of {len(hide)}"}
     return Dataset(
         replace(log, ids=left, notes=notes),
         truth._replace(assigned=log.ids if truth.assigned is None else truth.assigned),

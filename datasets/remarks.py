@@ -12,6 +12,7 @@ import numpy as np
 from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Dataset, Log
+from .hidden_ids import HIDDEN_NOTE
 from ..frontend.se2 import Array
 from ..frontend.table import LARGEST
 
@@ -140,7 +141,7 @@ def _sightings(log: Log) -> Iterator[str]:
             "something else than the rows of odometry.csv"
         )
     unknown = int(np.sum(log.ids == UNKNOWN))
-    if unknown > UNNAMED * len(r):
+    if unknown > UNNAMED * len(r) and HIDDEN_NOTE not in log.notes:
         yield f"{unknown} of {len(r)} sightings have no id: a backend that does not associate leaves them out"
 
 

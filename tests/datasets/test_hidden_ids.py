@@ -14,6 +14,7 @@ from slamduel.bench.plan.spec import read_options
 from slamduel.datasets import cache, registry
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.hidden_ids import HiddenIds, hidden
+from slamduel.datasets.remarks import remarks
 from slamduel.frontend.check import problems
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.errors import InputError
@@ -170,3 +171,7 @@ def test_nothing_is_drawn_where_nothing_is_hidden() -> None:
     rng, plain = np.random.default_rng(0), slamduel.load("circle[steps=20]")
     assert hidden(plain, "known", rng) is plain
     assert rng.uniform() == np.random.default_rng(0).uniform()
+
+
+def test_ids_that_are_hidden_on_demand_are_no_remark() -> None:
+    assert remarks(slamduel.load("circle[ids=hidden]")) == []

@@ -1,6 +1,7 @@
 """A cell's columns: online and final apart, nothing where nothing is known, and every log scored without a warning."""
 
 import csv
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -58,6 +59,11 @@ def all_known(row: dict[str, Any]) -> bool:
     return all(value is None or np.isfinite(value) for value in row.values())
 
 
+ASSOCIATION = re.compile(
+    r"(final_)?(pair_\w+|wrong_share|dropped_share|landmarks_(merged|double|clutter))|associate_\w+|nodes_max"
+)
+
+
 def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     log, truth, known = drive()
     seen = np.isin(known.ids, log.ids)
@@ -76,6 +82,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     assert set(row) <= {*COLUMNS, *MORE}
     untold = {"n_eff_least", "ancestors_left", "refused_share", "j_loops", "j_online", "told", "reference"}
     untold |= {"located_share", "wrong_fix_share", "locate_steps", "locate_ms"}  # the start is known
+    untold |= {name for name in MORE if ASSOCIATION.fullmatch(name)}  # so are all ids
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
     assert {*MORE} - set(row) == untold | few
 
