@@ -9,7 +9,7 @@ import dataclasses
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from functools import cache
 from itertools import islice
 from typing import Any
 
@@ -328,14 +328,18 @@ class Associating:
         return found._replace(ids=self._translated(found.ids.tolist())) if self._called else found
 
 
+@cache
 def associating(builder: Builder) -> Builder:
     """A builder of the same backend with the options of data association; itself where it cannot have it."""
     if not (builder.expects or _expects(builder.make)):
         return builder
 
+    def associates(options: Any) -> bool:
+        return getattr(options, "association", "none") != "none"
+
     def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
         inner = builder.make(prior, options, rng)
-        if options.association == "none":
+        if not associates(options):
             return inner
         if not isinstance(inner, Expects):
             raise Unsuited("with these options the backend cannot state what it expects to see: no association")
@@ -344,7 +348,6 @@ def associating(builder: Builder) -> Builder:
         return Associating(inner, prior, options)
 
     make.__doc__ = builder.make.__doc__
-    associates: Callable[[Any], bool] = lambda options: options.association != "none"  # noqa: E731
     return dataclasses.replace(builder, make=make, options=options_with(builder.options), associates=associates)
 
 
@@ -353,15 +356,28 @@ def _expects(make: object) -> bool:
     return isinstance(make, type) and issubclass(make, Expects)
 
 
+@cache
 def gates(share: float, most: int) -> Array:
     """Joint gates of 0 to `most` pairs, (most + 1,)."""
     return np.array([0.0, *(quantile(share, pairs) for pairs in range(1, most + 1))])
 
 
+@cache
 def quantile(share: float, pairs: int) -> float:
     """The chi-square quantile of a joint distance of that many pairs, two degrees of freedom each."""
-    if pairs == 1:
-        return -2.0 * math.log1p(-share)
-    from scipy.stats import chi2
+    low, high = 0.0, 2.0 * (pairs - math.log1p(-share)) + 100.0 * math.sqrt(pairs)
+    while high - low > 1e-13 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if _beyond(middle, pairs) > 1 - share else (low, middle)
+    return (low + high) / 2
 
-    return float(chi2.ppf(share, 2 * pairs))
+
+def _beyond(distance: float, pairs: int) -> float:
+    """The probability that a joint distance of that many right pairs is larger: a Poisson sum."""
+    half = distance / 2
+    term = math.exp(-half)
+    total = term
+    for k in range(1, pairs):
+        term *= half / k
+        total += term
+    return total

@@ -95,8 +95,8 @@ def test_the_gate_is_the_textbooks_and_bears_wrong_ids(update: str) -> None:
     dataset = random_log(np.random.default_rng(2), 600, 15, radius=4.0)
     log = swapped(dataset, 0.08, 3)
     threshold = -2 * np.log(1 - 0.999)
-    textbook = TextbookEkf(log.prior, together=update == "joint", gate=threshold, confirm=2)
-    options: dict[str, Any] = {"gate": 0.999, "confirm": 2, "update": update}
+    textbook = TextbookEkf(log.prior, together=update == "joint", gate=threshold, gate_after=2)
+    options: dict[str, Any] = {"gate": 0.999, "gate_after": 2, "update": update}
     filters = [make(log.prior, **options, compress_above=above) for above in (DENSE, COMPRESSED)]
     assert matched(log, filters, textbook, 1e-9) > 50
     paths = {
@@ -118,7 +118,7 @@ def sighting(landmark: int, r: float, bearing: float) -> RangeBearing:
 
 def test_a_wrong_first_sighting_is_replaced_and_a_wrong_later_one_refused() -> None:
     prior = Prior(np.zeros(3), 1e-6 * np.eye(3))
-    backend = make(prior, gate=0.999, confirm=2)
+    backend = make(prior, gate=0.999, gate_after=2)
     still = Odometry(np.zeros(3), 1e-8 * np.eye(3))
 
     def see(r: float) -> tuple[int, int, float]:
@@ -138,7 +138,7 @@ def test_a_wrong_first_sighting_is_replaced_and_a_wrong_later_one_refused() -> N
 def test_a_right_sighting_passes_as_often_as_the_gate_says() -> None:
     """The share refused of some 10,000: a binomial's six standard deviations around 0.05."""
     log = random_log(np.random.default_rng(4), 2500, 10, blind=0.0).log
-    backend = make(log.prior._replace(map=None), gate=0.95, confirm=0)
+    backend = make(log.prior._replace(map=None), gate=0.95, gate_after=0)
     refused = used = 0
     for step in log:
         backend.step(step)

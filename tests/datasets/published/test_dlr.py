@@ -128,8 +128,8 @@ def test_the_world_begins_at_the_first_image(small: Path):
 
 def test_the_folder_will_do_and_the_log_survives_the_disk(small: Path):
     rng = np.random.default_rng(0)
-    log = dlr.source.make(Options(str(small.parent)), rng).log
-    assert log.digest == dlr.source.make(Options(str(small)), rng).log.digest
+    log = dlr.source.make(Options(path=str(small.parent)), rng).log
+    assert log.digest == dlr.source.make(Options(path=str(small)), rng).log.digest
     log_folder.write(small.parent / "log", log, None)
     found = log_folder.read(small.parent / "log")
     assert found.log.digest == log.digest

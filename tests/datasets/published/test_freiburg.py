@@ -128,7 +128,7 @@ def test_the_landmarks_alone_are_the_truth(folder: Path):
 
 
 def test_the_log_survives_the_disk(folder: Path):
-    dataset = freiburg.source.make(Options(str(folder)), np.random.default_rng(0))
+    dataset = freiburg.source.make(Options(path=str(folder)), np.random.default_rng(0))
     log_folder.write(folder / "log", *dataset)
     assert log_folder.read(folder / "log").log.digest == dataset.log.digest
 
