@@ -12,9 +12,9 @@ import numpy as np
 from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.errors import InputError
 from ..frontend.factors import UNKNOWN, Dataset, Log
-from .hidden_ids import HIDDEN_NOTE
 from ..frontend.se2 import Array
 from ..frontend.table import LARGEST
+from .hidden_ids import HIDDEN_NOTE
 
 GAP = 10.0  # a gap in time, relative to the median time between steps
 JUMP = 20.0  # a jump of the odometry, in standard deviations of all other steps

@@ -95,7 +95,7 @@ def test_the_gate_is_the_textbooks_and_bears_wrong_ids(update: str) -> None:
     dataset = random_log(np.random.default_rng(2), 600, 15, radius=4.0)
     log = swapped(dataset, 0.08, 3)
     threshold = -2 * np.log(1 - 0.999)
-    textbook = TextbookEkf(log.prior, together=update == "joint", gate=threshold, gate_after=2)
+    textbook = TextbookEkf(log.prior, together=update == "joint", gate=threshold, confirm=2)
     options: dict[str, Any] = {"gate": 0.999, "gate_after": 2, "update": update}
     filters = [make(log.prior, **options, compress_above=above) for above in (DENSE, COMPRESSED)]
     assert matched(log, filters, textbook, 1e-9) > 50

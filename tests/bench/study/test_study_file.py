@@ -379,8 +379,8 @@ def test_a_choice_leaves_the_cells_that_are_meant(only: Sequence[str], expected:
 
 
 def test_a_comma_in_brackets_is_no_end_of_a_value() -> None:
-    found = study('[[cells]]\ndataset = "bailey"\nbackend = ["ekf[gate=0.5,confirm=2]", "ekf[gate=0.9]"]\n')
-    chosen = choice(found, ["backend=ekf[gate=0.5,confirm=2],ekf[gate=0.9]"])
+    found = study('[[cells]]\ndataset = "bailey"\nbackend = ["ekf[gate=0.5,gate_after=2]", "ekf[gate=0.9]"]\n')
+    chosen = choice(found, ["backend=ekf[gate=0.5,gate_after=2],ekf[gate=0.9]"])
     assert [chosen(cell) for cell in found.cells] == [True, True]
     assert [choice(found, ["backend=ekf[gate=0.9]"])(cell) for cell in found.cells] == [False, True]
 
