@@ -1,1 +1,1 @@
-"""Data association in front of any backend that states what it expects, and the start of one on a given map."""
+"""Data association in front of any backend that states what it expects."""

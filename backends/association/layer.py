@@ -19,11 +19,11 @@ from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Ste
 from ...frontend.se2 import Array, Ints, compose
 from .._expected import carried
 from ..api import Backend, Belief, Builder, Expected, Expects, Pose, Solution, Unsuited, WantsTruth
+from ..locating.locate import locate
+from ..locating.virtual import virtual
 from ._line import agreeing, polar
 from ._rules import NEW, decide, decide_frame
-from .locate import locate
 from .options import RULES, options_with
-from .virtual import virtual
 
 FIRST = -2
 """The first made-up id; the next ones are below it."""

@@ -4,7 +4,7 @@ from math import exp, log, pi, sqrt
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from ..association._landmark_grid import nearest
+from ..locating._landmark_grid import nearest
 from ._particles import cosine_sine
 
 ASTRAY = 0.05

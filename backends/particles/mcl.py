@@ -15,7 +15,7 @@ from ...frontend.factors import UNKNOWN, Map, Prior, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Unsuited
-from ..association.map_index import MapIndex
+from ..locating.map_index import MapIndex
 from ._field import weigh
 from ._particles import move
 from .resampling import systematic

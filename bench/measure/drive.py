@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...backends.api import Associates, Backend, Belief, Builder, Solution, WantsTruth
 from ...backends.association.layer import Associating
-from ...backends.association.locating import begin
+from ...backends.locating.locating import begin
 from ...frontend import compiled
 from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints

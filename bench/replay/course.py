@@ -8,7 +8,7 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Backend, Diverged, Map, WantsTruth
-from ...backends.association.locating import begin
+from ...backends.locating.locating import begin
 from ...datasets import archive
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import Step

@@ -39,9 +39,10 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "backends": {
         TOP: set(),
-        "association": {TOP},
+        "locating": {TOP},
+        "association": {TOP, "locating"},
         "gaussian": {TOP},
-        "particles": {TOP, "association"},
+        "particles": {TOP, "locating"},
         "smoothing": {TOP},
         "window": {TOP, "smoothing"},
         "graphs": {TOP, "smoothing", "window"},

@@ -14,9 +14,9 @@ import numpy as np
 
 import slamduel
 from lost_logs import astray, surveyed, unnamed
-from slamduel.backends.association.locate import locate
-from slamduel.backends.association.locating import WINDOW
-from slamduel.backends.association.map_index import MapIndex
+from slamduel.backends.locating.locate import locate
+from slamduel.backends.locating.locating import WINDOW
+from slamduel.backends.locating.map_index import MapIndex
 from slamduel.backends.registry import find
 from slamduel.bench.plan.reference import known as referenced
 from slamduel.frontend.factors import Log, Map, Step, Truth

@@ -10,7 +10,7 @@ import pytest
 import slamduel
 from lost_logs import RING, astray, kidnapped, surveyed, unnamed
 from slamduel.backends.api import Backend
-from slamduel.backends.association.locating import Locating, begin
+from slamduel.backends.locating.locating import Locating, begin
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import Outcome, drive
 from slamduel.bench.measure.score import score

@@ -7,8 +7,8 @@ import pytest
 
 import slamduel
 from lost_logs import RING, astray, surveyed, unnamed, window
-from slamduel.backends.association.locate import LEAST, MARGIN, SIGHTINGS, locate
-from slamduel.backends.association.map_index import MapIndex
+from slamduel.backends.locating.locate import LEAST, MARGIN, SIGHTINGS, locate
+from slamduel.backends.locating.map_index import MapIndex
 from slamduel.bench.measure.metrics import nees
 from slamduel.frontend.factors import UNKNOWN, Log, Map, Truth
 from slamduel.frontend.se2 import Array, act, compose

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.backends.association.virtual import virtual
+from slamduel.backends.locating.virtual import virtual
 from slamduel.frontend.factors import Odometry, RangeBearing, RelativePoses, Step
 from slamduel.frontend.se2 import Array, act, compose
 

@@ -6,8 +6,8 @@ import pytest
 import slamduel
 from locating_trials import MAPS, located, monte_carlo, trial
 from lost_logs import RING, surveyed, unnamed, window
-from slamduel.backends.association.locate import locate
-from slamduel.backends.association.map_index import MapIndex
+from slamduel.backends.locating.locate import locate
+from slamduel.backends.locating.map_index import MapIndex
 
 QUICK = ("aruco-robot", "bailey")
 

@@ -1,0 +1,1 @@
+"""Finding a robot on a given map whose start is unknown."""
