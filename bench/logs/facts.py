@@ -8,6 +8,7 @@ from ...frontend.factors import REMARKS
 from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
+from .difficulty import Difficulty
 from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
@@ -42,6 +43,8 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
     yield "returns", _joined(_back(found))
     if found.sensor is not None:
         yield "sensor", _joined(_sensor(found.sensor))
+    if found.difficulty is not None:
+        yield "data association", _joined(_association(found.difficulty))
     yield "stated noise", _joined(_noise(found.noise))
     yield "known", _joined(_known(found, path))
     known = found.known
@@ -151,6 +154,19 @@ def _sensor(sensor: Sensor) -> Iterator[str]:
         return
     ends = f"from {_degrees(s.view_right)} to {_degrees(s.view_left)}, left of ahead being positive"
     yield f"99 % of bearings within {degrees(s.view):.0f}{DEGREE}, {ends}"
+
+
+def _association(found: Difficulty) -> Iterator[str]:
+    several = f"{100 * found.several:.0f} % have more than one"
+    yield f"{number(found.candidates)} landmarks within the gate of a sighting of a known one ({several})"
+    yield f"the right one is outside it for {_percent(found.beyond)}, taken for new for {_percent(found.beyond_new)}"
+    yield f"{100 * found.single:.0f} % of the steps with sightings have a single one"
+    mistakes = listed([f"{rule} for {_percent(share)}" for rule, share in found.wrong.items()])
+    yield f"told all earlier ids, wrong are {mistakes} of the sightings"
+
+
+def _percent(share: float) -> str:
+    return f"{number(100 * share)} %"
 
 
 def _comes_back(loops: int) -> str:

@@ -13,6 +13,7 @@ from ...frontend.truth_errors import odometry_errors, sighting_errors
 from ..measure.landmark_places import Scattered, judge, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..measure.times import numbered
+from .difficulty import Difficulty, difficulty
 from .revisits import Returns, loops, returns, way
 from .shown_path import Shown, shown
 
@@ -138,6 +139,7 @@ class Numbers(NamedTuple):
     sensor: Sensor | None
     noise: Noise
     known: Known
+    difficulty: Difficulty | None  # of data association
 
 
 class Subject(NamedTuple):
@@ -168,6 +170,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
         _sensor(log.z) if len(log.z) else None,
         _noise(log),
         _known(dataset, drawn),
+        difficulty(dataset),
     )
 
 

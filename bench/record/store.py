@@ -119,7 +119,10 @@ class Store:
             yield row
 
     def truth(self, row: Row) -> dict[str, Any]:
-        """Reads the arrays of the cell's ground truth: `t`, `poses`, `ids` and `xy` if known; empty without."""
+        """Reads the arrays of the cell's ground truth; empty without.
+
+        `t` and `poses`; where known, `ids` and `xy`, and of each sighting its landmark `sighted` and step `sighted_at`.
+        """
         found = self.archive(row.log)
         if problem := wrong_truth(found, {}):
             raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
@@ -129,8 +132,8 @@ class Store:
         """Reads a cell's arrays by name; of `names`, where given, those that it has."""
         found = self.archive(row.result, names)
         problem = wrong_arrays(found, row.columns["steps"])
-        if not problem and "at" in found:
-            problem = wrong_truth(self.archive(row.log, ("t", "poses")), found)
+        if not problem and ("at" in found or "assigned" in found or "final_assigned" in found):
+            problem = wrong_truth(self.archive(row.log, ("t", "poses", "sighted", "sighted_at")), found)
         if problem:
             raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
         return found

@@ -29,8 +29,10 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "final_map_ids": ("f",),
     "final_map_xy": ("f", 2),
     "final_map_cov": ("f", 2, 2),
+    **dict.fromkeys(("assigned", "final_assigned"), ("s",)),
 }
-"""The arrays of a cell: n steps, m of them with a known pose, l landmarks of the online map, f of the final one."""
+"""The arrays of a cell: n steps, m of them with a known pose, s sightings, l landmarks of the online map, f of the
+final one."""
 
 FACTS: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("environment", "folders", "options"), dict),
@@ -92,6 +94,21 @@ def wrong_truth(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
         ids, xy = known.get("ids"), known.get("xy")
         if ids is None or xy is None or ids.ndim != 1 or xy.shape != (len(ids), 2) or xy.dtype.kind not in "fiu":
             return "the truth of its log has other landmarks than places, expected as many"
+    return _wrong_sightings(known, arrays)
+
+
+def _wrong_sightings(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
+    """Describes how the landmarks of a log's sightings do not fit their steps or a cell's; "" where they do."""
+    if "sighted" not in known and "sighted_at" not in known:
+        return ""
+    ids, at = (known.get(name, np.zeros(0)) for name in ("sighted", "sighted_at"))
+    if ids.ndim != 1 or ids.shape != at.shape or any(a.dtype.kind not in "iu" for a in (ids, at)):
+        return "the truth of its log has other landmarks of sightings than steps of them, expected as many"
+    for name in ("assigned", "final_assigned"):
+        if name in arrays and len(arrays[name]) != len(ids):
+            return f"{name} has {len(arrays[name])} landmarks, expected one for each of the log's {len(ids)} sightings"
+    if "t" in arrays and len(at) and not (at.min() >= 0 and at.max() < len(arrays["t"])):
+        return f"the truth of its log has sightings of a step outside the {len(arrays['t'])} there are"
     return ""
 
 

@@ -14,6 +14,7 @@ FIGURES = {
     "final-pairs": ".accuracy_figures:final_pairs",
     "error": ".accuracy_figures:errors",
     "heading": ".accuracy_figures:headings",
+    "association": ".association_figure:taken",
     "nees": ".belief_figures:nees",
     "nis": ".belief_figures:nis",
     "cost": ".cpu_figures:spread",

@@ -7,6 +7,7 @@ from ..words.numerals import counted, factor, listed, number
 from ..words.styles import BASELINE
 from .accuracy import claims
 from .advice import SAME_COST, Use, advice, unnamed
+from .association import association_sentences
 from .consistency import belief_sentences
 from .ranking import ESTIMATES, MAPS, PATHS, Ranking, ordered, ranking
 from .statistics import Comparison
@@ -52,7 +53,8 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     for k, found in enumerate(rankings.values()):
         said += claims(found, ESTIMATES[found.column], name, again=k > 0)
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
-    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *_cost(lines), *failures]
+    sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *association_sentences(lines)]
+    sentences += [*_cost(lines), *failures]
     if told := [line.backend for line in lines if line.told]:
         sentences.append(f"Not compared: {listed(told)} (given the ground truth).")
     return Verdict(basis, _uses(lines, rankings), sentences, comparisons)

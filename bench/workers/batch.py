@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.remarks import remarks
@@ -59,7 +61,7 @@ class LogFacts(NamedTuple):
     digest: str
     truth_digest: str  # of what the cells are scored by; "" where there is none
     truth_kind: str
-    truth: dict[str, Any]  # t, poses, ids, xy: where it is to be kept
+    truth: dict[str, Any]  # t, poses, ids, xy, of every sighting its landmark and step: where it is to be kept
     archive: bytes = b""  # the log and its truth: where they are to come back whole
     sketch: Any = None  # of such a log, as JSON has it
     remarks: tuple[str, ...] = ()  # what is legal in it yet odd
@@ -160,4 +162,7 @@ def facts_of(dataset: Dataset) -> LogFacts:
     arrays: dict[str, Any] = {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
+    if truth.assigned is not None:
+        steps = np.repeat(np.arange(len(log)), np.diff(log.sighting_first))
+        arrays |= {"sighted": truth.assigned, "sighted_at": steps}
     return LogFacts(log.digest, digest(truth), truth.kind, arrays, remarks=odd)

@@ -9,6 +9,7 @@ import pytest
 
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.verdict.accuracy import between
+from slamduel.bench.verdict.association import association_sentences
 from slamduel.bench.verdict.consistency import belief_sentences, belief_word
 from slamduel.bench.verdict.ranking import needed, ordered, ranking, standing
 from slamduel.bench.verdict.statistics import Comparison
@@ -541,3 +542,24 @@ def test_a_backend_with_a_covariance_that_is_none_is_neither_cautious_nor_consis
     assert "consistent, and with covariances, as void is not at every step" in use(found).why
     alone = said(void, rows("dead-reckoning", 5, n=10))
     assert "its covariances are none at some steps" in use(alone).why
+
+
+def test_right_ids_are_compared_log_by_log() -> None:
+    share = np.linspace(0.001, 0.003, 12)
+    found = lines([
+        *rows("ekf", 1.0, 12, wrong_share=(10 * share).tolist()),
+        *rows("ukf", 1.0, 12, wrong_share=share.tolist()),
+        *rows("kf", 1.0, 12, wrong_share=(share[::-1] + 1e-6).tolist()),
+    ])  # fmt: skip
+    (said,) = association_sentences(found)
+    assert said.startswith("Data association (12 logs, median): ukf's ids are right for 99.80 % of the sightings")
+    assert "kf's for 99.80 % (no significant difference)" in said
+    assert "ekf's for 98.0 % (significantly fewer, Wilcoxon, Holm: p =" in said
+
+
+def test_of_few_logs_right_ids_are_only_stated() -> None:
+    found = lines([*rows("ekf", 1.0, 2, wrong_share=[0.5, 0.25]), *rows("ukf", 1.0, 2, final_wrong_share=[0.0, 0.0])])
+    assert association_sentences(found) == [
+        "Data association (2 logs, median): ekf's ids are right for 62.5 % of the sightings that it used."
+    ]
+    assert association_sentences(lines(rows("ekf", 1.0))) == []

@@ -1,0 +1,55 @@
+"""Judges data association: the share of the sightings whose made-up ids are right, with its significance."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..words.numerals import chance, counted, listed
+from .statistics import FEWEST, LEVEL, Shift, holm, median, shift
+from .summary import Line, logs
+
+MOST = 6  # backends that the sentence names
+COLUMNS = ("wrong_share", "final_wrong_share")
+
+
+def association_sentences(lines: Sequence[Line]) -> list[str]:
+    """States the shares of right ids, the highest first, and which are significantly below it; [] without any."""
+    column = next((name for name in COLUMNS if any(name in line.values for line in lines)), None)
+    if column is None:
+        return []
+    wrong = {line.backend: line.by_log(column) for line in lines if column in line.values}
+    medians = {name: median(values.values()) for name, values in wrong.items()}
+    order = sorted(medians, key=lambda name: medians[name])
+    best, others = order[0], order[1:]
+    shifts = [_shift(wrong[best], wrong[name]) for name in others]
+    adjusted = holm([found.p for found in shifts])
+    parts = [f"{best}'s ids are right for {_percent(1 - medians[best])} of the sightings that it used"]
+    for name, found, p in list(zip(others, shifts, adjusted.tolist(), strict=True))[: MOST - 1]:
+        test = f" ({_words(found, p)})" if found.n >= FEWEST else ""
+        parts.append(f"{name}'s for {_percent(1 - medians[name])}{test}")
+    if len(others) >= MOST:
+        parts.append(f"those of {len(others) - MOST + 1} others for {_percent(1 - medians[order[-1]])} or more")
+    n = logs(lines)
+    which = f"{counted(n, 'log')}, median" if n > 1 else "one log"
+    return [f"Data association ({which}): {listed(parts)}."]
+
+
+def _shift(best: dict[str, float], other: dict[str, float]) -> Shift:
+    """Compares the shares on the logs that both have."""
+    return shift(np.array([other[log] - best[log] for log in best if log in other]))
+
+
+def _words(found: Shift, p: float) -> str:
+    """Describes a difference from the best."""
+    if p < LEVEL and found.low > 0:
+        return f"significantly fewer, Wilcoxon, Holm: {chance(p)}"
+    if p < LEVEL and found.high < 0:
+        return f"significantly more, Wilcoxon, Holm: {chance(p)}"
+    return "no significant difference"
+
+
+def _percent(share: float) -> str:
+    """Writes a share of which the rest counts: 99.81 %."""
+    rest = 1 - share
+    digits = 1 if rest >= 0.01 else 2
+    return f"{100 * share:.{digits}f} %"
