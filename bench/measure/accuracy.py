@@ -50,6 +50,7 @@ def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Int
     row: dict[str, Any] = {
         "ate_m": ate(moved, truth.poses),
         "ate_origin_m": ate(path, truth.poses),
+        "ate_median_m": float(np.median(np.hypot(*(moved - truth.poses)[:, :2].T))),
         "heading_rad": heading_error(moved, truth.poses),
         "align_x_m": x,
         "align_y_m": y,

@@ -21,14 +21,14 @@ MAIN = (
     WHOSE, "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
 )  # fmt: skip
 ONLINE = (
-    "ate_origin_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m", "rpe_rad",
-    "nees_inside", "nis", "landmark_nees", "landmark_nees_inside", "landmarks", "landmarks_missed",
+    "ate_origin_m", "ate_median_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
+    "rpe_rad", "nees_inside", "nis", "landmark_nees", "landmark_nees_inside", "landmarks", "landmarks_missed",
     "landmarks_spurious",
 )  # fmt: skip
 FINAL = (
-    "final_ate_origin_m", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m", "final_rpe_100m_m", "final_rpe_1s_m",
-    "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside", "final_landmark_nees",
-    "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
+    "final_ate_origin_m", "final_ate_median_m", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
+    "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
+    "final_landmark_nees", "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
 )  # fmt: skip
 COST = (
     WHOSE, "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",

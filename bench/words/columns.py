@@ -128,13 +128,16 @@ ONLINE = (
            "Landmarks whose sightings were used only for others: no id has its most sightings from them."),
     Column("landmarks_double", "double", kind.COUNT, "Surplus ids of landmarks that have several."),
     Column("landmarks_clutter", "clutter", kind.COUNT, "Ids whose sightings are mostly of no landmark."),
+    Column("ate_median_m", "ATE, median", kind.ERROR_M,
+           "As ATE online, the median distance: a few large errors of the path, or of ground truth by GPS, do not move "
+           "it."),
 )  # fmt: skip
 """The columns of metrics.csv that exist for the online path and map, and again for the final ones."""
 
 
 def _final() -> Iterator[Column]:
     """Yields those of the final path and map; a particle filter's map covariance is given one particle's path."""
-    starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_", "pair_", "wrong_", "dropped_"
+    starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_", "pair_", "wrong_", "dropped_", "ate_median"
     online = (column for start in starts for column in (*CELLS, *ONLINE) if column.name.startswith(start))
     for column in online:
         yield Column(

@@ -74,7 +74,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     ones = {name for name in row if name.endswith("nees_inside")}
     errors = {"ate_m", "ate_origin_m", "heading_rad", "map_rmse_m", "nees", "landmark_nees", "landmarks_missed"}
     errors |= {"landmarks_spurious", "align_x_m", "align_y_m", "align_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m"}
-    errors |= {"rpe_1s_m", "rpe_10s_m", "rpe_rad"}
+    errors |= {"rpe_1s_m", "rpe_10s_m", "rpe_rad", "ate_median_m"}
     for name in errors | {f"final_{name}" for name in errors}:
         assert row[name] == pytest.approx(0, abs=1e-12), name
     assert len(ones) == 4
@@ -85,6 +85,19 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     untold |= {name for name in MORE if ASSOCIATION.fullmatch(name)}  # so are all ids
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
     assert {*MORE} - set(row) == untold | few
+
+
+def test_a_few_bad_fixes_do_not_move_the_median_error() -> None:
+    log, truth, _ = drive()
+    rng = np.random.default_rng(5)
+    path = truth.poses + rng.normal(0, 0.02, truth.poses.shape)
+    plain = score(log, outcome(path, NO_MAP), truth).row
+    poses = truth.poses.copy()
+    poses[:: len(poses) // 4, :2] += 3.0  # four or five of them
+    odd = score(log, outcome(path, NO_MAP), truth._replace(poses=poses)).row
+    assert odd["ate_m"] > 5 * plain["ate_m"]
+    assert plain["ate_median_m"] == pytest.approx(0.02 * np.sqrt(2 * np.log(2)), rel=0.2)  # of Rayleigh's distribution
+    assert odd["ate_median_m"] < 3 * plain["ate_median_m"] + 3.0 * 5 / len(poses)  # alignment follows their mean
 
 
 def test_online_and_final_are_never_mixed() -> None:
