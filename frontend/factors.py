@@ -94,8 +94,13 @@ class Truth(NamedTuple):
     assigned: Ints | None = None  # (s,) true id of every sighting, unknown ones included
     kind: Literal["truth", "reference"] = "truth"  # "reference": the batch optimum of a log without ground truth
     places: Literal["truth", "reference"] = "truth"  # of the map; landmarks may be surveyed though the path is unknown
-    words: str = ""  # describes the reference, unless it is simply the batch optimum
+    words: str = ""  # the reference, unless it is simply the batch optimum; the sensor of truth that has errors, "GPS"
     moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
+
+    @property
+    def exact(self) -> bool:
+        """True for ground truth whose own errors are negligible: it tells if covariances are as stated."""
+        return self.kind == "truth" and not self.words
 
 
 class Dataset(NamedTuple):

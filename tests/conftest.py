@@ -1,7 +1,10 @@
 """What every test gets without asking."""
 
+import contextlib
 import gc
+import os
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -21,9 +24,18 @@ def interruptible() -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Keep prepared logs in a folder of the tests' own, which a whole session shares; the user's cache is untouched."""
+    """Keep prepared logs in a folder of the tests' own, which a whole session shares; the user's cache is untouched.
+
+    Logs at hand are there by name, as if they had been fetched.
+    """
     patch = pytest.MonkeyPatch()
-    patch.setenv("SLAMDUEL_CACHE", str(tmp_path_factory.getbasetemp().parent / "cache"))
+    cache = tmp_path_factory.getbasetemp().parent / "cache"
+    patch.setenv("SLAMDUEL_CACHE", str(cache))
+    at_hand = Path(os.environ.get("SLAMDUEL_DATA", "")) / "victoria_park_raw"
+    if "SLAMDUEL_DATA" in os.environ and at_hand.is_dir():
+        (cache / "published").mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(FileExistsError):  # another worker was first
+            (cache / "published" / "victoria-park-raw").symlink_to(at_hand.resolve())
 
 
 @pytest.fixture

@@ -1,21 +1,24 @@
 """`bench speed`: times every backend's step as the map grows, and some in turns.
 
-With `--frontend` it times corner refinements, with `--batch` the batch optimum. Each study prints tables, and writes
+With `--association` it times steps with and without ids, with `--frontend` corner refinements, with `--batch` the batch
+optimum. Each study prints tables, and writes
 them as CSV with a picture on request.
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from ...frontend.errors import InputError
 from ..plan.values import check_file, seed
-from ..speed import backends, batch, frontend
+from ..speed import association, backends, batch, frontend
 from ..words.console import screen_console
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     add = parser.add_argument
+    add("--association", action="store_true", help="a step without ids beside one with them, by joint compatibility")
     add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
     add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
     add("--seed", type=seed, default=0, metavar="N", help="of everything that is drawn at random (0)")
@@ -30,27 +33,33 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Measures and prints; 0, whatever was found."""
-    studies = {"frontend": frontend, "batch": batch, "": backends}
+    studies = {"association": association, "frontend": frontend, "batch": batch, "": backends}
     named = [name for name in studies if name and getattr(namespace, name)]
     if len(named) > 1:
         raise InputError(f"--{' --'.join(named)}: expected one of them, they are studies of their own")
     name = named[0] if named else ""
     chosen = studies.pop(name)
-    _check(namespace, tuple(option for other in studies.values() for option in other.OPTIONS))
+    others = {option for other in studies.values() for option in other.OPTIONS}
+    _check(namespace, name, sorted(others.difference(chosen.OPTIONS)))
     console = screen_console(quiet=namespace.quiet)
     for path in chosen.study(namespace, console):
         console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
-def _check(namespace: argparse.Namespace, foreign: tuple[str, ...]) -> None:
+TIMED = {
+    "": "without --association, --frontend or --batch backends are timed",
+    "association": "--association times steps with and without ids",
+    "frontend": "--frontend times the detector",
+    "batch": "--batch times the batch solvers",
+}
+
+
+def _check(namespace: argparse.Namespace, study: str, foreign: Sequence[str]) -> None:
     """Raises InputError for another study's options, and for invalid values."""
     for name in foreign:
         if getattr(namespace, name) not in (None, False):
-            asked = "without --frontend or --batch backends are timed"
-            asked = "--batch times the batch solvers" if namespace.batch else asked
-            asked = "--frontend times the detector" if namespace.frontend else asked
-            raise InputError(f"--{name}: {asked}, which has no such option")
+            raise InputError(f"--{name}: {TIMED[study]}, which has no such option")
     check_file("--csv", namespace.csv)
     if namespace.out is not None and namespace.out.exists() and not namespace.out.is_dir():
         raise InputError(f"--out {namespace.out}: found a file, expected a folder or nothing")

@@ -39,7 +39,7 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
     if truth is None or not len(truth.t):
         truth, words = _solved(named(log, truth), solve)
     else:
-        words = "truth" if truth.kind == "truth" else "the batch optimum"
+        words = (truth.words or "truth") if truth.kind == "truth" else "the batch optimum"
     reckoned = dead_reckoned(log)
     if truth is None:
         step, poses = np.arange(len(log)), reckoned

@@ -90,12 +90,14 @@ def drive(
         gc.enable()
     solution = checked_solution(finished, len(steps))
     final_assigned = None if solution is None else _assigned(backend, log)
-    spent = (np.array(backend.ns), np.array(backend.tried)) if isinstance(backend, Associating) else (None, None)
     del backend, finished
 
     backend = begin(builder, log.prior, options, generator())
     _tell(backend, truth)
+    if isinstance(backend, Associating):
+        backend.timed = True
     beliefs = _belief_pass(backend, steps, online)
+    spent = (np.array(backend.ns), np.array(backend.tried)) if isinstance(backend, Associating) else (None, None)
     start = time.process_time_ns()
     found = backend.map()
     map_ns = time.process_time_ns() - start

@@ -57,8 +57,8 @@ def scattered_ids(places: Places | None) -> Scattered | None:
 
 
 def judge(truth: Truth | None, places: Places | None) -> Truth | None:
-    """Returns what a log's noise is compared with: truth alone; unknown landmarks are at their medians."""
-    if truth is None or truth.kind != "truth":
+    """Returns what a log's noise is compared with: exact truth alone; unknown landmarks are at their medians."""
+    if truth is None or not truth.exact:
         return None
     if places is None:
         return truth

@@ -60,12 +60,12 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
             found = path_accuracy(truth, end.path[at], end.map, over)
             row |= _prefixed(prefix, found.row)
             arrays |= {"at": at, f"{prefix}aligned": found.path, f"{prefix}alignment": found.alignment.motion}
-            if truth.kind == "truth" and end.cov is not None:
+            if truth.exact and end.cov is not None:
                 values = nees(end.path[at], end.cov[at], truth.poses)
                 arrays[f"{prefix}nees"] = values
                 row |= _prefixed(prefix, consistency_columns("nees", values, 3))
             remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
-    if truth is not None and truth.kind == "truth":
+    if truth is not None and truth.exact:
         remarks += misstated(log, truth, row)
     named = log if outcome.assigned is None else replace(log, ids=_assigned(outcome)[-1][1])
     dof = int(outcome.nis_dof.sum())

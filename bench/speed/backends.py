@@ -71,7 +71,7 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     """Measures and prints; returns the files written."""
-    sizes, particles, extent = _asked(namespace)
+    sizes, particles, extent = asked(namespace)
     variants = backend_variants(namespace.backend or BACKENDS)
     rows = _measured(list(_processes(variants, sizes, particles, extent)), console)
     together = _together(variants, sizes, extent, console)
@@ -93,7 +93,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     return _written(namespace, rows, together, reached, title)
 
 
-def _asked(namespace: argparse.Namespace) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
+def asked(namespace: argparse.Namespace, sightings: int = SIGHTINGS) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
     """Returns numbers of landmarks and of particles, and the extent; InputError for invalid ones."""
     usual = QUICK if namespace.quick else FULL
     sizes = _counts("--sizes", namespace.sizes, usual.sizes)
@@ -106,7 +106,7 @@ def _asked(namespace: argparse.Namespace) -> tuple[tuple[int, ...], tuple[int, .
         raise InputError(f"--seconds {namespace.seconds:g}: expected a number above 0")
     extent = Extent(
         namespace.steps or usual.steps,
-        namespace.sightings or SIGHTINGS,
+        namespace.sightings or sightings,
         namespace.seconds or usual.seconds,
         namespace.seed,
         namespace.scattered,
@@ -132,7 +132,7 @@ def _processes(
 
 def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
     rows: list[Row] = []
-    for process, found, death in _executed(measure, processes, console):
+    for process, found, death in executed(measure, processes, console):
         rows += lost(process, death) if death else found
     return rows
 
@@ -145,7 +145,7 @@ def _together(variants: Sequence[BackendVariant], sizes: Sequence[int], extent: 
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         mrpt = built(Path(scratch))
         tasks = [Together(Process(subjects, (size,), None, extent), mrpt) for size in sizes]
-        for task, found, death in _executed(measure_together, tasks, console):
+        for task, found, death in executed(measure_together, tasks, console):
             rows += lost(task.process, death, "together") if death else found
     return rows
 
@@ -153,7 +153,7 @@ def _together(variants: Sequence[BackendVariant], sizes: Sequence[int], extent: 
 T = TypeVar("T")
 
 
-def _executed(
+def executed(
     function: Callable[[T], list[Row]], tasks: Sequence[T], console: Console
 ) -> Iterator[tuple[T, list[Row], str]]:
     """Yields each task with its rows, or with why its process died, one process at a time."""

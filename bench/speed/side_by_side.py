@@ -61,7 +61,7 @@ def _timed(process: Process, here: World) -> list[Row]:
             there[subject] = surveyed(subject, here, process)
         except Exception as error:  # whatever a backend raises, the others go on
             lost.append(Row("together", subject.label, landmarks, reason=said_of(error)))
-    spent = in_turns(list(there.values()), here.drive, process.extent.seconds * len(there))
+    spent = in_turns(list(there.values()), [here.drive] * len(there), process.extent.seconds * len(there))
     return lost + [
         Row(
             "together",

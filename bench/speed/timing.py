@@ -56,20 +56,22 @@ def timing(ns: Ints | Array) -> Timing:
 
 def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
     """Measures ns of CPU (n,) of each `stepper.step(step)`, without collection, until `seconds` are spent."""
-    return in_turns([stepper], steps, seconds)[0]
+    return in_turns([stepper], [steps], seconds)[0]
 
 
-def in_turns(steppers: Sequence[Any], steps: Sequence[Step], seconds: float) -> list[Ints]:
-    """Measures as `stepped`, each stepper on the same steps, a chunk in turn; `seconds` are for all together."""
+def in_turns(steppers: Sequence[Any], drives: Sequence[Sequence[Step]], seconds: float) -> list[Ints]:
+    """Measures as `stepped`, each stepper on its drive, a chunk in turn; `seconds` are for all together.
+
+    The drives are of the same length.
+    """
     spent = [[np.zeros(0, np.int64)] for _ in steppers]
     clock, first, chunk = clock_cost(), 0, LEAST
     gc.collect()
     gc.disable()
     try:
-        while first < len(steps) and sum(part.sum() for parts in spent for part in parts) < seconds * 1e9:
-            some = list(steps[first : first + chunk])
-            for parts, stepper in zip(spent, steppers, strict=True):
-                parts.append(timing_pass(stepper, some)[1])
+        while first < len(drives[0]) and sum(part.sum() for parts in spent for part in parts) < seconds * 1e9:
+            for parts, stepper, steps in zip(spent, steppers, drives, strict=True):
+                parts.append(timing_pass(stepper, list(steps[first : first + chunk]))[1])
             first += chunk
             of_all = max(sum(float(parts[-1].mean()) for parts in spent), 1.0)
             chunk = int(np.clip(0.1 * seconds * 1e9 / of_all, 1, CHUNK))

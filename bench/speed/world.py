@@ -5,11 +5,12 @@ the square in rows, 2 m a step, and sights every landmark; the timed drive goes 
 sights the nearest landmarks, or as many anywhere on the map. Errors are drawn from the stated covariances.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...frontend.factors import UNKNOWN, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from ...frontend.se2 import Array, Ints, between, compose, wrap
 
 AREA = 4.0  # m² for each landmark
@@ -63,6 +64,16 @@ def world(landmarks: int, steps: int, sightings: int, seed: int, *, scattered: b
         every.append(Step(0.1 * k, odometry, _sightings(pose, ids[seen], xy[seen], rng), NO_LOOPS))
     steps_of = list(Log.from_steps(f"square of {landmarks} landmarks", prior, every))
     return World(prior, steps_of[: len(there)], steps_of[len(there) :], Map(ids, xy, None), there[-1])
+
+
+def without_ids(steps: Sequence[Step]) -> list[Step]:
+    """Returns the steps with sightings of unknown landmarks."""
+    found: list[Step] = []
+    for step in steps:
+        ids = np.full(len(step.sightings.ids), UNKNOWN)
+        ids.flags.writeable = False  # as a log's: kernels are compiled for one kind
+        found.append(step._replace(sightings=step.sightings._replace(ids=ids)))
+    return found
 
 
 def _rows(side: float) -> Array:

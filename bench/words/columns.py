@@ -206,7 +206,8 @@ METRICS = (
            "1: the true places of the landmarks are known, the true path is not. The map is measured from these "
            "places."),
     Column("reference", "reference", kind.TEXT,
-           "What the path is measured from where there is no ground truth and it is not the plain batch optimum."),
+           "What the path is measured from where it is neither exact ground truth nor the plain batch optimum; NEES is "
+           "computed for exact ground truth alone."),
     Column("located_share", "located", kind.SHARE,
            "Share of the steps from the one on at which the robot is found on the given map. Errors of its path are "
            "those at these steps. Blank where the start is known."),

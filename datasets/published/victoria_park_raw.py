@@ -63,6 +63,9 @@ COURSE, LEAST_WAY = 1.1, 1.0
 START_SD = 1e-3
 """m and rad, of the prior, which fixes the world's frame to that of GPS."""
 
+TENTH = 10
+"""Of so many detections one is left out."""
+
 _LATEST, _FARTHEST, _FASTEST = 1e6, 1e5, 50.0
 """s, m and m/s; the log lasts half an hour."""
 
@@ -79,6 +82,12 @@ class Options:
     turn: float = option(0.0175, "noise of the turn, rad per root second", minimum=1e-6)
     steering: float = option(0.035, "error of the steering angle, rad, which lasts a second", minimum=0.0)
     rest: float = option(0.05, "share of the motion noise while the car stands", minimum=1e-6)
+    left_out: int = option(
+        0,
+        "leave out every tenth detection, from the first to the tenth on: ten logs of one drive",
+        minimum=0,
+        maximum=10,
+    )
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
@@ -97,6 +106,8 @@ def read(folder: Path, options: Options) -> Dataset:
     _check_driven(inputs, seen)
     delta, delta_cov = _motions(t, inputs, options)
     poses, known = _interpolated(gps, t)
+    kept = np.arange(len(step)) % TENTH != options.left_out - 1 if options.left_out else slice(None)
+    step, z = step[kept], np.stack((seen.column("range"), wrap(seen.column("bearing") - pi / 2)), axis=-1)[kept]
     log = Log.from_arrays(
         "victoria-park-raw",
         Prior(poses[0], START_SD**2 * np.eye(3)),
@@ -105,11 +116,11 @@ def read(folder: Path, options: Options) -> Dataset:
         delta_cov,
         sighting_step=step,
         ids=np.full(len(step), UNKNOWN),
-        z=np.stack((seen.column("range"), wrap(seen.column("bearing") - pi / 2)), axis=-1),
+        z=z,
         z_cov=np.broadcast_to(np.diag([options.range_sd**2, options.bearing_sd**2]), (len(step), 2, 2)),
         notes=_notes(options),
     )
-    return Dataset(log, Truth(t[known], poses[known]))
+    return Dataset(log, Truth(t[known], poses[known], words="GPS"))
 
 
 def _inputs(folder: Path) -> Table:

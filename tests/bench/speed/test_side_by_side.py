@@ -69,7 +69,7 @@ def test_all_take_the_same_steps_and_in_turns() -> None:
             return np.zeros(3)
 
     drive = world(10, 400, 6, 0).drive
-    a, b = in_turns([Stepper("a"), Stepper("b")], drive, 60.0)
+    a, b = in_turns([Stepper("a"), Stepper("b")], [drive, drive], 60.0)
     assert len(a) == len(b) == 400
     times = [step.t for step in drive]
     assert [t for name, t in taken if name == "a"] == [t for name, t in taken if name == "b"] == times

@@ -342,7 +342,7 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
         (["--csv", "nowhere/t.csv"], "--csv nowhere/t.csv: there is no folder nowhere"),
         (
             ["--crowded", "3"],
-            "--crowded: without --frontend or --batch backends are timed, which has no such option",
+            "--crowded: without --association, --frontend or --batch backends are timed, which has no such option",
         ),
         (["--frontend", "--sizes", "10"], "--sizes: --frontend times the detector, which has no such option"),
         (["--frontend", "--scattered"], "--scattered: --frontend times the detector"),

@@ -43,7 +43,9 @@ def test_a_final_column_is_of_the_kind_of_the_online_one() -> None:
 def test_a_failure_counts_in_errors_alone() -> None:
     errors = {column.name.removeprefix("final_") for column in COLUMNS.values() if column.kind.is_error}
     lengths = {f"rpe_{stretch}_m" for stretch in ("10m", "100m", "1s", "10s")}
-    assert errors == {"ate_m", "ate_origin_m", "ate_median_m", "heading_rad", "map_rmse_m", "rpe_m", "rpe_rad"} | lengths
+    assert (
+        errors == {"ate_m", "ate_origin_m", "ate_median_m", "heading_rad", "map_rmse_m", "rpe_m", "rpe_rad"} | lengths
+    )
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,20 @@ def replaced(name: str, line: int, row: str) -> Callable[[Path], object]:
     return change
 
 
+def test_every_tenth_detection_can_be_left_out(folder: Path) -> None:
+    whole = read(folder, Options()).log
+    gone = list[tuple[float, ...]]()
+    every = [(k, *z) for k, z in zip(whole.sighting_step.tolist(), whole.z.tolist(), strict=True)]
+    for first in range(1, 11):
+        log = read(folder, Options(left_out=first)).log
+        assert np.array_equal(log.t, whole.t)
+        assert np.array_equal(log.delta, whole.delta, equal_nan=True)
+        left = [(k, *z) for k, z in zip(log.sighting_step.tolist(), log.z.tolist(), strict=True)]
+        assert left == [one for k, one in enumerate(every) if k % 10 != first - 1]
+        gone += [one for k, one in enumerate(every) if k % 10 == first - 1]
+    assert sorted(gone) == sorted(every)
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [

@@ -1,0 +1,156 @@
+"""`bench speed --association`: a step whose sightings have no ids beside the same step with them.
+
+Both run in turns in one process, one backend and size at a time. The survey has ids for both, so that the maps are the
+same; joint compatibility then has to find out which landmarks of that map are in view.
+"""
+
+import argparse
+import csv
+import dataclasses
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.table import Table
+
+from ...backends import registry
+from ...backends.association.layer import Associating
+from ...frontend import compiled
+from ...frontend.errors import InputError
+from ...frontend.files import write_whole
+from ..plan.spec import BackendVariant, backend_variants
+from ..words.console import plain
+from ..words.numerals import number
+from .backends import asked, executed
+from .process import Extent, Process, Subject, said_of, surveyed
+from .ratios import Ratio
+from .tables import ratio_table, ratios_as_csv
+from .timing import Timing, in_turns, timing
+from .world import without_ids, world
+
+BACKENDS = "ekf,ukf,invariant-ekf,smoother,isam2,fixed-lag"
+RULE, SIGHTINGS = "jcbb", 8
+COLUMNS = ("backend", "landmarks", "steps", "told_p50_us", "told_p99_us", "p50_us", "p99_us", "right", "reason")
+OPTIONS = ("backend", "sizes", "sightings", "steps", "seconds", "scattered")
+
+EXPECTED, AT, RARELY = {"ekf": 15.0, "smoother": 50.0, "isam2": 2000.0}, 100, 100.0
+"""µs that data association adds to a median step at most, with AT landmarks; to the 99th percentile of `ekf`'s."""
+
+
+class Row(NamedTuple):
+    """A backend at one size."""
+
+    name: str
+    landmarks: int
+    told: Timing | None = None  # the step with ids
+    found: Timing | None = None  # the step without
+    share: float = 0.0  # of the sightings, those whose landmark was found
+    reason: str = ""  # "" where it was timed
+
+
+def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
+    """Measures and prints; returns the files written."""
+    sizes, _, extent = asked(namespace, SIGHTINGS)
+    processes = [
+        Process((_subject(variant),), (size,), None, extent)
+        for variant in backend_variants(namespace.backend or BACKENDS)
+        for size in sizes
+    ]
+    rows = list[Row]()
+    for process, found, death in executed(measure, processes, console):
+        rows += [Row(process.subjects[0].label, process.sizes[0], reason=death)] if death else found
+    reached = expectations(rows)
+    console.print(_table(rows, extent))
+    if reached:
+        console.print(ratio_table(reached))
+    files = {} if namespace.csv is None else {namespace.csv: as_csv(rows)}
+    if namespace.out is not None:
+        files |= {namespace.out / "association.csv": as_csv(rows), namespace.out / "ratios.csv": ratios_as_csv(reached)}
+    for path, text in files.items():
+        write_whole(path, text)
+    return list(files)
+
+
+def measure(process: Process) -> list[Row]:
+    """Measures a backend at one size; one that fails has a row with the reason."""
+    (subject,), (landmarks,), extent = process.subjects, process.sizes, process.extent
+    here = world(landmarks, extent.steps, extent.sightings, extent.seed, scattered=extent.scattered)
+    hidden = subject._replace(options=dataclasses.replace(subject.options, association=RULE))
+    drives = [here.drive, without_ids(here.drive)]
+    try:
+        while True:
+            ready = compiled.ready()
+            both = [surveyed(subject, here, process), surveyed(hidden, here, process)]
+            told, found = in_turns(both, drives, 2 * extent.seconds)
+            if ready == compiled.ready():  # else code was loaded while the clock ran
+                break
+    except Exception as error:  # whatever a backend raises, the others go on
+        return [Row(subject.label, landmarks, reason=said_of(error))]
+    assert isinstance(both[1], Associating)
+    right = [landmark for step in (*here.survey, *here.drive[: len(found)]) for landmark in step.sightings.ids.tolist()]
+    taken = both[1].assigned().tolist()
+    first = sum(len(step.sightings.ids) for step in here.survey)
+    share = sum(a == b for a, b in zip(taken[first:], right[first:], strict=True)) / max(1, len(right) - first)
+    return [Row(subject.label, landmarks, timing(told), timing(found), share)]
+
+
+def expectations(rows: Sequence[Row]) -> list[Ratio]:
+    """Compares what is added with what is expected, where that is known."""
+    found = list[Ratio]()
+    for row in rows:
+        if row.told is None or row.found is None or row.landmarks != AT or row.name not in EXPECTED:
+            continue
+        limits = [("median", EXPECTED[row.name], row.found.p50 - row.told.p50)]
+        limits += [("99th percentile", RARELY, row.found.p99 - row.told.p99)] * (row.name == "ekf")
+        found += [
+            Ratio(f"data association adds to {row.name}'s step, N={AT}, {what}", f"at most {most:,g} µs", us,
+                  us <= most, "µs")
+            for what, most, us in limits
+        ]  # fmt: skip
+    return found
+
+
+def as_csv(rows: Sequence[Row]) -> str:
+    """Writes one line per backend and size; blank where it was not timed."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in rows:
+        figures: list[object] = [""] * 6
+        if row.told is not None and row.found is not None:
+            figures = [row.found.steps, *(f"{us:.4g}" for us in _microseconds(row.told, row.found)), f"{row.share:.4f}"]
+        writer.writerow((row.name, row.landmarks, *figures, row.reason))
+    return text.getvalue()
+
+
+def _microseconds(told: Timing, found: Timing) -> tuple[float, ...]:
+    return told.p50, told.p99, found.p50, found.p99
+
+
+def _table(rows: Sequence[Row], extent: Extent) -> Table:
+    which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
+    title = f"CPU time of a step, µs, with ids and without, association={RULE}; {extent.sightings} sightings of {which}"
+    table = Table(title=title)
+    table.add_column("backend")
+    for heading in ("N", "steps", "with ids", "p99", "without", "p99", "added, p50", "right"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for row in rows:
+        if row.told is None or row.found is None:
+            table.add_row(plain(row.name), f"{row.landmarks:,}", f"[red]{plain(row.reason)}[/]")
+            continue
+        figures = map(number, (*_microseconds(row.told, row.found), row.found.p50 - row.told.p50))
+        table.add_row(
+            plain(row.name), f"{row.landmarks:,}", f"{row.found.steps:,}", *figures, f"{100 * row.share:.1f} %"
+        )
+    return table
+
+
+def _subject(variant: BackendVariant) -> Subject:
+    """Returns the backend as it is with ids; InputError for one without data association."""
+    if variant.builder is None or not variant.builder.can_associate:
+        raise InputError(f"--backend {variant.label}: {variant.missing or 'has no data association'}; expected others")
+    if registry.find(variant.name).associates is True or getattr(variant.options, "association", "none") != "none":
+        raise InputError(f"--backend {variant.label}: associates; expected it without association, which is added")
+    return Subject(variant.label, variant.name, variant.options)

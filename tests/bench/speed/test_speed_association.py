@@ -1,0 +1,85 @@
+"""`bench speed --association`: steps with ids and without, in turns. Nothing here asserts a time."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.backends import registry
+from slamduel.bench.cli import main
+from slamduel.bench.speed import process
+from slamduel.bench.speed.association import AT, COLUMNS, Row, as_csv, expectations, measure
+from slamduel.bench.speed.process import Extent, Process, Subject
+from slamduel.bench.speed.timing import Timing
+from slamduel.bench.speed.world import without_ids, world
+from slamduel.frontend.factors import UNKNOWN
+
+LITTLE = Extent(steps=12, sightings=4, seconds=0.5, seed=0, scattered=False)
+
+
+def flat(us: float) -> Timing:
+    return Timing(100, us, us, us, us, us, (us,) * 5)
+
+
+def test_without_ids_all_else_is_the_same() -> None:
+    drive = world(10, 5, 4, 0).drive
+    for step, other in zip(drive, without_ids(drive), strict=True):
+        assert (other.sightings.ids == UNKNOWN).all()
+        assert len(other.sightings.ids) == len(step.sightings.ids)
+        assert other.sightings.z is step.sightings.z
+        assert np.array_equal(other.t, step.t)
+
+
+def test_both_ways_have_a_timing_and_nearly_all_landmarks_are_found() -> None:
+    subject = Subject("ekf", "ekf", registry.find("ekf").options())
+    (row,) = measure(Process((subject,), (10,), None, LITTLE))
+    assert row.reason == ""
+    assert row.told is not None
+    assert row.found is not None
+    assert row.told.steps == row.found.steps == 12
+    assert 0.8 < row.share <= 1
+
+
+def test_what_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "PATIENCE", 0.0)
+    subject = Subject("ekf", "ekf", registry.find("ekf").options())
+    (row,) = measure(Process((subject,), (10,), None, LITTLE))
+    assert row.told is None
+    assert row.reason.startswith("its map was not made within 0 s")
+
+
+def test_what_is_added_is_held_against_its_limit() -> None:
+    rows = [
+        Row("ekf", AT, flat(20.0), flat(34.0)._replace(p99=200.0)),
+        Row("ekf", 30, flat(20.0), flat(90.0)),
+        Row("isam2", AT, flat(300.0), flat(2500.0)),
+        Row("ukf", AT, flat(20.0), flat(30.0)),
+        Row("smoother", AT, reason="lost"),
+    ]
+    found = expectations(rows)
+    assert [(ratio.reached, ratio.holds) for ratio in found] == [(14.0, True), (180.0, False), (2200.0, False)]
+    lines = list(csv.DictReader(as_csv(rows).splitlines()))
+    assert tuple(lines[0]) == COLUMNS
+    assert (lines[0]["told_p50_us"], lines[0]["p99_us"], lines[-1]["reason"]) == ("20", "200", "lost")
+
+
+def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["--backend", "ekf", "--sizes", "10", "--steps", "6", "--out", str(tmp_path / "out")]
+    assert main(["speed", "--association", "--quick", *asked]) == 0
+    said = capsys.readouterr().out
+    assert "8 sightings of the nearest landmarks" in " ".join(said.split())
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["association.csv", "ratios.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--backend", "graph"], "--backend graph: has no data association"),
+        (["--backend", "ekf[association=nn]"], "expected it without association"),
+        (["--particles", "10"], "--particles: --association times steps with and without ids"),
+    ],
+)
+def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["speed", "--association", *arguments]) == 2
+    assert sentence in capsys.readouterr().err
