@@ -5,9 +5,12 @@ implementation", IEEE Trans. Robotics and Automation 17(3), 2001; prepared as re
 known ids for iSAM (M. Kaess et al., 2008). Pose and tree ids share one name space there, so pose ids skip.
 """
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from ...frontend.factors import Dataset
+from ...frontend.options import option
 from ..formats import gtsam_text
 from ..hidden_ids import HiddenIds
 from ..registry import Source
@@ -19,9 +22,23 @@ _NOTES = {
 }
 
 
-def make(options: HiddenIds, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a recorded log is not random
+@dataclass(frozen=True)
+class Options(HiddenIds):
+    """How far the file's noise is trusted, and the ids."""
+
+    odometry_sd: float = option(
+        1.0, "standard deviation of odometry, times what the file states: it is off by more than that", minimum=1e-3
+    )
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - a recorded log is not random
     """Victoria Park: a real car among trees, 6,969 steps, 3,640 sightings of 151 known trees, no ground truth."""
-    return gtsam_text.read(gtsam_text.shipped("victoria_park.txt"), "cov", "victoria-park", _NOTES)
+    log, truth = gtsam_text.read(gtsam_text.shipped("victoria_park.txt"), "cov", "victoria-park", _NOTES)
+    if options.odometry_sd == 1:
+        return Dataset(log, truth)
+    cov = options.odometry_sd**2 * log.delta_cov
+    cov.flags.writeable = False
+    return Dataset(replace(log, delta_cov=cov), truth)
 
 
-source = Source(make, HiddenIds)
+source = Source(make, Options)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from slamduel.datasets.formats import log_folder
-from slamduel.datasets.hidden_ids import HiddenIds
 from slamduel.datasets.published import victoria_park
 from slamduel.frontend.check import problems
 from slamduel.frontend.factors import Log
@@ -16,7 +15,7 @@ FILE = Path(gtsam.findExampleDataFile("victoria_park.txt"))
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    return victoria_park.source.make(HiddenIds(), np.random.default_rng(0)).log
+    return victoria_park.source.make(victoria_park.Options(), np.random.default_rng(0)).log
 
 
 def test_nothing_of_the_file_is_lost(log: Log):
@@ -27,7 +26,7 @@ def test_nothing_of_the_file_is_lost(log: Log):
 
 
 def test_there_is_no_truth():
-    assert victoria_park.source.make(HiddenIds(), np.random.default_rng(0)).truth is None
+    assert victoria_park.source.make(victoria_park.Options(), np.random.default_rng(0)).truth is None
 
 
 def test_sightings_and_motions_are_the_file_s(log: Log):
@@ -49,7 +48,7 @@ def test_sightings_and_motions_are_the_file_s(log: Log):
 
 def test_the_log_is_what_it_was():
     """Results that were published with it stay comparable: the factors are these, bit for bit."""
-    found = victoria_park.source.make(HiddenIds(), np.random.default_rng(0)).log
+    found = victoria_park.source.make(victoria_park.Options(), np.random.default_rng(0)).log
     assert found.digest == "e93839eeeb58d76b382aad65e6cb2b3e6a42701fc287fef39089c72f245e5aff"
     assert found.name == "victoria-park"
     assert "University of Sydney" in found.notes["source"]
@@ -61,3 +60,11 @@ def test_the_log_survives_the_disk(log: Log, tmp_path: Path):
     assert found.log.digest == log.digest
     assert found.log.notes == log.notes
     assert found.truth is None
+
+
+def test_odometry_can_be_stated_less_sure_than_the_file_does() -> None:
+    log = victoria_park.source.make(victoria_park.Options(), np.random.default_rng(0)).log
+    wider = victoria_park.source.make(victoria_park.Options(odometry_sd=5.0), np.random.default_rng(0)).log
+    assert np.array_equal(wider.delta_cov, 25 * log.delta_cov, equal_nan=True)
+    assert np.array_equal(wider.delta, log.delta, equal_nan=True)
+    assert np.array_equal(wider.z_cov, log.z_cov)
