@@ -190,7 +190,8 @@ def conforms(name: str, checks: Sequence[Check]) -> None:
     outcomes = check(registry.find(name), checks=checks)
     assert [found for found in outcomes if found.status == "failed"] == []
     ends = {"passed", "gave up"} if name != "mcl" else {"not applicable"}  # these logs have no map for it
-    assert {found.status for found in outcomes[len(QUICK) :]} <= ends
+    logs = [found for found in outcomes[len(QUICK) :] if found.name != "stands-logs-without-ids"]  # by default none is
+    assert {found.status for found in logs} <= ends
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW.get(n, ())) for n in sorted(registry.BUILTIN)])
