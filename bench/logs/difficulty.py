@@ -89,9 +89,14 @@ def difficulty(dataset: Dataset) -> Difficulty | None:
         return None
     if not count.known:
         return None
-    shares = [one / count.known for one in (count.candidates, count.several, count.beyond, count.beyond_new)]
-    wrong = {rule: one / len(log.ids) for rule, one in count.wrong.items()}
-    return Difficulty(*shares, single / looks, wrong)
+    return Difficulty(
+        count.candidates / count.known,
+        count.several / count.known,
+        count.beyond / count.known,
+        count.beyond_new / count.known,
+        single / looks,
+        {rule: one / len(log.ids) for rule, one in count.wrong.items()},
+    )
 
 
 def distances(seen: RangeBearing, expected: Expected) -> Array:

@@ -151,11 +151,12 @@ def _together(variants: Sequence[BackendVariant], sizes: Sequence[int], extent: 
 
 
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 def executed(
-    function: Callable[[T], list[Row]], tasks: Sequence[T], console: Console
-) -> Iterator[tuple[T, list[Row], str]]:
+    function: Callable[[T], list[R]], tasks: Sequence[T], console: Console
+) -> Iterator[tuple[T, list[R], str]]:
     """Yields each task with its rows, or with why its process died, one process at a time."""
     with ProgressBar(console, "timing", len(tasks)) as bar:
         for ended in execute(function, tasks, workers=1, timeout_s=OVERDUE):
