@@ -16,8 +16,8 @@ point `[project.entry-points."slamduel.backends"] mine = "my_package.my_module:b
 same rules as the backends that come with slamduel.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -158,7 +158,8 @@ class Builder:
     otherwise logs that have some are skipped. `sightings`: it uses sightings. `associates`: it does data association
     for sightings with id UNKNOWN, always or with some options; otherwise these are removed from the log, and counted.
     A class with the method of `Expects` gets options of data association, and the layer that does it in front of it;
-    `expects`: so does what a function makes. `locates`: it finds an unknown start on a given map itself; otherwise it
+    `expects`: so does what a function makes. `rules`: further values of its option `association`, each with what makes
+    the backend that carries it out by itself. `locates`: it finds an unknown start on a given map itself; otherwise it
     is made where the robot is found. `forgets`: it drops landmarks long out of view, so that it
     does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
     is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
@@ -178,6 +179,7 @@ class Builder:
     linear: bool = False
     implementation: str | Callable[[Any], str] = ""
     expects: bool = False
+    rules: Mapping[str, Callable[[Prior, Any, np.random.Generator], Backend]] = field(default_factory=dict, hash=False)
 
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""

@@ -340,6 +340,8 @@ def associating(builder: Builder) -> Builder:
         return getattr(options, "association", "none") != "none"
 
     def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
+        if associates(options) and options.association in builder.rules:
+            return builder.rules[options.association](prior, options, rng)
         inner = builder.make(prior, options, rng)
         if not associates(options):
             return inner
@@ -350,7 +352,9 @@ def associating(builder: Builder) -> Builder:
         return Associating(inner, prior, options)
 
     make.__doc__ = builder.make.__doc__
-    return dataclasses.replace(builder, make=make, options=options_with(builder.options), associates=associates)
+    return dataclasses.replace(
+        builder, make=make, options=options_with(builder.options, tuple(builder.rules)), associates=associates
+    )
 
 
 def _expects(make: object) -> bool:

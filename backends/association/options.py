@@ -11,6 +11,13 @@ RULES = ("nn", "ml", "jcbb")
 """Nearest neighbour, maximum likelihood, joint compatibility: in the order of their numbers in `_rules`."""
 
 
+OWN_RULES = {"particle": "every particle decides by itself, with `new` as its only gate"}
+"""Rules that a backend carries out by itself, and what to say of them."""
+
+USED_BY_OWN = ("association", "new")
+"""Options that such a rule has."""
+
+
 @dataclass(frozen=True)
 class Association:
     """Which landmark is a sighting without an id of? Probabilities are those of chi-square quantiles."""
@@ -53,33 +60,44 @@ class Association:
     nodes: int = option(20_000, "jcbb: most nodes of a step's search", minimum=1)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """The class is made at run time: it is stored as the backend's options and the values."""
+        """The class is made at run time: it is stored as the backend's options, its own rules and the values."""
         base = type(self).__mro__[2]
-        return _restored, (base, {one.name: getattr(self, one.name) for one in fields(self)})
+        return _restored, (base, _own_rules(self), {one.name: getattr(self, one.name) for one in fields(self)})
 
 
-def _restored(base: type, values: dict[str, Any]) -> Any:
-    return options_with(base)(**values)
+def _restored(base: type, own: tuple[str, ...], values: dict[str, Any]) -> Any:
+    return options_with(base, own)(**values)
+
+
+def _own_rules(options: Association) -> tuple[str, ...]:
+    """The rules beside those of `RULES` that a backend has."""
+    choices = next(one.metadata["choices"] for one in fields(options) if one.name == "association")
+    return tuple(rule for rule in choices if rule not in ("none", *RULES))
 
 
 @cache
-def options_with(base: type) -> type:
-    """The options dataclass `base` with those of data association.
+def options_with(base: type, own: tuple[str, ...] = ()) -> type:
+    """The options dataclass `base` with those of data association; `own` are rules that the backend has by itself.
 
     Raises TypeError where it has one of the same name with another meaning.
     """
     twice = {one.name for one in fields(base)} & {one.name for one in fields(Association)}
     if twice:
         raise TypeError(f"options {', '.join(sorted(twice))} of {base.__qualname__} are those of data association, too")
-    return make_dataclass("Options", [], bases=(Association, base), frozen=True)
+    plain: Any = next(one for one in fields(Association) if one.name == "association").metadata
+    also = "".join(f", or {rule}: {OWN_RULES[rule]}" for rule in own)
+    extended = option("none", f"{plain['summary']}{also}", choices=(*plain["choices"], *own))
+    more = [("association", str, extended)] if own else []
+    return make_dataclass("Options", more, bases=(Association, base), frozen=True)
 
 
 def check(options: Any, where: str) -> None:
     """Refuses options without effect: InputError names the first."""
-    if getattr(options, "association", None) != "none":
+    rule = getattr(options, "association", None)
+    if rule in RULES:
         return
+    used = () if rule == "none" else USED_BY_OWN
     for one in fields(Association):
-        if getattr(options, one.name) != one.default:
-            raise InputError(
-                f"{where}: option {one.name} is for data association; expected association=nn, ml or jcbb."
-            )
+        if one.name not in used and getattr(options, one.name) != one.default:
+            what = "for data association" if rule == "none" else f"not for association={rule}"
+            raise InputError(f"{where}: option {one.name} is {what}; expected association=nn, ml or jcbb.")

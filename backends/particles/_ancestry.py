@@ -117,11 +117,11 @@ def widen(hops: Hops, wider: Hops, epoch: int) -> None:
 
 @compiled
 def grow(
-    nodes: Array, parents: Hops, children: Hops, unused: Hops, left: int, leaves: Hops, ancestors: Ints, poses: Array
+    nodes: Array, parents: Hops, children: Hops, unused: Hops, left: int, leaves: Hops, ancestors: Ints, values: Array
 ) -> int:
-    """Appends a pose of every particle, column m of `poses` (3 or more, M), to the leaf of its ancestor ancestors[m].
+    """Appends a node of every particle, column m of `values` (C or more, M), to the leaf of its ancestor ancestors[m].
 
-    Branches that end without a particle are removed. `unused` is the stack of free nodes, its height `left`, at least
+    `nodes` (n, C) holds the values. Branches that end without a particle are removed. `unused` is the stack of free nodes, its height `left`, at least
     M; returns its height afterwards.
     """
     before = leaves.copy()
@@ -140,6 +140,7 @@ def grow(
         left -= 1
         node = unused[left]
         parents[node], children[node] = before[ancestors[m]], 0
-        nodes[node, 0], nodes[node, 1], nodes[node, 2] = poses[0, m], poses[1, m], poses[2, m]
+        for i in range(nodes.shape[1]):
+            nodes[node, i] = values[i, m]
         leaves[m] = node
     return left

@@ -94,6 +94,52 @@ def fold(work: Array, count: int, z: Array, cov: Array) -> None:
 
 
 @compiled
+def predict(work: Array, poses: Array, start: int, count: int, delta: Array, motion: Array) -> None:
+    """Fills mean and A in `work` for `count` particles from `start` on: their poses after a motion, before sightings.
+
+    The motion is `delta` (3,), of covariance `motion` (3, 3).
+    """
+    ra, rb, rc, rd, re, rf = root(motion)
+    part = slice(start, start + count)
+    x, y, heading, cos, sin = poses[0, part], poses[1, part], poses[2, part], poses[3, part], poses[4, part]
+    for m in range(count):
+        c, s = cos[m], sin[m]
+        work[m] = x[m] + c * delta[0] - s * delta[1]
+        work[BLOCK + m] = y[m] + s * delta[0] + c * delta[1]
+        work[2 * BLOCK + m] = heading[m] + delta[2]
+        work[3 * BLOCK + m], work[4 * BLOCK + m], work[5 * BLOCK + m] = c * ra - s * rb, -s * rc, 0.0
+        work[6 * BLOCK + m], work[7 * BLOCK + m], work[8 * BLOCK + m] = s * ra + c * rb, c * rc, 0.0
+        work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m] = rd, re, rf
+
+
+@compiled
+def draw(work: Array, poses: Array, start: int, count: int, noise: Array) -> None:
+    """Samples the poses of `count` particles from `start` on: mean plus the Cholesky factor of A A' times `noise`."""
+    part = slice(start, start + count)
+    x, y, heading, cos, sin = poses[0, part], poses[1, part], poses[2, part], poses[3, part], poses[4, part]
+    first, second, third = noise[0, part], noise[1, part], noise[2, part]
+    for m in range(count):
+        # orthogonalise the rows of A one after another: its Cholesky factor, without a difference of squares
+        a, b, e = work[3 * BLOCK + m], work[4 * BLOCK + m], work[5 * BLOCK + m]
+        l11 = sqrt(a * a + b * b + e * e)
+        a, b, e = a / l11, b / l11, e / l11
+        f, g, h = work[6 * BLOCK + m], work[7 * BLOCK + m], work[8 * BLOCK + m]
+        l21 = a * f + b * g + e * h
+        f, g, h = f - l21 * a, g - l21 * b, h - l21 * e
+        l22 = sqrt(f * f + g * g + h * h)
+        f, g, h = f / l22, g / l22, h / l22
+        i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
+        l31 = a * i + b * j + e * o
+        l32 = f * i + g * j + h * o
+        i, j, o = i - l31 * a - l32 * f, j - l31 * b - l32 * g, o - l31 * e - l32 * h
+        l33 = sqrt(i * i + j * j + o * o)
+        x[m] = work[m] + l11 * first[m]
+        y[m] = work[BLOCK + m] + l21 * first[m] + l22 * second[m]
+        heading[m] = wrap(work[2 * BLOCK + m] + l31 * first[m] + l32 * second[m] + l33 * third[m])
+        cos[m], sin[m] = cosine_sine(heading[m])
+
+
+@compiled
 def propose(
     poses: Array,
     delta: Array,
@@ -111,44 +157,18 @@ def propose(
     The pose is the proposal's mean plus the Cholesky factor of its covariance, in the world frame, times `noise` (3,
     M). `filters`, `slots`, `z`, `cov`, `distance` and `volume` are those of `correct`; the filters are only read.
     """
-    ra, rb, rc, rd, re, rf = root(motion)
     for start in range(0, poses.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
-        x, y, heading, cos, sin = poses[0, part], poses[1, part], poses[2, part], poses[3, part], poses[4, part]
-        first, second, third, off = noise[0, part], noise[1, part], noise[2, part], distance[part]
+        off = distance[part]
+        count = len(off)
         work = np.empty(ROWS * BLOCK)
-        for m in range(len(x)):
-            c, s = cos[m], sin[m]
-            work[m] = x[m] + c * delta[0] - s * delta[1]
-            work[BLOCK + m] = y[m] + s * delta[0] + c * delta[1]
-            work[2 * BLOCK + m] = heading[m] + delta[2]
-            work[3 * BLOCK + m], work[4 * BLOCK + m], work[5 * BLOCK + m] = c * ra - s * rb, -s * rc, 0.0
-            work[6 * BLOCK + m], work[7 * BLOCK + m], work[8 * BLOCK + m] = s * ra + c * rb, c * rc, 0.0
-            work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m] = rd, re, rf
+        predict(work, poses, start, count, delta, motion)
         for k in range(len(slots)):
             for i in range(5):
-                work[(12 + i) * BLOCK : (12 + i) * BLOCK + len(x)] = filters[slots[k], i, part]
-            fold(work, len(x), z[k], cov[k])
+                work[(12 + i) * BLOCK : (12 + i) * BLOCK + count] = filters[slots[k], i, part]
+            fold(work, count, z[k], cov[k])
             spread = volume[k // LOGGED, part]
-            for m in range(len(x)):
+            for m in range(count):
                 off[m] += work[17 * BLOCK + m]
                 spread[m] *= work[18 * BLOCK + m]
-        for m in range(len(x)):
-            # orthogonalise the rows of A one after another: its Cholesky factor, without a difference of squares
-            a, b, e = work[3 * BLOCK + m], work[4 * BLOCK + m], work[5 * BLOCK + m]
-            l11 = sqrt(a * a + b * b + e * e)
-            a, b, e = a / l11, b / l11, e / l11
-            f, g, h = work[6 * BLOCK + m], work[7 * BLOCK + m], work[8 * BLOCK + m]
-            l21 = a * f + b * g + e * h
-            f, g, h = f - l21 * a, g - l21 * b, h - l21 * e
-            l22 = sqrt(f * f + g * g + h * h)
-            f, g, h = f / l22, g / l22, h / l22
-            i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
-            l31 = a * i + b * j + e * o
-            l32 = f * i + g * j + h * o
-            i, j, o = i - l31 * a - l32 * f, j - l31 * b - l32 * g, o - l31 * e - l32 * h
-            l33 = sqrt(i * i + j * j + o * o)
-            x[m] = work[m] + l11 * first[m]
-            y[m] = work[BLOCK + m] + l21 * first[m] + l22 * second[m]
-            heading[m] = wrap(work[2 * BLOCK + m] + l31 * first[m] + l32 * second[m] + l33 * third[m])
-            cos[m], sin[m] = cosine_sine(heading[m])
+        draw(work, poses, start, count, noise)

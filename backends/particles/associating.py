@@ -1,0 +1,100 @@
+"""FastSLAM without ids: every particle decides by itself which landmark a sighting is of.
+
+Montemerlo and Thrun, "Simultaneous localization and mapping with unknown data association using FastSLAM" (ICRA 2003);
+Probabilistic Robotics, section 13.5 and table 13.4. Particles differ in what they took a sighting for; those that were wrong
+become unlikely later, and are not resampled: a decision is taken back without a search.
+"""
+
+from math import log1p
+from typing import Any
+
+import numpy as np
+
+from ...frontend.factors import UNKNOWN, Map, Prior, Step
+from ...frontend.se2 import Ints
+from ..api import Belief
+from ._choosing import choose, keep
+from ._particles import LOGGED, correct, move
+from .own_maps import OwnMaps
+from .particle_paths import ParticlePaths
+from .path_particles import PathParticles, with_blocks
+
+WIDER = 2.0
+"""A new landmark is as unlikely as one at the gate times this. A particle's landmarks are as sure as if its path were
+the true one: where it is off, the gate alone would double them."""
+
+NODE = 8
+"""Decisions stored in one node of their tree."""
+
+
+class AssociatingFastSlam(PathParticles):
+    """FastSLAM with a decision for every sighting without an id in every particle.
+
+    Map, ids and decisions given are those of the heaviest particle. An id that is known stays so in every particle. The
+    n-th sighting of the log, from 0, makes up the id -2 - n where it is of a new landmark, the same in all particles;
+    if one without an id is later sighted with one, that is its id from the start.
+
+    Random numbers are those of `FastSlam`.
+    """
+
+    def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
+        super().__init__(prior, options, rng)
+        self._gate = -2 * WIDER * log1p(-options.new)
+        self._maps = OwnMaps(options.particles)
+        self._decisions = ParticlePaths(options.particles, np.zeros((0, NODE), np.int32))
+        self._rows = np.zeros((0, options.particles), np.int32)  # of the last step's sightings
+        self._sighted = 0  # sightings so far
+        if prior.map is not None:
+            self._maps.adopt(prior.map)
+
+    def belief(self) -> Belief:
+        """That of the particles, and the landmark that the heaviest has taken each sighting of the last step for."""
+        best = self._heaviest()
+        return super().belief()._replace(assigned=self._maps.of(best)[0][self._rows[:, best]])
+
+    def map(self) -> Map:
+        """The heaviest particle's map, with covariance given its path."""
+        return self._map_of(self._heaviest())
+
+    def assigned(self) -> Ints:
+        """(s,) the landmark of every sighting so far, as the heaviest particle and its ancestors have taken it."""
+        best = self._heaviest()
+        rows = self._decisions.path(best).ravel()
+        return self._maps.of(best)[0][rows[rows >= 0]]
+
+    def _see(self, step: Step) -> None:
+        """Samples the poses, decides on the sightings, weights the particles by them, and corrects their landmarks."""
+        (ids, z, cov), M = (part.copy("C") for part in step.sightings), len(self._weights)
+        k, motion = len(ids), self._motion(step)
+        proposes = motion is not None and self._options.version == 2
+        if motion is None:
+            delta, spread, noise = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 0))
+        else:
+            delta, spread, noise = *motion, self._normals()
+        if motion is not None and not proposes:
+            move(self._poses, delta, spread, noise)
+        self._maps.reserve(k)
+        own, rows = self._maps, np.empty((k, M), np.int32)
+        seen, surprise = np.empty((k, 5, M)), np.zeros(M)
+        choose(
+            self._poses, proposes, delta, spread, noise, self._heaviest(), z, cov, ids, own.landmarks, own.names,
+            own.counts, own.homes, self._gate, UNKNOWN - 1 - self._sighted, rows, seen, surprise,
+        )  # fmt: skip
+        correct(self._poses, seen, np.arange(k), z, cov, np.empty(M), np.empty((-(-k // LOGGED), M)))
+        keep(self._poses, z, cov, own.landmarks, own.homes, rows, seen)
+        if k:
+            self._weigh(surprise)
+        self._rows = rows
+        self._sighted += k
+        for first in range(0, k, NODE):
+            node = np.full((NODE, M), -1, np.int32)
+            node[: k - first] = rows[first : first + NODE]
+            self._decisions.add(node)
+
+    def _copy(self, ancestors: Ints) -> None:
+        self._maps.resampled(ancestors)
+        self._decisions.resampled(ancestors)
+
+    def _map_of(self, particle: int) -> Map:
+        names, filters = self._maps.of(particle)
+        return Map(names, filters[:, :2].copy(), with_blocks(np.zeros((2 * len(names),) * 2), filters[:, 2:]))
