@@ -6,11 +6,15 @@ above that of the gate. In FastSLAM 2.0 the likelihood is that given the motion 
 proposal has it. With n, U and W of `_particles.py`, -2 log-likelihood is, up to what all landmarks have in common, the
 surprise n' U^-1 n + log |U| / |W|; a new landmark's is the gate.
 
-A distance test comes first. Let e be the distance of landmark and sighting in the world: no more than the way along an
-arc and then a radius, so e^2 <= 2 |n|^2. As n' U^-1 n >= |n|^2 / tr U, a surprise is above e^2 / (2 tr U).
+Distance tests come first, of all landmarks at once. As n' U^-1 n >= (a' n)^2 / a' U a for every a, it exceeds the gate if
+
+    nr^2 > gate (tr P + rr + s^2)   or   (e^2 - nr^2) r > gate zr (tr P + r^2 bb + 2 s^2 + 2 r^2 t^2)
+
+where nr is the error of the range zr of a landmark r m away, and e its distance from the sighting in the world: e^2 -
+nr^2 = 4 r zr sin^2(nb / 2) is at most r zr nb^2. The pose's standard deviations are at most s m and t rad.
 
 Each particle has rows of its own: `landmarks` (M, 5, N) are laid out as filters, `names` (M, N) are their ids, `counts`
-(M,) their number. Particle m has those of `homes[m]`. `work` is that of `_proposal.py`.
+(M,) their number. Particle m has those of `homes[m]`. `work` is that of `_proposal.py`, for the particles of a block.
 """
 
 from math import inf, log, pi, sqrt
@@ -24,128 +28,241 @@ from ._particles import BLOCK, arctan2, cosine_sine, place
 from ._proposal import ROWS, draw, fold, predict
 
 Rows = NDArray[np.int32]
+Flags = NDArray[np.bool]
+
+ABSENT = -(2**31)
+"""In place of a row: the particle has no landmark of the sighting's id."""
 
 NAMELESS = -1
 """The id of a sighting without one: `UNKNOWN` of `frontend.factors`. Made-up ids are below it."""
 
 
 @compiled
-def surprise_of(
-    work: Array, m: int, mx: float, my: float, pxx: float, pxy: float, pyy: float, z: Array, cov: Array
-) -> float:
-    """The surprise of a sighting z (2,) of covariance (2, 2), if it is of that landmark; infinite at the very pose."""
-    dx, dy = mx - work[m], my - work[BLOCK + m]
-    q = dx * dx + dy * dy
-    if not q > 0:
-        return inf
-    r = sqrt(q)
+def weigh(work: Array, begin: int, end: int, z: Array, cov: Array) -> None:
+    """Fills row 17 of `work`, columns `begin` to `end`, with the surprise of a sighting z (2,) of their landmarks.
+
+    These are rows 12 to 16. It is infinite where the landmark is at the very pose.
+    """
+    range_, bearing = z[0], z[1]
     rr, rb, bb = cov[0, 0], cov[0, 1], cov[1, 1]
-    nr = z[0] - r
-    nb = z[1] - arctan2(dy, dx) + work[2 * BLOCK + m]
-    nb -= 2 * pi * np.floor(nb / (2 * pi) + 0.5)
-    c, s = dx / r, dy / r
-    nx, ny = c * nr - dy * nb, s * nr + dx * nb
-    i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
-    f1, f2, f3 = dy * i - work[3 * BLOCK + m], dy * j - work[4 * BLOCK + m], dy * o - work[5 * BLOCK + m]
-    g1, g2, g3 = -dx * i - work[6 * BLOCK + m], -dx * j - work[7 * BLOCK + m], -dx * o - work[8 * BLOCK + m]
-    uxx = pxx + c * c * rr - 2 * c * dy * rb + dy * dy * bb + f1 * f1 + f2 * f2 + f3 * f3
-    uxy = pxy + c * s * rr + (c * dx - s * dy) * rb - dx * dy * bb + f1 * g1 + f2 * g2 + f3 * g3
-    uyy = pyy + s * s * rr + 2 * s * dx * rb + dx * dx * bb + g1 * g1 + g2 * g2 + g3 * g3
-    det_w = (rr * bb - rb * rb) * q
-    det_u = max(uxx * uyy - uxy * uxy, det_w)
-    return (uyy * nx * nx - 2 * uxy * nx * ny + uxx * ny * ny) / det_u + log(det_u / det_w)
+    det_r = rr * bb - rb * rb
+    for m in range(begin, end):
+        dx, dy = work[12 * BLOCK + m] - work[m], work[13 * BLOCK + m] - work[BLOCK + m]
+        q = dx * dx + dy * dy
+        apart = q > 0
+        dx, q = (dx if apart else 1.0), (q if apart else 1.0)
+        r = sqrt(q)
+        nr = range_ - r
+        nb = bearing - arctan2(dy, dx) + work[2 * BLOCK + m]
+        nb -= 2 * pi * np.floor(nb / (2 * pi) + 0.5)
+        c, s = dx / r, dy / r
+        nx, ny = c * nr - dy * nb, s * nr + dx * nb
+        i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
+        f1, f2, f3 = dy * i - work[3 * BLOCK + m], dy * j - work[4 * BLOCK + m], dy * o - work[5 * BLOCK + m]
+        g1, g2, g3 = -dx * i - work[6 * BLOCK + m], -dx * j - work[7 * BLOCK + m], -dx * o - work[8 * BLOCK + m]
+        uxx = work[14 * BLOCK + m] + c * c * rr - 2 * c * dy * rb + dy * dy * bb + f1 * f1 + f2 * f2 + f3 * f3
+        uxy = work[15 * BLOCK + m] + c * s * rr + (c * dx - s * dy) * rb - dx * dy * bb + f1 * g1 + f2 * g2 + f3 * g3
+        uyy = work[16 * BLOCK + m] + s * s * rr + 2 * s * dx * rb + dx * dx * bb + g1 * g1 + g2 * g2 + g3 * g3
+        det_w = det_r * q
+        det_u = max(uxx * uyy - uxy * uxy, det_w)
+        distance = (uyy * nx * nx - 2 * uxy * nx * ny + uxx * ny * ny) / det_u
+        work[17 * BLOCK + m] = distance if apart else inf
+        work[18 * BLOCK + m] = det_u / det_w
+    for m in range(begin, end):
+        work[17 * BLOCK + m] += log(work[18 * BLOCK + m])
 
 
 @compiled
-def spreads(work: Array, count: int, across: Array, turn: Array) -> None:
-    """Bounds what the pose adds to tr U of a landmark r m away: `across` + r^2 `turn`, of `count` particles."""
+def spread(work: Array, m: int) -> tuple[float, float]:
+    """Bounds the variances of a pose: of its position in any direction, and of its heading."""
+    square = 0.0
+    for j in range(3, 9):
+        square += work[j * BLOCK + m] * work[j * BLOCK + m]
+    i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
+    return square, i * i + j * j + o * o
+
+
+@compiled
+def load(work: Array, m: int, landmarks: Array, home: int, row: int) -> None:
+    """Copies a landmark to column m of `work`. A row below 0 is none: one at the pose, which it leaves as it is."""
+    for j in range(5):
+        work[(12 + j) * BLOCK + m] = landmarks[home, j, row] if row >= 0 else (work[j * BLOCK + m] if j < 2 else 0.0)
+
+
+@compiled
+def find(
+    work: Array, start: int, count: int, landmarks: Array, names: Ints, counts: Ints, homes: Ints, i: int, z: Array,
+    cov: Array, name: int, rows: Rows, seen: Array, surprise: Array,
+) -> None:  # fmt: skip
+    """Takes the i-th sighting, of id `name`, to be of each particle's landmark of that id; ABSENT where it has none."""
     for m in range(count):
-        square = 0.0
-        for j in range(3, 9):
-            square += work[j * BLOCK + m] * work[j * BLOCK + m]
-        i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
-        across[m], turn[m] = 2 * square, 2 * (i * i + j * j + o * o)
+        home, found = homes[start + m], -1
+        for row in range(counts[home]):
+            if names[home, row] == name:
+                found = row
+        load(work, m, landmarks, home, found)
+        rows[i, start + m] = found if found >= 0 else ABSENT
+    weigh(work, 0, count, z, cov)
+    for m in range(count):
+        if rows[i, start + m] >= 0:
+            surprise[start + m] += work[17 * BLOCK + m]
+            for j in range(5):
+                seen[i, j, start + m] = work[(12 + j) * BLOCK + m]
 
 
 @compiled
 def look(
-    landmarks: Array, home: int, count: int, x: float, y: float, furthest: float, twice: float, rr: float, bb: float,
-    beyond: Array, near: Rows, filled: int,
-) -> int:  # fmt: skip
-    """Appends to `near` the landmarks that a sighting of at most `furthest` m may be of; returns how many it then has.
+    work: Array, start: int, count: int, landmarks: Array, counts: Ints, homes: Ints, furthest: float, rr: float,
+    gate: float, rows: Rows, ids: Ints, first: Ints, near: Rows, where: Array, beyond: Flags,
+) -> None:  # fmt: skip
+    """Lists the landmarks of each particle that a sighting of at most `furthest` m may be of, in any order.
 
-    tr U is at most that of the landmark plus `rr` + r^2 `bb`; `twice` is twice the gate; `beyond` (N,) is overwritten.
+    Those of particle m are near[first[m]:first[m + 1]], and `where` (3, n) their mean and the trace of their
+    covariance. Sightings at most move a pose by the root of their number times the gate.
     """
-    for row in range(count):
-        dx, dy = landmarks[home, 0, row] - x, landmarks[home, 1, row] - y
-        q = dx * dx + dy * dy
-        reach = furthest + sqrt(twice * (landmarks[home, 2, row] + landmarks[home, 4, row] + rr + q * bb))
-        beyond[row] = q - reach * reach
-    for row in range(count):
-        if beyond[row] < 0:
+    k = len(ids)
+    first[0] = filled = 0
+    for m in range(count):
+        home, x, y = homes[start + m], work[m], work[BLOCK + m]
+        square, _ = spread(work, m)
+        base, rest = furthest + sqrt(k * gate * square), gate * (rr + square)
+        n = counts[home]
+        mx, my, pxx, pyy = landmarks[home, 0, :n], landmarks[home, 1, :n], landmarks[home, 2, :n], landmarks[home, 4, :n]
+        for row in range(len(mx)):
+            dx, dy = mx[row] - x, my[row] - y
+            reach = base + sqrt(gate * (pxx[row] + pyy[row]) + rest)
+            beyond[row] = dx * dx + dy * dy > reach * reach
+        for row in range(n):
             near[filled] = row
-            filled += 1
-    return filled
+            filled += not beyond[row]
+        for e in range(first[m], filled):
+            row = near[e]
+            where[0, e], where[1, e] = landmarks[home, 0, row], landmarks[home, 1, row]
+            where[2, e] = landmarks[home, 2, row] + landmarks[home, 4, row]
+            for i in range(k):
+                if ids[i] != NAMELESS and rows[i, start + m] == row:
+                    where[0, e] = inf  # another sighting is of it
+        first[m + 1] = filled
 
 
 @compiled
 def likeliest(
-    work: Array, m: int, landmarks: Array, names: Ints, home: int, near: Rows, first: int, last: int, x: float,
-    y: float, across: float, turn: float, z: Array, cov: Array, name: int, gate: float,
-) -> tuple[float, float, int]:  # fmt: skip
-    """The least surprise of z (2,), seen at (x, y), the second least, and the entry of `near` of the least, or -1.
+    work: Array, start: int, count: int, landmarks: Array, names: Ints, homes: Ints, first: Ints, near: Rows,
+    where: Array, z: Array, cov: Array, name: int, gate: float, least: Array, second: Array, entry: Ints,
+    beyond: Flags,
+) -> None:  # fmt: skip
+    """Finds the landmark in view with the least surprise of a sighting z (2,), for each particle.
 
-    Entries are `first` to `last`; those below 0 are taken. Both surprises are at most the `gate`. A sighting with an id
-    `name` is of no landmark that has another one.
+    Fills `least` and `second`, the two least surprises, both at most the `gate`, and `entry`, that of the landmark in
+    `near`, or -1. A sighting of an id `name` is of no landmark that has another one. `beyond` is overwritten.
     """
-    least, second, entry = gate, gate, -1
-    rr, bb = cov[0, 0] + across, cov[1, 1] + turn
-    for e in range(first, last):
-        row = near[e]
-        if row < 0:
+    range_, rr, bb = z[0], cov[0, 0], cov[1, 1]
+    cb, sb = cosine_sine(z[1])
+    for m in range(count):
+        c, s = cosine_sine(work[2 * BLOCK + m])
+        least[m], second[m] = range_ * (c * cb - s * sb), range_ * (s * cb + c * sb)
+    for m in range(count):
+        x, y, ahead, aside = work[m], work[BLOCK + m], least[m], second[m]
+        home, begin, end = homes[start + m], first[m], first[m + 1]
+        square, turn = spread(work, m)
+        mx, my, trace = where[0, begin:end], where[1, begin:end], where[2, begin:end]
+        for e in range(len(mx)):
+            dx, dy = mx[e] - x, my[e] - y
+            q = dx * dx + dy * dy
+            r = sqrt(q)
+            along = (range_ - r) * (range_ - r)
+            across = ((dx - ahead) * (dx - ahead) + (dy - aside) * (dy - aside) - along) * r
+            far = across > gate * range_ * (trace[e] + q * bb + 2 * square + 2 * q * turn)
+            beyond[e] = far | (along > gate * (trace[e] + rr + square))
+        one, next_, rivals = -1, gate, 0
+        for e in range(begin, end):
+            if not beyond[e - begin] and (name == NAMELESS or names[home, near[e]] < NAMELESS):
+                rivals += 1
+                one = e
+        if rivals > 1:
+            best = gate
+            for e in range(begin, end):
+                if not beyond[e - begin] and (name == NAMELESS or names[home, near[e]] < NAMELESS):
+                    load(work, m, landmarks, home, near[e])
+                    weigh(work, m, m + 1, z, cov)
+                    found = work[17 * BLOCK + m]
+                    if found < best:
+                        best, next_, one = found, best, e
+                    elif found < next_:
+                        next_ = found
+        load(work, m, landmarks, home, near[one] if one >= 0 else -1)
+        second[m], entry[m] = next_, one
+    weigh(work, 0, count, z, cov)
+    for m in range(count):
+        found = work[17 * BLOCK + m]
+        least[m] = found if found < gate else gate
+        if not found < gate:
+            entry[m] = -1
+
+
+@compiled
+def surest_first(ahead: Array, order: Ints) -> None:
+    """Fills `order` (k,) so that `ahead` (k,) falls: how far the likeliest landmark is ahead of the second."""
+    for i in range(len(ahead)):
+        p = i
+        while p > 0 and ahead[order[p - 1]] < ahead[i]:
+            order[p] = order[p - 1]
+            p -= 1
+        order[p] = i
+
+
+@compiled
+def decide(
+    work: Array, start: int, count: int, landmarks: Array, names: Ints, counts: Ints, homes: Ints, near: Rows,
+    where: Array, least: Array, entry: Ints, i: int, name: int, made_up: int, rows: Rows, seen: Array, surprise: Array,
+) -> None:  # fmt: skip
+    """Takes the i-th sighting to be of the likeliest landmark of each particle, or of a new one.
+
+    One of an id `name` only where that is ABSENT; the landmark gets the id. A new one without has the id `made_up`.
+    """
+    for m in range(count):
+        home, at = homes[start + m], start + m
+        if name != NAMELESS and rows[i, at] != ABSENT:
+            load(work, m, landmarks, home, -1)
             continue
-        mx, my, pxx, pyy = (
-            landmarks[home, 0, row],
-            landmarks[home, 1, row],
-            landmarks[home, 2, row],
-            landmarks[home, 4, row],
-        )
-        ex, ey, dx, dy = mx - x, my - y, mx - work[m], my - work[BLOCK + m]
-        if ex * ex + ey * ey >= 2 * second * (pxx + pyy + rr + (dx * dx + dy * dy) * bb):
-            continue
-        if name != NAMELESS and names[home, row] >= NAMELESS:
-            continue
-        surprise = surprise_of(work, m, mx, my, pxx, landmarks[home, 3, row], pyy, z, cov)
-        if surprise < least:
-            least, second, entry = surprise, least, e
-        elif surprise < second:
-            second = surprise
-    return least, second, entry
+        surprise[at] += least[m]
+        row = near[entry[m]] if entry[m] >= 0 else -1
+        load(work, m, landmarks, home, row)
+        for j in range(5):
+            seen[i, j, at] = work[(12 + j) * BLOCK + m]
+        if row >= 0:
+            where[0, entry[m]] = inf
+            rows[i, at] = row
+            if name != NAMELESS:
+                names[home, row] = name
+        else:
+            rows[i, at] = -1 - counts[home]
+            names[home, counts[home]] = made_up if name == NAMELESS else name
+            counts[home] += 1
 
 
 @compiled
 def choose(
     poses: Array, moves: bool, delta: Array, motion: Array, noise: Array, heaviest: int, z: Array, cov: Array,
-    ids: Ints, landmarks: Array, names: Ints, counts: Ints, homes: Ints, gate: float, call: int,
+    ids: Ints, landmarks: Array, names: Ints, counts: Ints, homes: Ints, gate: float, made_up: int,
     rows: Rows, seen: Array, surprise: Array,
 ) -> None:  # fmt: skip
     """Decides in every particle which landmark each of k sightings is of; where it `moves`, samples poses, too.
 
     `delta`, `motion` and `noise` are those of `propose`, z (k, 2), cov (k, 2, 2) and `ids` (k,) the sightings; the i-th
-    makes the id `call` - i. Fills `rows` (k, M) with the landmark, -1 - row of a new one, `seen` (k, 5, M) with its
-    filter as it was, and adds to `surprise` (M,). A new landmark has its row and id, and no filter yet.
+    makes up the id `made_up` - i. Fills `rows` (k, M) with the landmark, -1 - row of a new one, `seen` (k, 5, M) with
+    its filter as it was, and `surprise` (M,). A new landmark has its row and id, and no filter yet.
 
-    All particles take the sightings in one order: those with ids first, the others in that of `surest_first`.
+    All particles take the sightings in one order: those with ids first, then those of which the heaviest is surest.
     """
     k, M = len(z), poses.shape[1]
-    furthest, rr, bb = 0.0, 0.0, 0.0
-    for i in range(k):
-        furthest, rr, bb = max(furthest, z[i, 0]), max(rr, cov[i, 0, 0]), max(bb, cov[i, 1, 1])
-    work = np.zeros(ROWS * BLOCK)
-    wx, wy, across, turn = np.empty(BLOCK), np.empty(BLOCK), np.zeros(BLOCK), np.zeros(BLOCK)
-    first, beyond = np.empty(BLOCK + 1, np.int64), np.empty(landmarks.shape[2])
-    near = np.empty(min(BLOCK, M) * max(1, counts.max()), np.int32)
-    order = np.empty(k, np.int64)
+    furthest = z[:, 0].max() if k > 0 else 0.0
+    rr = cov[:, 0, 0].max() if k > 0 else 0.0
+    most = max(1, counts.max())
+    work, least, second, beyond = np.zeros(ROWS * BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(most, np.bool_)
+    first, entry = np.empty(BLOCK + 1, np.int64), np.empty(BLOCK, np.int64)
+    near, where = np.empty(min(BLOCK, M) * most + 1, np.int32), np.empty((3, min(BLOCK, M) * most))
+    ahead, order = np.empty(k), np.empty(k, np.int64)
     for part in range(-1, (M + BLOCK - 1) // BLOCK):  # first the heaviest alone, for the order
         start = heaviest if part < 0 else part * BLOCK
         count = 1 if part < 0 else min(BLOCK, M - start)
@@ -155,107 +272,39 @@ def choose(
             for m in range(count):
                 for j in range(3):
                     work[j * BLOCK + m] = poses[j, start + m]
-        spreads(work, count, across, turn)
-        first[0] = 0
-        for m in range(count):
-            home = homes[start + m]
-            first[m + 1] = look(
-                landmarks, home, counts[home], work[m], work[BLOCK + m], furthest, 2 * gate, rr + across[m],
-                bb + turn[m], beyond, near, first[m],
-            )  # fmt: skip
-        if part < 0:
-            surest_first(
-                work, landmarks, names, homes[start], near, first[1], across[0], turn[0], z, cov, ids, gate, order
-            )
-            continue
-        for i in order:
-            if moves:
-                spreads(work, count, across, turn)
-            cb, sb = cosine_sine(z[i, 1])
-            for m in range(count):
-                c, s = cosine_sine(work[2 * BLOCK + m])
-                wx[m] = work[m] + z[i, 0] * (c * cb - s * sb)
-                wy[m] = work[BLOCK + m] + z[i, 0] * (s * cb + c * sb)
-            for m in range(count):
-                home, row, least = homes[start + m], -1, 0.0
-                if ids[i] != NAMELESS:
-                    row, least = named(
-                        work,
-                        m,
-                        landmarks,
-                        names,
-                        home,
-                        counts[home],
-                        near,
-                        first[m],
-                        first[m + 1],
-                        z[i],
-                        cov[i],
-                        ids[i],
-                    )
-                if row < 0:
-                    least, _, e = likeliest(
-                        work, m, landmarks, names, home, near, first[m], first[m + 1], wx[m], wy[m], across[m],
-                        turn[m], z[i], cov[i], ids[i], gate,
-                    )  # fmt: skip
-                    if e >= 0:
-                        row, near[e] = near[e], -1
-                        if ids[i] != NAMELESS:
-                            names[home, row] = ids[i]
-                surprise[start + m] += least
-                if row >= 0:
-                    rows[i, start + m] = row
-                    for j in range(5):
-                        work[(12 + j) * BLOCK + m] = seen[i, j, start + m] = landmarks[home, j, row]
+        surprise[start : start + count] = 0
+        for i in range(k):
+            if ids[i] != NAMELESS:
+                find(work, start, count, landmarks, names, counts, homes, i, z[i], cov[i], ids[i], rows, seen, surprise)
+                if moves:
+                    fold(work, count, z[i], cov[i])
+        look(work, start, count, landmarks, counts, homes, furthest, rr, gate, rows, ids, first, near, where, beyond)
+        if part >= 0:
+            for i in order:
+                if ids[i] != NAMELESS and rows[i, start : start + count].min() != ABSENT:
                     continue
-                rows[i, start + m] = -1 - counts[home]
-                names[home, counts[home]] = call - i if ids[i] == NAMELESS else ids[i]
-                counts[home] += 1
-                for j in range(5):  # a landmark at its very position leaves a pose as it is
-                    work[(12 + j) * BLOCK + m] = seen[i, j, start + m] = work[j * BLOCK + m] if j < 2 else 0.0
+                likeliest(
+                    work, start, count, landmarks, names, homes, first, near, where, z[i], cov[i], ids[i], gate,
+                    least, second, entry, beyond,
+                )  # fmt: skip
+                decide(
+                    work, start, count, landmarks, names, counts, homes, near, where, least, entry, i, ids[i],
+                    made_up - i, rows, seen, surprise,
+                )  # fmt: skip
+                if moves:
+                    fold(work, count, z[i], cov[i])
             if moves:
-                fold(work, count, z[i], cov[i])
-        if moves:
-            draw(work, poses, start, count, noise)
-
-
-@compiled
-def named(
-    work: Array, m: int, landmarks: Array, names: Ints, home: int, count: int, near: Rows, first: int, last: int,
-    z: Array, cov: Array, name: int,
-) -> tuple[int, float]:  # fmt: skip
-    """The row of the landmark with the id `name`, -1 if the particle has none, and the surprise; takes its entry."""
-    for row in range(count):
-        if names[home, row] == name:
-            for e in range(first, last):
-                if near[e] == row:
-                    near[e] = -1
-            at = landmarks[home, :, row]
-            return row, surprise_of(work, m, at[0], at[1], at[2], at[3], at[4], z, cov)
-    return -1, 0.0
-
-
-@compiled
-def surest_first(
-    work: Array, landmarks: Array, names: Ints, home: int, near: Rows, last: int, across: float, turn: float, z: Array,
-    cov: Array, ids: Ints, gate: float, order: Ints,
-) -> None:  # fmt: skip
-    """Fills `order` (k,): sightings with ids, then those whose likeliest landmark is furthest ahead of the second."""
-    k = len(z)
-    ahead = np.empty(k)
-    for i in range(k):
-        c, s = cosine_sine(work[2 * BLOCK])
-        cb, sb = cosine_sine(z[i, 1])
-        x, y = work[0] + z[i, 0] * (c * cb - s * sb), work[BLOCK] + z[i, 0] * (s * cb + c * sb)
-        least, second, _ = likeliest(
-            work, 0, landmarks, names, home, near, 0, last, x, y, across, turn, z[i], cov[i], ids[i], gate
-        )
-        ahead[i] = second - least if ids[i] == NAMELESS else inf
-        p = i
-        while p > 0 and ahead[order[p - 1]] < ahead[i]:
-            order[p] = order[p - 1]
-            p -= 1
-        order[p] = i
+                draw(work, poses, start, count, noise)
+            continue
+        for i in range(k):
+            ahead[i] = inf
+            if ids[i] == NAMELESS:
+                likeliest(
+                    work, start, 1, landmarks, names, homes, first, near, where, z[i], cov[i], ids[i], gate,
+                    least, second, entry, beyond,
+                )  # fmt: skip
+                ahead[i] = second[0] - least[0]
+        surest_first(ahead, order)
 
 
 @compiled
@@ -295,6 +344,8 @@ def inherit(landmarks: Array, names: Ints, counts: Ints, homes: Ints, ancestors:
         new = after[m] = homes[free]
         free += 1
         counts[new] = count = counts[old]
-        landmarks[new, :, :count] = landmarks[old, :, :count]
-        names[new, :count] = names[old, :count]
+        for row in range(count):
+            names[new, row] = names[old, row]
+            for j in range(5):
+                landmarks[new, j, row] = landmarks[old, j, row]
     return after

@@ -16,8 +16,8 @@ from .resampling import SCHEMES
 
 RANK = 4
 """Particles needed for a covariance of three coordinates."""
-EVEN = 1 - 1e-9
-"""Weights that are equal up to rounding are not resampled."""
+ROUNDING = 1e-9
+"""Relative difference of weights that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class PathParticles:
         Resampling at the start of a step, not at the end of the last, keeps the estimate that of the weighted
         particles, which are more informative than their resampled copies.
         """
-        if self._n_eff() < self._options.resample_below * len(self._weights) * EVEN:
+        if self._n_eff() < self._options.resample_below * len(self._weights) * (1 - ROUNDING):
             self._resample()
         self._see(step)
         self._paths.add(self._poses)
@@ -166,7 +166,8 @@ class PathParticles:
         return pose, error
 
     def _heaviest(self) -> int:
-        return int(np.argmax(self._weights))
+        """The heaviest particle; of those that are equal up to rounding, the first."""
+        return int(np.argmax(self._log_weights > -ROUNDING))
 
     def _n_eff(self) -> float:
         """Effective sample size, 1 / sum of squared weights: between 1 and M."""
