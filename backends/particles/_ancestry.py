@@ -121,8 +121,8 @@ def grow(
 ) -> int:
     """Appends a node of every particle, column m of `values` (C or more, M), to the leaf of its ancestor ancestors[m].
 
-    `nodes` (n, C) holds the values. Branches that end without a particle are removed. `unused` is the stack of free nodes, its height `left`, at least
-    M; returns its height afterwards.
+    `nodes` (n, C) have the values. Branches that end without a particle are removed. `unused` is the stack of free
+    nodes, its height `left`, at least M; returns its height afterwards.
     """
     before = leaves.copy()
     if before[0] >= 0:

@@ -3,10 +3,10 @@
 Greedy maximum likelihood with exclusion: one sighting after another is taken to be of the particle's landmark that is
 likeliest given its path, but of none that another sighting of the step is of, and of a new one where no likelihood is
 above that of the gate. In FastSLAM 2.0 the likelihood is that given the motion and the sightings taken before, as the
-proposal has it. With n, U and W of `_particles.py`, -2 log-likelihood is, up to what all landmarks have in common, the
-surprise n' U^-1 n + log |U| / |W|; a new landmark's is the gate.
+proposal has it. It is low where the surprise of `_surprise.py` is high; a new landmark's surprise is the gate.
 
-Distance tests come first, of all landmarks at once. As n' U^-1 n >= (a' n)^2 / a' U a for every a, it exceeds the gate if
+Distance tests come first, for many landmarks at once. As n' U^-1 n >= (a' n)^2 / a' U a for every a, the surprise
+exceeds the gate if
 
     nr^2 > gate (tr P + rr + s^2)   or   (e^2 - nr^2) r > gate zr (tr P + r^2 bb + 2 s^2 + 2 r^2 t^2)
 
@@ -17,15 +17,16 @@ Each particle has rows of its own: `landmarks` (M, 5, N) are laid out as filters
 (M,) their number. Particle m has those of `homes[m]`. `work` is that of `_proposal.py`, for the particles of a block.
 """
 
-from math import inf, log, pi, sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from ._particles import BLOCK, arctan2, cosine_sine, place
+from ._particles import BLOCK, cosine_sine
 from ._proposal import ROWS, draw, fold, predict
+from ._surprise import load, spread, weigh
 
 Rows = NDArray[np.int32]
 Flags = NDArray[np.bool]
@@ -35,58 +36,6 @@ ABSENT = -(2**31)
 
 NAMELESS = -1
 """The id of a sighting without one: `UNKNOWN` of `frontend.factors`. Made-up ids are below it."""
-
-
-@compiled
-def weigh(work: Array, begin: int, end: int, z: Array, cov: Array) -> None:
-    """Fills row 17 of `work`, columns `begin` to `end`, with the surprise of a sighting z (2,) of their landmarks.
-
-    These are rows 12 to 16. It is infinite where the landmark is at the very pose.
-    """
-    range_, bearing = z[0], z[1]
-    rr, rb, bb = cov[0, 0], cov[0, 1], cov[1, 1]
-    det_r = rr * bb - rb * rb
-    for m in range(begin, end):
-        dx, dy = work[12 * BLOCK + m] - work[m], work[13 * BLOCK + m] - work[BLOCK + m]
-        q = dx * dx + dy * dy
-        apart = q > 0
-        dx, q = (dx if apart else 1.0), (q if apart else 1.0)
-        r = sqrt(q)
-        nr = range_ - r
-        nb = bearing - arctan2(dy, dx) + work[2 * BLOCK + m]
-        nb -= 2 * pi * np.floor(nb / (2 * pi) + 0.5)
-        c, s = dx / r, dy / r
-        nx, ny = c * nr - dy * nb, s * nr + dx * nb
-        i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
-        f1, f2, f3 = dy * i - work[3 * BLOCK + m], dy * j - work[4 * BLOCK + m], dy * o - work[5 * BLOCK + m]
-        g1, g2, g3 = -dx * i - work[6 * BLOCK + m], -dx * j - work[7 * BLOCK + m], -dx * o - work[8 * BLOCK + m]
-        uxx = work[14 * BLOCK + m] + c * c * rr - 2 * c * dy * rb + dy * dy * bb + f1 * f1 + f2 * f2 + f3 * f3
-        uxy = work[15 * BLOCK + m] + c * s * rr + (c * dx - s * dy) * rb - dx * dy * bb + f1 * g1 + f2 * g2 + f3 * g3
-        uyy = work[16 * BLOCK + m] + s * s * rr + 2 * s * dx * rb + dx * dx * bb + g1 * g1 + g2 * g2 + g3 * g3
-        det_w = det_r * q
-        det_u = max(uxx * uyy - uxy * uxy, det_w)
-        distance = (uyy * nx * nx - 2 * uxy * nx * ny + uxx * ny * ny) / det_u
-        work[17 * BLOCK + m] = distance if apart else inf
-        work[18 * BLOCK + m] = det_u / det_w
-    for m in range(begin, end):
-        work[17 * BLOCK + m] += log(work[18 * BLOCK + m])
-
-
-@compiled
-def spread(work: Array, m: int) -> tuple[float, float]:
-    """Bounds the variances of a pose: of its position in any direction, and of its heading."""
-    square = 0.0
-    for j in range(3, 9):
-        square += work[j * BLOCK + m] * work[j * BLOCK + m]
-    i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]
-    return square, i * i + j * j + o * o
-
-
-@compiled
-def load(work: Array, m: int, landmarks: Array, home: int, row: int) -> None:
-    """Copies a landmark to column m of `work`. A row below 0 is none: one at the pose, which it leaves as it is."""
-    for j in range(5):
-        work[(12 + j) * BLOCK + m] = landmarks[home, j, row] if row >= 0 else (work[j * BLOCK + m] if j < 2 else 0.0)
 
 
 @compiled
@@ -127,7 +76,12 @@ def look(
         square, _ = spread(work, m)
         base, rest = furthest + sqrt(k * gate * square), gate * (rr + square)
         n = counts[home]
-        mx, my, pxx, pyy = landmarks[home, 0, :n], landmarks[home, 1, :n], landmarks[home, 2, :n], landmarks[home, 4, :n]
+        mx, my, pxx, pyy = (
+            landmarks[home, 0, :n],
+            landmarks[home, 1, :n],
+            landmarks[home, 2, :n],
+            landmarks[home, 4, :n],
+        )
         for row in range(len(mx)):
             dx, dy = mx[row] - x, my[row] - y
             reach = base + sqrt(gate * (pxx[row] + pyy[row]) + rest)
@@ -195,9 +149,8 @@ def likeliest(
     weigh(work, 0, count, z, cov)
     for m in range(count):
         found = work[17 * BLOCK + m]
-        least[m] = found if found < gate else gate
-        if not found < gate:
-            entry[m] = -1
+        within = found < gate
+        least[m], entry[m] = (found, entry[m]) if within else (gate, -1)
 
 
 @compiled
@@ -247,7 +200,7 @@ def choose(
     ids: Ints, landmarks: Array, names: Ints, counts: Ints, homes: Ints, gate: float, made_up: int,
     rows: Rows, seen: Array, surprise: Array,
 ) -> None:  # fmt: skip
-    """Decides in every particle which landmark each of k sightings is of; where it `moves`, samples poses, too.
+    """Decides in every particle which landmark each of k sightings is of; where `moves` is set, samples poses, too.
 
     `delta`, `motion` and `noise` are those of `propose`, z (k, 2), cov (k, 2, 2) and `ids` (k,) the sightings; the i-th
     makes up the id `made_up` - i. Fills `rows` (k, M) with the landmark, -1 - row of a new one, `seen` (k, 5, M) with
@@ -305,47 +258,3 @@ def choose(
                 )  # fmt: skip
                 ahead[i] = second[0] - least[0]
         surest_first(ahead, order)
-
-
-@compiled
-def keep(poses: Array, z: Array, cov: Array, landmarks: Array, homes: Ints, rows: Rows, seen: Array) -> None:
-    """Stores the corrected landmarks `seen` (k, 5, M) in their `rows` (k, M), and places new ones, rows -1 - row."""
-    fresh = np.empty((1, 5, rows.shape[1]))
-    for i in range(len(rows)):
-        if rows[i].min() < 0:
-            place(poses, fresh, 0, z[i], cov[i])
-        for m in range(rows.shape[1]):
-            row, new = rows[i, m], rows[i, m] < 0
-            if new:
-                row = rows[i, m] = -1 - row
-            for j in range(5):
-                landmarks[homes[m], j, row] = fresh[0, j, m] if new else seen[i, j, m]
-
-
-@compiled
-def inherit(landmarks: Array, names: Ints, counts: Ints, homes: Ints, ancestors: Ints) -> Ints:
-    """Gives each particle m the landmarks of particle ancestors[m]; returns the new `homes` (M,).
-
-    `ancestors` are sorted. Of the copies of one the first takes over its home, the others copy its landmarks to homes
-    of particles that have none.
-    """
-    M = len(homes)
-    wanted, after = np.zeros(M, np.bool_), np.empty(M, np.int64)
-    for m in range(M):
-        wanted[ancestors[m]] = True
-    free = 0
-    for m in range(M):
-        old = homes[ancestors[m]]
-        if m == 0 or ancestors[m] != ancestors[m - 1]:
-            after[m] = old
-            continue
-        while wanted[free]:
-            free += 1
-        new = after[m] = homes[free]
-        free += 1
-        counts[new] = count = counts[old]
-        for row in range(count):
-            names[new, row] = names[old, row]
-            for j in range(5):
-                landmarks[new, j, row] = landmarks[old, j, row]
-    return after

@@ -1,8 +1,9 @@
 """FastSLAM without ids: every particle decides by itself which landmark a sighting is of.
 
 Montemerlo and Thrun, "Simultaneous localization and mapping with unknown data association using FastSLAM" (ICRA 2003);
-Probabilistic Robotics, section 13.5 and table 13.4. Particles differ in what they took a sighting for; those that were wrong
-become unlikely later, and are not resampled: a decision is taken back without a search.
+Thrun, Burgard, Fox, Probabilistic Robotics (2005), chapter 13, without its evidence that a landmark exists. Particles
+differ in what they took a sighting for; those that were wrong become unlikely later and have no descendants: so a
+decision is taken back without a search.
 """
 
 from math import log1p
@@ -13,7 +14,8 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Map, Prior, Step
 from ...frontend.se2 import Ints
 from ..api import Belief
-from ._choosing import choose, keep
+from ._choosing import choose
+from ._own_maps import keep
 from ._particles import LOGGED, correct, move
 from .own_maps import OwnMaps
 from .particle_paths import ParticlePaths
@@ -92,9 +94,11 @@ class AssociatingFastSlam(PathParticles):
             self._decisions.add(node)
 
     def _copy(self, ancestors: Ints) -> None:
+        """Copies maps and decisions."""
         self._maps.resampled(ancestors)
         self._decisions.resampled(ancestors)
 
     def _map_of(self, particle: int) -> Map:
+        """A particle's map, with covariance given its path."""
         names, filters = self._maps.of(particle)
         return Map(names, filters[:, :2].copy(), with_blocks(np.zeros((2 * len(names),) * 2), filters[:, 2:]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...frontend.factors import Map
 from ...frontend.se2 import Array, Ints
-from ._choosing import inherit
+from ._own_maps import inherit
 
 RESERVED = 8
 """Landmarks of a particle that space is reserved for at first; doubled when exhausted."""
