@@ -260,7 +260,7 @@ def test_paths_are_those_of_the_ancestors() -> None:
         whole = np.concatenate((whole, poses[None, :3]))
     for m in range(M):
         assert np.array_equal(paths.path(m), whole[..., m])
-    assert len(paths._poses) < 400 * 3  # of 3600: dead branches have made room
+    assert len(paths._nodes) < 400 * 3  # of 3600: dead branches have made room
 
 
 def test_the_solution_is_the_heaviest_particle() -> None:
