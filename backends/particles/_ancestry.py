@@ -13,6 +13,7 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 
 Hops = NDArray[np.int32]
+Values = NDArray[np.float64] | NDArray[np.int32]
 
 
 @compiled
@@ -117,7 +118,7 @@ def widen(hops: Hops, wider: Hops, epoch: int) -> None:
 
 @compiled
 def grow(
-    nodes: Array, parents: Hops, children: Hops, unused: Hops, left: int, leaves: Hops, ancestors: Ints, values: Array
+    nodes: Values, parents: Hops, children: Hops, unused: Hops, left: int, leaves: Hops, ancestors: Ints, values: Values
 ) -> int:
     """Appends a node of every particle, column m of `values` (C or more, M), to the leaf of its ancestor ancestors[m].
 

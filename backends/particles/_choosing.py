@@ -144,7 +144,7 @@ def likeliest(
                         best, next_, one = found, best, e
                     elif found < next_:
                         next_ = found
-        load(work, m, landmarks, home, near[one] if one >= 0 else -1)
+        load(work, m, landmarks, home, int(near[one]) if one >= 0 else -1)
         second[m], entry[m] = next_, one
     weigh(work, 0, count, z, cov)
     for m in range(count):
@@ -233,7 +233,8 @@ def choose(
                     fold(work, count, z[i], cov[i])
         look(work, start, count, landmarks, counts, homes, furthest, rr, gate, rows, ids, first, near, where, beyond)
         if part >= 0:
-            for i in order:
+            for p in range(k):
+                i = int(order[p])
                 if ids[i] != NAMELESS and rows[i, start : start + count].min() != ABSENT:
                     continue
                 likeliest(

@@ -66,8 +66,9 @@ class AssociatingFastSlam(PathParticles):
 
     def _see(self, step: Step) -> None:
         """Samples the poses, decides on the sightings, weights the particles by them, and corrects their landmarks."""
-        (ids, z, cov), M = (part.copy("C") for part in step.sightings), len(self._weights)
-        k, motion = len(ids), self._motion(step)
+        ids, z, cov = step.sightings
+        ids, z, cov = ids.copy("C"), z.copy("C"), cov.copy("C")
+        k, M, motion = len(ids), len(self._weights), self._motion(step)
         proposes = motion is not None and self._options.version == 2
         if motion is None:
             delta, spread, noise = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 0))

@@ -7,10 +7,9 @@ out are removed at once, which leaves about n + c M log M poses of n steps of M 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...frontend.se2 import Array, Ints
-from ._ancestry import grow
+from ...frontend.se2 import Ints
+from ._ancestry import Values, grow
 
 NO_POSES = np.zeros((0, 3))
 
@@ -35,7 +34,7 @@ class ParticlePaths:
         """Replaces each particle m by a copy of particle ancestors[m]."""
         self._ancestors = ancestors if self._ancestors is None else self._ancestors[ancestors]
 
-    def add(self, values: Array | NDArray[np.int32]) -> None:
+    def add(self, values: Values) -> None:
         """Appends the particles' poses (3 or more, M): x, y, heading; further rows are ignored."""
         if self._left < len(self._leaves):
             self._reserve()
