@@ -179,7 +179,7 @@ def decide(
             load(work, m, landmarks, home, -1)
             continue
         surprise[at] += least[m]
-        row = near[entry[m]] if entry[m] >= 0 else -1
+        row = int(near[entry[m]]) if entry[m] >= 0 else -1
         load(work, m, landmarks, home, row)
         for j in range(5):
             seen[i, j, at] = work[(12 + j) * BLOCK + m]
