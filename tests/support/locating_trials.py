@@ -2,11 +2,11 @@
 
     python tests/support/locating_trials.py 200
 
-(`make study-locating`) prints, for so many starts over six maps, how often `locate` and `mcl` are right, wrong or silent
-at the first pose that they are sure of; how often they are sure of one on as many maps of other worlds, where there is
-nothing to be found; and how soon a robot is found again that was carried elsewhere. The exit status is 1 where `locate` is right less than
-95 times in a hundred, or ever wrong, or speaks on the map of another world, or takes more than 0.1 s of CPU time to
-look once, or the robot is found again within 20 steps less than 95 times in a hundred.
+(`make study-locating`) prints, for so many starts over six maps, how often `locate` and `mcl` are right, wrong or
+silent at the first pose that they are sure of; how often they are sure of one on as many maps of other worlds, where
+there is nothing to be found; and how soon a robot is found again that was carried elsewhere. The exit status is 1 where
+`locate` is right less than 95 times in a hundred, or ever wrong, or speaks on the map of another world, or takes more
+than 0.1 s of CPU time to look once, or the robot is found again within 20 steps less than 95 times in a hundred.
 """
 
 import os
