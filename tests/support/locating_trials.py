@@ -26,8 +26,8 @@ from slamduel.backends.api import Backend
 from slamduel.backends.locating.locating import begin
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import drive
-from slamduel.bench.measure.locating import gap
 from slamduel.bench.plan.reference import known as referenced
+from slamduel.datasets.on_map import elsewhere
 from slamduel.frontend.factors import Log, Map, Truth
 from slamduel.frontend.se2 import Array
 
@@ -119,10 +119,9 @@ def search(name: str, made: Trial, start: int, given: Map | None = None, *, late
     return Ended(said or "silent", steps, first, sum(spent), max(spent), steady)
 
 
-def elsewhere(known: Map, seed: int) -> Map:
-    """Makes the map of another world that is built as this one: its mirror image, every landmark put elsewhere."""
-    away = gap(known.xy) * np.random.default_rng(seed).standard_normal(known.xy.shape)
-    return known._replace(xy=known.xy * (-1, 1) + away)
+def another(known: Map, seed: int) -> Map:
+    """Makes the map of another world that is built as this one."""
+    return known._replace(xy=elsewhere(known.xy, np.random.default_rng(seed).standard_normal(known.xy.shape)))
 
 
 def found_again(world: str, seed: int, *, ids: bool) -> int | None:
@@ -180,7 +179,7 @@ def table(names: Iterable[str], starts: int, show: Callable[[str], None]) -> boo
     good = True
     for name in names:
         made = trial(name, starts)
-        others = [elsewhere(made.given, seed) for seed in range(starts)]
+        others = [another(made.given, seed) for seed in range(starts)]
         for method, backend in (("locate", "dead-reckoning"), ("mcl", "mcl")):
             search(backend, made, made.starts[0])  # compiles
             ended = [search(backend, made, start, later=method == "mcl") for start in made.starts]

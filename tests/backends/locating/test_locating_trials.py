@@ -2,7 +2,7 @@
 
 import pytest
 
-from locating_trials import FOUND_AGAIN, MAPS, PARTICLES, WORLDS, elsewhere, found_again, search, trial
+from locating_trials import FOUND_AGAIN, MAPS, PARTICLES, WORLDS, another, found_again, search, trial
 
 QUICK = ("aruco-robot", "bailey")
 EVERY = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in MAPS]
@@ -22,7 +22,7 @@ def test_a_robot_is_found_anywhere_and_never_at_a_wrong_place(name: str) -> None
 @pytest.mark.parametrize("name", EVERY)
 def test_on_maps_of_other_worlds_it_is_silent(name: str) -> None:
     made = trial(name, 6)
-    others = [elsewhere(made.given, seed) for seed in range(6)]
+    others = [another(made.given, seed) for seed in range(6)]
     assert [search(LOCATE, made, *one).said for one in zip(made.starts, others, strict=True)] == 6 * ["silent"]
 
 
@@ -33,7 +33,7 @@ def test_monte_carlo_localisation_is_less_often_right_or_sure_where_there_is_not
     assert PARTICLES == 10_000
     right = [[search(one, made, start).said == "right" for start in made.starts] for one in (LOCATE, "mcl")]
     assert sum(right[0]) >= sum(right[1])
-    others = [elsewhere(made.given, seed) for seed in range(6)]
+    others = [another(made.given, seed) for seed in range(6)]
     sure = [search("mcl", made, *one).said != "silent" for one in zip(made.starts, others, strict=True)]
     assert any(sure)
 
