@@ -1,7 +1,8 @@
 """A backend whose start on the given map is not known, or whose robot is carried elsewhere, in front of any backend.
 
-Steps are held until the robot is found on the map; then the backend is made with the pose found, and takes the steps
-held. From there on the sightings are watched. Where they have become likelier by chance than at the pose, the robot is
+Steps are held until the robot is found on the map; then the backend is made with the pose found, that of the last step.
+Steps before it are not taken again: with data association they would be named from a pose that odometry leads back to.
+From there on the sightings are watched. Where they have become likelier by chance than at the pose, the robot is
 looked for again, by the sightings since, and the backend is made anew where it is found elsewhere.
 """
 

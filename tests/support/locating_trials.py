@@ -112,7 +112,7 @@ def search(name: str, made: Trial, start: int, given: Map | None = None, *, late
             steps, first = k - start + 1, seeing
         if steps and not said and true is not None:
             said = verdict
-        if seeing == STEADY and true is not None:
+        if later and seeing == STEADY and true is not None:
             steady = steady or verdict
         if seeing >= LONGEST or (said and (steady or not later)):
             break
