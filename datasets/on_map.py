@@ -45,8 +45,9 @@ def on_map(dataset: Dataset, options: OnMap, rng: np.random.Generator) -> Datase
         raise ValueError("the map that is given is the true one")
     errors, moved = rng.standard_normal((2, *truth.map.xy.shape))
     xy = truth.map.xy if options.map == SURVEYED else elsewhere(truth.map.xy, moved)
-    given = Map(truth.map.ids, xy + options.map_sd * errors, options.map_sd**2 * np.eye(2 * len(xy)))
-    given.xy.flags.writeable = given.cov.flags.writeable = False
+    xy, cov = xy + options.map_sd * errors, options.map_sd**2 * np.eye(2 * len(xy))
+    xy.flags.writeable = cov.flags.writeable = False
+    given = Map(truth.map.ids, xy, cov)
     prior = log.prior._replace(map=given, start="known" if options.start == "known" else "unknown")
     return Dataset(replace(log, prior=prior, notes={**log.notes, "given map": options.map}), truth)
 

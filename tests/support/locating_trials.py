@@ -209,7 +209,8 @@ def again(drives: int, show: Callable[[str], None]) -> bool:
 
 def _words(ended: Sequence[Ended]) -> str:
     sure = [one for one in ended if one.steps] or list(ended)
-    steps, seeing, cpu = (np.median([one[k] for one in sure]) for k in (1, 2, 3))
+    steps, seeing = np.median([(one.steps, one.seeing) for one in sure], axis=0)
+    cpu = np.median([one.cpu for one in sure])
     words = f"{_counts([one.said for one in ended])}, after {steps:3g} steps, {seeing:3g} with sightings, "
     words += f"{1e3 * cpu:4.0f} ms, a step {1e3 * max(one.slowest for one in ended):3.0f} ms"
     later = [one.later for one in ended if one.later]
