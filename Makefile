@@ -7,6 +7,7 @@
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
 # make study-mutations      2,000 mutated logs, bags, plug-ins and records: each refused, remarked on, or as good as before
+# make study-locating       200 starts anywhere on six maps and as many on maps of other worlds, 100 robots carried elsewhere
 # make study-kills          a study killed at 20 random moments ends as if it had been left in peace
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
 
@@ -22,7 +23,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-slow test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills \
-	study-mutations
+	study-mutations study-locating
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -71,6 +72,9 @@ study-statistics: $(VENV)/.installed
 
 study-mutations: $(VENV)/.installed-dev
 	PYTHONPATH=tests/support $(BIN)/python -m mutants 2000
+
+study-locating: $(VENV)/.installed-dev
+	$(BIN)/python tests/support/locating_trials.py 200
 
 study-kills: $(VENV)/.installed-dev
 	$(BIN)/python tests/support/kills.py 20

@@ -11,6 +11,10 @@ A backend is a class with four methods, and a `Builder` that makes one:
 
     build = Builder(Mine, options=Options)
 
+`prior.start` is "known" unless the builder says `locates=True`: a robot that may be anywhere on `prior.map` is found
+first, and the backend is made with the pose found. With `locates=True`, "unknown" says that pose and cov are
+placeholders, and `Belief(located=False)` that the robot is not found yet.
+
 It runs as `bench run --backend my_package.my_module:build`, or by a short name once its distribution declares the entry
 point `[project.entry-points."slamduel.backends"] mine = "my_package.my_module:build"`. `bench check` tests it by the
 same rules as the backends that come with slamduel.

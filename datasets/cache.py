@@ -8,7 +8,7 @@ import contextlib
 import hashlib
 import os
 import platform
-from dataclasses import replace
+from dataclasses import fields, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from ..frontend.errors import InputError
 from ..frontend.factors import Dataset
 from . import archive
 from .hidden_ids import KNOWN, HiddenIds, hidden
+from .on_map import OnMap, on_map
 from .registry import Source
 
 _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
@@ -30,13 +31,17 @@ def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
 
     A costly source must depend on nothing but its options, its random generator and the code of this package. Ids are
-    hidden here, so that the log is otherwise that with known ids, and cached once.
+    hidden here, and maps given, so that the log is otherwise that without these options, and cached once.
     """
-    seed = seed if source.seeded else 0
-    if not isinstance(options, HiddenIds):
-        return _kept(name, source, options, seed)
-    dataset = _kept(name, source, replace(options, ids=KNOWN), seed)
-    return hidden(dataset, options.ids, generator(f"ids of {name}", seed))
+    seed, own = seed if source.seeded else 0, options
+    if isinstance(options, HiddenIds):
+        own = replace(own, ids=KNOWN)
+    if isinstance(options, OnMap):
+        own = replace(own, **{one.name: one.default for one in fields(OnMap)})
+    dataset = _kept(name, source, own, seed)
+    if isinstance(options, HiddenIds):
+        dataset = hidden(dataset, options.ids, generator(f"ids of {name}", seed))
+    return on_map(dataset, options, generator(f"map of {name}", seed)) if isinstance(options, OnMap) else dataset
 
 
 def _kept(name: str, source: Source, options: Any, seed: int) -> Dataset:

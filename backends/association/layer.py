@@ -26,7 +26,7 @@ from ._rules import NEW, decide, decide_frame
 from .options import RULES, options_with
 
 FIRST = -2
-"""The first made-up id; the next ones are below it."""
+"""The first made-up id, unless the given map has lower ones; the next ones are below it."""
 
 LARGEST = 64
 """Pairs that a joint gate is tabulated for at first."""
@@ -55,8 +55,9 @@ class Associating:
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
-        self._next = FIRST
-        self._known = set[int]() if prior.map is None else set(prior.map.ids.tolist())  # ids sighted as such, or given
+        given = () if prior.map is None else prior.map.ids.tolist()
+        self._next = min((FIRST, *(landmark - 1 for landmark in given)))  # of a map made without ids, too
+        self._known = set[int](given)  # ids sighted as such, or given
         self._made: dict[int, int] = {}  # known id -> made-up one of the same landmark
         self._called: dict[int, int] = {}  # and the inverse
         self._sure: list[int] = []  # the landmark of every sighting of a step that has been named

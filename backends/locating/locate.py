@@ -17,7 +17,7 @@ from ._hypotheses import search
 from ._places import grouped, merge
 from ._refine import refine
 from .map_index import MapIndex
-from .virtual import Virtual, virtual
+from .virtual import Virtual, backward, virtual
 
 LEAST = 6
 """Landmarks that have to agree."""
@@ -28,7 +28,7 @@ GATE = 9.21
 PLACES = 16
 """Places used, the surest ones."""
 SIGHTINGS = 400
-"""Sightings used at most, those of the first steps: the cost of their joint covariance is quadratic."""
+"""Sightings used at most, those of the last steps: the cost of their joint covariance is quadratic."""
 DOUBT = 16.0
 """The odometry's covariances are multiplied by this: many logs state them too small."""
 LAID = 20_000
@@ -40,7 +40,7 @@ REFINED = 48
 class Fix(NamedTuple):
     """A pose found on a map."""
 
-    pose: Array  # (3,) at the first of the steps
+    pose: Array  # (3,) at the last of the steps
     cov: Array  # (3, 3) of (x, y, heading) in the map's frame
     ids: Ints  # (s,) the landmark that each sighting of the steps was matched with, UNKNOWN: none
     gain: float  # logarithm of the likelihood over chance
@@ -48,13 +48,14 @@ class Fix(NamedTuple):
 
 
 def locate(steps: Sequence[Step], known: Map | MapIndex, least: int = LEAST, margin: float = MARGIN) -> Fix | None:
-    """Finds the pose at the first of the steps on the map, by their sightings and the odometry between them.
+    """Finds the pose at the last of the steps on the map, by their sightings and the odometry between them.
 
     A sighting with an id that the map has can only be of that landmark; any other, of each. None unless `least`
     landmarks agree and the best pose is `margin` likelier, by the logarithm, than chance and than the best elsewhere.
     """
-    many = np.cumsum([len(step.sightings.ids) for step in steps])
-    seen = virtual(steps[: max(1, int(np.searchsorted(many, SIGHTINGS, side="right")))], DOUBT)
+    many = np.array([len(step.sightings.ids) for step in steps])
+    used = max(1, int(np.searchsorted(np.cumsum(many[::-1]), SIGHTINGS, side="right")))
+    seen = virtual(backward(steps[-used:]), DOUBT)
     if len(seen.ids) < least or len(known.ids) < least:
         return None
     on = known if isinstance(known, MapIndex) else MapIndex.of(known)
@@ -70,15 +71,16 @@ def locate(steps: Sequence[Step], known: Map | MapIndex, least: int = LEAST, mar
     if (best.to >= 0).sum() < least or ahead < margin:
         return None
     matched = np.where(best.to >= 0, on.ids[best.to], UNKNOWN)
-    ids = np.full(int(many[-1]), UNKNOWN)
-    ids[: len(seen.ids)] = np.where(places.chosen >= 0, matched[places.chosen], UNKNOWN)
+    ids = np.full(many.sum(), UNKNOWN)
+    forward = np.argsort(-seen.step, kind="stable")  # sightings in the order of the steps
+    ids[len(ids) - len(forward) :] = np.where(places.chosen >= 0, matched[places.chosen], UNKNOWN)[forward]
     return Fix(best.pose, best.cov, ids, best.gain, ahead)
 
 
 class _Places(NamedTuple):
     """Landmarks as sighted: k places."""
 
-    xy: Array  # (k, 2) m, in the frame of the first step's pose
+    xy: Array  # (k, 2) m, in the frame of the last step's pose
     cov: Array  # (2k, 2k)
     half: Array  # (k, k) half-traces of its blocks
     who: Ints  # (k,) the landmark by its row in the map, -1: any

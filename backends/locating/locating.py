@@ -1,7 +1,8 @@
 """A backend whose start on the given map is not known, or whose robot is carried elsewhere, in front of any backend.
 
-Steps are held until the robot is found on the map; then the backend is made with the pose found, and takes the steps
-held. From there on the sightings are watched. Where they have become likelier by chance than at the pose, the robot is
+Steps are held until the robot is found on the map; then the backend is made with the pose found, that of the last step.
+Steps before it are not taken again: with data association they would be named from a pose that odometry leads back to.
+From there on the sightings are watched. Where they have become likelier by chance than at the pose, the robot is
 looked for again, by the sightings since, and the backend is made anew where it is found elsewhere.
 """
 
@@ -19,9 +20,9 @@ from .watch import Watch
 
 WINDOW = 128
 """Steps with sightings that the robot is looked for by, at most."""
-WIDER = 10.0
-"""The covariance of a pose found is multiplied by this: the backend gets the same sightings again, and would count them
-twice. So it counts them 1.1 times."""
+TWICE = 2.0
+"""The covariance of a pose found is multiplied by this: the sightings of its step are used for it, and again by the
+backend."""
 SAME = 0.5
 """rad: a pose found is the one believed where headings differ by less, and places by less than landmarks do."""
 
@@ -47,7 +48,7 @@ class Locating:
         self._held: list[Step] = []  # the last steps, from one with sightings on
         self._seeing = 0  # of these steps
         self._delta = list[Array]()  # (3,) of every step
-        self._parts = list[Array]()  # smoothed paths of backends that have been given up
+        self._parts = list[tuple[int, Array]]()  # first steps and smoothed paths of backends that have been given up
         self._pose = prior.pose.copy()
         self._sighted = 0  # sightings so far
         self._asked = 0  # sightings when it was last looked for
@@ -90,17 +91,16 @@ class Locating:
         return np.concatenate((np.full(self._sighted - len(found), UNKNOWN), found))
 
     def finish(self) -> Solution | None:
-        """The backend's; before its start, the path that odometry leads back on from there."""
+        """The backend's; where there was none yet, the path that odometry leads back on from its start."""
         if self._inner is None:
             return None
         solution = self._inner.finish()
         if solution is None:
             return None
-        path = np.concatenate((*self._parts, solution.path)) if self._parts else solution.path
-        back = list[Array]()
-        for delta in reversed(self._delta[1 : len(self._delta) - len(path) + 1]):
-            back.append(compose(back[-1] if back else path[0], inverse(delta)))
-        path = np.concatenate((np.array(back[::-1]).reshape(-1, 3), path))
+        path, begins = solution.path, self._first
+        for first, part in reversed([(0, np.zeros((0, 3))), *self._parts]):
+            path = np.concatenate((part, self._led_back(path[0], first + len(part), begins), path))
+            begins = first
         cov = solution.cov
         if cov is not None:
             cov = np.concatenate((np.full((len(path) - len(cov), 3, 3), np.nan), cov))
@@ -133,44 +133,41 @@ class Locating:
             return False
         self._asked = 0
         fix = locate(steps, self._on)
-        elsewhere = fix is not None and (self._inner is None or self._elsewhere(fix, steps))
+        elsewhere = fix is not None and (self._inner is None or self._elsewhere(fix))
         if fix is not None and elsewhere:
             self._start(fix, steps)
         if fix is not None and self._watch is not None:
             self._watch.reset()
         return elsewhere
 
-    def _elsewhere(self, fix: Fix, steps: list[Step]) -> bool:
-        """Returns True where the pose found leads to another place than the one believed."""
-        pose = _led(fix.pose, steps)
+    def _elsewhere(self, fix: Fix) -> bool:
+        """Returns True where the pose found is another place than the one believed."""
         gap = self._on.cell if self._on is not None else 0.0
-        return bool(np.hypot(*(pose - self._pose)[:2]) > gap or abs(wrap(pose[2] - self._pose[2])) > SAME)
+        off = fix.pose - self._pose
+        return bool(np.hypot(off[0], off[1]) > gap or abs(wrap(off[2])) > SAME)
 
     def _start(self, fix: Fix, steps: list[Step]) -> None:
-        """Makes the backend with the pose found, and gives it the steps."""
-        first = len(self._delta) - len(steps)
+        """Makes the backend with the pose found at the last of the steps, and gives it that one."""
+        now = len(self._delta) - 1
         if self._inner is not None:
             given_up = self._inner.finish()
             if given_up is not None:
-                self._parts.append(given_up.path[: first - self._first])
-        self._first = first
-        self._inner = self._make(Prior(fix.pose, WIDER * fix.cov, self._map))
+                self._parts.append((self._first, given_up.path[: max(0, now + 1 - len(steps) - self._first)]))
+        self._first = now
+        self._inner = self._make(Prior(fix.pose, TWICE * fix.cov, self._map))
         self._told(self._inner)
-        self._pose = _led(fix.pose, steps)
-        for k, step in enumerate(steps):
-            answer = self._inner.step(_shifted(step if k else step._replace(odometry=None), first))
-            self._pose = self._pose if answer is None else answer
+        answer = self._inner.step(_shifted(steps[-1]._replace(odometry=None), now))
+        self._pose = fix.pose.copy() if answer is None else answer
+
+    def _led_back(self, pose: Array, begin: int, end: int) -> Array:
+        """The poses of the steps from `begin` to before `end`, by the odometry from that `pose` at `end`."""
+        back = [pose]
+        for delta in reversed(self._delta[begin + 1 : end + 1]):
+            back.append(compose(back[-1], inverse(delta)))
+        return np.array(back[:0:-1]).reshape(-1, 3)
 
     def _told(self, backend: Backend) -> bool:
         return self._truth is not None and isinstance(backend, WantsTruth) and backend.tell(self._truth)
-
-
-def _led(pose: Array, steps: list[Step]) -> Array:
-    """The pose at the last of the steps, by the odometry from that at the first."""
-    for step in steps[1:]:
-        if step.odometry is not None:
-            pose = compose(pose, step.odometry.delta)
-    return pose
 
 
 def _shifted(step: Step, first: int) -> Step:

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Step
-from ...frontend.se2 import Array, Ints
+from ...frontend.factors import Odometry, Step
+from ...frontend.se2 import Array, Ints, inverse
 from ._virtual import chain, place
 
 
@@ -40,3 +40,17 @@ def virtual(steps: Sequence[Step], doubt: float = 1.0) -> Virtual:
     xy, cov = np.empty((len(ids), 2)), np.empty((2 * len(ids), 2 * len(ids)))
     place(poses, sums, at, z, z_cov, xy, cov)
     return Virtual(ids, at, xy, cov)
+
+
+def backward(steps: Sequence[Step]) -> list[Step]:
+    """Returns the steps of a robot that drives the same way back, the last one first."""
+    motions = [None, *(None if step.odometry is None else _inverse(step.odometry) for step in reversed(steps[1:]))]
+    return [step._replace(odometry=motion) for step, motion in zip(reversed(steps), motions, strict=True)]
+
+
+def _inverse(motion: Odometry) -> Odometry:
+    """The motion back, with its covariance."""
+    back = inverse(motion.delta)
+    c, s = np.cos(motion.delta[2]), np.sin(motion.delta[2])
+    by = np.array([[-c, -s, back[1]], [s, -c, -back[0]], [0.0, 0.0, -1.0]])
+    return Odometry(back, by @ motion.cov @ by.T)

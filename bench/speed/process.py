@@ -16,7 +16,7 @@ from ...frontend.errors import SlamduelError
 from ..measure.cell import generator, located
 from ..measure.drive import WARM_UP
 from .isam2_parts import isam2_parts
-from .references import Floors, particle_loop, textbook
+from .references import Floors, particle_loop, search, textbook
 from .timing import Row, array_bytes, holds_foreign, stepped, timing
 from .world import World, world
 
@@ -77,7 +77,7 @@ def measure(process: Process) -> list[Row]:
             floors.measure()
             rows += floors.rows(process.name)
         if process.name == "ekf":
-            rows.append(textbook(here, process.name))
+            rows += [textbook(here, process.name), search(here, process.name)]
         if process.name == "fastslam" and process.particles is not None:
             rows.append(particle_loop(here, process.particles, e.seed, process.name))
     return rows

@@ -19,6 +19,7 @@ AGAINST_LOOP, LOOP_PARTICLES, LOOP_LANDMARKS = 300, 100, 100
 LARGE_MAP, SMALL_MAP, MANY, MAP_GROWTH = 1000, 100, 10_000, 1.2
 SECOND_VERSION = 4.0
 PYTHON_SHARE = 8.0
+SEARCH_LANDMARKS, SEARCH_MS = 300, 100.0
 FLAT = 1.5  # growth of the compressed filter's median step with the map that still counts as flat
 FITTED = 3  # number of largest sizes through which an exponent is fitted: constant costs rule the small ones
 
@@ -62,7 +63,14 @@ def growth(rows: Sequence[Row]) -> dict[str, float]:
 def ratios(rows: Sequence[Row], options: Mapping[str, Any]) -> list[Ratio]:
     """Makes every comparison that `rows` have both sides of; `options` are those of each backend's label."""
     known = _Known(rows, options)
-    return [*_textbook(known), *_dsyrk(known), *_compressed(known), *_particle_filters(known), *_python(rows)]
+    return [
+        *_textbook(known),
+        *_dsyrk(known),
+        *_compressed(known),
+        *_particle_filters(known),
+        *_python(rows),
+        *_search(known),
+    ]
 
 
 class _Known:
@@ -156,6 +164,14 @@ def _python(rows: Sequence[Row]) -> Iterator[Ratio]:
             what = f"Python's own share of {row.name}'s step, N={row.landmarks:,}"
             share = 100 * python.mean / whole
             yield Ratio(what, f"under {PYTHON_SHARE:g} %", share, share < PYTHON_SHARE, "%")
+
+
+def _search(known: _Known) -> Iterator[Ratio]:
+    found = known.of("locate", SEARCH_LANDMARKS)
+    if found:
+        ms = found.p99 / 1e3
+        what = f"a search for the robot on the whole map, N={SEARCH_LANDMARKS:,}, p99"
+        yield Ratio(what, f"within {SEARCH_MS:g} ms", ms, ms <= SEARCH_MS, "ms")
 
 
 def step_of_parts(rows: Sequence[Row], beside: str, landmarks: int) -> float:

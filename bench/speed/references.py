@@ -3,7 +3,8 @@
 `dsyrk`: one BLAS call that updates a triangle of the covariance by as many columns as the step's sightings have
 numbers; no dense filter that makes a step at once does less. `memory`: that triangle read and written once, at the
 bandwidth of copying an array too large for the caches. `textbook`: EKF-SLAM in NumPy, every matrix in full. `particle
-loop`: FastSLAM 1.0 with a Python loop over particles.
+loop`: FastSLAM 1.0 with a Python loop over particles. `locate`: the search for the robot on the whole map by the last
+128 steps without ids, as many as are ever held, as before the first step of a filter whose start is unknown.
 """
 
 import time
@@ -12,9 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from ...backends.locating.locate import locate
+from ...backends.locating.locating import WINDOW
+from ...backends.locating.map_index import MapIndex
+from ...frontend.factors import UNKNOWN
 from ...frontend.se2 import Ints
 from ..measure.clock import clock_cost
-from .timing import Row, stepped, timing
+from .timing import LEAST, Row, stepped, timing
 from .world import World
 
 BUDGET = 2.0  # s of CPU for each reference, at least three steps
@@ -78,6 +83,25 @@ def particle_loop(world: World, particles: int, seed: int, beside: str) -> Row:
     loop = TextbookFastSlam(world.surveyed(), particles, np.random.default_rng(seed))
     ns = stepped(loop, world.drive, BUDGET)
     return Row("reference", "particle loop", landmarks, particles, timing(ns), beside=beside)
+
+
+def search(world: World, beside: str) -> Row:
+    """Times looking for the robot on a given map, each time by other steps of the drive."""
+    known = world.surveyed().map
+    assert known is not None
+    on, spent, clock = MapIndex.of(known), list[int](), clock_cost()
+    unnamed = [
+        step._replace(sightings=step.sightings._replace(ids=np.full(len(step.sightings.ids), UNKNOWN)))
+        for step in world.drive
+    ]
+    last = min(WINDOW, len(unnamed))
+    locate(unnamed[:last], on)
+    while len(spent) < LEAST or (len(spent) < CALLS and sum(spent) < BUDGET / 4 * 1e9):
+        start = time.process_time_ns()
+        locate(unnamed[last - WINDOW if last > WINDOW else 0 : last], on)
+        spent.append(time.process_time_ns() - start)
+        last = last + 1 if last < len(unnamed) else min(WINDOW, len(unnamed))
+    return Row("reference", "locate", len(known.ids), timing=timing(np.array(spent) - clock), beside=beside)
 
 
 def _called(call: Callable[[], Any], seconds: float = BUDGET / 4) -> Ints:

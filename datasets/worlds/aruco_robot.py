@@ -21,6 +21,7 @@ from ...frontend.small_matrices import product
 from ...frontend.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.room import Room, wall_point
 from .faults import Faults, with_faults
@@ -62,7 +63,7 @@ LOOP = Loop(
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Faults):
+class Options(HiddenIds, OnMap, Faults):
     """The room, the drive, and faults."""
 
     markers: int = option(24, "markers around the walls", minimum=1, maximum=200)

@@ -19,6 +19,7 @@ from ...frontend.se2 import Ints
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Wheels
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.disturbances import Disturbances, take
@@ -50,7 +51,7 @@ BERTH = 0.3
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds):
+class Options(HiddenIds, OnMap):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)

@@ -19,6 +19,7 @@ from ...frontend.se2 import Array
 from ...frontend.small_matrices import product
 from ...frontend.wheels.encoder import compose
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import FLOORS, in_reach, polar, prior
@@ -51,7 +52,7 @@ ASIDE = (4.0, 14.0)
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Faults):
+class Options(HiddenIds, OnMap, Faults):
     """The world, its noise, and faults."""
 
     landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)

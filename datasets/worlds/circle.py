@@ -20,6 +20,7 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, wrap
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
@@ -32,7 +33,7 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Faults):
+class Options(HiddenIds, OnMap, Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)

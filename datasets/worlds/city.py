@@ -13,6 +13,7 @@ from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, wrap
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
@@ -37,7 +38,7 @@ HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Faults):
+class Options(HiddenIds, OnMap, Faults):
     """The city, the drive, its noise, and faults."""
 
     landmarks: int = option(

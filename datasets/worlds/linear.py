@@ -14,6 +14,7 @@ from ...frontend.factors import Dataset, Log, Map, Prior, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, wrap
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import START_SD, in_reach, sightings
@@ -35,7 +36,7 @@ PERIOD = 1.0
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Faults):
+class Options(HiddenIds, OnMap, Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(400, "steps, of half a metre", minimum=2, maximum=100_000)

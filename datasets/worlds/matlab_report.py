@@ -18,6 +18,7 @@ from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
+from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import FLOORS, counted, in_reach, polar, prior
@@ -46,7 +47,7 @@ NEAREST, FARTHEST, HALF_VIEW = 0.3, 2.2, np.deg2rad(42.0)
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Faults):
+class Options(HiddenIds, OnMap, Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)

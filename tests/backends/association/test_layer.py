@@ -104,6 +104,21 @@ def test_on_a_given_map_its_ids_are_found() -> None:
             assert (found == log.ids).mean() > 0.95
 
 
+def test_made_up_ids_are_none_of_a_given_map_that_was_made_without_ids() -> None:
+    log, truth = ring()
+    assert truth is not None
+    assert truth.map is not None
+    kept = np.arange(0, len(truth.map.ids), 2)  # the others are new
+    given = Map(FIRST - kept, truth.map.xy[kept], 1e-4 * np.eye(2 * len(kept)))
+    lost = replace(without_ids(log), prior=log.prior._replace(map=given))
+    backend = driven("ekf", lost, association="jcbb")
+    named = np.where(np.isin(log.ids, kept), FIRST - log.ids, UNKNOWN)
+    assigned = backend.assigned()
+    assert np.array_equal(assigned[named != UNKNOWN], named[named != UNKNOWN])
+    assert not np.isin(assigned[named == UNKNOWN], given.ids).any()
+    assert len(backend.map().ids) == len(np.union1d(kept, log.ids))
+
+
 def test_clutter_is_not_born_where_it_has_to_be_confirmed() -> None:
     made = ring(clutter=0.5)
     assert made.truth is not None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.backends.locating.virtual import virtual
+from slamduel.backends.locating.virtual import backward, virtual
 from slamduel.frontend.factors import Odometry, RangeBearing, RelativePoses, Step
 from slamduel.frontend.se2 import Array, act, compose
 
@@ -63,6 +63,36 @@ def test_the_odometry_of_the_first_step_is_not_used() -> None:
     moved = [steps[0]._replace(odometry=steps[1].odometry), steps[1]]
     assert np.array_equal(virtual(steps).xy, virtual(moved).xy)
     assert np.array_equal(virtual(steps).cov, virtual(moved).cov)
+
+
+@pytest.mark.parametrize("counts", [(3,), (2, 0, 3), (1, 1, 1, 1)])
+def test_driven_back_the_places_are_the_same_from_the_last_pose(counts: tuple[int, ...]) -> None:
+    steps = drawn(5, counts)
+    ahead, back = virtual(steps), virtual(backward(steps))
+    end = np.zeros(3)
+    for step in steps[1:]:
+        assert step.odometry is not None
+        end = compose(end, step.odometry.delta)
+    order = np.argsort(-back.step, kind="stable")
+    assert back.ids[order].tolist() == ahead.ids.tolist()
+    assert act(end, back.xy[order]) == pytest.approx(ahead.xy, abs=1e-12)
+    # The distance of two places is as unsure wherever it is seen from.
+    for i, j in ((0, -1), (0, 1)):
+        k, m = order[i], order[j]
+        length = [np.subtract(*place) for place in ((ahead.xy[i], ahead.xy[j]), (back.xy[k], back.xy[m]))]
+        spread = [
+            along @ _gap(one.cov, a, b) @ along / (along @ along)
+            for one, (a, b), along in zip((ahead, back), ((i, j), (k, m)), length, strict=True)
+        ]
+        assert spread[0] == pytest.approx(spread[1], rel=1e-9)
+
+
+def _gap(cov: Array, i: int, j: int) -> Array:
+    """The covariance (2, 2) of place i less place j."""
+    n = len(cov) // 2
+    i, j = 2 * (i % n), 2 * (j % n)
+    a, b = slice(i, i + 2), slice(j, j + 2)
+    return cov[a, a] + cov[b, b] - cov[a, b] - cov[b, a]
 
 
 def test_without_sightings_there_are_no_places() -> None:

@@ -196,6 +196,7 @@ def test_a_filter_comes_with_its_references() -> None:
         ("reference", "dsyrk"),
         ("reference", "memory"),
         ("reference", "textbook"),
+        ("reference", "locate"),
     ]
     assert all(row.timing and row.landmarks == 10 for row in rows)
     assert all(row.array_bytes and row.array_bytes >= 8 * 23 * 23 and row.resident_bytes is None for row in rows[:2])
@@ -240,6 +241,7 @@ def test_ratios_are_of_medians_and_of_means_and_say_what_was_expected() -> None:
         Row("backend", "ekf[dense]", 1000, timing=flat(2000)._replace(mean=2400.0)),
         Row("reference", "textbook", 100, timing=flat(4500), beside="ekf"),
         Row("reference", "dsyrk", 300, timing=flat(125), beside="ekf"),
+        Row("reference", "locate", 300, timing=flat(60_000), beside="ekf"),
         Row("backend", "fastslam[version=1]", 100, 100, flat(40)),
         Row("backend", "fastslam[version=1]", 100, 10_000, flat(2000)),
         Row("backend", "fastslam[version=1]", 1000, 10_000, flat(2600)),
@@ -271,6 +273,7 @@ def test_ratios_are_of_medians_and_of_means_and_say_what_was_expected() -> None:
             True,
         ),
         "Python's own share of isam2's step, N=100": ("under 8 %", "5.00 %", True),
+        "a search for the robot on the whole map, N=300, p99": ("within 100 ms", "60.0 ms", True),
     }
 
 
