@@ -10,7 +10,6 @@ from ...frontend.options import option
 RULES = ("nn", "ml", "jcbb")
 """Nearest neighbour, maximum likelihood, joint compatibility: in the order of their numbers in `_rules`."""
 
-
 OWN_RULES = {"particle": "every particle decides by itself, with `new` as its only gate"}
 """Rules that a backend carries out by itself, and what to say of them."""
 
@@ -94,7 +93,7 @@ def options_with(base: type, own: tuple[str, ...] = ()) -> type:
 def check(options: Any, where: str) -> None:
     """Refuses options without effect: InputError names the first."""
     rule = getattr(options, "association", None)
-    if rule in RULES:
+    if rule is None or rule in RULES:
         return
     used = () if rule == "none" else USED_BY_OWN
     for one in fields(Association):
