@@ -36,6 +36,9 @@ ASKED, FURTHER = 50.0, 1e4
 NODES = 2000
 """Most nodes of the search for the sightings that agree."""
 
+CROWD = 60
+"""Sightings in a frame above which none is judged: the cost grows with the fourth power of their number."""
+
 HELD = 10
 """Sightings of a new landmark that are not handed on as they are where another one is expected."""
 
@@ -156,7 +159,7 @@ class Standing:
             return keep
         pose = self._pose if step.odometry is None else compose(self._pose, step.odometry.delta)
         known = [i for i in rows if names[i] in self._slot]
-        if self._slot:
+        if self._slot and len(rows) <= CROWD:
             self._weigh(step, pose, names, rows, known, keep)
         for i in rows:
             if not keep[i]:

@@ -127,7 +127,7 @@ def test_nothing_changes_where_every_sighting_is_right_and_asking_changes_nothin
     _, path = driven("ekf", log)
     assert path.tobytes() == np.array([plain.step(step) for step in log]).tobytes()
     moving = world(moving=0.2).log
-    asking_changes_nothing(*(make("ekf", moving.prior, moved="out") for _ in range(2)), moving)
+    asking_changes_nothing(make("ekf", moving.prior, moved="out"), make("ekf", moving.prior, moved="out"), moving)
 
 
 def test_behind_data_association_made_up_ids_are_taken_out() -> None:
