@@ -107,7 +107,7 @@ def options_with(base: type, own: tuple[str, ...] = ()) -> type:
 def check(options: Any, where: str) -> None:
     """Refuses options without effect: InputError names the first."""
     rule = getattr(options, "association", None)
-    if rule in RULES:
+    if rule is None or rule in RULES:
         return
     used = () if rule == "none" else USED_BY_OWN
     for one in fields(Association):
