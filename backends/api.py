@@ -34,9 +34,9 @@ from ..frontend.se2 import Array, Ints, act, act_jacobians, between, compose, co
 __all__ = [
     "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Associates", "Backend", "Belief", "Builder", "Diverged",
     "Expected", "Expects", "Ints", "Map",
-    "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "Truth",
-    "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians",
-    "option", "wrap",
+    "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "TakenOut",
+    "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose",
+    "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -138,6 +138,22 @@ class Associates(Protocol):
 
     def assigned(self) -> Ints:
         """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or not decided on."""
+        ...
+
+
+class TakenOut(NamedTuple):
+    """What has been taken out of a log on the way to a backend."""
+
+    moved: Ints  # (m,) ids of landmarks that have moved
+    misread: int  # sightings of other landmarks that were not used: their ids are wrong
+
+
+@runtime_checkable
+class TakesOut(Protocol):
+    """A backend that takes out landmarks that move: see `association.standing`."""
+
+    def taken_out(self) -> TakenOut | None:
+        """What it has taken out so far; None if these options take nothing out."""
         ...
 
 

@@ -6,7 +6,6 @@ backend. Ids that are known are left as they are. Made-up ids are -2, -3, ...: n
 """
 
 import dataclasses
-import math
 import time
 from collections import deque
 from functools import cache
@@ -18,12 +17,26 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.se2 import Array, Ints, compose
 from .._expected import carried
-from ..api import Backend, Belief, Builder, Expected, Expects, Pose, Solution, Unsuited, WantsTruth
+from ..api import (
+    Backend,
+    Belief,
+    Builder,
+    Expected,
+    Expects,
+    Pose,
+    Solution,
+    TakenOut,
+    TakesOut,
+    Unsuited,
+    WantsTruth,
+)
 from ..locating.locate import locate
 from ..locating.virtual import virtual
 from ._line import agreeing, polar
 from ._rules import NEW, decide, decide_frame
 from .options import RULES, options_with
+from .quantiles import gates, quantile
+from .standing import Standing
 
 FIRST = -2
 """The first made-up id, unless the given map has lower ones; the next ones are below it."""
@@ -115,6 +128,11 @@ class Associating:
     def assigned(self) -> Ints:
         """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or waits."""
         return self._translated(self._sure + [UNKNOWN] * (self._seen - len(self._sure)))
+
+    def taken_out(self) -> TakenOut | None:
+        """What the backend has taken out, if it does, by these ids."""
+        found = self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
+        return None if found is None else found._replace(moved=self._translated(found.moved.tolist()))
 
     def tell(self, truth: Truth) -> bool:
         """Hands the ground truth on to a backend that asks for it."""
@@ -333,7 +351,10 @@ class Associating:
 
 @cache
 def associating(builder: Builder) -> Builder:
-    """A builder of the same backend with the options of data association; itself where it cannot have it."""
+    """A builder of the same backend with the options of data association, and of what is taken out before it.
+
+    Itself where it cannot have them.
+    """
     if not (builder.expects or _expects(builder.make)):
         return builder
 
@@ -341,16 +362,22 @@ def associating(builder: Builder) -> Builder:
         return getattr(options, "association", "none") != "none"
 
     def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
+        takes_out = getattr(options, "moved", "kept") == "out"
         if associates(options) and options.association in builder.rules:
+            if takes_out:
+                raise Unsuited(f"association={options.association} is the backend's own: no moved=out in front of it")
             return builder.rules[options.association](prior, options, rng)
         inner = builder.make(prior, options, rng)
-        if not associates(options):
+        what = "data association" if associates(options) else "moved=out"
+        if not associates(options) and not takes_out:
             return inner
         if not isinstance(inner, Expects):
-            raise Unsuited("with these options the backend cannot state what it expects to see: no association")
+            raise Unsuited(f"with these options the backend cannot state what it expects to see: no {what}")
         if prior.map is not None and prior.map.cov is None:
-            raise Unsuited("data association needs the covariance of the given map, which has none")
-        return Associating(inner, prior, options)
+            raise Unsuited(f"{what} needs the covariance of the given map, which has none")
+        if takes_out:
+            inner = Standing(inner, prior)
+        return Associating(inner, prior, options) if associates(options) else inner
 
     make.__doc__ = builder.make.__doc__
     return dataclasses.replace(
@@ -361,30 +388,3 @@ def associating(builder: Builder) -> Builder:
 def _expects(make: object) -> bool:
     """Tells if what makes a backend is a class with the method that data association needs."""
     return isinstance(make, type) and issubclass(make, Expects)
-
-
-@cache
-def gates(share: float, most: int) -> Array:
-    """Joint gates of 0 to `most` pairs, (most + 1,)."""
-    return np.array([0.0, *(quantile(share, pairs) for pairs in range(1, most + 1))])
-
-
-@cache
-def quantile(share: float, pairs: int) -> float:
-    """The chi-square quantile of a joint distance of that many pairs, two degrees of freedom each."""
-    low, high = 0.0, 2.0 * (pairs - math.log1p(-share)) + 100.0 * math.sqrt(pairs)
-    while high - low > 1e-13 * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if _beyond(middle, pairs) > 1 - share else (low, middle)
-    return (low + high) / 2
-
-
-def _beyond(distance: float, pairs: int) -> float:
-    """The probability that a joint distance of that many right pairs is larger: a Poisson sum."""
-    half = distance / 2
-    term = math.exp(-half)
-    total = term
-    for k in range(1, pairs):
-        term *= half / k
-        total += term
-    return total

@@ -60,8 +60,19 @@ class Association:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The class is made at run time: it is stored as the backend's options, its own rules and the values."""
-        base = type(self).__mro__[2]
+        base = type(self).__mro__[3]
         return _restored, (base, _own_rules(self), {one.name: getattr(self, one.name) for one in fields(self)})
+
+
+@dataclass(frozen=True)
+class Moved:
+    """What becomes of landmarks that move."""
+
+    moved: str = option(
+        "kept",
+        "landmarks that are found to move, and sightings with a wrong id: kept, or taken out",
+        choices=("kept", "out"),
+    )
 
 
 def _restored(base: type, own: tuple[str, ...], values: dict[str, Any]) -> Any:
@@ -76,18 +87,20 @@ def _own_rules(options: Association) -> tuple[str, ...]:
 
 @cache
 def options_with(base: type, own: tuple[str, ...] = ()) -> type:
-    """The options dataclass `base` with those of data association; `own` are rules that the backend has by itself.
+    """The options dataclass `base` with those of data association and of landmarks that move.
+
+    `own` are rules that the backend has by itself.
 
     Raises TypeError where it has one of the same name with another meaning.
     """
-    twice = {one.name for one in fields(base)} & {one.name for one in fields(Association)}
+    twice = {one.name for one in fields(base)} & {one.name for kind in (Association, Moved) for one in fields(kind)}
     if twice:
         raise TypeError(f"options {', '.join(sorted(twice))} of {base.__qualname__} are those of data association, too")
     plain: Any = next(one for one in fields(Association) if one.name == "association").metadata
     also = "".join(f", or {rule}: {OWN_RULES[rule]}" for rule in own)
     extended = option("none", f"{plain['summary']}{also}", choices=(*plain["choices"], *own))
     more = [("association", str, extended)] if own else []
-    return make_dataclass("Options", more, bases=(Association, base), frozen=True)
+    return make_dataclass("Options", more, bases=(Association, Moved, base), frozen=True)
 
 
 def check(options: Any, where: str) -> None:

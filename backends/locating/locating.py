@@ -13,7 +13,7 @@ import numpy as np
 
 from ...frontend.factors import UNKNOWN, Map, Prior, RelativePoses, Step, Truth
 from ...frontend.se2 import Array, Ints, compose, inverse, wrap
-from ..api import Associates, Backend, Belief, Builder, Pose, Solution, WantsTruth
+from ..api import Associates, Backend, Belief, Builder, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from .locate import LEAST, Fix, locate
 from .map_index import MapIndex
 from .watch import Watch
@@ -89,6 +89,10 @@ class Locating:
             return None
         found = self._inner.assigned()
         return np.concatenate((np.full(self._sighted - len(found), UNKNOWN), found))
+
+    def taken_out(self) -> TakenOut | None:
+        """What the backend has taken out since its start, if it does."""
+        return self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
 
     def finish(self) -> Solution | None:
         """The backend's; where there was none yet, the path that odometry leads back on from its start."""

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...backends.api import Associates, Backend, Belief, Builder, Solution, WantsTruth
+from ...backends.api import Associates, Backend, Belief, Builder, Solution, TakenOut, TakesOut, WantsTruth
 from ...backends.association.layer import Associating
 from ...backends.locating.locating import begin
 from ...frontend import compiled
@@ -55,6 +55,7 @@ class Outcome:
     final_assigned: Ints | None = None  # (s,) once it had finished
     associate_ns: Ints | None = None  # (n,) CPU time of data association, part of step_ns
     tried: Ints | None = None  # (n,) pairs or nodes that data association has tried
+    taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
 
 
 def drive(
@@ -90,6 +91,7 @@ def drive(
         gc.enable()
     solution = checked_solution(finished, len(steps))
     final_assigned = None if solution is None else _assigned(backend, log)
+    taken_out = backend.taken_out() if isinstance(backend, TakesOut) else None
     del backend, finished
 
     backend = begin(builder, log.prior, options, generator())
@@ -123,6 +125,7 @@ def drive(
         final_assigned=final_assigned,
         associate_ns=None if spent[0] is None else np.maximum(spent[0] - clock, 0),
         tried=spent[1],
+        taken_out=taken_out,
         told=told,
     )
 

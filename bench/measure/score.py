@@ -18,6 +18,7 @@ from .locating import from_the_fix_on, locating
 from .metrics import covariances, nees, not_covariances
 from .misfit import Misfit, misfit
 from .misstated import misstated
+from .moved import moved_columns, moved_remarks
 from .times import length
 
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
@@ -38,7 +39,8 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
     """Scores an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
     row: dict[str, Any] = {}
     arrays = _kept(log, outcome)
-    remarks = _remarks(log, outcome, truth)
+    remarks = _remarks(log, outcome, truth) + moved_remarks(outcome, truth)
+    row |= moved_columns(log, outcome, truth)
     ends = _ends(outcome)
     if outcome.assigned is not None and truth is not None and truth.assigned is not None:
         for prefix, assigned in _assigned(outcome):

@@ -40,7 +40,7 @@ GROWTH = (
 ASSOCIATION = (
     "pair_precision", "pair_recall", "wrong_share", "dropped_share", "landmarks_merged", "landmarks_double",
     "landmarks_clutter", "final_pair_precision", "final_pair_recall", "final_wrong_share", "associate_us_p50",
-    "associate_us_p99", "nodes_max",
+    "associate_us_p99", "nodes_max", "moved_out", "moved_found", "moved_false", "misread_share",
 )  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")

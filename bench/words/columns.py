@@ -192,6 +192,16 @@ METRICS = (
     Column("ancestors_left", "ancestors left", kind.COUNT,
            "Particles at the start that those at the end descend from. 1: all share a single early path."),
     Column("refused_share", "refused", kind.SHARE, "Share of the sightings that the backend's gate rejected."),
+    Column("moved_out", "taken out", kind.COUNT,
+           "Landmarks taken out of the log because they have moved, with moved=out.", "landmarks taken out as moved"),
+    Column("moved_found", "movers found", kind.SHARE,
+           "Of the landmarks that move and are sighted, the share that was taken out. Blank where none moves.",
+           "share of moving landmarks taken out"),
+    Column("moved_false", "taken out though standing", kind.COUNT,
+           "Landmarks taken out that do not move. Blank where their places are not known."),
+    Column("misread_share", "misread", kind.SHARE,
+           "Of all sightings, the share left out because they do not fit their landmark, which has not moved: the id "
+           "was misread.", "share of sightings left out as misread"),
     Column("associate_us_p50", "association p50", kind.CPU_US,
            "CPU time of data association in a step, part of the step's: asking the backend what it expects, and the "
            "decision. Median over the steps with sightings without an id."),

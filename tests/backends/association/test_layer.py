@@ -12,7 +12,7 @@ from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Builder, Expected, Unsuited
 from slamduel.backends.association.layer import FIRST, Associating, associating
-from slamduel.backends.association.options import Association, check
+from slamduel.backends.association.options import Association, Moved, check
 from slamduel.backends.gaussian import ekf
 from slamduel.bench.measure.association import association_columns
 from slamduel.datasets import registry as datasets
@@ -185,7 +185,7 @@ def test_it_gives_the_same_bits_again_and_shares_nothing() -> None:
 def test_options_are_those_of_the_backend_and_of_the_layer_and_travel_to_workers() -> None:
     builder = registry.find("ekf")
     names = [field.name for field in fields(builder.options)]
-    assert names == [*(f.name for f in fields(ekf.Options)), *(f.name for f in fields(Association))]
+    assert names == [f.name for kind in (ekf.Options, Moved, Association) for f in fields(kind)]
     chosen = builder.options(gate=0.9, association="ml", match=0.95)
     again = pickle.loads(pickle.dumps(chosen))
     assert again == chosen

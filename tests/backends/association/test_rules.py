@@ -11,7 +11,7 @@ from random_logs import random_covariance
 from slamduel.backends.association._assignment import cheapest
 from slamduel.backends.association._joint_compatibility import search
 from slamduel.backends.association._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide, decide_frame
-from slamduel.backends.association.layer import gates, quantile
+from slamduel.backends.association.quantiles import gates, quantile
 from slamduel.frontend.se2 import Array, Ints, wrap
 
 FAR, MATCH = quantile(0.9999, 1), quantile(0.999, 1)
