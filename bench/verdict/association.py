@@ -17,7 +17,11 @@ def association_sentences(lines: Sequence[Line]) -> list[str]:
     column = next((name for name in COLUMNS if any(name in line.values for line in lines)), None)
     if column is None:
         return []
-    wrong = {line.backend: line.by_log(column) for line in lines if column in line.values}
+    wrong = {
+        line.backend: {log: min(max(share, 0.0), 1.0) for log, share in line.by_log(column).items()}  # of any record
+        for line in lines
+        if column in line.values
+    }
     medians = {name: median(values.values()) for name, values in wrong.items()}
     order = sorted(medians, key=lambda name: medians[name])
     best, others = order[0], order[1:]
