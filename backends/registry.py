@@ -1,6 +1,6 @@
 """Names of backends and their builders, imported on demand.
 
-A name is that of a built-in, of an entry point in the group `slamduel.backends`, or `module:attribute`.
+A backend is named as a built-in, as an entry point in the group `slamduel.backends`, or as `module:attribute`.
 """
 
 import contextlib

@@ -1,6 +1,6 @@
 """Remarks: what is legal in a log yet odd, one sentence each without its full stop.
 
-Readers put those that only they can know into the log's notes, so that they go wherever the log goes. The others are
+A reader stores the remarks that only it can make in the log's notes, so that they stay with the log. The others are
 found in the log itself: wrong units, columns that count something else, jumps and gaps. A remark is a hint, not a
 verdict; it states the finding, and what was expected or a possible cause.
 """

@@ -1,13 +1,13 @@
 """Joint compatibility branch and bound: Neira and Tardos, IEEE Trans. Robotics and Automation 17(6), 2001.
 
 A hypothesis pairs sightings with landmarks so that the joint distance of all its pairs, with their correlations, is
-within the gate of their number. The best one has the most pairs, and of these the least distance. The distance grows
-with each pair, by the conditional distance of the new one: one more row pair of a Cholesky factor.
+within the gate of their number. The best one has the most pairs, and of these the least distance. Each new pair adds
+its squared distance conditional on the earlier pairs, which takes two more rows of the Cholesky factor.
 
 Two tests differ from the paper's. An error that all pairs have in common, such as a heading that is off by three
 standard deviations, puts each of them far off, though jointly they fit: a narrow gate for each alone would turn all
 down, and a wrong pair would be left. So the gate of a pair alone is wide, the distance of a part of a hypothesis is
-held against the gate of the pairs that it may still get, and each pair's conditional distance, given those before, has
+compared with the gate of the pairs that it may still get, and each pair's conditional distance, given those before, has
 a narrow gate.
 """
 

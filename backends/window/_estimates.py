@@ -37,7 +37,7 @@ def factor_front(w: Window) -> int:
 
 @compiled
 def collect(y0: float, y1: float, y2: float, d: float, mean: Array, cov: Array) -> None:
-    """Accumulates a row of Y and its part of d."""
+    """Adds one row y of Y to the estimate Y' d and to the covariance Y' Y."""
     mean[0] += y0 * d
     mean[1] += y1 * d
     mean[2] += y2 * d

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...backends.api import Backend, Belief, Builder, Map, Pose, Solution
+from ...backends.api import Backend, Belief, Builder, Map, Pose, Solution, TakesOut
 from ...frontend import se2
 from ...frontend.factors import Log, Prior
 from ...frontend.se2 import Array
@@ -36,6 +36,7 @@ class Trial(NamedTuple):
     beliefs: list[Belief | None]  # after every step if asked for, else empty
     map: Map  # after the last step
     solution: Solution | None
+    takes_out: bool = False  # it takes landmarks that move out of the log
 
     @property
     def paths(self) -> dict[str, Array]:
@@ -93,8 +94,9 @@ class Candidate:
             if asking:
                 beliefs.append(backend.belief())
                 backend.map()
-        landmarks = backend.map()
-        return Trial(returned, poses, beliefs, landmarks, backend.finish())
+        landmarks, solution = backend.map(), backend.finish()
+        takes_out = isinstance(backend, TakesOut) and backend.taken_out() is not None
+        return Trial(returned, poses, beliefs, landmarks, solution, takes_out)
 
     def with_landmarks(self, log: Log) -> Trial:
         """Runs `log` for a check of landmarks: NotApplicable where the map stays empty."""

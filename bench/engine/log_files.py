@@ -36,7 +36,7 @@ class LogFiles:
         return KeptLog(self.folder / f"{dataset}-{hashed(*digests)}.npz", digests)
 
     def read(self, dataset: str, known: Known) -> Dataset | None:
-        """Reads such a log; None where it is not kept, or damaged."""
+        """Reads the kept log with these digests; None if it is missing or damaged."""
         entry = self.entry(dataset, known)
         try:
             found = archive.load(entry.path)

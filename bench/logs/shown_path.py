@@ -29,7 +29,7 @@ class Shown(NamedTuple):
     solved: Truth | None  # the batch optimum, where the path is one
 
     def pose_at(self, steps: int) -> Ints:
-        """Returns (steps,) the row of each step in `poses`, -1 where its pose is not known."""
+        """Returns for each of the log's steps its row in `poses`, (steps,); -1 where its pose is not known."""
         return _rows(self.step, steps)
 
 

@@ -57,5 +57,5 @@ def measured(errors: Errors) -> Measured | None:
 
 
 def typical(errors: Array) -> float:
-    """Returns a standard deviation robust to outliers: 1.4826 median absolute errors, bias included."""
+    """Returns a robust standard deviation: 1.4826 times the median absolute error, not centred: a bias enlarges it."""
     return float(ROBUST * np.median(np.abs(errors)))

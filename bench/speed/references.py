@@ -86,7 +86,7 @@ def particle_loop(world: World, particles: int, seed: int, beside: str) -> Row:
 
 
 def search(world: World, beside: str) -> Row:
-    """Times looking for the robot on a given map, each time by other steps of the drive."""
+    """Times `locate` on a given map, repeated as the window of steps moves on through the drive."""
     known = world.surveyed().map
     assert known is not None
     on, spent, clock = MapIndex.of(known), list[int](), clock_cost()

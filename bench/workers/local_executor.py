@@ -42,7 +42,10 @@ class Local:
         self._finish: Finalize | None = None
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
-        """Yields each job as it ends; `alone`: nothing else runs meanwhile. Logs alone are made on every core."""
+        """Yields the result of each job as it ends; with `alone`, jobs run one at a time.
+
+        Batches without jobs only make their logs, on every core.
+        """
         if self._finish is None:
             self._folder = Path(tempfile.mkdtemp(prefix="slamduel-"))
             self._finish = Finalize(self, _finish, (self._pools, self._folder), exitpriority=1)  # at exit at the latest

@@ -122,7 +122,7 @@ def _scan_prior(file: TomlTable) -> Scan[Prior]:
 
 
 def _scan_map(known: TomlTable) -> Scan[Map | None]:
-    """The map of the prior; None if it is invalid."""
+    """Scans the map of the prior: None if its places are unreadable; InputError for invalid ids."""
     yield from known.unknown(("ids", "xy", "cov"))
     ids = known.given("ids", "a list of whole numbers")
     if not isinstance(ids, list) or not all(type(one) is int and abs(one) <= LARGEST for one in ids):

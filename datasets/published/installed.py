@@ -91,9 +91,10 @@ def faults(name: str) -> list[str]:
 
 
 def _twin(name: str, digests: Mapping[str, str]) -> str:
-    """Reports that most of these files are those of a log other than `name`; "" otherwise.
+    """Returns a message if more than half of the files have the sha256 of another published log; else "".
 
-    Most: logs of one room may share files on the room. A log whose sha256 are all known needs no such check.
+    More than half, because logs of one room may share files on the room. A log whose sha256 are all known needs no such
+    check.
     """
     if all(PUBLISHED[name].files.values()):
         return ""

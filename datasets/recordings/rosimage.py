@@ -90,7 +90,7 @@ def compressed(message: Any) -> Image | None:
 
 
 def _frame(pixels: np.ndarray, conversion: int | None) -> Image | None:
-    """Converts `pixels` (height, width, values) of 8 or 16 bits to a frame."""
+    """Converts pixels (height, width, values) of 8 or 16 bits to an 8-bit grey or BGR image; None if OpenCV cannot."""
     if pixels.dtype.itemsize == 2:
         pixels = pixels >> 8
     image = np.ascontiguousarray(pixels, np.uint8)

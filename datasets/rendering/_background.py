@@ -20,7 +20,9 @@ def meet(
     density: np.float32,
     at: Singles,
 ) -> np.float32:
-    """Fills `at` (3, n) with the column and row of the surfaces' image that each ray meets, and z; returns the highest.
+    """Writes to `at` (3, n), for each ray, the column and row of the surfaces' image that it hits, and the height z, m.
+
+    Returns the largest z, that of the eye included.
 
     `rays` (3, n) and `eye` (3,) are in the room's frame, m. `top` is the walls' height, m, and the row of their upper
     edge, in metres of the image; `density` is in pixels per metre. All is single precision.

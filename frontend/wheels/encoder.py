@@ -27,7 +27,7 @@ Curve = Literal["midpoint", "arc"]
 
 @dataclass(frozen=True)
 class Floors:
-    """Standard deviations added to the covariance of every composed factor."""
+    """Standard deviations whose squares are added to the diagonal of every composed factor's covariance."""
 
     position: float = 5e-4  # m, along both body axes
     heading: float = 5e-4  # rad

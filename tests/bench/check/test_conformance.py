@@ -204,3 +204,10 @@ def test_what_comes_with_slamduel_conforms(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(registry.BUILTIN))
 def test_what_comes_with_slamduel_conforms_on_every_adversarial_log(name: str) -> None:
     conforms(name, CHECKS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["ekf[association=jcbb]", "ekf[moved=out]"])
+def test_what_decides_on_sightings_conforms_on_every_adversarial_log(variant: str) -> None:
+    outcomes = check(variant, checks=CHECKS)
+    assert [(found.name, found.found) for found in outcomes if found.status == "failed"] == []
