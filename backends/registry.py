@@ -67,9 +67,9 @@ def find(name: str) -> Builder:
         fields(found.options)
     except Exception as error:
         raise _missing(name, f"has no options that can be left out: {type(error).__name__}: {error}") from error
-    layer = import_module(f"{__package__}.association.layer")  # it imports numba
+    builders = import_module(f"{__package__}.association.builders")  # it imports numba
     try:
-        return layer.associating(found)
+        return builders.associating(found)
     except TypeError as error:
         raise _missing(name, f"cannot have data association: {error}") from error
 

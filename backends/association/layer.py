@@ -5,10 +5,8 @@ sighting without an id is of; one that is of none is of a new landmark. Rule, ga
 backend. Ids that are known are left as they are. Made-up ids are -2, -3, ...: never the number of a real landmark.
 """
 
-import dataclasses
 import time
 from collections import deque
-from functools import cache
 from itertools import islice
 from typing import Any
 
@@ -17,26 +15,13 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.se2 import Array, Ints, compose
 from .._expected import carried
-from ..api import (
-    Backend,
-    Belief,
-    Builder,
-    Expected,
-    Expects,
-    Pose,
-    Solution,
-    TakenOut,
-    TakesOut,
-    Unsuited,
-    WantsTruth,
-)
+from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from ..locating.locate import locate
 from ..locating.virtual import virtual
 from ._line import agreeing, polar
 from ._rules import NEW, decide, decide_frame
-from .options import RULES, options_with
+from .options import RULES
 from .quantiles import gates, quantile
-from .standing import Standing
 
 FIRST = -2
 """The first made-up id, unless the given map has lower ones; the next ones are below it."""
@@ -347,44 +332,3 @@ class Associating:
             cov = None if found.cov is None else found.cov[np.ix_(entries, entries)]
             found = Map(found.ids[keep], found.xy[keep], cov)
         return found._replace(ids=self._translated(found.ids.tolist())) if self._called else found
-
-
-@cache
-def associating(builder: Builder) -> Builder:
-    """A builder of the same backend with the options of data association, and of what is taken out before it.
-
-    Itself where it cannot have them.
-    """
-    if not (builder.expects or _expects(builder.make)):
-        return builder
-
-    def associates(options: Any) -> bool:
-        return getattr(options, "association", "none") != "none"
-
-    def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
-        takes_out = getattr(options, "moved", "kept") == "out"
-        if associates(options) and options.association in builder.rules:
-            if takes_out:
-                raise Unsuited(f"association={options.association} is the backend's own: no moved=out in front of it")
-            return builder.rules[options.association](prior, options, rng)
-        inner = builder.make(prior, options, rng)
-        what = "data association" if associates(options) else "moved=out"
-        if not associates(options) and not takes_out:
-            return inner
-        if not isinstance(inner, Expects):
-            raise Unsuited(f"with these options the backend cannot state what it expects to see: no {what}")
-        if prior.map is not None and prior.map.cov is None:
-            raise Unsuited(f"{what} needs the covariance of the given map, which has none")
-        if takes_out:
-            inner = Standing(inner, prior)
-        return Associating(inner, prior, options) if associates(options) else inner
-
-    make.__doc__ = builder.make.__doc__
-    return dataclasses.replace(
-        builder, make=make, options=options_with(builder.options, tuple(builder.rules)), associates=associates
-    )
-
-
-def _expects(make: object) -> bool:
-    """Tells if what makes a backend is a class with the method that data association needs."""
-    return isinstance(make, type) and issubclass(make, Expects)

@@ -12,8 +12,8 @@ import numpy as np
 from ...backends import registry as backends
 from ...backends.api import Diverged, Expected
 from ...backends.association._rules import NEW, decide_frame
-from ...backends.association.layer import gates, quantile
 from ...backends.association.options import RULES, Association
+from ...backends.association.quantiles import gates, quantile
 from ...frontend.factors import UNKNOWN, Dataset, Log, RangeBearing
 from ...frontend.se2 import Array, wrap
 

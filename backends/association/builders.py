@@ -1,0 +1,54 @@
+"""Builders of backends with data association, and with landmarks that move taken out before it."""
+
+import dataclasses
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ...frontend.factors import Prior
+from ..api import Backend, Builder, Expects, Unsuited
+from .layer import Associating
+from .options import options_with
+from .standing import Standing
+
+
+@cache
+def associating(builder: Builder) -> Builder:
+    """A builder of the same backend with the options of data association, and of what is taken out before it.
+
+    Itself where it cannot have them.
+    """
+    if not (builder.expects or _expects(builder.make)):
+        return builder
+
+    def associates(options: Any) -> bool:
+        return getattr(options, "association", "none") != "none"
+
+    def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
+        takes_out = getattr(options, "moved", "kept") == "out"
+        if associates(options) and options.association in builder.rules:
+            if takes_out:
+                raise Unsuited(f"association={options.association} is the backend's own: no moved=out in front of it")
+            return builder.rules[options.association](prior, options, rng)
+        inner = builder.make(prior, options, rng)
+        what = "data association" if associates(options) else "moved=out"
+        if not associates(options) and not takes_out:
+            return inner
+        if not isinstance(inner, Expects):
+            raise Unsuited(f"with these options the backend cannot state what it expects to see: no {what}")
+        if prior.map is not None and prior.map.cov is None:
+            raise Unsuited(f"{what} needs the covariance of the given map, which has none")
+        if takes_out:
+            inner = Standing(inner, prior)
+        return Associating(inner, prior, options) if associates(options) else inner
+
+    make.__doc__ = builder.make.__doc__
+    return dataclasses.replace(
+        builder, make=make, options=options_with(builder.options, tuple(builder.rules)), associates=associates
+    )
+
+
+def _expects(make: object) -> bool:
+    """Tells if what makes a backend is a class with the method that data association needs."""
+    return isinstance(make, type) and issubclass(make, Expects)
