@@ -72,7 +72,7 @@ def ends_near_the_batch_answer(candidate: Candidate, adversary: Adversary) -> st
     for which, landmarks in {"map()": trial.map, "the final map": trial.final_map}.items():
         _is_finite(landmarks, which)
     answer = batch_answer(adversary)
-    allowed = bound(candidate, adversary, answer)
+    allowed = bound(candidate, adversary, answer, trial.takes_out)
     what = "batch answer" if answer.batch else "truth"
     off = max(stays_near(path, answer.path, allowed, f"the {which} path") for which, path in paths.items())
     steps = counted(len(log), "step")
@@ -105,11 +105,14 @@ def stands_logs_without_ids(candidate: Candidate) -> str:
     return f"{len(ADVERSARIES)} logs, given up with a reason on {ended}"
 
 
-def bound(candidate: Candidate, adversary: Adversary, answer: Answer) -> tuple[Array, Array]:
-    """Bounds the error, (n,) m and (n,) rad, of an estimate relative to the batch answer."""
+def bound(candidate: Candidate, adversary: Adversary, answer: Answer, takes_out: bool = False) -> tuple[Array, Array]:
+    """Bounds the error, (n,) m and (n,) rad, of an estimate relative to the batch answer.
+
+    One that takes out sightings which are off may take out most on such a log: it is held to dead reckoning's bound.
+    """
     log, cov = adversary.made.log, answer.cov
     built = candidate.builder
-    if built.forgets or built.linear or not uses_sightings(ordinary(candidate)):
+    if built.forgets or built.linear or takes_out or not uses_sightings(ordinary(candidate)):
         cov = answer.reckoned
     elif built.random:
         cov = 2 * answer.reckoned

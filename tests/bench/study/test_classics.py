@@ -56,12 +56,18 @@ class Watched:
 
 
 def few(study: Study) -> list[PlannedCell]:
-    """Of every backend, as the file writes it, the first and the last it is swept to, on the first log of either."""
+    """Of every backend, as the file writes it, the first and the last it is swept to, on the first log of either.
+
+    And the last backend on the last log: what a log is swept to (landmarks that move, say) may make a measure possible.
+    """
     by: dict[str, dict[str, PlannedCell]] = {}
     for cell in study.cells:
         by.setdefault(cell.parameters["backend"], {}).setdefault(cell.cell.backend.label, cell)
     variants = [list(swept.values()) for swept in by.values()]
-    return [cell for swept in variants for cell in (swept[:1] if len(swept) == 1 else [swept[0], swept[-1]])]
+    chosen = [cell for swept in variants for cell in (swept[:1] if len(swept) == 1 else [swept[0], swept[-1]])]
+    last = study.cells[-1]
+    first_seed = next(cell for cell in study.cells if cell.cell.key == last.cell.key)
+    return chosen if first_seed in chosen else [*chosen, first_seed]
 
 
 @pytest.mark.parametrize("full", [False, True])
