@@ -10,8 +10,8 @@ from ...frontend.se2 import Array, Ints
 def nearest(d2: Array, gate: float, of: Ints, pair: Ints) -> None:
     """Pairs the closest ones first, a landmark once per step: nearest neighbour with exclusion.
 
-    d2 (k, c) are squared distances; sightings of the same step `of` (k,) are of different landmarks. Fills `pair` (k,)
-    with a landmark or -1.
+    d2 (k, c) are squared distances; sightings of the same step `of` (k,), without gaps from 0, are of different
+    landmarks. Fills `pair` (k,) with a landmark or -1.
     """
     k, c = d2.shape
     pair[:] = -1

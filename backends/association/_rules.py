@@ -5,6 +5,7 @@ from math import log
 import numpy as np
 
 from ...frontend.compiled import compiled
+from ...frontend.factors import UNKNOWN
 from ...frontend.se2 import Array, Ints
 from .._expected import distance
 from .._models import wrap
@@ -36,11 +37,12 @@ def decide(
 ) -> tuple[Ints, int]:
     """Pairs k sightings with c expected landmarks; returns (k,) a landmark, NEW or OPEN, and the pairs or nodes tried.
 
-    z (k, 2) are range and bearing with joint covariance `noise` (2k, 2k), `of` (k,) the step of each, from 0;
+    z (k, 2) are range and bearing with joint covariance `noise` (2k, 2k), `of` (k,) the step of each, any number;
     `expected` (c, 2) and `cov` (2c, 2c) as `Expected` has them. A pair's squared distance is below `match`; a sighting
     is of a NEW landmark if it is `far` from all that no sighting of its step is of.
     """
     k, c = len(z), len(expected)
+    of = without_gaps(of)
     d2, pair = np.empty((k, c)), np.full(k, NEW)
     spread = np.empty((k, c)) if rule == CHEAPEST else d2
     for i in range(k):
@@ -67,6 +69,21 @@ def decide(
                 pair[i] = OPEN
                 break
     return pair, tried
+
+
+@compiled
+def without_gaps(of: Ints) -> Ints:
+    """Numbers the steps from 0 in the order in which they come up: a step may have no sighting that is decided on."""
+    out, steps = np.empty(len(of), np.int64), 0
+    for i in range(len(of)):
+        out[i] = steps
+        for j in range(i):
+            if of[j] == of[i]:
+                out[i] = out[j]
+                break
+        if out[i] == steps:
+            steps += 1
+    return out
 
 
 @compiled
@@ -135,3 +152,34 @@ def decide_frame(
             for g in range(2):
                 noise[2 * i + h, 2 * i + g] = R[i, h, g]
     return decide(rule, z, noise, np.zeros(k, np.int64), expected, cov, match, gates, far, most)
+
+
+@compiled
+def name_frame(
+    rule: int,
+    z: Array,
+    R: Array,
+    ids: Ints,
+    expected: Array,
+    cov: Array,
+    match: float,
+    gates: Array,
+    far: float,
+    most: int,
+    first: int,
+) -> tuple[Ints, int, int]:
+    """`decide_frame` as ids (k,): those `ids` (c,) of the landmarks; `first`, `first - 1`, ... of new ones.
+
+    Returns the number of new ones, too, and the pairs or nodes tried.
+    """
+    named, tried = decide_frame(rule, z, R, expected, cov, match, gates, far, most)
+    new = 0
+    for i in range(len(named)):
+        if named[i] >= 0:
+            named[i] = ids[named[i]]
+        elif named[i] == NEW:
+            named[i] = first - new
+            new += 1
+        else:
+            named[i] = UNKNOWN
+    return named, new, tried

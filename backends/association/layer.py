@@ -19,7 +19,7 @@ from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut,
 from ..locating.locate import locate
 from ..locating.virtual import virtual
 from ._line import agreeing, polar
-from ._rules import NEW, decide, decide_frame
+from ._rules import NEW, decide, decide_frame, name_frame
 from .options import RULES
 from .quantiles import gates, quantile
 
@@ -51,6 +51,7 @@ class Associating:
         self._match, self._far = quantile(options.match, 1), quantile(options.new, 1)
         self._gates = gates(options.joint, LARGEST)
         self._waits = options.lookahead > 0 or options.confirm > 0
+        self._plain = not self._waits and not options.retire
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
         given = () if prior.map is None else prior.map.ids.tolist()
@@ -141,19 +142,41 @@ class Associating:
         open_ = self._open(named)
         if open_:
             start = time.process_time_ns() if self.timed else 0
-            self.tried[-1] += self._name(step, named, open_)
-            self._now = np.array(named, np.int64)
-            sightings = RangeBearing(self._now, z, cov)
+            found = self._named_at_once(step) if self._plain and named.count(UNKNOWN) == len(named) else None
+            if found is None:
+                self.tried[-1] += self._name(step, named, open_)
+                found = np.array(named, np.int64)
+            else:
+                named = found.tolist()
+            sightings = RangeBearing(found, z, cov)
             if UNKNOWN in named:
-                used = self._now != UNKNOWN
-                sightings = RangeBearing(self._now[used], z[used], cov[used])
+                used = found != UNKNOWN
+                sightings = RangeBearing(found[used], z[used], cov[used])
             step = Step(step.t, step.odometry, sightings, step.loops)
+            self._now = found
             if self.timed:
                 self.ns[-1] += time.process_time_ns() - start
         else:
             self._now = np.array(named, np.int64)
         self._sure += named
         self._pose = self._inner.step(step)
+
+    def _named_at_once(self, step: Step) -> Ints | None:
+        """The ids of a step whose sightings have none, as `_name` finds them, in one compiled call.
+
+        None where a rescue is to be tried.
+        """
+        seen = step.sightings
+        expected = self._inner.expected(step.odometry, seen, self._far)
+        found, new, tried = name_frame(
+            self._rule, seen.z, seen.cov, expected.ids, expected.z, expected.cov, self._match,
+            self._gates_for(len(seen.z)), self._far, self._options.nodes, self._next,
+        )  # fmt: skip
+        if self._options.rescue and new >= max(FEW_NEW, len(found) / 2):
+            return None
+        self._next -= new
+        self.tried[-1] += tried
+        return found
 
     def _open(self, named: list[int]) -> list[int]:
         """The sightings to be decided on: those without an id, and those with one that comes up after made-up ones."""

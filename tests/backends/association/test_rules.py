@@ -142,6 +142,16 @@ def test_the_nearest_pair_is_taken_first(seed: int) -> None:
 
 
 @pytest.mark.parametrize("rule", [NEAREST, CHEAPEST, JOINT])
+def test_steps_may_have_any_numbers(rule: int) -> None:
+    """Of a step whose sightings all have ids none is decided on: its number does not come up."""
+    for seed in range(10):
+        frame = Frame(np.random.default_rng(seed), 4, 5, steps=3)
+        expected = frame.decided(rule).tolist()
+        frame.of = 10**12 * frame.of + 7
+        assert frame.decided(rule).tolist() == expected
+
+
+@pytest.mark.parametrize("rule", [NEAREST, CHEAPEST, JOINT])
 def test_what_is_far_from_all_that_are_free_is_new_and_what_is_between_is_open(rule: int) -> None:
     expected, cov = np.array([[3.0, 0.0]]), 1e-6 * np.eye(2)
     R = np.array([0.01 * np.eye(2)])
