@@ -36,9 +36,10 @@ def search(
 ) -> int:
     """Fills `pair` (k,) with the best hypothesis, -1 for a sighting that is in none; returns the nodes visited.
 
-    z (k, 2) are the sightings, `noise` (2k, 2k) their joint covariance, `of` (k,) the step of each, without gaps from 0: a
-    landmark is sighted once per step. `expected` (c, 2) and `cov` (2c, 2c) are those of the landmarks, d2 (k, c) the individual
-    distances, below `match` for a pair, gates[m] that of m pairs. After `most` nodes the best one so far is taken.
+    z (k, 2) are the sightings, `noise` (2k, 2k) their joint covariance, `of` (k,) the step of each, without gaps from
+    0: a landmark is sighted once per step. `expected` (c, 2) and `cov` (2c, 2c) are those of the landmarks, d2 (k, c)
+    the individual distances, below `match` for a pair, gates[m] that of m pairs. After `most` nodes the best one so far
+    is taken.
     """
     k, c = d2.shape
     count, order = np.zeros(k, np.int64), np.empty(k, np.int64)

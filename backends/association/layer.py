@@ -140,24 +140,23 @@ class Associating:
         if self._made:  # a known id may be of a landmark that was there without one
             named = [self._made.get(name, name) for name in named]
         open_ = self._open(named)
-        if open_:
-            start = time.process_time_ns() if self.timed else 0
-            found = self._named_at_once(step) if self._plain and named.count(UNKNOWN) == len(named) else None
-            if found is None:
+        start = time.process_time_ns() if self.timed else 0
+        found = self._named_at_once(step) if self._plain and 0 < len(named) == named.count(UNKNOWN) else None
+        if found is not None:
+            named = found.tolist()
+        else:
+            if open_:
                 self.tried[-1] += self._name(step, named, open_)
-                found = np.array(named, np.int64)
-            else:
-                named = found.tolist()
+            found = np.array(named, np.int64)
+        if open_ or self._made:
             sightings = RangeBearing(found, z, cov)
             if UNKNOWN in named:
                 used = found != UNKNOWN
                 sightings = RangeBearing(found[used], z[used], cov[used])
             step = Step(step.t, step.odometry, sightings, step.loops)
-            self._now = found
-            if self.timed:
-                self.ns[-1] += time.process_time_ns() - start
-        else:
-            self._now = np.array(named, np.int64)
+        self._now = found
+        if self.timed and open_:
+            self.ns[-1] += time.process_time_ns() - start
         self._sure += named
         self._pose = self._inner.step(step)
 

@@ -94,6 +94,18 @@ def test_some_ids_known_others_join_the_same_landmarks() -> None:
     assert row_of(backend, log)["wrong_share"] < 0.02
 
 
+def test_a_landmark_that_got_its_known_id_late_is_in_the_map_once() -> None:
+    """Where a step has known ids alone nothing is decided, but the landmark was mapped under a made-up id."""
+    log = ring().log
+    late = np.where(np.arange(len(log.ids)) < len(log.ids) // 2, UNKNOWN, log.ids)
+    backend = driven("ekf", replace(log, ids=late), association="jcbb")
+    assert len(backend.inner.map().ids) == len(np.unique(log.ids))
+    ids = backend.map().ids.tolist()
+    assert sorted(ids) == sorted(set(ids))
+    assert set(log.ids[late != UNKNOWN].tolist()) <= set(ids)
+    assert (backend.assigned()[late != UNKNOWN] == log.ids[late != UNKNOWN]).all()
+
+
 def test_on_a_given_map_its_ids_are_found() -> None:
     log = ring().log
     known = driven("ekf", log).map()
