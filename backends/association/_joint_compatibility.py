@@ -6,9 +6,10 @@ its squared distance conditional on the earlier pairs, which takes two more rows
 
 Two tests differ from the paper's. An error that all pairs have in common, such as a heading that is off by three
 standard deviations, puts each of them far off, though jointly they fit: a narrow gate for each alone would turn all
-down, and a wrong pair would be left. So the gate of a pair alone is wide, the distance of a part of a hypothesis is
-compared with the gate of the pairs that it may still get, and each pair's conditional distance, given those before, has
-a narrow gate.
+down, and a wrong pair would be left. So the gate of a pair alone is wider for the sightings of one step. For those of
+several it is not: odometry makes their own covariances so large that a wide gate would let wrong landmarks in. The
+distance of a part of a hypothesis is compared with the gate of the pairs that it may still get, and each pair's
+conditional distance, given those before, has a narrow gate.
 """
 
 from math import sqrt
@@ -28,7 +29,7 @@ def search(
     expected: Array,
     cov: Array,
     d2: Array,
-    far: float,
+    alone: float,
     match: float,
     gates: Array,
     most: int,
@@ -38,8 +39,8 @@ def search(
 
     z (k, 2) are the sightings, `noise` (2k, 2k) their joint covariance, `of` (k,) the step of each, without gaps from
     0: a landmark is sighted once per step. `expected` (c, 2) and `cov` (2c, 2c) are those of the landmarks, d2 (k, c)
-    the individual distances, below `match` for a pair, gates[m] that of m pairs. After `most` nodes the best one so far
-    is taken.
+    the individual distances, below `alone` for a pair; its conditional distance is below `match`, that of m pairs
+    together below gates[m]. After `most` nodes the best one so far is taken.
     """
     k, c = d2.shape
     count, order = np.zeros(k, np.int64), np.empty(k, np.int64)
@@ -47,7 +48,7 @@ def search(
     for i in range(k):
         pair[i] = -1
         for a in range(c):
-            if d2[i, a] < far:
+            if d2[i, a] < alone:
                 count[i] += 1
         if count[i] > 0:  # the sightings with the fewest candidates first
             p = m
@@ -62,7 +63,7 @@ def search(
     for p in range(m):
         i, n = order[p], 0
         for a in range(c):
-            if d2[i, a] < far:
+            if d2[i, a] < alone:
                 q = n
                 while q > 0 and d2[i, candidates[p, q - 1]] > d2[i, a]:
                     candidates[p, q] = candidates[p, q - 1]

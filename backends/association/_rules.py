@@ -33,13 +33,15 @@ def decide(
     match: float,
     gates: Array,
     far: float,
+    alone: float,
     most: int,
 ) -> tuple[Ints, int]:
     """Pairs k sightings with c expected landmarks; returns (k,) a landmark, NEW or OPEN, and the pairs or nodes tried.
 
     z (k, 2) are range and bearing with joint covariance `noise` (2k, 2k), `of` (k,) the step of each, any number;
-    `expected` (c, 2) and `cov` (2c, 2c) as `Expected` has them. A pair's squared distance is below `match`; a sighting
-    is of a NEW landmark if it is `far` from all that no sighting of its step is of.
+    `expected` (c, 2) and `cov` (2c, 2c) as `Expected` has them. A pair's squared distance is below `match`, in joint
+    compatibility `alone` before it is known which others there are; a sighting is of a NEW landmark if it is `far` from
+    all that no sighting of its step is of.
     """
     k, c = len(z), len(expected)
     of = without_gaps(of)
@@ -56,7 +58,7 @@ def decide(
     tried = k * c
     if c > 0:
         if rule == JOINT:
-            tried = search(z, noise, of, expected, cov, d2, far, match, gates, most, pair)
+            tried = search(z, noise, of, expected, cov, d2, alone, match, gates, most, pair)
         elif rule == CHEAPEST:
             likeliest(d2, spread, of, match, pair)
         else:
@@ -144,14 +146,17 @@ def decide_frame(
     far: float,
     most: int,
 ) -> tuple[Ints, int]:
-    """`decide` for the sightings of one step, whose covariances R (k, 2, 2) are independent."""
+    """`decide` for the sightings of one step, whose covariances R (k, 2, 2) are independent.
+
+    An error of the heading puts them all off alike, so that in joint compatibility a pair alone may be `far`.
+    """
     k = len(z)
     noise = np.zeros((2 * k, 2 * k))
     for i in range(k):
         for h in range(2):
             for g in range(2):
                 noise[2 * i + h, 2 * i + g] = R[i, h, g]
-    return decide(rule, z, noise, np.zeros(k, np.int64), expected, cov, match, gates, far, most)
+    return decide(rule, z, noise, np.zeros(k, np.int64), expected, cov, match, gates, far, far, most)
 
 
 @compiled

@@ -254,7 +254,7 @@ class Associating:
         expected = self._expected(step.odometry, RangeBearing(frame.ids[rows], z, blocks), named)
         pair, nodes = decide(
             self._rule, z, noise, frame.step[rows], expected.z, expected.cov, self._match, self._gates_for(len(z)),
-            self._far, self._options.nodes,
+            self._far, self._match, self._options.nodes,
         )  # fmt: skip
         return expected.ids.tolist(), pair, nodes
 

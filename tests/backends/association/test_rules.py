@@ -51,7 +51,7 @@ class Frame:
         return np.array([[self.distance([(i, a)]) for a in range(len(self.expected))] for i in range(len(self.z))])
 
     def decided(self, rule: int) -> Ints:
-        return decide(rule, self.z, self.noise, self.of, self.expected, self.cov, MATCH, GATES, FAR, 10**6)[0]
+        return decide(rule, self.z, self.noise, self.of, self.expected, self.cov, MATCH, GATES, FAR, FAR, 10**6)[0]
 
 
 @pytest.mark.parametrize("seed", range(60))
