@@ -43,6 +43,7 @@ BUILTIN = {
     "freiburg": ".published.freiburg:source",
     "g2o": ".formats.g2o:source",
     "gtsam": ".formats.gtsam_text:source",
+    "laser-floor": ".worlds.laser_floor:source",
     "linear": ".worlds.linear:source",
     "log": ".formats.log_folder:source",
     "matlab-report": ".worlds.matlab_report:source",

@@ -1,7 +1,7 @@
 """Inner loops on the cells of a submap: what beams hit and what they passed through.
 
-A cell is four numbers: hits, beams that passed through, and the sums of the hits' offsets (m) from the cell's corner in x
-and y. So a cell knows the mean of what was hit in it, to a fraction of its size. Cell (i, j) spans
+A cell is four numbers: hits, beams that passed through, and the sums of the hits' offsets (m) from the cell's corner in
+x and y. So a cell knows the mean of what was hit in it, to a fraction of its size. Cell (i, j) spans
 [origin + size (i, j), origin + size (i + 1, j + 1)).
 """
 
@@ -34,10 +34,10 @@ def insert(cells: Cells, origin: Array, size: float, pose: Array, scanner: Array
         if steps > 1:
             step_i, step_j = along_i / steps, along_j / steps
             for q in range(steps - 1):  # not the last cells: a beam that grazes a wall ends there
-                i, j = int(floor(start_i + q * step_i)), int(floor(start_j + q * step_j))
+                i, j = floor(start_i + q * step_i), floor(start_j + q * step_j)
                 if 0 <= i < rows and 0 <= j < columns:
                     cells[i, j, THROUGH] += 1
-        i, j = int(floor(u)), int(floor(v))
+        i, j = floor(u), floor(v)
         if 0 <= i < rows and 0 <= j < columns:
             cells[i, j, HIT] += 1
             cells[i, j, DX] += size * (u - i)
@@ -63,7 +63,7 @@ def walls(cells: Cells, share: float) -> NDArray[np.bool_]:
 
 @compiled
 def thinned(points: Array, spacing: float) -> NDArray[np.bool_]:
-    """Which points to keep of those of a scan (k, 2), in the order of its beams, so that neighbours are `spacing` apart."""
+    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart."""
     keep = np.empty(len(points), np.bool_)
     x, y = np.inf, np.inf
     for k in range(len(points)):
@@ -84,7 +84,7 @@ def one_a_cell(points: Array, size: float) -> Array:
     keys, used = np.empty(slots, np.int64), np.zeros(slots, np.bool_)
     out, m = np.empty((n, 2)), 0
     for k in range(n):
-        key = (int(floor(points[k, 0] / size)) << 32) + int(floor(points[k, 1] / size))
+        key = (floor(points[k, 0] / size) << 32) + floor(points[k, 1] / size)
         at = (key * 0x9E3779B97F4A7C1 >> 20) & (slots - 1)
         while used[at] and keys[at] != key:
             at = (at + 1) & (slots - 1)
@@ -119,7 +119,7 @@ def seen_through(
         known, wall = 0, False
         step_i, step_j = along_i / steps, along_j / steps
         for q in range(steps - int(slack / size)):
-            i, j = int(floor(start_i + q * step_i)), int(floor(start_j + q * step_j))
+            i, j = floor(start_i + q * step_i), floor(start_j + q * step_j)
             if 0 <= i < rows and 0 <= j < columns:
                 hits, all_ = cells[i, j, HIT], cells[i, j, HIT] + cells[i, j, THROUGH]
                 known += all_ > 0
@@ -127,7 +127,7 @@ def seen_through(
         if known > COMPARED * steps:
             compared += 1
             crossed += wall
-        i, j = int(floor(u)), int(floor(v))
+        i, j = floor(u), floor(v)
         near, seen = False, 0
         for a in range(max(i - AROUND, 0), min(i + AROUND + 1, rows)):
             for b in range(max(j - AROUND, 0), min(j + AROUND + 1, columns)):

@@ -12,7 +12,7 @@ LINE = 2
 """Cells around the nearest one that a line is laid through."""
 
 LONG, THIN = 9e-4, 0.1
-"""m², variance of the cells' means along a line at least, and share of it across the line at most; else it is a point."""
+"""m², least variance of the cells' means along a line, and the largest share of it across; else it is a point."""
 
 POINT_SD = 0.04
 """m; how far a point of the surface may be from a cell's mean where there is no line."""
@@ -24,8 +24,7 @@ HITS = 4.0
 """Hits of a cell from which on its weight in a line does not grow."""
 
 SOFT = 4.0
-"""Squared distance at which Geman and McClure's loss has a quarter of its weight; before it is known where the scan is, a
-quarter is reached later."""
+"""Squared distance at which the weight of Geman and McClure's loss is a quarter; half in the first iterations."""
 
 
 @compiled
@@ -44,10 +43,10 @@ def match(
 ) -> tuple[Array, Array, float]:
     """Moves a scan's points (k, 2) onto a submap; returns pose (3,), information (3, 3) and share of points explained.
 
-    Minimises the sum of squared distances in units of `sd` (m), under Geman and McClure's loss, and the squared distance
-    of the pose from `prior` (3,) by `prior_information` (3, 3), from `start` (3,) on. A point belongs to the line through
-    the cells around the nearest one, within `reach` cells at first, and fewer later. The information is that of the
-    points alone, in the submap's axes; along a corridor it is zero. Point to line: Censi, ICRA 2008.
+    Minimises the sum of squared distances in units of `sd` (m), under Geman and McClure's loss, and the squared
+    distance of the pose from `prior` (3,) by `prior_information` (3, 3), from `start` (3,) on. A point belongs to the
+    line through the cells around the nearest one, within `reach` cells at first, and fewer later. The information is
+    that of the points alone, in the submap's axes; along a corridor it is zero. Point to line: Censi, ICRA 2008.
     """
     pose, step = start.copy(), np.empty(3)
     H, g, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
@@ -137,12 +136,12 @@ def normal_equations(
 
 @compiled
 def nearest(cells: Cells, size: float, share: float, x: float, y: float, within: int) -> tuple[int, int, float]:
-    """The wall whose mean is nearest to (x, y), m from the submap's corner, at most `within` cells away; or (-1, -1, inf).
+    """The wall whose mean is nearest to (x, y), m from the corner, at most `within` cells away; or (-1, -1, inf).
 
     Rings of cells are looked at from inside out: a cell of the next ring is at least as far as the ring's number.
     """
     rows, columns = cells.shape[0], cells.shape[1]
-    i, j = int(floor(x / size)), int(floor(y / size))
+    i, j = floor(x / size), floor(y / size)
     best, at_i, at_j = np.inf, -1, -1
     for ring in range(within + 1):
         if ring > 1 and best <= (size * (ring - 1)) ** 2:
@@ -162,9 +161,7 @@ def nearest(cells: Cells, size: float, share: float, x: float, y: float, within:
 
 
 @compiled
-def line(
-    cells: Cells, size: float, share: float, i: int, j: int
-) -> tuple[float, float, float, float, float, float]:
+def line(cells: Cells, size: float, share: float, i: int, j: int) -> tuple[float, float, float, float, float, float]:
     """The line through the walls around cell (i, j): a point of it, its normal, variance along and across it, m²."""
     total, mx, my, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for a in range(max(i - LINE, 0), min(i + LINE + 1, cells.shape[0])):

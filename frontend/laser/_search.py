@@ -64,13 +64,13 @@ def branch_and_bound(
     turn_step: float,
     least: float,
 ) -> tuple[Array, float, int]:
-    """The best pose within `window` (m) in x and y and `turn` (rad) of `centre` (3,), by steps of a cell and `turn_step`.
+    """The best pose within `window` (m) and `turn` (rad) of `centre` (3,), in steps of a cell and of `turn_step`.
 
     Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Among
     equally good poses the first found is taken.
     """
-    count, turns = len(points), int(ceil(turn / turn_step))
-    half, widest = int(ceil(window / size)), 1 << (LEVELS - 1)
+    count, turns = len(points), ceil(turn / turn_step)
+    half, widest = ceil(window / size), 1 << (LEVELS - 1)
     across = 2 * half // widest + 1
     limit = int(least * FULL * count)
     at_i, at_j = np.empty((2 * turns + 1, count), np.int32), np.empty((2 * turns + 1, count), np.int32)
@@ -81,8 +81,8 @@ def branch_and_bound(
         heading = centre[2] + (a - turns) * turn_step
         c, s = cos(heading), sin(heading)
         for k in range(count):
-            at_i[a, k] = int(floor((centre[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size))
-            at_j[a, k] = int(floor((centre[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size))
+            at_i[a, k] = floor((centre[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size)
+            at_j[a, k] = floor((centre[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size)
         for p in range(across):
             for q in range(across):
                 di, dj = p * widest - half, q * widest - half
@@ -153,7 +153,7 @@ def correlated(
     matcher does.
     """
     rows, columns = field.shape
-    turns, half = int(ceil(turn / turn_step)), int(ceil(window / step))
+    turns, half = ceil(turn / turn_step), ceil(window / step)
     best, found = -1.0, centre.copy()
     rotated = np.empty((len(points), 2))
     for a in range(-turns, turns + 1):
@@ -167,7 +167,7 @@ def correlated(
                 x, y = centre[0] + p * step, centre[1] + q * step
                 value = 0
                 for k in range(len(points)):
-                    i, j = int(floor(x / size + rotated[k, 0])), int(floor(y / size + rotated[k, 1]))
+                    i, j = floor(x / size + rotated[k, 0]), floor(y / size + rotated[k, 1])
                     if 0 <= i < rows and 0 <= j < columns:
                         value += field[i, j]
                 far = (p * p + q * q) * (step / sd) ** 2 + (a * turn_step / turn_sd) ** 2

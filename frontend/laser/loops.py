@@ -14,8 +14,8 @@ from ..se2 import Array, between, compose, rotation
 from ._grid import one_a_cell, seen_through
 from ._matching import match
 from ._search import branch_and_bound
-from .settings import Settings
 from .scanner import Scan
+from .settings import Settings
 from .submap import Submap
 
 LEAST_POINTS = 30

@@ -28,7 +28,7 @@ class Relations(NamedTuple):
 
 
 def optimised(poses: Array, steps: Relations, loops: Relations, iterations: int = 15) -> Array:
-    """Gauss-Newton from `poses` (n, 3), the first one fixed, with Cauchy's loss on the loops; returns the poses (n, 3)."""
+    """Moves `poses` (n, 3), the first one fixed, to the optimum by Gauss-Newton, with Cauchy's loss on the loops."""
     poses = poses.copy()
     both = Relations(*(np.concatenate(pair) for pair in zip(steps, loops, strict=True)))
     robust = np.arange(len(both.first)) >= len(steps.first)
@@ -75,5 +75,7 @@ def _solved(poses: Array, relations: Relations, robust: Array) -> Array:
     g = np.zeros((n, 3))
     np.add.at(g, i, np.einsum("nij,nj->ni", At, np.einsum("nij,nj->ni", W, residual)))
     np.add.at(g, j, np.einsum("nij,nj->ni", Bt, np.einsum("nij,nj->ni", W, residual)))
-    moved = splu(H, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(-g.ravel())
+    moved = splu(H, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve(
+        -g.ravel()
+    )
     return moved.reshape(n, 3)
