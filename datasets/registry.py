@@ -36,6 +36,7 @@ BUILTIN = {
     "aruco-robot": ".worlds.aruco_robot:source",
     "aruco-room": ".worlds.aruco_room:source",
     "bailey": ".worlds.bailey:source",
+    "carmen": ".formats.carmen:source",
     "circle": ".worlds.circle:source",
     "city": ".worlds.city:source",
     "csv": ".formats.csv_tables:source",

@@ -66,7 +66,7 @@ def branch_and_bound(
 ) -> tuple[Array, float, int]:
     """The best pose within `window` (m) and `turn` (rad) of `centre` (3,), in steps of a cell and of `turn_step`.
 
-    Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Among
+    Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Of
     equally good poses the first found is taken.
     """
     count, turns = len(points), ceil(turn / turn_step)
