@@ -100,7 +100,11 @@ def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
     if options.odometry == "auto" and not moves:
         remarks.append("its odometry never moves: the front end goes by the scans alone")
     count = len(first.ranges)
-    angles = evenly(count) if first.angles is None else first.angles[0] + first.angles[1] * np.arange(count)
+    angles = (
+        evenly(count)
+        if first.angles is None
+        else first.angles[0] + first.angles[1] * np.arange(count, dtype=np.float64)
+    )
     scanner = Scanner(angles, np.array([options.ahead, 0.0, 0.0]), options.min_range, options.max_range)
     ranges = np.array([line.ranges for line in kept])
     if not ((ranges > options.min_range) & (ranges < options.max_range)).any():

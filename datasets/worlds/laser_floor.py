@@ -76,7 +76,7 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     path = _drive(_way(plan, options.laps, building))
     every = max(1, round(1 / (options.scan_rate * TICK)))
     poses = path[::every]
-    t = np.arange(len(poses)) * every * TICK
+    t = TICK * every * np.arange(len(poses), dtype=np.float64)
     angles = np.linspace(-np.pi / 2, np.pi / 2, options.beams)
     people = _people(plan, options.people, walking)
     ranges = np.empty((len(t), len(angles)))

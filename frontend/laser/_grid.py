@@ -14,6 +14,7 @@ from ..compiled import compiled
 from ..se2 import Array
 
 Cells = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 HIT, THROUGH, DX, DY = 0, 1, 2, 3
 """Columns of a cell."""
@@ -52,7 +53,7 @@ def is_wall(cells: Cells, i: int, j: int, share: float) -> bool:
 
 
 @compiled
-def walls(cells: Cells, share: float) -> NDArray[np.bool_]:
+def walls(cells: Cells, share: float) -> Mask:
     """Which cells are walls."""
     out = np.empty(cells.shape[:2], np.bool_)
     for i in range(cells.shape[0]):
@@ -62,7 +63,7 @@ def walls(cells: Cells, share: float) -> NDArray[np.bool_]:
 
 
 @compiled
-def thinned(points: Array, spacing: float) -> NDArray[np.bool_]:
+def thinned(points: Array, spacing: float) -> Mask:
     """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart."""
     keep = np.empty(len(points), np.bool_)
     x, y = np.inf, np.inf

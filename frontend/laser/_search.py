@@ -48,7 +48,7 @@ def total(level: Bytes, width: int, at_i: NDArray[np.int32], at_j: NDArray[np.in
     for k in range(len(at_i)):
         i, j = at_i[k] + di + width - 1, at_j[k] + dj + width - 1
         if 0 <= i < rows and 0 <= j < columns:
-            value += level[i, j]
+            value += int(level[i, j])
     return value
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..se2 import Array, between, compose, rotation
+from ..small_matrices import inverse
 from ._matching import match
 from ._search import correlated
 from .loops import Loop, Surprises, cloud, loop_of, searched
@@ -137,7 +138,7 @@ class FrontEnd:
             self.lost += 1
             return predicted, np.zeros((3, 3))
         R = rotation(float(last[2]))
-        prior = np.linalg.inv(R @ cov @ R.T)
+        prior = inverse(R @ cov @ R.T)
         grid = (submap.cells, submap.origin, s.cell, s.share, scan.few)
         pose, information, inside = match(*grid, predicted, predicted, prior, s.sd, AT_FIRST, ITERATIONS)
         if inside >= s.lost:
@@ -184,8 +185,8 @@ class FrontEnd:
         else:
             last = self._poses[-1]
             delta, R = between(last, pose), rotation(float(last[2]))
-            fused = R.T @ information @ R + np.linalg.inv(_wheels_cov(delta, s))
-            cov = s.explained * np.linalg.inv(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
+            fused = R.T @ information @ R + inverse(_wheels_cov(delta, s))
+            cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
             self.steps.append(Step(t, len(self.path) - 1, pose, delta, (cov + cov.T) / 2))
             self.estimate.append(compose(self.estimate[-1], delta))
@@ -255,13 +256,13 @@ class FrontEnd:
                     number,
                     number + 1,
                     np.array([step.delta for step in steps]).reshape(-1, 3),
-                    np.linalg.inv(np.array([step.cov for step in steps]).reshape(-1, 3, 3)),
+                    inverse(np.array([step.cov for step in steps]).reshape(-1, 3, 3)),
                 ),
                 Relations(
                     np.array([loop.to for loop in self.loops]),
                     np.array([loop.step for loop in self.loops]),
                     np.array([loop.delta for loop in self.loops]),
-                    np.linalg.inv(np.array([loop.cov for loop in self.loops])),
+                    inverse(np.array([loop.cov for loop in self.loops])),
                 ),
                 iterations,
             )

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..se2 import Array, between, compose, rotation
+from ..small_matrices import inverse
 from ._grid import one_a_cell, seen_through
 from ._matching import match
 from ._search import branch_and_bound
@@ -115,7 +116,7 @@ def loop_of(found: Match, submap: Submap, step: int, poses: Sequence[Array], set
     at = np.array([poses[k] for k in submap.steps])
     to = submap.steps[int(np.argmin(np.hypot(*(at[:, :2] - found.pose[:2]).T)))]
     R = rotation(float(poses[to][2]))
-    cov = np.linalg.inv(R.T @ found.information @ R + WEAK)
+    cov = inverse(R.T @ found.information @ R + WEAK)
     cov += np.diag([settings.loop_floor**2, settings.loop_floor**2, settings.loop_turn_floor**2]) + stale
     return Loop(to, step, between(poses[to], found.pose), cov, found.score)
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
@@ -30,7 +31,12 @@ class Relations(NamedTuple):
 def optimised(poses: Array, steps: Relations, loops: Relations, iterations: int = 15) -> Array:
     """Moves `poses` (n, 3), the first one fixed, to the optimum by Gauss-Newton, with Cauchy's loss on the loops."""
     poses = poses.copy()
-    both = Relations(*(np.concatenate(pair) for pair in zip(steps, loops, strict=True)))
+    both = Relations(
+        np.concatenate((steps.first, loops.first)),
+        np.concatenate((steps.second, loops.second)),
+        np.concatenate((steps.delta, loops.delta)),
+        np.concatenate((steps.information, loops.information)),
+    )
     robust = np.arange(len(both.first)) >= len(steps.first)
     for _ in range(iterations):
         moved = _solved(poses, both, robust)
@@ -41,7 +47,7 @@ def optimised(poses: Array, steps: Relations, loops: Relations, iterations: int 
     return poses
 
 
-def _solved(poses: Array, relations: Relations, robust: Array) -> Array:
+def _solved(poses: Array, relations: Relations, robust: NDArray[np.bool_]) -> Array:
     """One step of Gauss-Newton, (n, 3)."""
     i, j, delta, information = relations
     n = len(poses)

@@ -40,5 +40,5 @@ def evenly(beams: int) -> Array:
     180 or 360 beams start at -90 degrees and stop a step before +90; an odd number takes in both ends.
     """
     if beams % 2:
-        return np.linspace(-np.pi / 2, np.pi / 2, beams)
-    return -np.pi / 2 + np.pi / beams * np.arange(beams)
+        return np.linspace(-np.pi / 2, np.pi / 2, beams, dtype=np.float64)
+    return -np.pi / 2 + np.pi / beams * np.arange(beams, dtype=np.float64)

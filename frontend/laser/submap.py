@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from ..se2 import Array
-from ._grid import Cells, insert, walls
+from ._grid import Cells, Mask, insert, walls
 from ._search import FULL, LEVELS, Bytes, coarser
-from .scanner import Scan
+from .scanner import Scan, Scanner
 from .settings import Settings
 
 BORDER = 8
@@ -18,7 +18,7 @@ BORDER = 8
 class Submap:
     """A grid in the axes of the scan matcher's path; it grows as scans come in."""
 
-    def __init__(self, pose: Array, settings: Settings, scanner: Array, born: float) -> None:
+    def __init__(self, pose: Array, settings: Settings, scanner: Scanner, born: float) -> None:
         self.settings, self.scanner = settings, scanner
         half = int(np.ceil(settings.first_half / settings.cell))
         self.origin = settings.cell * (np.floor(pose[:2] / settings.cell) - half)
@@ -46,7 +46,7 @@ class Submap:
         self.origin = self.origin + self.settings.cell * first
 
     @property
-    def walls(self) -> Array:
+    def walls(self) -> Mask:
         """(n, m) which cells are walls."""
         return walls(self.cells, self.settings.share)
 
@@ -83,7 +83,7 @@ class Submap:
             self.origin = self.origin - size * before
 
 
-def likelihoods(wall: Array, size: float, sd: float) -> Bytes:
+def likelihoods(wall: Mask, size: float, sd: float) -> Bytes:
     """A Gaussian of the distance to the nearest wall, `sd` (m), as bytes."""
     if not wall.any():
         return np.zeros(wall.shape, np.uint8)

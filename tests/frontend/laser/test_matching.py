@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.laser._grid import insert, one_a_cell, seen_through, thinned, walls
+from slamduel.frontend.laser._grid import Cells, insert, one_a_cell, seen_through, thinned, walls
 from slamduel.frontend.laser._matching import line, match, nearest, normal_equations, solved
 from slamduel.frontend.se2 import Array, act, between, compose, inverse
 
@@ -22,7 +22,7 @@ def room(width: float = 4.0, height: float = 3.0, spacing: float = 0.03) -> Arra
     return np.concatenate([np.stack(side, axis=-1) for side in sides])
 
 
-def drawn(points: Array, poses: list[Array]) -> Array:
+def drawn(points: Array, poses: list[Array]) -> Cells:
     """Cells with the points as seen from each pose."""
     cells = np.zeros((200, 160, 4), np.float32)
     for pose in poses:

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.laser._search import FULL, LEVELS, branch_and_bound, coarser, correlated
+from slamduel.frontend.laser._search import FULL, LEVELS, Bytes, branch_and_bound, coarser, correlated
 from slamduel.frontend.laser.submap import likelihoods
 from slamduel.frontend.se2 import Array
 
 CELL = 0.05
 
 
-def pyramid(field: Array) -> tuple[Array, ...]:
+def pyramid(field: Bytes) -> tuple[Bytes, ...]:
     levels = [field]
     for level in range(1, LEVELS):
         levels.append(coarser(levels[-1], 1 << (level - 1)))
     return tuple(levels)
 
 
-def room(rng: np.random.Generator, side: int = 80) -> Array:
+def room(rng: np.random.Generator, side: int = 80) -> Bytes:
     """A field with some straight walls."""
     wall = np.zeros((side, side), np.bool_)
     for _ in range(6):
@@ -29,16 +29,9 @@ def room(rng: np.random.Generator, side: int = 80) -> Array:
     return likelihoods(wall, CELL, 0.1)
 
 
-def score(field: Array, origin: Array, points: Array, pose: Array) -> int:
-    """The sum of the field at the points of a scan at `pose`."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    i = np.floor((pose[0] + c * points[:, 0] - s * points[:, 1] - origin[0]) / CELL).astype(int)
-    j = np.floor((pose[1] + s * points[:, 0] + c * points[:, 1] - origin[1]) / CELL).astype(int)
-    inside = (i >= 0) & (i < len(field)) & (j >= 0) & (j < field.shape[1])
-    return int(field[i[inside], j[inside]].sum(dtype=np.int64))
-
-
-def brute_force(field: Array, origin: Array, points: Array, centre: Array, window: float, turn: float, step: float):
+def brute_force(
+    field: Bytes, origin: Array, points: Array, centre: Array, window: float, turn: float, step: float
+) -> float:
     """The best score of all poses of a window: cells are moved, as whole cells, so that rounding is the same."""
     half, turns, best = int(np.ceil(window / CELL)), int(np.ceil(turn / step)), 0
     padded = np.pad(field, 200)
