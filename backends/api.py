@@ -175,7 +175,8 @@ class Builder:
 
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
     `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
-    otherwise logs that have some are skipped. `sightings`: it uses sightings. `associates`: it does data association
+    otherwise logs that have some are skipped, or, by one that `forgets` or uses no sightings, run without them.
+    `sightings`: it uses sightings. `associates`: it does data association
     for sightings with id UNKNOWN, always or with some options; otherwise these are removed from the log, and counted.
     A class with the method of `Expects` gets options of data association, and the layer that does it in front of it;
     `expects`: so does what a function makes. `rules`: further values of its option `association`, each with what makes
@@ -204,6 +205,11 @@ class Builder:
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""
         return self.implementation if isinstance(self.implementation, str) else self.implementation(options)
+
+    @property
+    def leaves_out_loops(self) -> bool:
+        """True if it runs without a log's loop closures: it could not close a loop by sightings either."""
+        return not self.loops and (self.forgets or not self.sightings)
 
     @property
     def can_associate(self) -> bool:

@@ -49,7 +49,8 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _sizes(log)
     yield from _motions(log)
     if not len(log.ids):
-        yield NO_SIGHTING
+        if not len(log.loop_to):
+            yield NO_SIGHTING
         return
     yield from _sightings(log)
     yield from _landmarks(log)

@@ -285,6 +285,18 @@ class Log:
             z_cov=_frozen(self.z_cov[known]),
         )
 
+    def without_loops(self) -> "Log":
+        """The log without its loop closures; itself if it has none."""
+        if not len(self.loop_to):
+            return self
+        return replace(
+            self,
+            loop_first=_frozen_ids(np.zeros_like(self.loop_first)),
+            loop_to=_frozen_ids(self.loop_to[:0]),
+            loop_delta=_frozen(self.loop_delta[:0]),
+            loop_cov=_frozen(self.loop_cov[:0]),
+        )
+
     def head(self, steps: int) -> "Log":
         """The log's first `steps` steps."""
         n, seen, loops = steps, self.sighting_first[steps], self.loop_first[steps]

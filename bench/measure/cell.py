@@ -82,13 +82,15 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         if job.missing:
             return Result("error", job.missing, row)
         builder = backends.find(job.name)
-        if len(log.loop_to) and not builder.loops:
+        loops = 0 if builder.loops else len(log.loop_to)
+        if loops and not builder.leaves_out_loops:
             return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
         if why := _unfit(job, builder, log, unknown):
             return Result("skipped", why, row)
         if builder.associating(job.options):
             row["ignored"] = 0
-        outcome = drive(builder, job.options, log, lambda: generator(job.seed, job.backend), _oracle(job, read_truth))
+        given = log.without_loops() if loops else log
+        outcome = drive(builder, job.options, given, lambda: generator(job.seed, job.backend), _oracle(job, read_truth))
     except Diverged as error:
         return Result("diverged", str(error), row)
     except TruthWanted as error:
@@ -106,9 +108,15 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
     judged = score(log, outcome, read_truth())
-    said = [TOLD] * outcome.told + [judged.remark] * bool(judged.remark)
+    said = [TOLD] * outcome.told + [left_out(loops)] * bool(loops)
+    said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row
     return Result("done", "; ".join(said), row, judged.arrays)
+
+
+def left_out(loops: int) -> str:
+    """Says how many loop closures the backend was not given."""
+    return "1 loop closure is left out" if loops == 1 else f"{loops} loop closures are left out"
 
 
 def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:

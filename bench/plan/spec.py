@@ -15,7 +15,7 @@ from ...backends import registry as backends
 from ...backends.api import Builder, NoOptions
 from ...backends.association import options as association
 from ...datasets import registry as datasets
-from ...datasets.formats import graph_kind
+from ...datasets.formats import file_kind
 from ...datasets.registry import Source
 from ...frontend.errors import InputError
 from ...frontend.nearest import nearest
@@ -98,8 +98,8 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
     """Finds the datasets named in `text`, or at the path of a log, graph or recording. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, asker):
-        graph = name.lower().endswith(graph_kind.SUFFIXES)
-        if name not in datasets.BUILTIN and ("/" in name or graph or os.path.exists(name)):
+        file = name.lower().endswith(file_kind.SUFFIXES)
+        if name not in datasets.BUILTIN and ("/" in name or file or os.path.exists(name)):
             name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
         try:
             source = datasets.find(name)
@@ -124,8 +124,8 @@ def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVarian
 
 
 def _kind(path: str) -> str:
-    if Path(path).suffix.lower() in graph_kind.SUFFIXES and not os.path.isdir(path):
-        return graph_kind.format_of(Path(path))
+    if path.lower().endswith(file_kind.SUFFIXES) and not os.path.isdir(path):
+        return file_kind.format_of(Path(path))
     return "recording" if os.path.isfile(path) or os.path.isfile(os.path.join(path, "robot.toml")) else "log"
 
 

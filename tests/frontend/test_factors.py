@@ -121,6 +121,16 @@ def test_moving_a_sighting_to_the_next_step_changes_the_digest():
     assert moved.digest != small_log().digest
 
 
+def test_without_loops_leaves_out_the_loop_closures_and_nothing_else():
+    log = small_log()
+    plain = log.without_loops()
+    assert sum(len(step.loops.to) for step in log) > 0 == sum(len(step.loops.to) for step in plain)
+    for step, kept in zip(log, plain, strict=True):
+        for column, left in zip(step.sightings, kept.sightings, strict=True):
+            np.testing.assert_array_equal(column, left)
+    assert plain.without_loops() is plain
+
+
 def test_identified_leaves_out_the_unknown_and_nothing_else():
     log = small_log()
     known = log.identified()

@@ -36,6 +36,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
+        "laser": {TOP},
     },
     "backends": {
         TOP: set(),

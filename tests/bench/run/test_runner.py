@@ -154,10 +154,13 @@ def test_a_log_with_loop_closures_is_skipped_where_they_are_not_taken(tmp_path: 
         np.array([9]), np.array([0]), (np.zeros((1, 3))), 10 * np.eye(3)[None],
     )  # fmt: skip
     logfile.write(tmp_path / "log", closed, truth)
-    found = go(tmp_path / "run", "ekf,isam2", tmp_path / "log")
+    found = go(tmp_path / "run", "dead-reckoning,ekf,fixed-lag,isam2", tmp_path / "log")
     statuses = {row.columns["backend"]: (row.columns["status"], row.columns["reason"]) for row in found.values()}
     assert statuses["isam2"][0] == "done"
     assert statuses["ekf"] == ("skipped", "the log has loop closures (RelativePoses), which this backend does not take")
+    for without in ("dead-reckoning", "fixed-lag"):
+        assert statuses[without][0] == "done"
+        assert "1 loop closure is left out" in statuses[without][1]
 
 
 def test_what_draws_nothing_runs_once_and_what_draws_runs_every_seed(tmp_path: Path, log_folder: Path) -> None:

@@ -1,0 +1,197 @@
+"""Reads laser logs of CARMEN, the Carnegie Mellon robot navigation toolkit, gzipped or not.
+
+    FLASER n r1 ... rn x y theta odom_x odom_y odom_theta ipc_time host time
+    ROBOTLASER1 type start fov resolution most accuracy remission n r1 ... rn m e1 ... em laser_x laser_y laser_theta
+                odom_x odom_y odom_theta tv rv forward side turn ipc_time host time
+
+Metres, radians, seconds. Other lines (PARAM, ODOM, RLASER, ...) are not used. Times are those of `ipc_time`: relations
+of the Freiburg benchmark (Kuemmerle et al., Autonomous Robots 27(4), 2009) are given by them, exactly; scans a few
+microseconds apart are different scans. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and
+an odd number takes in both ends.
+"""
+
+import gzip
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import isfinite
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import REMARKS, Dataset, Log, Prior
+from ...frontend.laser.recording import LaserRecording, build_log
+from ...frontend.laser.scanner import Scanner, evenly
+from ...frontend.laser.settings import Settings
+from ...frontend.options import option
+from ...frontend.se2 import Array
+from ..registry import Source
+
+START_SD = 1e-3
+"""m and rad; the log starts where the odometry does."""
+
+APART = 1e-6
+"""s; stamps that are closer are of the same scan."""
+
+MOST_BEAMS = 10_000
+
+
+@dataclass(frozen=True)
+class Options(Settings):
+    """Which log, what its scanner is, and the front end."""
+
+    path: str | None = option(None, "the file of the log")
+    odometry: str = option(
+        "auto", "motion between scans: the wheels', or none; auto: none if they never move",
+        choices=("auto", "wheels", "none"),
+    )  # fmt: skip
+    ahead: float = option(0.0, "how far the scanner sits ahead of the robot's origin, m", minimum=-10.0, maximum=10.0)
+    max_range: float = option(25.0, "range beyond which a beam says nothing, m", minimum=1.0, maximum=1000.0)
+    min_range: float = option(0.15, "range below which a beam has hit the robot, m", minimum=0.0, maximum=10.0)
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """Laser scans and odometry in CARMEN's format, through the laser front end: carmen[path=FILE]."""
+    if options.path is None:
+        raise InputError("option path of dataset carmen is not given, expected a laser log's file: carmen[path=FILE].")
+    recording, remarks = read(Path(options.path), options)
+    log = build_log(recording, options)
+    return Dataset(_with(log, remarks), None)
+
+
+source = Source(make, Options, costly=True, portable=False)
+
+
+class Line(NamedTuple):
+    """A scan as logged."""
+
+    number: int
+    t: float
+    odometry: tuple[float, float, float]
+    angles: tuple[float, float] | None  # rad, the first and the step; None: those of FLASER
+    ranges: Array  # (b,)
+
+
+def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
+    """The scans in the order of time, and remarks; InputError names the file and line of a fault."""
+    lines = list(_lines(path))
+    if len(lines) < 2:
+        raise InputError(f"{path}: found {len(lines)} scans (FLASER or ROBOTLASER1), expected at least 2.")
+    first = lines[0]
+    for line in lines:
+        if len(line.ranges) != len(first.ranges) or line.angles != first.angles:
+            raise InputError(
+                f"{path}, line {line.number}: found a scan of {len(line.ranges)} beams, expected {len(first.ranges)} "
+                f"at the same angles, as in line {first.number}."
+            )
+    lines.sort(key=lambda line: line.t)
+    kept = [lines[0]]
+    kept += [line for before, line in pairwise(lines) if line.t - before.t > APART]
+    remarks = list[str]()
+    if len(kept) < len(lines):
+        remarks.append(f"{len(lines) - len(kept)} of {len(lines)} scans have the stamp of another one and are left out")
+    odometry = np.array([line.odometry for line in kept])
+    moves = bool((odometry != odometry[0]).any())
+    if options.odometry == "wheels" and not moves:
+        raise InputError(f"{path}: option odometry=wheels: the odometry never moves, expected odometry=none.")
+    if options.odometry == "auto" and not moves:
+        remarks.append("its odometry never moves: the front end goes by the scans alone")
+    count = len(first.ranges)
+    angles = (
+        evenly(count)
+        if first.angles is None
+        else first.angles[0] + first.angles[1] * np.arange(count, dtype=np.float64)
+    )
+    scanner = Scanner(angles, np.array([options.ahead, 0.0, 0.0]), options.min_range, options.max_range)
+    ranges = np.array([line.ranges for line in kept])
+    if not ((ranges > options.min_range) & (ranges < options.max_range)).any():
+        raise InputError(
+            f"{path}: no range is between {options.min_range:g} and {options.max_range:g} m, expected metres."
+        )
+    return LaserRecording(
+        path.name.partition(".")[0],
+        scanner,
+        np.array([line.t for line in kept]),
+        ranges,
+        odometry if moves and options.odometry != "none" else None,
+        Prior(odometry[0], START_SD**2 * np.eye(3)),
+    ), remarks
+
+
+def _with(log: Log, remarks: list[str]) -> Log:
+    """The log with its reader's remarks."""
+    log.notes.update({REMARKS: remarks} if remarks else {})  # pyright: ignore[reportAttributeAccessIssue]
+    return log
+
+
+def _lines(path: Path) -> Iterator[Line]:
+    opener = gzip.open if path.suffix.lower() == ".gz" else open
+    number = 0
+    try:
+        with opener(path, "rt", encoding="utf-8", errors="replace") as file:
+            for number, text in enumerate(file, start=1):
+                words = text.split()
+                if words and words[0] in ("FLASER", "ROBOTLASER1"):
+                    yield _scan(words, f"{path}, line {number}", number)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}, expected a laser log.") from None
+    except (EOFError, zlib.error) as error:
+        raise InputError(f"{path}: after line {number}: {error}, expected a whole gzip file.") from None
+
+
+def _scan(words: list[str], where: str, number: int) -> Line:
+    """A line of either kind."""
+    kind, at = words[0], 1 if words[0] == "FLASER" else 8
+    count = _count(words, at, "beams", where)
+    numbers = _Numbers(words, where)
+    ranges, after = numbers.take(at + 1, count, "ranges", finite=False), at + 1 + count
+    angles = None
+    if kind == "ROBOTLASER1":
+        start, _, step = numbers.take(2, 3, "the start, width and step of its angles")
+        angles = (float(start), float(step))
+        after += 1 + _count(words, after, "remissions", where)
+    x, y, heading = numbers.take(after + 3, 3, "the odometry").tolist()
+    (t,) = numbers.take(after + (6 if kind == "FLASER" else 11), 1, "the time").tolist()
+    return Line(number, t, (x, y, heading), angles, ranges)
+
+
+def _count(words: list[str], at: int, what: str, where: str) -> int:
+    word = words[at] if at < len(words) else ""
+    if not word.isdigit() or int(word) > MOST_BEAMS:
+        raise InputError(f"{where}: found {word!r} as the number of {what}, expected 0 to {MOST_BEAMS}.")
+    return int(word)
+
+
+class _Numbers:
+    """The words of a line as numbers."""
+
+    def __init__(self, words: list[str], where: str) -> None:
+        self._words, self._where = words, where
+
+    def take(self, at: int, count: int, what: str, *, finite: bool = True) -> Array:
+        """Those from word `at` on; InputError where there are too few, or one is no number."""
+        words = self._words[at : at + count]
+        if len(words) < count:
+            raise InputError(
+                f"{self._where}: the line ends after {len(self._words)} words, expected {at + count} for {what}."
+            )
+        try:
+            found = np.array(words, dtype=np.float64)
+        except ValueError:
+            bad = next(word for word in words if not _is_number(word))
+            raise InputError(f"{self._where}: found {bad!r} in {what}, expected a number.") from None
+        if finite and not np.isfinite(found).all():
+            bad = next(word for word in words if not isfinite(float(word)))
+            raise InputError(f"{self._where}: found {bad!r} in {what}, expected a finite number.")
+        return found
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

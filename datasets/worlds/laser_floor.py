@@ -1,0 +1,172 @@
+"""The made-up floor: a wheeled robot with a laser scanner drives laps of a corridor and looks into rooms.
+
+Scans are computed from walls and people, and go through the same front end as recorded ones.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...frontend.elementary import arctan2, hypot, sincos
+from ...frontend.factors import Dataset, Prior, Truth
+from ...frontend.laser.recording import LaserRecording, build_log
+from ...frontend.laser.scanner import Scanner
+from ...frontend.laser.settings import Settings
+from ...frontend.options import option
+from ...frontend.se2 import Array, between, compose, wrap
+from ..registry import Source
+from ._casting import cast
+from .floor_plan import CORRIDOR, Plan, floor_plan
+
+SIZE, DEPTH = (36.0, 22.0), 5.0
+"""m: the floor, and the rooms outside of the corridor."""
+
+TICK = 0.02
+"""s between positions of the drive."""
+
+ENOUGH = 0.15
+"""m from a way point at which the robot turns to the next one."""
+
+TURNING, FASTEST, STRAIGHT = 2.5, 1.0, 0.6
+"""1/s and rad/s of the steering; rad off its course at which the robot stands still to turn."""
+
+VISITED = 0.25
+"""Share of the rooms that the robot looks into, each lap."""
+
+FURTHEST, NO_RETURN, LOST = 20.0, 81.83, 0.02
+"""m of a return at most; what the scanner says where there is none; share of beams without a return by themselves."""
+
+RESOLUTION = 0.01
+"""m."""
+
+LEG, APART, STRIDE, PACE = 0.09, 0.18, 0.12, 4.0
+"""m, radius of a person's legs, how far they are apart, how far they swing; rad/s of the swing."""
+
+CLEAR = 0.6
+"""m around the robot into which nobody steps."""
+
+START_SD = 1e-3
+"""m and rad; the robot starts exactly at the prior's mean."""
+
+
+@dataclass(frozen=True)
+class Options(Settings):
+    """The drive, the scanner, and the front end."""
+
+    laps: float = option(2.0, "laps of the corridor, of 71 m each", minimum=0.05, maximum=1000.0)
+    people: int = option(4, "people who walk about in the corridor", minimum=0, maximum=100)
+    beams: int = option(181, "beams of the scanner, over half a circle", minimum=31, maximum=2000)
+    range_sd: float = option(0.015, "noise of a range, m", minimum=0.0, maximum=0.5)
+    scan_rate: float = option(5.0, "scans per second", minimum=1.0, maximum=50.0)
+    slip: float = option(1.0, "noise of the wheels, 1 being 3 cm and 1 degree in a metre", minimum=0.0, maximum=20.0)
+
+
+def laser_floor(options: Options, rng: np.random.Generator) -> Dataset:
+    """Laser scans on a made-up floor with rooms, doors and people, and wheel odometry; one floor per seed."""
+    recording, truth = record(options, rng)
+    log = build_log(recording, options)
+    rows = np.searchsorted(truth.t, log.t)
+    return Dataset(log, Truth(truth.t[rows], truth.poses[rows]))
+
+
+def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, Truth]:
+    """The robot's sensors, and the true poses at the times of its scans."""
+    building, walking, seeing, rolling = rng.spawn(4)
+    plan = floor_plan(*SIZE, DEPTH, building)
+    path = _drive(_way(plan, options.laps, building))
+    every = max(1, round(1 / (options.scan_rate * TICK)))
+    poses = path[::every]
+    t = TICK * every * np.arange(len(poses), dtype=np.float64)
+    angles = np.linspace(-np.pi / 2, np.pi / 2, options.beams)
+    people = _people(plan, options.people, walking)
+    ranges = np.empty((len(t), len(angles)))
+    for k, (x, y, heading) in enumerate(poses.tolist()):
+        s, c = sincos(heading + angles)
+        ranges[k] = cast(plan.walls, _legs(plan, people, float(t[k]), x, y), x, y, np.stack((c, s), -1), FURTHEST)
+    missing = (ranges >= FURTHEST) | (seeing.random(ranges.shape) < LOST)
+    ranges += options.range_sd * seeing.standard_normal(ranges.shape)
+    ranges = np.where(missing, NO_RETURN, RESOLUTION * np.round(ranges / RESOLUTION))
+    prior = Prior(poses[0] + 0.0, START_SD**2 * np.eye(3))
+    scanner = Scanner(angles, np.zeros(3))
+    odometry = _wheels(poses, options.slip, rolling)
+    return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
+
+
+def _way(plan: Plan, laps: float, rng: np.random.Generator) -> Array:
+    """Way points (w, 2): round the corridor, into some of the rooms and back."""
+    ring, points = plan.ring, [plan.ring[0]]
+    for side in range(int(np.ceil(4 * laps))):
+        start, end = ring[side % 4], ring[(side + 1) % 4]
+        length = float(np.abs(end - start).sum())
+        along = (end - start) / length
+        end = start + along * length * min(1.0, 4 * laps - side)
+        beside = list[tuple[float, Array]]()
+        for door in plan.doors:
+            way = float((door.at - start) @ along)
+            off = door.at - start - along * way
+            if hypot(*off) < 0.75 * CORRIDOR and 1 < way < length - 1:
+                beside.append((way, door.at + 0.5 * door.inward))
+        for way, inside in sorted(beside, key=lambda one: one[0]):
+            if rng.random() < VISITED and way < float((end - start) @ along):
+                points += [start + along * way, inside, start + along * way]
+        points.append(end)
+    return np.array(points)
+
+
+def _drive(way: Array) -> Array:
+    """The poses (n, 3), TICK apart, of a robot that steers from way point to way point."""
+    pose = np.array([*way[0], 0.0])
+    path = [pose]
+    for target in way[1:]:
+        while True:
+            off = target - pose[:2]
+            if hypot(*off) < ENOUGH:
+                break
+            turn = float(wrap(arctan2(off[1], off[0]) - pose[2]))
+            speed = 0.5 * max(0.0, 1 - abs(turn) / STRAIGHT)
+            pose = compose(pose, TICK * np.array([speed, 0.0, np.clip(TURNING * turn, -FASTEST, FASTEST)]))
+            path.append(pose)
+    return np.array(path)
+
+
+def _people(plan: Plan, count: int, rng: np.random.Generator) -> Array:
+    """Place along the ring (m), speed (m/s, either way) and offset from its middle (m) of each: (count, 3)."""
+    around = float(np.abs(np.diff(plan.ring, axis=0, append=plan.ring[:1])).sum())
+    speed = rng.uniform(0.5, 1.3, count) * rng.choice([-1.0, 1.0], count)
+    return np.stack((rng.uniform(0, around, count), speed, rng.uniform(-0.6, 0.6, count)), axis=-1)
+
+
+def _legs(plan: Plan, people: Array, t: float, x: float, y: float) -> Array:
+    """Discs (2 m, 3) of the legs of people in the corridor who are not too close to (x, y)."""
+    sides = np.diff(plan.ring, axis=0, append=plan.ring[:1])
+    lengths = np.abs(sides).sum(axis=1)
+    ends = np.cumsum(lengths)
+    discs = list[tuple[float, float, float]]()
+    swing = STRIDE * float(sincos(PACE * t)[0])
+    for start, speed, off in people.tolist():
+        way = (start + speed * t) % float(ends[-1])
+        side = int(np.searchsorted(ends, way, side="right"))
+        along = sides[side] / lengths[side]
+        left = np.array([-along[1], along[0]])
+        at = plan.ring[side] + along * (way - (ends[side] - lengths[side])) + off * left
+        if hypot(at[0] - x, at[1] - y) > CLEAR:
+            discs += [(*(at + swing * along), LEG), (*(at - swing * along + APART * left), LEG)]
+    return np.array(discs).reshape(-1, 3)
+
+
+def _wheels(poses: Array, slip: float, rng: np.random.Generator) -> Array:
+    """Odometry's poses (n, 3): scaled by 1 %, pulling to a side, and with noise that grows with the way."""
+    motion = between(poses[:-1], poses[1:])
+    way, turned = hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])
+    scale, pull = 1 + 0.01 * slip * rng.standard_normal(), 0.02 * slip * rng.standard_normal()
+    noise = slip * rng.standard_normal((3, len(motion)))
+    motion[:, 0] = scale * motion[:, 0] + 0.03 * np.sqrt(way) * noise[0]
+    motion[:, 1] += 0.01 * np.sqrt(way) * noise[1]
+    motion[:, 2] += pull * way + (0.02 * np.sqrt(way) + 0.05 * np.sqrt(turned)) * noise[2]
+    out = [poses[0]]
+    for one in motion:
+        out.append(compose(out[-1], one))
+    return np.array(out)
+
+
+source = Source(laser_floor, Options, seeded=True, costly=True, portable=False)

@@ -1,0 +1,150 @@
+"""Inner loops on the cells of a submap: what beams hit and what they passed through.
+
+A cell is four numbers: hits, beams that passed through, and the sums of the hits' offsets (m) from the cell's corner in
+x and y. So a cell knows the mean of what was hit in it, to a fraction of its size. Cell (i, j) spans
+[origin + size (i, j), origin + size (i + 1, j + 1)).
+"""
+
+from math import cos, floor, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import compiled
+from ..se2 import Array
+
+Cells = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+HIT, THROUGH, DX, DY = 0, 1, 2, 3
+"""Columns of a cell."""
+
+
+@compiled
+def insert(cells: Cells, origin: Array, size: float, pose: Array, scanner: Array, points: Array) -> None:
+    """Inserts the points (k, 2) of a scan, m in the robot's frame at `pose`, that a scanner at `scanner` (2,) saw."""
+    rows, columns = cells.shape[0], cells.shape[1]
+    c, s = cos(pose[2]), sin(pose[2])
+    start_i = (pose[0] + c * scanner[0] - s * scanner[1] - origin[0]) / size
+    start_j = (pose[1] + s * scanner[0] + c * scanner[1] - origin[1]) / size
+    for k in range(len(points)):
+        u = (pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size
+        v = (pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size
+        along_i, along_j = u - start_i, v - start_j
+        steps = int(max(abs(along_i), abs(along_j)))
+        if steps > 1:
+            step_i, step_j = along_i / steps, along_j / steps
+            for q in range(steps - 1):  # not the last cells: a beam that grazes a wall ends there
+                i, j = floor(start_i + q * step_i), floor(start_j + q * step_j)
+                if 0 <= i < rows and 0 <= j < columns:
+                    cells[i, j, THROUGH] += 1
+        i, j = floor(u), floor(v)
+        if 0 <= i < rows and 0 <= j < columns:
+            cells[i, j, HIT] += 1
+            cells[i, j, DX] += size * (u - i)
+            cells[i, j, DY] += size * (v - j)
+
+
+@compiled
+def is_wall(cells: Cells, i: int, j: int, share: float) -> bool:
+    """Tells if at least `share` of the beams that came to a cell were reflected there."""
+    hits = cells[i, j, HIT]
+    return hits > 0 and hits >= share * (hits + cells[i, j, THROUGH])
+
+
+@compiled
+def walls(cells: Cells, share: float) -> Mask:
+    """Which cells are walls."""
+    out = np.empty(cells.shape[:2], np.bool_)
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            out[i, j] = is_wall(cells, i, j, share)
+    return out
+
+
+@compiled
+def thinned(points: Array, spacing: float) -> Mask:
+    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart."""
+    keep = np.empty(len(points), np.bool_)
+    x, y = np.inf, np.inf
+    for k in range(len(points)):
+        dx, dy = points[k, 0] - x, points[k, 1] - y
+        keep[k] = not dx * dx + dy * dy < spacing * spacing
+        if keep[k]:
+            x, y = points[k, 0], points[k, 1]
+    return keep
+
+
+@compiled
+def one_a_cell(points: Array, size: float) -> Array:
+    """The first of the points (k, 2) in every cell of a grid of that size, in their order."""
+    n = len(points)
+    slots = 16
+    while slots < 2 * n:
+        slots *= 2
+    keys, used = np.empty(slots, np.int64), np.zeros(slots, np.bool_)
+    out, m = np.empty((n, 2)), 0
+    for k in range(n):
+        key = (floor(points[k, 0] / size) << 32) + floor(points[k, 1] / size)
+        at = (key * 0x9E3779B97F4A7C1 >> 20) & (slots - 1)
+        while used[at] and keys[at] != key:
+            at = (at + 1) & (slots - 1)
+        if not used[at]:
+            used[at], keys[at] = True, key
+            out[m] = points[k]
+            m += 1
+    return out[:m].copy()
+
+
+@compiled
+def seen_through(
+    cells: Cells, origin: Array, size: float, pose: Array, scanner: Array, points: Array, slack: float
+) -> tuple[float, float]:
+    """Where a scan at `pose` contradicts a submap, as two shares of its beams.
+
+    Of the beams over ground that the submap has seen: those that pass through a wall more than `slack` (m) before they
+    end. Of the beams that end in ground it has seen: those that end where it has seen nothing but free space.
+    """
+    rows, columns = cells.shape[0], cells.shape[1]
+    c, s = cos(pose[2]), sin(pose[2])
+    start_i = (pose[0] + c * scanner[0] - s * scanner[1] - origin[0]) / size
+    start_j = (pose[1] + s * scanner[0] + c * scanner[1] - origin[1]) / size
+    crossed, compared, in_free, ended = 0, 0, 0, 0
+    for k in range(len(points)):
+        u = (pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size
+        v = (pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size
+        along_i, along_j = u - start_i, v - start_j
+        steps = int(max(abs(along_i), abs(along_j)))
+        if steps < SHORT:
+            continue
+        known, wall = 0, False
+        step_i, step_j = along_i / steps, along_j / steps
+        for q in range(steps - int(slack / size)):
+            i, j = floor(start_i + q * step_i), floor(start_j + q * step_j)
+            if 0 <= i < rows and 0 <= j < columns:
+                hits, all_ = cells[i, j, HIT], cells[i, j, HIT] + cells[i, j, THROUGH]
+                known += all_ > 0
+                wall = wall or (hits >= SOLID_HITS and hits >= SOLID_SHARE * all_)
+        if known > COMPARED * steps:
+            compared += 1
+            crossed += wall
+        i, j = floor(u), floor(v)
+        near, seen = False, 0
+        for a in range(max(i - AROUND, 0), min(i + AROUND + 1, rows)):
+            for b in range(max(j - AROUND, 0), min(j + AROUND + 1, columns)):
+                near = near or is_wall(cells, a, b, FREE_SHARE)
+                seen += cells[a, b, HIT] + cells[a, b, THROUGH] > 0
+        if 2 * seen > (2 * AROUND + 1) ** 2:
+            ended += 1
+            in_free += not near
+    return crossed / max(compared, 1), in_free / max(ended, 1)
+
+
+SHORT, COMPARED = 4, 0.3
+"""Cells of a beam that is compared at least, and the share of them that the submap has seen."""
+
+SOLID_HITS, SOLID_SHARE = 3, 0.5
+"""Hits, and their share of all beams, of a cell that no beam can pass through."""
+
+FREE_SHARE, AROUND = 0.2, 3
+"""A beam ends in free space if no cell within AROUND of its end has this share of hits."""

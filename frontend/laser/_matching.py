@@ -1,0 +1,200 @@
+"""Inner loop of scan matching: points to the lines through the cells of a submap, by Gauss-Newton."""
+
+from math import atan2, cos, floor, pi, sin, sqrt
+
+import numpy as np
+
+from ..compiled import compiled
+from ..se2 import Array
+from ._grid import DX, DY, HIT, Cells, is_wall
+
+LINE = 2
+"""Cells around the nearest one that a line is laid through."""
+
+LONG, THIN = 9e-4, 0.1
+"""m², least variance of the cells' means along a line, and the largest share of it across; else it is a point."""
+
+POINT_SD = 0.04
+"""m; how far a point of the surface may be from a cell's mean where there is no line."""
+
+INSIDE = 9.0
+"""Squared distance, in its own variance, of a point that counts as explained."""
+
+HITS = 4.0
+"""Hits of a cell from which on its weight in a line does not grow."""
+
+SOFT = 4.0
+"""Squared distance at which the weight of Geman and McClure's loss is a quarter; half in the first iterations."""
+
+
+@compiled
+def match(
+    cells: Cells,
+    origin: Array,
+    size: float,
+    share: float,
+    points: Array,
+    start: Array,
+    prior: Array,
+    prior_information: Array,
+    sd: float,
+    reach: int,
+    iterations: int,
+) -> tuple[Array, Array, float]:
+    """Moves a scan's points (k, 2) onto a submap; returns pose (3,), information (3, 3) and share of points explained.
+
+    Minimises the sum of squared distances in units of `sd` (m), under Geman and McClure's loss, and the squared
+    distance of the pose from `prior` (3,) by `prior_information` (3, 3), from `start` (3,) on. A point belongs to the
+    line through the cells around the nearest one, within `reach` cells at first, and fewer later. The information is
+    that of the points alone, in the submap's axes; along a corridor it is zero. Point to line: Censi, ICRA 2008.
+    """
+    pose, step = start.copy(), np.empty(3)
+    H, g, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    explained = 0
+    for turn in range(iterations):
+        within = reach if turn < 2 else (min(reach, 4) if turn < 4 else min(reach, 2))
+        furthest = (within * size) ** 2 if turn < 2 else (min(within * size, 0.2 if turn < 4 else 0.12)) ** 2
+        explained = normal_equations(cells, origin, size, share, points, pose, sd, within, furthest, turn > 2, H, g)
+        turned = pose[2] - prior[2]
+        off = (pose[0] - prior[0], pose[1] - prior[1], turned - 2 * pi * floor((turned + pi) / (2 * pi)))
+        for i in range(3):
+            for j in range(3):
+                A[i, j] = H[i, j] + prior_information[i, j]
+                g[i] += prior_information[i, j] * off[j]
+            A[i, i] += 1e-6
+        solved(A, g, step)
+        for i in range(3):
+            pose[i] -= step[i]
+        pose[2] -= 2 * pi * floor((pose[2] + pi) / (2 * pi))
+        if turn > 4 and abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-4:
+            break
+    return pose, H, explained / max(len(points), 1)
+
+
+@compiled
+def normal_equations(
+    cells: Cells,
+    origin: Array,
+    size: float,
+    share: float,
+    points: Array,
+    pose: Array,
+    sd: float,
+    within: int,
+    furthest: float,
+    settled: bool,
+    H: Array,
+    g: Array,
+) -> int:
+    """Fills J' W J (3, 3) and J' W r (3,) at `pose`; returns the number of points that are explained."""
+    H[:] = 0.0
+    g[:] = 0.0
+    c, s = cos(pose[2]), sin(pose[2])
+    explained = 0
+    for k in range(len(points)):
+        rx, ry = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+        x, y = pose[0] + rx - origin[0], pose[1] + ry - origin[1]
+        i, j, d2 = nearest(cells, size, share, x, y, within)
+        if i < 0 or d2 > furthest:
+            continue
+        mx, my, nx, ny, along, across = line(cells, size, share, i, j)
+        if along > LONG and across < THIN * along:
+            r = nx * (x - mx) + ny * (y - my)
+            variance = sd * sd + 0.25 * across
+            e = r * r / variance
+            w = 1.0 / (1.0 + e / SOFT)
+            a = (w * w if settled else w) / variance
+            t = ny * rx - nx * ry
+            H[0, 0] += a * nx * nx
+            H[1, 0] += a * nx * ny
+            H[1, 1] += a * ny * ny
+            H[2, 0] += a * nx * t
+            H[2, 1] += a * ny * t
+            H[2, 2] += a * t * t
+            g[0] += a * nx * r
+            g[1] += a * ny * r
+            g[2] += a * t * r
+        else:
+            hits = cells[i, j, HIT]
+            ex, ey = x - size * i - cells[i, j, DX] / hits, y - size * j - cells[i, j, DY] / hits
+            variance = sd * sd + POINT_SD * POINT_SD
+            e = (ex * ex + ey * ey) / variance
+            w = 1.0 / (1.0 + e / SOFT)
+            a = (w * w if settled else w) / variance
+            H[0, 0] += a
+            H[1, 1] += a
+            H[2, 0] -= a * ry
+            H[2, 1] += a * rx
+            H[2, 2] += a * (rx * rx + ry * ry)
+            g[0] += a * ex
+            g[1] += a * ey
+            g[2] += a * (rx * ey - ry * ex)
+        explained += e < INSIDE
+    H[0, 1], H[0, 2], H[1, 2] = H[1, 0], H[2, 0], H[2, 1]
+    return explained
+
+
+@compiled
+def nearest(cells: Cells, size: float, share: float, x: float, y: float, within: int) -> tuple[int, int, float]:
+    """The wall whose mean is nearest to (x, y), m from the corner, at most `within` cells away; or (-1, -1, inf).
+
+    Rings of cells are looked at from inside out: a cell of the next ring is at least as far as the ring's number.
+    """
+    rows, columns = cells.shape[0], cells.shape[1]
+    i, j = floor(x / size), floor(y / size)
+    best, at_i, at_j = np.inf, -1, -1
+    for ring in range(within + 1):
+        if ring > 1 and best <= (size * (ring - 1)) ** 2:
+            break
+        for a in range(i - ring, i + ring + 1):
+            if not 0 <= a < rows:
+                continue
+            stride = 1 if a == i - ring or a == i + ring or ring == 0 else 2 * ring
+            for b in range(j - ring, j + ring + 1, stride):
+                if 0 <= b < columns and is_wall(cells, a, b, share):
+                    hits = cells[a, b, HIT]
+                    dx, dy = x - size * a - cells[a, b, DX] / hits, y - size * b - cells[a, b, DY] / hits
+                    d2 = dx * dx + dy * dy
+                    if d2 < best:
+                        best, at_i, at_j = d2, a, b
+    return at_i, at_j, best
+
+
+@compiled
+def line(cells: Cells, size: float, share: float, i: int, j: int) -> tuple[float, float, float, float, float, float]:
+    """The line through the walls around cell (i, j): a point of it, its normal, variance along and across it, m²."""
+    total, mx, my, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(max(i - LINE, 0), min(i + LINE + 1, cells.shape[0])):
+        for b in range(max(j - LINE, 0), min(j + LINE + 1, cells.shape[1])):
+            if is_wall(cells, a, b, share):
+                hits = cells[a, b, HIT]
+                weight = min(float(hits), HITS)
+                dx, dy = size * (a - i) + cells[a, b, DX] / hits, size * (b - j) + cells[a, b, DY] / hits
+                total += weight
+                mx += weight * dx
+                my += weight * dy
+                xx += weight * dx * dx
+                xy += weight * dx * dy
+                yy += weight * dy * dy
+    mx /= total
+    my /= total
+    xx, xy, yy = xx / total - mx * mx, xy / total - mx * my, yy / total - my * my
+    half, off = (xx + yy) / 2, (xx - yy) / 2
+    root = sqrt(off * off + xy * xy)
+    angle = 0.5 * atan2(2 * xy, xx - yy)
+    return size * i + mx, size * j + my, -sin(angle), cos(angle), half + root, max(half - root, 0.0)
+
+
+@compiled
+def solved(A: Array, b: Array, x: Array) -> None:
+    """Solves A x = b for a positive definite A (3, 3), by its Cholesky factor."""
+    l00 = sqrt(A[0, 0])
+    l10, l20 = A[1, 0] / l00, A[2, 0] / l00
+    l11 = sqrt(A[1, 1] - l10 * l10)
+    l21 = (A[2, 1] - l20 * l10) / l11
+    l22 = sqrt(A[2, 2] - l20 * l20 - l21 * l21)
+    y0 = b[0] / l00
+    y1 = (b[1] - l10 * y0) / l11
+    x[2] = (b[2] - l20 * y0 - l21 * y1) / l22 / l22
+    x[1] = (y1 - l21 * x[2]) / l11
+    x[0] = (y0 - l10 * x[1] - l20 * x[2]) / l00

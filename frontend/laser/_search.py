@@ -1,0 +1,178 @@
+"""Inner loops of correlative search: where in a window do a scan's points fall on walls?
+
+A field (n, m) of bytes is 255 on a wall and falls off beside it; the score of a pose is the mean of the field at the
+points. Branch and bound (Hess et al., ICRA 2016, section V) looks at squares of places first: level h of the pyramid is
+the field's maximum over 2^h x 2^h cells, so that its score bounds those of all places in the square.
+"""
+
+from math import ceil, cos, exp, floor, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import compiled
+from ..se2 import Array
+
+Bytes = NDArray[np.uint8]
+
+LEVELS = 7
+"""Of the pyramid: the coarsest squares have 64 cells a side."""
+
+FULL = 255
+"""The field on a wall."""
+
+
+@compiled
+def coarser(finer: Bytes, width: int) -> Bytes:
+    """The next level of a pyramid, from one of squares of `width` cells.
+
+    Entry (i, j) is about the square whose first cell is (i - 2 width + 1, j - 2 width + 1): squares that overlap the
+    field in part are there, too.
+    """
+    rows, columns = finer.shape
+    out = np.zeros((rows + width, columns + width), np.uint8)
+    for i in range(rows):
+        for j in range(columns):
+            value = finer[i, j]
+            for a in (i, i + width):
+                for b in (j, j + width):
+                    out[a, b] = max(out[a, b], value)
+    return out
+
+
+@compiled
+def total(level: Bytes, width: int, at_i: NDArray[np.int32], at_j: NDArray[np.int32], di: int, dj: int) -> int:
+    """Sum, over cells moved by the squares from (di, dj) on, of the maximum in the square."""
+    rows, columns = level.shape
+    value = 0
+    for k in range(len(at_i)):
+        i, j = at_i[k] + di + width - 1, at_j[k] + dj + width - 1
+        if 0 <= i < rows and 0 <= j < columns:
+            value += int(level[i, j])
+    return value
+
+
+@compiled
+def branch_and_bound(
+    pyramid: tuple[Bytes, ...],
+    origin: Array,
+    size: float,
+    points: Array,
+    centre: Array,
+    window: float,
+    turn: float,
+    turn_step: float,
+    least: float,
+) -> tuple[Array, float, int]:
+    """The best pose within `window` (m) and `turn` (rad) of `centre` (3,), in steps of a cell and of `turn_step`.
+
+    Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Of
+    equally good poses the first found is taken.
+    """
+    count, turns = len(points), ceil(turn / turn_step)
+    half, widest = ceil(window / size), 1 << (LEVELS - 1)
+    across = 2 * half // widest + 1
+    limit = int(least * FULL * count)
+    at_i, at_j = np.empty((2 * turns + 1, count), np.int32), np.empty((2 * turns + 1, count), np.int32)
+    n = (2 * turns + 1) * across * across
+    sums, of = np.empty(n, np.int64), np.empty((n, 3), np.int32)
+    m = 0
+    for a in range(2 * turns + 1):
+        heading = centre[2] + (a - turns) * turn_step
+        c, s = cos(heading), sin(heading)
+        for k in range(count):
+            at_i[a, k] = floor((centre[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size)
+            at_j[a, k] = floor((centre[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size)
+        for p in range(across):
+            for q in range(across):
+                di, dj = p * widest - half, q * widest - half
+                value = total(pyramid[LEVELS - 1], widest, at_i[a], at_j[a], di, dj)
+                if value > limit:
+                    sums[m], of[m, 0], of[m, 1], of[m, 2] = value, a, di, dj
+                    m += 1
+    visited = n
+    best_a, best_i, best_j, found = turns, 0, 0, False
+    stack = np.empty((3 * LEVELS + 1, 4), np.int64)  # level, di, dj, sum
+    child = np.empty((4, 3), np.int64)
+    order = np.argsort(-sums[:m])
+    for t in range(m):
+        at = order[t]
+        if sums[at] <= limit:
+            break
+        a = of[at, 0]
+        stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = LEVELS - 1, of[at, 1], of[at, 2], sums[at]
+        top = 1
+        while top > 0:
+            top -= 1
+            level, di, dj, value = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+            if value <= limit:
+                continue
+            if level == 0:
+                limit, best_a, best_i, best_j, found = value, a, di, dj, True
+                continue
+            width = 1 << (level - 1)
+            for p in range(4):
+                i, j = di + (p >> 1) * width, dj + (p & 1) * width
+                value = total(pyramid[level - 1], width, at_i[a], at_j[a], i, j) if i <= half and j <= half else 0
+                q = p  # the best is pushed last, and looked at first
+                while q > 0 and child[q - 1, 0] > value:
+                    child[q, 0], child[q, 1], child[q, 2] = child[q - 1, 0], child[q - 1, 1], child[q - 1, 2]
+                    q -= 1
+                child[q, 0], child[q, 1], child[q, 2] = value, i, j
+            visited += 4
+            for p in range(4):
+                if child[p, 0] > limit:
+                    stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = (
+                        level - 1, child[p, 1], child[p, 2], child[p, 0],
+                    )  # fmt: skip
+                    top += 1
+    pose = centre.copy()
+    pose[0] += size * best_i
+    pose[1] += size * best_j
+    pose[2] += turn_step * (best_a - turns)
+    return pose, limit / FULL / count if found else 0.0, visited
+
+
+@compiled
+def correlated(
+    field: Bytes,
+    origin: Array,
+    size: float,
+    points: Array,
+    centre: Array,
+    window: float,
+    turn: float,
+    step: float,
+    turn_step: float,
+    sd: float,
+    turn_sd: float,
+) -> Array:
+    """The best pose of a small window, every one tried; those far from `centre` (3,) have to be better.
+
+    A score is multiplied by a Gaussian of standard deviations `sd` (m) and `turn_sd` (rad), as Cartographer's real-time
+    matcher does.
+    """
+    rows, columns = field.shape
+    turns, half = ceil(turn / turn_step), ceil(window / step)
+    best, found = -1.0, centre.copy()
+    rotated = np.empty((len(points), 2))
+    for a in range(-turns, turns + 1):
+        heading = centre[2] + a * turn_step
+        c, s = cos(heading), sin(heading)
+        for k in range(len(points)):
+            rotated[k, 0] = (c * points[k, 0] - s * points[k, 1] - origin[0]) / size
+            rotated[k, 1] = (s * points[k, 0] + c * points[k, 1] - origin[1]) / size
+        for p in range(-half, half + 1):
+            for q in range(-half, half + 1):
+                x, y = centre[0] + p * step, centre[1] + q * step
+                value = 0
+                for k in range(len(points)):
+                    i, j = floor(x / size + rotated[k, 0]), floor(y / size + rotated[k, 1])
+                    if 0 <= i < rows and 0 <= j < columns:
+                        value += field[i, j]
+                far = (p * p + q * q) * (step / sd) ** 2 + (a * turn_step / turn_sd) ** 2
+                score = value * exp(-0.5 * far)
+                if score > best:
+                    best = score
+                    found[0], found[1], found[2] = x, y, heading
+    return found

@@ -1,0 +1,288 @@
+"""The laser front end: scans one after another become steps with odometry factors and loop closures.
+
+Hess, Kohler, Rapp and Andor, Real-time loop closure in 2D LIDAR SLAM, ICRA 2016. Scans are matched with a submap of the
+last metres, steps with submaps of earlier ones. The matcher's path is never corrected; the front end's own pose graph
+only says where to look for loops.
+"""
+
+from collections import Counter, deque
+from typing import NamedTuple
+
+import numpy as np
+
+from ..se2 import Array, between, compose, rotation
+from ..small_matrices import inverse
+from ._matching import match
+from ._search import correlated
+from .loops import Loop, Surprises, cloud, loop_of, searched
+from .pose_graph import Relations, optimised
+from .scanner import Scan, Scanner
+from .settings import Settings
+from .submap import Submap
+
+AT_FIRST, AGAIN = 6, 4
+"""Cells around a point in which its wall is looked for at first: from the prediction, and after a search."""
+
+ITERATIONS = 20
+
+REACH, FIELD_SD = 14.0, 0.08
+"""m around the prediction in which a lost scan is searched for, and the width of the field."""
+
+FEW = 80
+"""Points of a scan that are searched with."""
+
+SEARCH, SEARCH_TURN = 0.3, 0.35
+"""m and rad that a search goes beyond the odometry's motion."""
+
+STEP, TURN_STEP = 0.08, 0.03
+"""m and rad between poses that are tried."""
+
+TRUST, TRUST_TURN = 0.6, 0.6
+"""sd, m and rad, of the search's prior, beside the motion."""
+
+COST, BETTER = 0.02, 0.03
+"""Share of points that a unit of squared distance from the odometry costs; by how much a search has to be better."""
+
+OFTEN = 0.1
+"""s; scans in a burst are taken to be that far apart where a speed is computed."""
+
+
+class Step(NamedTuple):
+    """A step of the log."""
+
+    t: float
+    scan: int  # its number
+    pose: Array  # (3,) on the matcher's path
+    delta: Array  # (3,) from the step before
+    cov: Array  # (3, 3) in the axes of delta
+
+
+class FrontEnd:
+    """Takes scans in the order of time."""
+
+    def __init__(self, scanner: Scanner, settings: Settings, wheels: bool = True) -> None:
+        self.scanner, self.settings, self.wheels = scanner, settings, wheels
+        self.steps: list[Step] = []
+        self.loops: list[Loop] = []
+        self.t: list[float] = []
+        self.path: list[Array] = []  # of every scan, on the matcher's path
+        self.of_step: list[int] = []  # the last step before or at each scan
+        self.submaps: list[Submap] = []  # finished
+        self.estimate: list[Array] = []  # of the steps, by the pose graph
+        self.turned_down: Counter[str] = Counter()
+        self.tried = self.lost = self.found_again = self.confirmed = 0
+        self._active: list[Submap] = []
+        self._way = 0.0  # m, with turning
+        self._drawn: deque[tuple[Array, Scan]] = deque(maxlen=settings.cloud)
+        self._poses: list[Array] = []  # of the steps, on the matcher's path
+        self._rates: list[Array] = []  # m/s, rad/s at the steps
+        self._surprises = Surprises(settings)
+        self._corrected, self._optimised, self._loops_then = 0.0, 0, 0
+
+    def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
+        """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels."""
+        scan = Scan(self.scanner.points(ranges), self.settings.spacing)
+        if not self.path:
+            self._record(t, np.zeros(3), True)
+            self._draw(np.zeros(3), scan)
+            self._new_step(t, np.zeros(3), np.zeros((3, 3)), scan, np.zeros(2))
+            return
+        delta, cov = self._predicted(t, motion)
+        pose, information = self._matched(scan, delta, cov)
+        moved = between(self.path[-1], pose) / max(t - self.t[-1], OFTEN)
+        rate = np.array([np.hypot(moved[0], moved[1]), abs(moved[2])])
+        s = self.settings
+        if _beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
+            self._draw(pose, scan)
+        new = _beyond(between(self._poses[-1], pose), s.step, s.turn)
+        self._record(t, pose, new)
+        if new:
+            self._new_step(t, pose, information, scan, rate)
+
+    def finish(self) -> None:
+        """Optimises the estimate once more."""
+        if self.loops:
+            self._optimise(100)
+
+    def trajectory(self) -> Array:
+        """The estimate (n, 3) of every scan: the matcher's path, bent to the steps before and after each."""
+        before = np.array(self.of_step)
+        after = np.minimum(before + 1, len(self.steps) - 1)
+        local, steps, estimate = np.array(self.path), np.array(self._poses), np.array(self.estimate)
+        t, at = np.array(self.t), np.array([step.t for step in self.steps])
+        by_before = compose(estimate[before], between(steps[before], local))
+        by_after = compose(estimate[after], between(steps[after], local))
+        share = np.clip((t - at[before]) / np.maximum(at[after] - at[before], 1e-9), 0, 1)
+        return compose(by_before, between(by_before, by_after) * share[:, None])
+
+    def _record(self, t: float, pose: Array, new: bool) -> None:
+        self.t.append(t)
+        self.path.append(pose)
+        self.of_step.append(len(self.steps) - (not new))
+
+    def _predicted(self, t: float, motion: Array | None) -> tuple[Array, Array]:
+        """The motion since the last scan, and its covariance, both in the axes of the last pose."""
+        s = self.settings
+        if motion is not None:
+            return motion, _wheels_cov(motion, s)
+        if len(self.path) < 2:
+            return np.zeros(3), np.eye(3) * s.blind**2
+        before = max(self.t[-1] - self.t[-2], 1e-3)
+        return between(self.path[-2], self.path[-1]) * min((t - self.t[-1]) / before, 2.0), np.eye(3) * s.blind**2
+
+    def _matched(self, scan: Scan, delta: Array, cov: Array) -> tuple[Array, Array]:
+        """The pose of a scan on the submap, and the information of its points."""
+        s, submap, last = self.settings, self._active[0], self.path[-1]
+        predicted = compose(last, delta)
+        if not len(scan.few):
+            self.lost += 1
+            return predicted, np.zeros((3, 3))
+        R = rotation(float(last[2]))
+        prior = inverse(R @ cov @ R.T)
+        grid = (submap.cells, submap.origin, s.cell, s.share, scan.few)
+        pose, information, inside = match(*grid, predicted, predicted, prior, s.sd, AT_FIRST, ITERATIONS)
+        if inside >= s.lost:
+            return pose, information
+        self.lost += 1
+        way = float(np.hypot(delta[0], delta[1]))
+        field, origin = submap.field_around(predicted, REACH, FIELD_SD)
+        guess = correlated(
+            field, origin, s.cell, scan.few[:: max(1, len(scan.few) // FEW)], predicted, SEARCH + way,
+            SEARCH_TURN + abs(delta[2]), STEP, TURN_STEP, TRUST + way, TRUST_TURN + abs(delta[2]),
+        )  # fmt: skip
+        other, its, others_inside = match(*grid, guess, predicted, prior, s.sd, AGAIN, ITERATIONS)
+        if others_inside - COST * _distance(other, predicted, prior) > (
+            inside - COST * _distance(pose, predicted, prior) + BETTER
+        ):
+            self.found_again += 1
+            return other, its
+        return pose, information
+
+    def _draw(self, pose: Array, scan: Scan) -> None:
+        """Draws a scan into the active submaps, and starts and ends them."""
+        s = self.settings
+        if self._drawn:
+            moved = between(self._drawn[-1][0], pose)
+            self._way += float(np.hypot(moved[0], moved[1]) + s.turn_path * abs(moved[2]))
+        self._drawn.append((pose, scan))
+        if not self._active or self._way - self._active[-1].born > s.submap_path:
+            self._active.append(Submap(pose, s, self.scanner, self._way))
+            self._active[-1].steps.append(max(len(self.steps) - 1, 0))
+        for submap in self._active:
+            submap.insert(pose, scan)
+        if len(self._active) > 2:
+            done = self._active.pop(0)
+            done.finish(self._way)
+            self.submaps.append(done)
+
+    def _new_step(self, t: float, pose: Array, information: Array, scan: Scan, rate: Array) -> None:
+        """Ends a step: its odometry factor, and its loops."""
+        s, k = self.settings, len(self.steps)
+        self._rates.append(rate)
+        if k == 0:
+            self.steps.append(Step(t, 0, pose, np.zeros(3), np.zeros((3, 3))))
+            self.estimate.append(pose.copy())
+        else:
+            last = self._poses[-1]
+            delta, R = between(last, pose), rotation(float(last[2]))
+            fused = R.T @ information @ R + inverse(_wheels_cov(delta, s))
+            cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
+            cov += self._stale(k) + self._stale(k - 1)
+            self.steps.append(Step(t, len(self.path) - 1, pose, delta, (cov + cov.T) / 2))
+            self.estimate.append(compose(self.estimate[-1], delta))
+        self._poses.append(pose)
+        for submap in self._active:
+            if not submap.steps or submap.steps[-1] != k:
+                submap.steps.append(k)
+        if s.loops and k % s.loop_every == 0:
+            self._close(k, scan)
+        if k % s.optimise_every == 0 and len(self.loops) > self._loops_then:
+            self._correct(k)
+
+    def _stale(self, k: int) -> Array:
+        """What a scan that was swept on the move, or a stamp that is off, adds to a covariance."""
+        v, w = self.settings.stamp_sd * self._rates[k]
+        return np.diag([v * v, v * v, w * w])
+
+    def _close(self, k: int, scan: Scan) -> None:
+        """Looks for step k in the finished submaps nearest to its estimate."""
+        s, estimate = self.settings, self.estimate
+        here = estimate[k]
+        near = list[tuple[float, int, Submap, int]]()
+        for number, submap in enumerate(self.submaps):
+            if self._way - submap.died < s.loop_path or not submap.steps:
+                continue
+            off = np.array([estimate[i] for i in submap.steps])[:, :2] - here[:2]
+            distance = np.hypot(off[:, 0], off[:, 1])
+            if distance.min() < s.loop_radius:
+                near.append((float(distance.min()), number, submap, submap.steps[int(np.argmin(distance))]))
+        if not near:
+            return
+        since = self._way - self._corrected
+        window = min(s.window_start + s.window_by_path * since, s.window)
+        turn = min(s.turn_start + s.turn_by_path * since, s.turn_window)
+        seen = cloud(self._poses[k], [pose for pose, _ in self._drawn], [one for _, one in self._drawn], s.cloud_cell)
+        for _, _, submap, nearest in sorted(near, key=lambda one: one[:2])[: s.loop_submaps]:
+            guess = compose(self._poses[nearest], between(estimate[nearest], here))
+            self.tried += 1
+            found = searched(submap, scan, seen, guess, window, turn, self.turned_down)
+            if found is None:
+                continue
+            loop = loop_of(found, submap, k, self._poses, s, self._stale(k))
+            if self._surprises.is_expected(guess, found.pose, since):
+                self.loops.append(loop)
+                self._surprises.agreed()
+                continue
+            confirmed = self._surprises.add(loop, self._way, estimate)
+            if confirmed:
+                self.loops += confirmed
+                self.confirmed += len(confirmed)
+                self._correct(k)
+            else:
+                self.turned_down["surprises not confirmed"] += 1
+
+    def _correct(self, k: int) -> None:
+        self._optimise(15)
+        self._optimised, self._corrected, self._loops_then = k, self._way, len(self.loops)
+
+    def _optimise(self, iterations: int) -> None:
+        """Moves the estimate to the optimum of steps and loops."""
+        steps = self.steps[1:]
+        number = np.arange(len(steps))
+        self.estimate = list(
+            optimised(
+                np.array(self.estimate),
+                Relations(
+                    number,
+                    number + 1,
+                    np.array([step.delta for step in steps]).reshape(-1, 3),
+                    inverse(np.array([step.cov for step in steps]).reshape(-1, 3, 3)),
+                ),
+                Relations(
+                    np.array([loop.to for loop in self.loops]),
+                    np.array([loop.step for loop in self.loops]),
+                    np.array([loop.delta for loop in self.loops]),
+                    inverse(np.array([loop.cov for loop in self.loops])),
+                ),
+                iterations,
+            )
+        )
+
+
+def _beyond(motion: Array, way: float, turn: float) -> bool:
+    return bool(np.hypot(motion[0], motion[1]) > way or abs(motion[2]) > turn)
+
+
+def _wheels_cov(motion: Array, s: Settings) -> Array:
+    """Covariance of a motion by the wheels: wide enough for slipping ones."""
+    way, turned = float(np.hypot(motion[0], motion[1])), abs(float(motion[2]))
+    sd = s.still + s.by_way * way
+    turn_sd = s.turn_still + s.by_turn * turned + s.turn_by_way * way
+    return np.diag([sd**2, sd**2, turn_sd**2])
+
+
+def _distance(pose: Array, predicted: Array, information: Array) -> float:
+    """Squared Mahalanobis distance of a pose from the prediction."""
+    off = pose - predicted
+    off[2] = (off[2] + np.pi) % (2 * np.pi) - np.pi
+    return float(off @ information @ off)

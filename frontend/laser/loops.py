@@ -1,0 +1,164 @@
+"""Loop closures: a step's view is searched for in submaps that the robot drew earlier, and what is found is verified.
+
+What is searched with is not one scan, which looks alike between any two doors, but the last metres of path together.
+A loop far from where the estimate has it counts once several steps ask for the same correction (`Surprises`).
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..se2 import Array, between, compose, rotation
+from ..small_matrices import inverse
+from ._grid import one_a_cell, seen_through
+from ._matching import match
+from ._search import branch_and_bound
+from .scanner import Scan
+from .settings import Settings
+from .submap import Submap
+
+LEAST_POINTS = 30
+"""Points of a scan that is searched for."""
+
+REFINED, ALONE = 4, 3
+"""Cells around a point in which its wall is looked for at first: of the cloud, and of the scan alone."""
+
+SLACK = 0.25
+"""m before its end from which on a beam may pass through a wall."""
+
+WEAK = np.diag([4.0, 4.0, 25.0])
+"""Information that a match has at least, of x, y (1/m²) and heading (1/rad²): along a corridor the points have none."""
+
+HOLD = np.diag([100.0, 100.0, 400.0])
+"""Information with which the single scan is held where the cloud was matched."""
+
+NOTHING = np.zeros((3, 3))
+
+FARTHEST = 12.0
+"""m; how far a point may be at most to set the step of the search in heading."""
+
+
+class Loop(NamedTuple):
+    """The pose of a step in the frame of an earlier one, as backends get it."""
+
+    to: int
+    step: int
+    delta: Array  # (3,)
+    cov: Array  # (3, 3) in the axes of delta
+    score: float
+
+
+class Match(NamedTuple):
+    """A scan placed on a submap."""
+
+    pose: Array  # (3,) in the axes of the matcher's path
+    information: Array  # (3, 3)
+    score: float
+
+
+def searched(
+    submap: Submap, scan: Scan, cloud: Array, guess: Array, window: float, turn: float, why: Counter[str]
+) -> Match | None:
+    """Looks for a scan, seen from within `window` (m) and `turn` (rad) of `guess`, in a finished submap.
+
+    `cloud` (k, 2) are the points of the last scans in this one's frame. The first test that is not passed is counted in
+    `why`.
+    """
+    s = submap.settings
+    if len(scan.few) < LEAST_POINTS:
+        why["too few points"] += 1
+        return None
+    far = min(float(np.percentile(np.hypot(*cloud.T), 90)), FARTHEST)
+    pose, score, _ = branch_and_bound(
+        submap.pyramid, submap.origin, s.cell, cloud[:: max(1, len(cloud) // s.searched)], guess, window, turn,
+        1.5 * s.cell / far, s.score,
+    )  # fmt: skip
+    if score <= 0:
+        why["no place"] += 1
+        return None
+    grid = (submap.cells, submap.origin, s.cell)
+    pose, _, inside = match(*grid, s.share, cloud, pose, pose, NOTHING, s.sd, REFINED, 25)
+    if inside < s.inside:
+        why["too few points on walls"] += 1
+        return None
+    through, free = seen_through(*grid, pose, submap.scanner.pose[:2], scan.few, SLACK)
+    if through > s.through:
+        why["beams through walls"] += 1
+        return None
+    if free > s.free:
+        why["ends in free space"] += 1
+        return None
+    alone, information, inside = match(*grid, s.share, scan.few, pose, pose, HOLD, s.sd, ALONE, 25)
+    off = between(pose, alone)
+    if inside < s.inside or np.hypot(off[0], off[1]) > s.alone or abs(off[2]) > s.alone_turn:
+        why["the scan alone disagrees"] += 1
+        return None
+    return Match(alone, information, score)
+
+
+def cloud(pose: Array, poses: Sequence[Array], scans: Sequence[Scan], size: float) -> Array:
+    """The points of scans taken at `poses`, in the frame of `pose`, one a cell of that size: (k, 2)."""
+    parts = list[Array]()
+    for at, scan in zip(poses, scans, strict=True):
+        x, y, turned = between(pose, at)
+        c, s = np.cos(turned), np.sin(turned)
+        parts.append(scan.few @ np.array([[c, s], [-s, c]]) + (x, y))
+    return one_a_cell(np.concatenate(parts), size)
+
+
+def loop_of(found: Match, submap: Submap, step: int, poses: Sequence[Array], settings: Settings, stale: Array) -> Loop:
+    """A match as a loop to the step of the submap nearest to it: least of the submap's own bend enters.
+
+    `poses` are those of all steps on the matcher's path; `stale` (3, 3) is the covariance by the scan's age.
+    """
+    at = np.array([poses[k] for k in submap.steps])
+    to = submap.steps[int(np.argmin(np.hypot(*(at[:, :2] - found.pose[:2]).T)))]
+    R = rotation(float(poses[to][2]))
+    cov = inverse(R.T @ found.information @ R + WEAK)
+    cov += np.diag([settings.loop_floor**2, settings.loop_floor**2, settings.loop_turn_floor**2]) + stale
+    return Loop(to, step, between(poses[to], found.pose), cov, found.score)
+
+
+class Surprises:
+    """Loops that lie far from where the estimate has them, until enough of them agree."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._waiting: list[tuple[Loop, float]] = []  # and the path when it was found
+
+    def is_expected(self, guess: Array, found: Array, since: float) -> bool:
+        """Tells if a match is where the estimate, `since` metres after the last correction, may have it."""
+        s, off = self._settings, between(guess, found)
+        return bool(
+            np.hypot(off[0], off[1]) < s.expected + s.expected_by_path * since
+            and abs(off[2]) < s.expected_turn + s.expected_turn_by_path * since
+        )
+
+    def agreed(self) -> None:
+        """Forgets all: a loop where it was expected says that the estimate is right."""
+        self._waiting.clear()
+
+    def add(self, loop: Loop, path: float, estimate: Sequence[Array]) -> list[Loop]:
+        """Adds a loop; returns all that ask for the same correction once they are enough, else none."""
+        s = self._settings
+        self._waiting = [(one, at) for one, at in self._waiting if path - at < s.confirm_within]
+        self._waiting.append((loop, path))
+        now = estimate[loop.step]
+        mine = _corrected(loop, now, estimate)
+        same = list[tuple[Loop, float]]()
+        for one, at in self._waiting:
+            off = between(mine, _corrected(one, now, estimate))
+            if np.hypot(off[0], off[1]) < s.same and abs(off[2]) < s.same_turn:
+                same.append((one, at))
+        enough = len({one.step for one, _ in same}) >= s.confirm
+        if not enough or path - min(at for _, at in same) <= s.confirm_path:
+            return []
+        self._waiting.clear()
+        return [one for one, _ in same]
+
+
+def _corrected(loop: Loop, now: Array, estimate: Sequence[Array]) -> Array:
+    """Where a loop would have the pose `now`."""
+    return compose(compose(estimate[loop.to], loop.delta), between(estimate[loop.step], now))

@@ -1,0 +1,94 @@
+"""A recording of laser scans with odometry, and the log that the front end makes of it."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..factors import Log, Prior
+from ..se2 import Array, between, compose
+from .front_end import FrontEnd
+from .scanner import Scanner
+from .settings import Settings
+
+LEFT_OUT = (
+    "the map's error that matches with one submap share, the opposite errors of neighbouring steps, and a submap's "
+    "bend: a step's covariance holds, those of long chains are cautious"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LaserRecording:
+    """Scans in the order of time."""
+
+    name: str
+    scanner: Scanner
+    t: Array  # (n,) s, strictly increasing
+    ranges: Array  # (n, b) m; NaN, infinite or beyond the scanner's limits where there is no return
+    odometry: Array | None  # (n, 3) the wheels' pose at each scan; None without wheels
+    prior: Prior
+
+
+def build_log(recording: LaserRecording, settings: Settings, observe: Callable[[FrontEnd], None] | None = None) -> Log:
+    """Makes the log: a step every so often, with one odometry factor by scans and wheels, and loop closures.
+
+    `observe` is called after every scan. InputError for a recording without two steps.
+    """
+    front_end = FrontEnd(recording.scanner, settings, recording.odometry is not None)
+    motions: Any = [None] * len(recording.t)
+    if recording.odometry is not None:
+        motions[1:] = between(recording.odometry[:-1], recording.odometry[1:])
+    for t, motion, ranges in zip(recording.t.tolist(), motions, recording.ranges, strict=True):
+        front_end.scan(t, motion, ranges)
+        if observe is not None:
+            observe(front_end)
+    front_end.finish()
+    return log_of(recording, front_end)
+
+
+def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
+    """The steps and loops of a front end as a log."""
+    steps, loops = front_end.steps, sorted(front_end.loops, key=lambda one: (one.step, one.to))
+    if len(steps) < 2:
+        way = 0.0 if not front_end.path else float(np.hypot(*front_end.path[-1][:2]))
+        raise InputError(
+            f"{recording.name}: the robot moved {way:.3g} m in {len(front_end.t)} scans, expected at least one step of "
+            f"{front_end.settings.step:g} m."
+        )
+    nothing = np.zeros(0)
+    return Log.from_arrays(
+        recording.name,
+        recording.prior,
+        t=np.array([step.t for step in steps]),
+        delta=np.array([step.delta for step in steps]),
+        delta_cov=np.array([step.cov for step in steps]),
+        sighting_step=nothing.astype(int),
+        ids=nothing.astype(int),
+        z=np.zeros((0, 2)),
+        z_cov=np.zeros((0, 2, 2)),
+        loop_step=np.array([loop.step for loop in loops], np.int64),
+        loop_to=np.array([loop.to for loop in loops], np.int64),
+        loop_delta=np.array([loop.delta for loop in loops]).reshape(-1, 3),
+        loop_cov=np.array([(loop.cov + loop.cov.T) / 2 for loop in loops]).reshape(-1, 3, 3),
+        notes={
+            "laser": {
+                "scans": len(front_end.t),
+                "lost": front_end.lost,
+                "searched": front_end.tried,
+                "turned_down": dict(front_end.turned_down),
+                "confirmed": front_end.confirmed,
+                "submaps": len(front_end.submaps),
+                "wheels": front_end.wheels,
+                "left_out": LEFT_OUT,
+                "settings": asdict(front_end.settings),
+            }
+        },
+    )
+
+
+def placed(recording: LaserRecording, front_end: FrontEnd) -> Array:
+    """The front end's own estimate (n, 3) of every scan, from the prior's pose on."""
+    path = front_end.trajectory()
+    return compose(recording.prior.pose, between(path[0], path))

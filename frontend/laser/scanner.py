@@ -1,0 +1,44 @@
+"""A laser scanner: the directions of its beams, where it sits on the robot, and which ranges are returns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..se2 import Array, act
+from ._grid import thinned
+
+FULL_CIRCLE = 2 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Scanner:
+    """What is the same for all scans."""
+
+    angles: Array  # (b,) rad, counter-clockwise from straight ahead
+    pose: Array  # (3,) of the scanner on the robot
+    least: float = 0.15  # m; nearer returns are of the robot itself
+    most: float = 25.0  # m; what is farther says nothing, not even that the way is free
+
+    def points(self, ranges: Array) -> Array:
+        """The returns among `ranges` (b,), m, as points (k, 2) in the robot's frame, in the order of the beams."""
+        valid = (ranges > self.least) & (ranges < self.most)  # false for NaN, too
+        r, angles = ranges[valid], self.angles[valid]
+        return act(self.pose, np.stack((r * np.cos(angles), r * np.sin(angles)), axis=-1))
+
+
+class Scan:
+    """The points of a scan in the robot's frame: all of them (k, 2), and those that are matched."""
+
+    def __init__(self, points: Array, spacing: float) -> None:
+        self.points = points
+        self.few = np.ascontiguousarray(points[thinned(points, spacing)])
+
+
+def evenly(beams: int) -> Array:
+    """The angles (b,) of a scanner over half a circle as CARMEN logs it.
+
+    180 or 360 beams start at -90 degrees and stop a step before +90; an odd number takes in both ends.
+    """
+    if beams % 2:
+        return np.linspace(-np.pi / 2, np.pi / 2, beams, dtype=np.float64)
+    return -np.pi / 2 + np.pi / beams * np.arange(beams, dtype=np.float64)

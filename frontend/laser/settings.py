@@ -1,0 +1,52 @@
+"""Settings of the laser front end, each measured on recorded logs and on made-up floors."""
+
+from dataclasses import dataclass
+
+from ..options import option
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Lengths in m, angles in rad, times in s."""
+
+    step: float = option(0.5, "metres between steps of the log", minimum=0.05, maximum=10.0)
+    turn: float = option(0.4, "turn, rad, that ends a step, too", minimum=0.05, maximum=3.0)
+    cell: float = option(0.05, "size of a submap's cells, m", minimum=0.01, maximum=0.5)
+    loops: bool = option(True, "search for loop closures")
+    loop_every: int = option(1, "steps from one search for loops to the next", minimum=1)
+
+    # submaps
+    insert_step, insert_turn = 0.15, 0.12  # between scans that are drawn
+    submap_path = 5.0  # between starts of submaps; each lives for two of these
+    turn_path = 0.5  # m of path that a radian of turning counts for
+    share = 0.25  # of the beams that come to a wall, those that it reflects
+    first_half, growth = 16.0, 8.0  # half side of a new grid, and by how much more than needed it grows
+
+    # scan matching
+    sd = 0.03  # of a point from its line
+    spacing = 0.04  # between points that are matched
+    lost = 0.8  # share of points explained below which the scan is searched for
+    explained = 0.21  # part of the stated covariance of a match that holds: points err by 14 mm
+    floor, turn_floor = 0.0016, 0.00045  # sd of a step that the information of the points does not know
+    stamp_sd = 0.005  # s; what a scan swept on the move, or a stamp that is off, adds by the speed
+
+    # odometry: sd of a motion
+    still, by_way = 0.03, 0.15  # m, and m a metre
+    turn_still, by_turn, turn_by_way = 0.04, 0.25, 0.10  # rad, rad a radian, rad a metre
+    blind = 0.15  # sd, m and rad, of a motion that only the motion before tells
+
+    # loops
+    loop_path = 12.0  # of a submap since its end, at least
+    loop_radius, loop_submaps = 8.0, 3  # around the estimate, and how many of the nearest
+    window, window_start, window_by_path = 7.0, 0.5, 0.05  # search window: at most, at first, and for a metre of path
+    turn_window, turn_start, turn_by_path = 0.5, 0.15, 0.01
+    field_sd = 0.1  # of the field that is searched on
+    score, inside, through, free = 0.55, 0.7, 0.10, 0.15  # see `verify`
+    cloud, cloud_cell, searched = 14, 0.1, 160  # insertions that are searched with together; thinned; points searched
+    alone, alone_turn = 0.15, 0.03  # how far the scan alone may disagree
+    loop_floor, loop_turn_floor = 0.004, 0.001
+    expected, expected_by_path = 0.3, 0.004  # a loop within this of the estimate is no surprise
+    expected_turn, expected_turn_by_path = 0.08, 0.001
+    confirm, confirm_path, confirm_within = 4, 2.0, 20.0  # steps that ask for the same correction
+    same, same_turn = 0.3, 0.05
+    optimise_every = 60  # steps

@@ -1,0 +1,91 @@
+"""A submap: some metres of path drawn into a grid, which scans are matched with."""
+
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from ..se2 import Array
+from ._grid import Cells, Mask, insert, walls
+from ._search import FULL, LEVELS, Bytes, coarser
+from .scanner import Scan, Scanner
+from .settings import Settings
+
+BORDER = 8
+"""Cells around what was hit that a finished submap keeps."""
+
+
+class Submap:
+    """A grid in the axes of the scan matcher's path; it grows as scans come in."""
+
+    def __init__(self, pose: Array, settings: Settings, scanner: Scanner, born: float) -> None:
+        self.settings, self.scanner = settings, scanner
+        half = int(np.ceil(settings.first_half / settings.cell))
+        self.origin = settings.cell * (np.floor(pose[:2] / settings.cell) - half)
+        self.cells: Cells = np.zeros((2 * half, 2 * half, 4), np.float32)
+        self.born = born  # m of path
+        self.died = np.inf
+        self.steps: list[int] = []  # of the log, while it was drawn
+
+    def insert(self, pose: Array, scan: Scan) -> None:
+        """Draws a scan taken at `pose` (3,)."""
+        if len(scan.points):
+            self._reach(pose, float(np.abs(scan.points).max()) * np.sqrt(2))
+            insert(self.cells, self.origin, self.settings.cell, pose, self.scanner.pose[:2], scan.points)
+
+    def finish(self, path: float) -> None:
+        """Keeps the part of the grid in which something was hit."""
+        hit = self.walls
+        rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+        self.died = path
+        if not len(rows):
+            self.cells = self.cells[:1, :1].copy()
+            return
+        first = np.maximum((rows[0] - BORDER, columns[0] - BORDER), 0)
+        self.cells = self.cells[first[0] : rows[-1] + BORDER + 1, first[1] : columns[-1] + BORDER + 1].copy()
+        self.origin = self.origin + self.settings.cell * first
+
+    @property
+    def walls(self) -> Mask:
+        """(n, m) which cells are walls."""
+        return walls(self.cells, self.settings.share)
+
+    @cached_property
+    def pyramid(self) -> tuple[Bytes, ...]:
+        """The field of likelihoods and its maxima over ever larger squares, of a finished submap; see `_search`."""
+        levels = [likelihoods(self.walls, self.settings.cell, self.settings.field_sd)]
+        for level in range(1, LEVELS):
+            levels.append(coarser(levels[-1], 1 << (level - 1)))
+        return tuple(levels)
+
+    def field_around(self, pose: Array, reach: float, sd: float) -> tuple[Bytes, Array]:
+        """The field within `reach` (m) of a pose, and its origin (2,)."""
+        middle = np.floor((pose[:2] - self.origin) / self.settings.cell).astype(int)
+        half = int(reach / self.settings.cell)
+        first = np.clip(middle - half, 0, np.array(self.cells.shape[:2]) - 1)
+        last = np.clip(middle + half, first + 1, self.cells.shape[:2])
+        part = np.ascontiguousarray(self.cells[first[0] : last[0], first[1] : last[1]])
+        return likelihoods(walls(part, self.settings.share), self.settings.cell, sd), (
+            self.origin + self.settings.cell * first
+        )
+
+    def _reach(self, pose: Array, far: float) -> None:
+        """Grows the grid so that it has what is within `far` (m) of a pose."""
+        size, shape = self.settings.cell, np.array(self.cells.shape[:2])
+        first = np.floor((pose[:2] - far - self.origin) / size).astype(int)
+        last = np.ceil((pose[:2] + far - self.origin) / size).astype(int)
+        before = np.maximum(-first, 0)
+        after = np.maximum(last - shape, 0)
+        if before.any() or after.any():
+            spare = int(self.settings.growth / size)
+            before, after = np.where(before, before + spare, 0), np.where(after, after + spare, 0)
+            self.cells = np.pad(self.cells, [*zip(before, after, strict=True), (0, 0)])
+            self.origin = self.origin - size * before
+
+
+def likelihoods(wall: Mask, size: float, sd: float) -> Bytes:
+    """A Gaussian of the distance to the nearest wall, `sd` (m), as bytes."""
+    if not wall.any():
+        return np.zeros(wall.shape, np.uint8)
+    distance = size * cv2.distanceTransform((~wall).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.round(FULL * np.exp(-0.5 * (distance / sd) ** 2)).astype(np.uint8)

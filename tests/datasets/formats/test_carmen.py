@@ -1,0 +1,158 @@
+"""CARMEN's laser logs: the same scans however they are written, real logs, and what cannot be used."""
+
+import gzip
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.bench.plan.load import load
+from slamduel.datasets.formats.carmen import Options, read
+from slamduel.datasets.worlds import laser_floor
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.laser.recording import LaserRecording
+from slamduel.frontend.se2 import Array
+
+
+def flaser(t: float, ranges: Array, pose: Array) -> str:
+    words = " ".join(f"{r:.2f}" for r in ranges)
+    place = " ".join(f"{x:.17g}" for x in pose)
+    return f"FLASER {len(ranges)} {words} {place} {place} {t:.9f} host {t:.9f}"
+
+
+def robotlaser(t: float, ranges: Array, pose: Array) -> str:
+    words = " ".join(f"{r:.2f}" for r in ranges)
+    place = " ".join(f"{x:.17g}" for x in pose)
+    step = np.pi / (len(ranges) - 1)
+    return (
+        f"ROBOTLASER1 0 {-np.pi / 2:.17g} {np.pi:.17g} {step:.17g} 81.9 0.01 0 {len(ranges)} {words} 1 7 {place} "
+        f"{place} 0.5 0 0.3 0.2 1e6 {t:.9f} host {t:.9f}"
+    )
+
+
+@pytest.fixture(scope="module")
+def drive() -> LaserRecording:
+    recording, _ = laser_floor.record(laser_floor.Options(laps=0.15, people=0), np.random.default_rng(0))
+    return recording
+
+
+def written(path: Path, drive: LaserRecording, line: Callable[[float, Array, Array], str] = flaser) -> Path:
+    assert drive.odometry is not None
+    rows = [line(*one) for one in zip(drive.t.tolist(), drive.ranges, drive.odometry, strict=True)]
+    text = "\n".join(("# a log", "PARAM robot_width 0.5", *rows, ""))
+    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    return path
+
+
+def test_the_same_scans_give_the_same_factors_however_they_are_written(drive: LaserRecording, tmp_path: Path) -> None:
+    plain, _ = load(str(written(tmp_path / "floor.clf", drive)))
+    for path in (
+        written(tmp_path / "again.clf.gz", drive),
+        written(tmp_path / "robot.clf", drive, robotlaser),
+    ):
+        other, truth = load(str(path))
+        assert truth is None or truth.kind == "reference"
+        assert (other.t == plain.t).all()
+        assert np.nanmax(np.abs(other.delta - plain.delta)) < 1e-9
+        assert np.nanmax(np.abs(other.delta_cov - plain.delta_cov)) < 1e-12
+    assert len(plain) > 15
+    assert plain.name == "floor"
+
+
+def test_lines_in_any_order_and_scans_twice(drive: LaserRecording, tmp_path: Path) -> None:
+    path = written(tmp_path / "floor.clf", drive)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:2], *lines[:1:-1], lines[5]]))
+    recording, remarks = read(path, Options())
+    assert np.abs(recording.t - drive.t).max() < 1e-9
+    assert np.abs(recording.ranges - drive.ranges).max() < 1e-9
+    assert remarks == [f"1 of {len(drive.t) + 1} scans have the stamp of another one and are left out"]
+
+
+def test_wheels_that_never_move_are_none(drive: LaserRecording, tmp_path: Path) -> None:
+    path = tmp_path / "still.clf"
+    path.write_text("\n".join(flaser(t, r, np.zeros(3)) for t, r in zip(drive.t.tolist(), drive.ranges, strict=True)))
+    recording, remarks = read(path, Options())
+    assert recording.odometry is None
+    assert remarks == ["its odometry never moves: the front end goes by the scans alone"]
+    with pytest.raises(InputError, match="option odometry=wheels: the odometry never moves, expected odometry=none"):
+        read(path, Options(odometry="wheels"))
+
+
+def spoilt(change: Callable[[list[str]], object]) -> Callable[[list[str]], list[str]]:
+    def made(lines: list[str]) -> list[str]:
+        words = lines[7].split()
+        change(words)
+        return [*lines[:7], " ".join(words), *lines[8:]]
+
+    return made
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda lines: lines[:1], "found 0 scans (FLASER or ROBOTLASER1), expected at least 2"),
+        (spoilt(lambda w: w.__setitem__(1, "x")), "line 8: found 'x' as the number of beams, expected 0 to 10000"),
+        (spoilt(lambda w: w.__setitem__(1, "99999")), "line 8: found '99999' as the number of beams, expected 0 to"),
+        (spoilt(lambda w: w.__setitem__(9, "1,5")), "line 8: found '1,5' in ranges, expected a number"),
+        (spoilt(lambda w: w.__delitem__(slice(-5, None))), "line 8: the line ends after"),
+        (spoilt(lambda w: w.__setitem__(-3, "nan")), "line 8: found 'nan' in the time, expected a finite number"),
+        (spoilt(lambda w: w.__setitem__(-4, "inf")), "line 8: found 'inf' in the odometry, expected a finite number"),
+        (
+            lambda lines: [*lines, flaser(99.0, np.ones(90), np.zeros(3))],
+            "found a scan of 90 beams, expected 181 at the same angles, as in line 3",
+        ),
+        (
+            lambda lines: [re.sub(r"(?<= )\d+\.\d\d(?= )", "2500.0", line) for line in lines],
+            "no range is between 0.15 and 25 m, expected metres",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_named(
+    change: Callable[[list[str]], list[str]], words: str, drive: LaserRecording, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "floor.clf", drive)
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    with pytest.raises(InputError, match=re.escape(words)) as error:
+        read(path, Options())
+    assert str(error.value).startswith(str(path))
+
+
+def test_a_file_that_is_cut_off_or_missing_is_named(drive: LaserRecording, tmp_path: Path) -> None:
+    path = written(tmp_path / "floor.clf.gz", drive)
+    path.write_bytes(path.read_bytes()[:20_000])
+    with pytest.raises(InputError, match="expected a whole gzip file"):
+        read(path, Options())
+    (tmp_path / "plain.clf.gz").write_text("FLASER")
+    with pytest.raises(InputError, match="expected a laser log"):
+        read(tmp_path / "plain.clf.gz", Options())
+    with pytest.raises(InputError, match="No such file"):
+        read(tmp_path / "none.clf", Options())
+
+
+def lidar() -> Path:
+    path = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
+    if "SLAMDUEL_DATA" not in os.environ or not path.is_dir():
+        pytest.skip("SLAMDUEL_DATA is not set, or has no laser logs")
+    return path
+
+
+def test_the_intel_lab_is_read_with_its_stamps() -> None:
+    recording, remarks = read(lidar() / "intel.clf.gz", Options())
+    assert recording.ranges.shape[1] == 180
+    assert len(recording.t) > 8000
+    assert recording.odometry is not None
+    assert not remarks
+    relations = np.loadtxt(lidar() / "intel.relations")
+    exact = np.isin(relations[:, :2], recording.t).all(axis=1)
+    assert exact.sum() == 1625
+
+
+def test_freiburgs_building_79_has_no_odometry() -> None:
+    recording, remarks = read(lidar() / "fr079.clf.gz", Options())
+    assert recording.odometry is None
+    assert recording.ranges.shape[1] == 360
+    assert remarks == ["its odometry never moves: the front end goes by the scans alone"]

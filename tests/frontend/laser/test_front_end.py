@@ -1,0 +1,207 @@
+"""The laser front end on made-up floors, whose truth is known."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.datasets.worlds.laser_floor import Options, record
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Log, Truth
+from slamduel.frontend.laser.front_end import FrontEnd
+from slamduel.frontend.laser.loops import Loop, Surprises
+from slamduel.frontend.laser.pose_graph import Relations, optimised
+from slamduel.frontend.laser.recording import LaserRecording, build_log, placed
+from slamduel.frontend.laser.scanner import Scanner, evenly
+from slamduel.frontend.laser.settings import Settings
+from slamduel.frontend.se2 import Array, between, compose, wrap
+
+
+class Driven:
+    """A drive, its log, and its errors against the truth."""
+
+    def __init__(self, seed: int, **options: Any) -> None:
+        chosen = Options(**options)
+        recording, truth = record(chosen, np.random.default_rng(seed))
+        self.front_end: FrontEnd | None = None
+        self.recording, self.truth = recording, truth
+        self.log: Log = build_log(recording, chosen, self._look)
+        self.poses = truth.poses[np.searchsorted(truth.t, self.log.t)]
+        self.at = np.repeat(np.arange(len(self.log)), np.diff(self.log.loop_first))
+
+    def _look(self, front_end: FrontEnd) -> None:
+        self.front_end = front_end
+
+    def step_errors(self) -> Array:
+        return _off(self.log.delta[1:], between(self.poses[:-1], self.poses[1:]))
+
+    def loop_errors(self) -> Array:
+        return _off(self.log.loop_delta, between(self.poses[self.log.loop_to], self.poses[self.at]))
+
+    def revisits(self) -> tuple[int, int]:
+        """Steps that come within 1 m and 0.8 rad of one more than 25 m of path ago; those of them that have a loop."""
+        way = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(self.poses[:, :2], axis=0).T))))
+        near = np.hypot(*(self.poses[:, None, :2] - self.poses[None, :, :2]).transpose(2, 0, 1)) < 1.0
+        alike = np.abs(wrap(self.poses[:, None, 2] - self.poses[None, :, 2])) < 0.8
+        again = (near & alike & (way[:, None] - way[None] > 25)).any(axis=1)
+        return int(again.sum()), int(np.isin(np.flatnonzero(again), self.at).sum())
+
+
+def _off(found: Array, true: Array) -> Array:
+    off = found - true
+    off[:, 2] = wrap(off[:, 2])
+    return off
+
+
+def nees(errors: Array, cov: Array) -> float:
+    return float(np.einsum("ni,nij,nj->n", errors, np.linalg.inv(cov), errors).mean() / 3)
+
+
+@cache
+def lap(people: int = 0) -> Driven:
+    return Driven(0, laps=1.4, people=people)
+
+
+def test_a_step_is_as_good_as_it_is_stated_and_no_loop_is_false() -> None:
+    drive = lap()
+    assert 0.5 < nees(drive.step_errors(), drive.log.delta_cov[1:]) < 2
+    errors = drive.loop_errors()
+    assert len(errors) > 100
+    assert 0.1 < nees(errors, drive.log.loop_cov) < 2
+    assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.2
+    assert np.abs(errors[:, 2]).max() < np.radians(1)
+    again, found = drive.revisits()
+    assert found >= 0.9 * again > 20
+
+
+def test_its_own_estimate_is_far_closer_than_the_wheels() -> None:
+    drive = lap()
+    assert drive.front_end is not None
+    truth, wheels = drive.truth.poses, drive.recording.odometry
+    assert wheels is not None
+    own = placed(drive.recording, drive.front_end)
+    off, theirs = np.hypot(*(own - truth)[:, :2].T), np.hypot(*(wheels - truth)[:, :2].T)
+    assert np.sqrt((off**2).mean()) < 0.06
+    assert np.sqrt((theirs**2).mean()) > 5 * np.sqrt((off**2).mean())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("people", [0, 4, 12])
+def test_on_nine_drives_no_loop_is_false(people: int) -> None:
+    drives = [Driven(seed, people=people) for seed in range(3)]
+    again, found = (sum(both) for both in zip(*(drive.revisits() for drive in drives), strict=True))
+    assert found >= (0.9 if people < 12 else 0.75) * again
+    for drive in drives:
+        errors = drive.loop_errors()
+        assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.2
+        assert np.abs(errors[:, 2]).max() < np.radians(1)
+        assert 0.5 < nees(drive.step_errors(), drive.log.delta_cov[1:]) < 2
+        assert 0.2 < nees(errors, drive.log.loop_cov) < 2
+
+
+def test_without_wheels_it_goes_by_scans_alone() -> None:
+    drive = Driven(1, laps=0.25, people=0)
+    log = build_log(replace(drive.recording, odometry=None), Settings())
+    errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
+    assert np.sqrt((errors[:, :2] ** 2).mean()) < 0.02
+    assert log.notes["laser"]["wheels"] is False
+
+
+def _ends(log: Log, truth: Truth) -> tuple[Array, Array]:
+    poses = truth.poses[np.searchsorted(truth.t, log.t)]
+    return poses[:-1], poses[1:]
+
+
+def test_wheels_that_jump_are_caught_by_a_search() -> None:
+    """The odometry says that the robot turned by half a radian while it drove straight on."""
+    drive = Driven(2, laps=0.2, people=0)
+    assert drive.recording.odometry is not None
+    motion = between(drive.recording.odometry[:-1], drive.recording.odometry[1:])
+    motion[60, 2] += 0.5
+    odometry = [drive.recording.odometry[0]]
+    for one in motion:
+        odometry.append(compose(odometry[-1], one))
+    found: list[FrontEnd] = []
+    log = build_log(replace(drive.recording, odometry=np.array(odometry)), Settings(), found.append)
+    errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
+    assert np.abs(errors[:, 2]).max() < 0.03
+    assert found[-1].lost > 0
+
+
+def test_a_scan_without_a_return_leaves_the_odometry() -> None:
+    drive = Driven(2, laps=0.15, people=0)
+    ranges = drive.recording.ranges.copy()
+    ranges[20:24] = np.nan
+    log = build_log(replace(drive.recording, ranges=ranges), Settings())
+    errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
+    assert np.abs(errors[:, :2]).max() < 0.15
+
+
+def test_a_robot_that_stands_still_is_no_log() -> None:
+    drive = Driven(2, laps=0.1, people=0)
+    still = LaserRecording(
+        "still", drive.recording.scanner, np.arange(5.0), np.repeat(drive.recording.ranges[:1], 5, axis=0),
+        np.zeros((5, 3)), drive.recording.prior,
+    )  # fmt: skip
+    with pytest.raises(InputError, match=r"^still: the robot moved .* m in 5 scans, expected .* one step of 0.5 m"):
+        build_log(still, Settings())
+
+
+def test_memory_goes_with_the_floor() -> None:
+    """Cells of finished submaps, for a drive and for twice as many laps."""
+    drive = lap()
+    assert drive.front_end is not None
+    for submap in drive.front_end.submaps:
+        assert submap.cells.base is None  # no view that keeps the whole grid
+        rows, columns = submap.cells.shape[:2]
+        assert rows * columns * 0.05**2 < 36.5 * 22.5 + 4 * 36.5
+
+
+def test_the_graph_of_poses_finds_the_optimum_and_does_without_false_loops() -> None:
+    rng = np.random.default_rng(0)
+    true = [np.zeros(3)]
+    for _ in range(59):
+        true.append(compose(true[-1], np.array([1.0, 0.0, 2 * np.pi / 30])))
+    truth = np.array(true)
+    number = np.arange(59)
+    information = np.tile(np.diag([1e4, 1e4, 1e5]), (59, 1, 1))
+    delta = between(truth[:-1], truth[1:]) + rng.normal(0, [0.01, 0.01, 0.003], (59, 3))
+    start = [truth[0]]
+    for one in delta:
+        start.append(compose(start[-1], one))
+    to = np.arange(0, 30)
+    loops = Relations(to, to + 30, between(truth[to], truth[to + 30]), np.tile(np.eye(3) * 1e4, (30, 1, 1)))
+    found = optimised(np.array(start), Relations(number, number + 1, delta, information), loops, 50)
+    assert np.abs(_off(found, truth))[:, :2].max() < 0.1 < np.abs(_off(np.array(start), truth))[:, :2].max()
+    loops.delta[7] += (2.0, 1.0, 0.5)
+    again = optimised(np.array(start), Relations(number, number + 1, delta, information), loops, 50)
+    assert np.abs(again - found).max() < 0.02
+    assert (again[0] == start[0]).all() or np.abs(again[0] - start[0]).max() < 1e-6
+
+
+def test_a_surprise_counts_once_enough_steps_ask_for_the_same() -> None:
+    settings = Settings()
+    estimate = [np.array([0.5 * k, 0.0, 0.0]) for k in range(60)]
+    surprises = Surprises(settings)
+
+    def loop(step: int, off: float) -> Loop:
+        return Loop(0, step, np.add(between(estimate[0], estimate[step]), (0.0, off, 0.0)), np.eye(3), 1.0)
+
+    assert surprises.is_expected(estimate[5], estimate[5] + (0.1, 0.1, 0.0), 0.0)
+    assert not surprises.is_expected(estimate[5], estimate[5] + (0.0, 1.0, 0.0), 0.0)
+    asked = [surprises.add(loop(40 + k, 2.0 if k != 2 else -3.0), 20 + 0.7 * k, estimate) for k in range(6)]
+    assert [len(one) for one in asked] == [0, 0, 0, 0, 4, 0]
+    surprises.agreed()
+    assert surprises.add(loop(50, 2.0), 30.0, estimate) == []
+
+
+def test_the_beams_of_a_scanner() -> None:
+    assert np.allclose(np.degrees(evenly(181))[[0, 90, 180]], [-90, 0, 90])
+    assert np.allclose(np.degrees(evenly(180))[[0, 90, 179]], [-90, 0, 89])
+    assert np.allclose(np.degrees(evenly(360))[[0, 180, 359]], [-90, 0, 89.5])
+    assert np.allclose(np.degrees(evenly(361))[[0, 180, 360]], [-90, 0, 90])
+    scanner = Scanner(np.array([0.0, np.pi / 2, 0.1, 0.2, 0.3]), np.array([0.2, 0.0, np.pi / 2]), most=10.0)
+    points = scanner.points(np.array([1.0, 2.0, np.nan, 81.83, 0.01]))
+    assert np.abs(points - [[0.2, 1.0], [-1.8, 0.0]]).max() < 1e-12

@@ -1,0 +1,154 @@
+"""Scan matching: on a room drawn by hand, against numerical derivatives, and where it has to know nothing."""
+
+import numpy as np
+import pytest
+
+from slamduel.frontend.laser._grid import Cells, insert, one_a_cell, seen_through, thinned, walls
+from slamduel.frontend.laser._matching import line, match, nearest, normal_equations, solved
+from slamduel.frontend.se2 import Array, act, between, compose, inverse
+
+CELL, SHARE, SD = 0.05, 0.25, 0.03
+ORIGIN = np.array([-5.0, -4.0])
+NOTHING = np.zeros((3, 3))
+HERE = np.zeros(2)
+
+
+def room(width: float = 4.0, height: float = 3.0, spacing: float = 0.03) -> Array:
+    """Points on the walls of a room around the origin, with a niche so that it has no symmetry."""
+    x, y = np.arange(-width / 2, width / 2, spacing), np.arange(-height / 2, height / 2, spacing)
+    left, right = np.full(len(y), -width / 2), np.full(len(y), width / 2)
+    right[: len(y) // 3] -= 0.5
+    sides = [(x, np.full(len(x), -height / 2)), (x, np.full(len(x), height / 2)), (left, y), (right, y)]
+    return np.concatenate([np.stack(side, axis=-1) for side in sides])
+
+
+def drawn(points: Array, poses: list[Array]) -> Cells:
+    """Cells with the points as seen from each pose."""
+    cells = np.zeros((200, 160, 4), np.float32)
+    for pose in poses:
+        insert(cells, ORIGIN, CELL, pose, HERE, act(inverse(pose), points))
+    return cells
+
+
+POSES = [np.array([0.1 * k, 0.05 * k, 0.2 * k]) for k in range(-3, 4)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_scan_is_put_where_it_was_taken(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = drawn(room(), POSES)
+    true = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-3, 3)])
+    scan = act(inverse(true), room(spacing=0.05)) + rng.normal(0, 0.01, (len(room(spacing=0.05)), 2))
+    start = compose(true, np.array([*rng.uniform(-0.1, 0.1, 2), rng.uniform(-0.05, 0.05)]))
+    pose, information, explained = match(cells, ORIGIN, CELL, SHARE, scan, start, start, NOTHING, SD, 6, 25)
+    off = between(true, pose)
+    assert np.hypot(off[0], off[1]) < 0.006
+    assert abs(off[2]) < 0.004
+    assert explained > 0.95
+    assert (np.linalg.eigvalsh(information) > 0).all()
+
+
+def test_the_gradient_is_that_of_the_cost() -> None:
+    """Of the points that are on lines, with the associations held: by central differences of r² / variance."""
+    cells, scan = drawn(room(), POSES), room(spacing=0.11)
+    pose = np.array([0.02, -0.015, 0.01])
+    H, g = np.empty((3, 3)), np.empty(3)
+    normal_equations(cells, ORIGIN, CELL, SHARE, scan, pose, 10.0, 4, 0.04, True, H, g)  # so wide that the loss is 1
+    held = []
+    for x, y in act(pose, scan) - ORIGIN:
+        i, j, d2 = nearest(cells, CELL, SHARE, x, y, 4)
+        held.append(line(cells, CELL, SHARE, i, j) if i >= 0 and d2 <= 0.04 else None)
+
+    def cost(at: Array) -> float:
+        total = 0.0
+        for point, one in zip(act(at, scan) - ORIGIN, held, strict=True):
+            if one is None:
+                continue
+            mx, my, nx, ny, along, across = one
+            if along > 9e-4 and across < 0.1 * along:
+                total += (nx * (point[0] - mx) + ny * (point[1] - my)) ** 2 / (100.0 + 0.25 * across) / 2
+        return total
+
+    numerical = [(cost(pose + 1e-5 * e) - cost(pose - 1e-5 * e)) / 2e-5 for e in np.eye(3)]
+    corners = np.linalg.norm(H) * 0.02  # a few points near corners belong to no line
+    assert np.abs(g - numerical).max() < corners
+
+
+def test_along_a_corridor_the_points_say_nothing_and_the_prior_decides() -> None:
+    x = np.arange(-4, 4, 0.03)
+    corridor = np.concatenate((np.stack((x, np.full(len(x), 1.0)), -1), np.stack((x, np.full(len(x), -1.0)), -1)))
+    cells = drawn(corridor, [np.array([0.1 * k, 0.0, 0.0]) for k in range(-3, 4)])
+    scan = corridor[np.abs(corridor[:, 0]) < 2]
+    prior = np.array([0.2, 0.05, 0.02])
+    pose, information, _ = match(
+        cells, ORIGIN, CELL, SHARE, scan, prior, prior, np.diag([100.0, 100.0, 100.0]), SD, 6, 25
+    )
+    assert abs(pose[0] - 0.2) < 0.01
+    assert np.abs(pose[1:]).max() < 0.005
+    assert information[0, 0] < 0.02 * information[1, 1]
+
+
+def test_the_nearest_wall_is_the_nearest_of_all() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        cells = np.zeros((30, 30, 4), np.float32)
+        for i, j in rng.integers(0, 30, (rng.integers(1, 60), 2)):
+            cells[i, j] = (1, 0, *rng.uniform(0, CELL, 2))
+        x, y = rng.uniform(0, 30 * CELL, 2)
+        at = np.argwhere(cells[:, :, 0] > 0)
+        means = CELL * at + cells[at[:, 0], at[:, 1], 2:]
+        near = np.abs(at - np.floor(np.array([x, y]) / CELL)).max(axis=1) <= 5
+        i, j, d2 = nearest(cells, CELL, SHARE, x, y, 5)
+        if not near.any():
+            assert (i, j) == (-1, -1)
+            continue
+        squared = ((means - (x, y)) ** 2).sum(axis=1)
+        assert abs(d2 - squared[near].min()) < 1e-12
+
+
+def test_three_equations() -> None:
+    rng = np.random.default_rng(4)
+    root, b, x = rng.standard_normal((3, 3)), rng.standard_normal(3), np.empty(3)
+    A = root @ root.T + np.eye(3)
+    solved(A, b, x)
+    assert np.abs(A @ x - b).max() < 1e-12
+
+
+def test_a_cell_knows_the_mean_of_its_hits_and_what_passed_through() -> None:
+    cells = np.zeros((200, 160, 4), np.float32)
+    points = np.array([[1.013, 0.024], [1.027, 0.044]])
+    insert(cells, ORIGIN, CELL, np.zeros(3), HERE, points)
+    hit = np.argwhere(cells[:, :, 0] > 0)
+    assert hit.tolist() == [[120, 80]]
+    assert cells[120, 80, 0] == 2
+    mean = ORIGIN + CELL * hit[0] + cells[120, 80, 2:] / 2
+    assert np.abs(mean - points.mean(axis=0)).max() < 1e-7
+    assert cells[100:118, 80, 1].min() == 2  # the way there
+    assert cells[120:, :, 1].max() == 0
+    wall = walls(cells, SHARE)
+    assert wall.sum() == 1
+
+
+def test_a_scan_behind_walls_is_seen_through_them_and_one_in_the_open_ends_in_free_space() -> None:
+    cells = drawn(room(), POSES)
+    here, scan = np.zeros(3), room(spacing=0.05)
+    through, free = seen_through(cells, ORIGIN, CELL, here, HERE, scan, 0.25)
+    assert through < 0.02
+    assert free < 0.02
+    through, _ = seen_through(cells, ORIGIN, CELL, here, HERE, 1.4 * scan, 0.25)
+    assert through > 0.8
+    _, free = seen_through(cells, ORIGIN, CELL, here, HERE, 0.5 * scan, 0.25)
+    assert free > 0.8
+
+
+def test_points_are_thinned() -> None:
+    points = np.stack((np.arange(0, 1, 0.01), np.zeros(100)), axis=-1)
+    kept = points[thinned(points, 0.04)]
+    assert np.diff(kept[:, 0]).min() >= 0.04 - 1e-12
+    assert len(kept) >= 20
+    rng = np.random.default_rng(5)
+    cloud = rng.uniform(-3, 3, (5000, 2))
+    few = one_a_cell(cloud, 0.1)
+    cells = {tuple(cell) for cell in np.floor(cloud / 0.1).astype(int).tolist()}
+    assert len(few) == len(cells)
+    assert {tuple(cell) for cell in np.floor(few / 0.1).astype(int).tolist()} == cells

@@ -1,0 +1,100 @@
+"""Correlative search, against trying every pose, and its pyramid, against maxima over squares."""
+
+import numpy as np
+import pytest
+
+from slamduel.frontend.laser._search import FULL, LEVELS, Bytes, branch_and_bound, coarser, correlated
+from slamduel.frontend.laser.submap import likelihoods
+from slamduel.frontend.se2 import Array
+
+CELL = 0.05
+
+
+def pyramid(field: Bytes) -> tuple[Bytes, ...]:
+    levels = [field]
+    for level in range(1, LEVELS):
+        levels.append(coarser(levels[-1], 1 << (level - 1)))
+    return tuple(levels)
+
+
+def room(rng: np.random.Generator, side: int = 80) -> Bytes:
+    """A field with some straight walls."""
+    wall = np.zeros((side, side), np.bool_)
+    for _ in range(6):
+        at, first, last = rng.integers(side), *sorted(rng.integers(side, size=2))
+        if rng.random() < 0.5:
+            wall[at, first : last + 1] = True
+        else:
+            wall[first : last + 1, at] = True
+    return likelihoods(wall, CELL, 0.1)
+
+
+def brute_force(
+    field: Bytes, origin: Array, points: Array, centre: Array, window: float, turn: float, step: float
+) -> float:
+    """The best score of all poses of a window: cells are moved, as whole cells, so that rounding is the same."""
+    half, turns, best = int(np.ceil(window / CELL)), int(np.ceil(turn / step)), 0
+    padded = np.pad(field, 200)
+    for a in range(-turns, turns + 1):
+        c, s = np.cos(centre[2] + a * step), np.sin(centre[2] + a * step)
+        i = np.floor((centre[0] + c * points[:, 0] - s * points[:, 1] - origin[0]) / CELL).astype(int) + 200
+        j = np.floor((centre[1] + s * points[:, 0] + c * points[:, 1] - origin[1]) / CELL).astype(int) + 200
+        sums = np.zeros((2 * half + 1, 2 * half + 1), np.int64)
+        for u, v in zip(i, j, strict=True):
+            sums += padded[u - half : u + half + 1, v - half : v + half + 1]
+        best = max(best, int(sums.max()))
+    return best / FULL / len(points)
+
+
+@pytest.mark.parametrize("block", range(10))
+def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
+    """In 1,000 random rooms, some of them with windows wider than the coarsest squares."""
+    for seed in range(100 * block, 100 * block + 100):
+        rng = np.random.default_rng(seed)
+        field = room(rng)
+        origin, centre = rng.uniform(-2, 0, 2), np.array([*rng.uniform(0, 2, 2), rng.uniform(-3, 3)])
+        points = rng.uniform(-1.5, 1.5, (rng.integers(5, 25), 2))
+        window = 2.0 if seed % 10 == 0 else rng.uniform(0.1, 0.8)
+        turn, step = 0.06, 0.03
+        pose, found, _ = branch_and_bound(pyramid(field), origin, CELL, points, centre, window, turn, step, 0.0)
+        assert found == brute_force(field, origin, points, centre, window, turn, step)
+        if found:
+            off = np.abs(pose - centre)
+            assert max(off[:2]) < window + CELL
+            assert off[2] < turn + 1e-9
+
+
+def test_what_is_not_above_the_least_score_is_not_found() -> None:
+    rng = np.random.default_rng(0)
+    field, points, centre, origin = room(rng), rng.uniform(-1, 1, (20, 2)), np.array([1.0, 1.0, 0.0]), np.zeros(2)
+    best = branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, 0.0)[1]
+    assert branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best - 1e-6)[1] == best
+    pose, found, _ = branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best + 1e-6)
+    assert found == 0
+    assert (pose == centre).all()
+
+
+def test_a_level_is_the_maximum_over_squares() -> None:
+    rng = np.random.default_rng(1)
+    field = rng.integers(0, 256, (23, 31)).astype(np.uint8)
+    for level, found in enumerate(pyramid(field)):
+        width = 1 << level
+        padded = np.pad(field, width - 1)
+        expected = np.array(
+            [[padded[i : i + width, j : j + width].max() for j in range(31 + width - 1)] for i in range(23 + width - 1)]
+        )
+        assert (found == expected).all()
+
+
+def test_the_small_search_prefers_what_is_near_to_what_is_as_good() -> None:
+    """A corridor: along it every place is as good as any other."""
+    wall = np.zeros((200, 60), np.bool_)
+    wall[:, [10, 50]] = True
+    field = likelihoods(wall, CELL, 0.08)
+    x = np.linspace(-2, 2, 41)
+    points = np.concatenate((np.stack((x, np.full(41, 1.0)), -1), np.stack((x, np.full(41, -1.0)), -1)))
+    true = np.array([5.025, 1.525, 0.0])
+    found = correlated(
+        field, np.zeros(2), CELL, points, np.add(true, (0.0, 0.16, 0.09)), 0.3, 0.35, 0.08, 0.03, 0.6, 0.6
+    )
+    assert np.abs(found - true).max() < 0.05
