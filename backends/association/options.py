@@ -103,10 +103,27 @@ def options_with(base: type, own: tuple[str, ...] = ()) -> type:
     return make_dataclass("Options", more, bases=(Association, Moved, base), frozen=True)
 
 
+def _check_together(options: Any, where: str) -> None:
+    """Refuses values that contradict one another: InputError."""
+    if options.confirm > options.within:
+        raise InputError(
+            f"{where}: option confirm={options.confirm}: expected at most within={options.within}, the steps that may "
+            "agree with a new landmark."
+        )
+    if options.match > options.new:
+        raise InputError(
+            f"{where}: option match={options.match:g}: expected at most new={options.new:g}, beyond which a sighting "
+            "is of a new landmark."
+        )
+
+
 def check(options: Any, where: str) -> None:
     """Refuses options without effect: InputError names the first."""
     rule = getattr(options, "association", None)
-    if rule is None or rule in RULES:
+    if rule is None:
+        return
+    if rule in RULES:
+        _check_together(options, where)
         return
     used = () if rule == "none" else USED_BY_OWN
     for one in fields(Association):

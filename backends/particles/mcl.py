@@ -58,7 +58,9 @@ class Mcl:
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         if prior.map is None or not len(prior.map.ids):
-            raise Unsuited("mcl localises on a given map: it needs bench run --map")
+            raise Unsuited(
+                "mcl localises on a given map: it needs bench run --map, or a log on one, such as circle[map=surveyed]"
+            )
         self._prior, self._map, self._options, self._rng = prior, prior.map, options, rng
         self._on = MapIndex.of(prior.map)
         self._row = {landmark: row for row, landmark in enumerate(prior.map.ids.tolist())}

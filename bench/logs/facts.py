@@ -30,7 +30,7 @@ def headline(found: Numbers) -> str:
     parts.append(seen)
     if found.back.closures:
         parts.append(counted(found.back.closures, "loop closure"))
-    return ", ".join([*parts, _comes_back(found.back.loops)])
+    return ", ".join([*parts, _comes_back(found)])
 
 
 def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
@@ -135,7 +135,7 @@ def _landmarks(found: Numbers) -> Iterator[str]:
 
 def _back(found: Numbers) -> Iterator[str]:
     back = found.back
-    yield _comes_back(back.loops)
+    yield _comes_back(found)
     if back.after_m is not None:
         rule = f"after more than {number(back.after_m)} m of way without it"
         back_to = f" to {counted(back.landmarks, 'landmark')}" if back.returns else ""
@@ -169,7 +169,10 @@ def _percent(share: float) -> str:
     return f"{number(100 * share)} %"
 
 
-def _comes_back(loops: int) -> str:
+def _comes_back(found: Numbers) -> str:
+    loops = found.back.loops
+    if found.seen.sightings and found.back.after_m is None and not found.back.closures:
+        return "whether it comes back cannot be told without ids"
     return (
         ("never comes back", "comes back once", "comes back twice")[loops]
         if loops < 3

@@ -1,5 +1,6 @@
 """Computes the columns of a start that is not known: how soon, how surely and how rightly the robot is found."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,11 @@ def from_the_fix_on(log: Log, outcome: Outcome, truth: Truth) -> Truth:
     """Returns the truth of the steps at which the robot was located: all of them from a known start."""
     located = outcome.located[np.searchsorted(log.t, truth.t)]
     return truth._replace(t=truth.t[located], poses=truth.poses[located])
+
+
+def poses_judged(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> Array:
+    """The true poses of the steps `at` that a cell's path was judged at, of a log's `known` truth: from the fix on."""
+    return known["poses"][np.searchsorted(known["t"], arrays["t"][arrays["at"]])]
 
 
 def locating(log: Log, outcome: Outcome, truth: Truth | None) -> dict[str, Any]:

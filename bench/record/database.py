@@ -17,7 +17,7 @@ class Empty(InputError):
 
 def damaged(path: Path, error: object) -> InputError:
     """Makes the refusal of a file that cannot be read."""
-    said = " ".join(str(error).split())[:120]
+    said = " ".join(str(error).split())[:300]
     table = "; cells.csv beside it has the results" if path.with_name("cells.csv").is_file() else ""
     return InputError(
         f"{path}: {said}; expected the record of a run or a study, whole. Nothing was changed{table}; "

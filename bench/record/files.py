@@ -13,6 +13,7 @@ import numpy as np
 from ...frontend.files import write_whole
 from ...frontend.se2 import Array
 from ...frontend.tum import write_tum
+from ..measure.locating import poses_judged
 from ..measure.misfit import TERMS
 from .schema import COLUMNS, KEY, MORE, Row, label
 from .store import Store
@@ -83,7 +84,7 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
         return arrays.get(name, np.full(n, np.nan))  # an earlier version's record may lack some
 
     if "aligned" in arrays:
-        error[arrays["at"]] = np.hypot(*(arrays["aligned"] - truth["poses"])[:, :2].T)
+        error[arrays["at"]] = np.hypot(*(arrays["aligned"] - poses_judged(truth, arrays))[:, :2].T)
     if "nees" in arrays:
         consistency[arrays["at"]] = arrays["nees"]
     cov = arrays.get("cov", np.full((n, 3, 3), np.nan))[:, *np.triu_indices(3)]

@@ -83,13 +83,14 @@ _KINDS: Mapping[Any, str] = {
 def wrong_truth(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
     """Describes how the arrays of a log's truth do not fit one another, or a cell's `arrays`; "" where they do."""
     t, poses = known.get("t"), known.get("poses")
-    needed = len(arrays["at"]) if "at" in arrays else None
     if not known:
-        return "" if needed is None else "the poses that its path is measured from are not there"
+        return "the poses that its path is measured from are not there" if "at" in arrays else ""
     if t is None or poses is None or any(a.dtype.kind not in "fiu" for a in (t, poses)):
         return "the truth of its log has no times or no poses"
-    if t.ndim != 1 or poses.shape != (len(t), 3) or needed not in (None, len(t)):
-        return f"the truth of its log has {' x '.join(map(str, poses.shape))} poses, expected {needed or t.size} x 3"
+    if t.ndim != 1 or poses.shape != (len(t), 3):
+        return f"the truth of its log has {' x '.join(map(str, poses.shape))} poses, expected {t.size} x 3"
+    if "at" in arrays and "t" in arrays and not np.isin(arrays["t"][arrays["at"]], t).all():
+        return "the truth of its log lacks poses at steps that its path is measured at"
     if "ids" in known or "xy" in known:
         ids, xy = known.get("ids"), known.get("xy")
         if ids is None or xy is None or ids.ndim != 1 or xy.shape != (len(ids), 2) or xy.dtype.kind not in "fiu":

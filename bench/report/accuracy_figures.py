@@ -12,6 +12,7 @@ from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
+from ..measure.locating import poses_judged
 from ..verdict.ranking import PATHS
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.summary import Typical, typical
@@ -194,7 +195,7 @@ def _errors(
 ) -> ReportFigure | None:
     paths = {"aligned": False} if log.kind == "reference" else {"aligned": False, "final_aligned": True}
     series = [
-        _mean(trace, squared(trace.arrays[path] - log.known["poses"]), final)
+        _mean(trace, squared(trace.arrays[path] - poses_judged(log.known, trace.arrays)), final)
         for trace in log.traces
         for path, final in paths.items()
         if path in trace.arrays

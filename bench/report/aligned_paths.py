@@ -11,6 +11,7 @@ from ...frontend.se2 import Array, act, rotation
 from ..drawing.axes import drawable
 from ..drawing.figure import Curve
 from ..drawing.figure_maker import curve
+from ..measure.locating import poses_judged
 from ..words.styles import BASELINE
 from .drawn_log import DrawnLog, Trace
 
@@ -70,8 +71,8 @@ def _panel(log: DrawnLog, trace: Trace) -> Panel | None:
     there: NDArray[np.bool] = np.asarray(np.isfinite(drawable(landmarks)).all(axis=1))
     nearest = online if online is not None else final
     error = None
-    if log.known and nearest is not None and nearest.shape == log.known["poses"].shape:
-        error = float(np.sqrt(((nearest - log.known["poses"])[:, :2] ** 2).sum(axis=1).mean()))
+    if log.known and nearest is not None and "at" in a:
+        error = float(np.sqrt(((nearest - poses_judged(log.known, a))[:, :2] ** 2).sum(axis=1).mean()))
     t = a["t"][a["at"]] if "at" in a else a["t"]
     return Panel(
         trace,

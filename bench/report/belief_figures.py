@@ -132,5 +132,5 @@ def _particles(name: str, log: DrawnLog, array: str, title: str, caption: str) -
 
 def _count(trace: Trace) -> float:
     """Returns its number of particles: as many are effective and ancestors at first."""
-    a = trace.arrays
-    return float(np.round(max(np.nanmax(a[name]) for name in ("n_eff", "ancestors") if name in a)))
+    counts = [trace.arrays[name] for name in ("n_eff", "ancestors") if name in trace.arrays]
+    return float(np.round(max(np.nanmax(one) for one in counts if np.isfinite(one).any())))

@@ -214,6 +214,10 @@ def test_options_without_effect_are_refused() -> None:
         InputError, match=r"backend ekf: option confirm is for data association; expected association=nn"
     ):
         check(builder.options(confirm=3), "backend ekf")
+    with pytest.raises(InputError, match="option confirm=9: expected at most within=3, the steps"):
+        check(builder.options(association="nn", confirm=9, within=3), "backend ekf")
+    with pytest.raises(InputError, match=r"option match=0\.9999: expected at most new=0\.9, beyond which"):
+        check(builder.options(association="nn", match=0.9999, new=0.9), "backend ekf")
 
 
 def test_a_map_without_covariance_and_a_solver_that_cannot_tell_are_unsuited() -> None:

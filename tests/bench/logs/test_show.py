@@ -109,6 +109,13 @@ def test_a_robot_that_goes_round_five_times_closes_four_loops() -> None:
     assert measured(log).back.loops == 4
 
 
+def test_without_ids_nothing_tells_whether_it_comes_back() -> None:
+    log = twice_round()
+    hidden = measured(replace(log, ids=np.full(len(log.ids), UNKNOWN)))
+    assert headline(hidden).endswith("whether it comes back cannot be told without ids")
+    assert headline(measured(log)).endswith("comes back twice")
+
+
 def test_the_stated_noise_is_that_of_a_step_and_of_a_metre() -> None:
     noise = measured(twice_round()).noise
     assert noise.range is not None
@@ -227,7 +234,10 @@ LOGS = {
     "single": (lambda: log_of(1, (0, 0), (3, 4)), "1 step, 0 m, 2 sightings of 2 landmarks, never comes back"),
     "empty": (lambda: log_of(1), "1 step, 0 m, 0 sightings, never comes back"),
     "loops": (only_loops, "5 steps, 40.0 m, 8.00 s, 0 sightings, 1 loop closure, comes back once"),
-    "nameless": (lambda: log_of(3, (0, 2), (-1, -1)), "3 steps, 20.0 m, 4.00 s, 2 sightings, never comes back"),
+    "nameless": (
+        lambda: log_of(3, (0, 2), (-1, -1)),
+        "3 steps, 20.0 m, 4.00 s, 2 sightings, whether it comes back cannot be told without ids",
+    ),
     "numbered": (
         lambda: log_of(4, (0, 3), (1, 1), t=np.arange(4.0), delta=np.zeros((4, 3))),
         "4 steps, 0 m, 2 sightings of 1 landmark, never comes back",

@@ -126,11 +126,28 @@ def test_a_run_is_not_continued_from_another_start(
     assert "start" in capsys.readouterr().err
 
 
+def test_a_path_from_the_fix_on_is_reported_and_written_beside_one_of_the_whole_log(tmp_path: Path) -> None:
+    """One backend is located later than the other, so that their paths are judged at other steps of one truth."""
+    dataset = "circle[steps=60,landmarks=80,map=surveyed,start=unknown]"
+    words = ["run", "--backend", "ekf,mcl", "--dataset", dataset, "--seeds", "1", "--out", str(tmp_path / "run")]
+    assert main(words) == 0
+    rows = {row["backend"]: row for row in rows_of(tmp_path / "run")}
+    assert {row["status"] for row in rows.values()} == {"done"}
+    with (tmp_path / "run" / "metrics.csv").open() as file:
+        shares = {row["backend"]: float(row["located_share"]) for row in csv.DictReader(file)}
+    assert shares["ekf"] < 1
+    assert main(["report", str(tmp_path / "run")]) == 0
+    assert "Traceback" not in (tmp_path / "run" / "report.md").read_text()
+
+
 def test_mcl_without_a_map_is_skipped_with_a_sentence(world: Path, tmp_path: Path) -> None:
     assert run(world, tmp_path / "run", "--backend", "ekf,mcl", "--dataset", str(world / "log")) == 0
     (row,) = (row for row in rows_of(tmp_path / "run") if row["backend"] == "mcl")
     assert row["status"] == "skipped"
-    assert row["reason"] == "mcl localises on a given map: it needs bench run --map"
+    assert (
+        row["reason"]
+        == "mcl localises on a given map: it needs bench run --map, or a log on one, such as circle[map=surveyed]"
+    )
 
 
 def test_a_log_keeps_its_unknown_start_in_an_archive_and_a_folder(tmp_path: Path) -> None:
