@@ -14,7 +14,7 @@ from ..se2 import Array, between, compose, rotation
 from ..small_matrices import inverse
 from ._matching import match
 from ._search import correlated
-from .loops import Loop, Surprises, cloud, loop_of, searched
+from .loops import Loop, Match, Surprises, cloud, loop_of, searched
 from .pose_graph import Relations, optimised
 from .scanner import Scan, Scanner
 from .settings import Settings
@@ -222,24 +222,34 @@ class FrontEnd:
         window = min(s.window_start + s.window_by_path * since, s.window)
         turn = min(s.turn_start + s.turn_by_path * since, s.turn_window)
         seen = cloud(self._poses[k], [pose for pose, _ in self._drawn], [one for _, one in self._drawn], s.cloud_cell)
+        matches = list[tuple[float, Match, Submap, Array]]()
         for _, _, submap, nearest in sorted(near, key=lambda one: one[:2])[: s.loop_submaps]:
             guess = compose(self._poses[nearest], between(estimate[nearest], here))
             self.tried += 1
             found = searched(submap, scan, seen, guess, window, turn, self.turned_down)
-            if found is None:
+            if found is not None:
+                off = between(guess, found.pose)
+                matches.append((float(np.hypot(off[0], off[1])), found, submap, off))
+        matches.sort(key=lambda one: one[0])  # nearest to the estimate first: the others have to agree with it
+        for _, found, submap, off in matches:
+            if _beyond(off - matches[0][3], s.alone, s.alone_turn):
+                self.turned_down["submaps disagree"] += 1
                 continue
-            loop = loop_of(found, submap, k, self._poses, s, self._stale(k))
-            if self._surprises.is_expected(guess, found.pose, since):
-                self.loops.append(loop)
-                self._surprises.agreed()
-                continue
-            confirmed = self._surprises.add(loop, self._way, estimate)
-            if confirmed:
-                self.loops += confirmed
-                self.confirmed += len(confirmed)
-                self._correct(k)
-            else:
-                self.turned_down["surprises not confirmed"] += 1
+            self._take(loop_of(found, submap, k, self._poses, s, self._stale(k)), off, since)
+
+    def _take(self, loop: Loop, off: Array, since: float) -> None:
+        """Takes a loop that is where it was expected, or that enough others agree with; `off` is how far it is off."""
+        if self._surprises.is_expected(off, since):
+            self.loops.append(loop)
+            self._surprises.agreed()
+            return
+        confirmed = self._surprises.add(loop, self._way, self.estimate)
+        if confirmed:
+            self.loops += confirmed
+            self.confirmed += len(confirmed)
+            self._correct(loop.step)
+        else:
+            self.turned_down["surprises not confirmed"] += 1
 
     def _correct(self, k: int) -> None:
         self._optimise(15)

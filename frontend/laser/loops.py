@@ -128,9 +128,9 @@ class Surprises:
         self._settings = settings
         self._waiting: list[tuple[Loop, float]] = []  # and the path when it was found
 
-    def is_expected(self, guess: Array, found: Array, since: float) -> bool:
-        """Tells if a match is where the estimate, `since` metres after the last correction, may have it."""
-        s, off = self._settings, between(guess, found)
+    def is_expected(self, off: Array, since: float) -> bool:
+        """Tells if a match may be `off` (3,) the estimate, `since` metres after the last correction."""
+        s = self._settings
         return bool(
             np.hypot(off[0], off[1]) < s.expected + s.expected_by_path * since
             and abs(off[2]) < s.expected_turn + s.expected_turn_by_path * since

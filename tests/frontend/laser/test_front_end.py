@@ -189,8 +189,8 @@ def test_a_surprise_counts_once_enough_steps_ask_for_the_same() -> None:
     def loop(step: int, off: float) -> Loop:
         return Loop(0, step, np.add(between(estimate[0], estimate[step]), (0.0, off, 0.0)), np.eye(3), 1.0)
 
-    assert surprises.is_expected(estimate[5], estimate[5] + (0.1, 0.1, 0.0), 0.0)
-    assert not surprises.is_expected(estimate[5], estimate[5] + (0.0, 1.0, 0.0), 0.0)
+    assert surprises.is_expected(np.array([0.1, 0.1, 0.0]), 0.0)
+    assert not surprises.is_expected(np.array([0.0, 1.0, 0.0]), 0.0)
     asked = [surprises.add(loop(40 + k, 2.0 if k != 2 else -3.0), 20 + 0.7 * k, estimate) for k in range(6)]
     assert [len(one) for one in asked] == [0, 0, 0, 0, 4, 0]
     surprises.agreed()

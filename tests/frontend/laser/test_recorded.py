@@ -1,0 +1,84 @@
+"""The laser front end on recorded logs, judged by the relations of the Freiburg benchmark.
+
+R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009: a relation is the pose
+at one time seen from that at another, verified by hand, by the stamps of the scans.
+"""
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slamduel.datasets.formats.carmen import Options, read
+from slamduel.frontend.laser.front_end import FrontEnd
+from slamduel.frontend.laser.recording import build_log
+from slamduel.frontend.se2 import Array, between, compose, wrap
+
+EXACT = 2e-5
+"""s; stamps of relations are those of scans to this."""
+
+
+class Judged(NamedTuple):
+    """Errors of a log's relations."""
+
+    metres: Array  # (m,)
+    degrees: Array  # (m,)
+    exact: NDArray[np.bool_]  # (m,) both stamps are those of scans
+
+
+def judged(path: Path, options: Options) -> tuple[Judged, FrontEnd]:
+    if "SLAMDUEL_DATA" not in os.environ or not path.is_file():
+        pytest.skip(f"SLAMDUEL_DATA is not set, or has no {path.name}")
+    recording, _ = read(path, options)
+    found: list[FrontEnd] = []
+    build_log(recording, options, lambda front_end: found.append(front_end) if not found else None)
+    relations = np.loadtxt(path.parent / f"{path.name.partition('.')[0]}.relations")
+    (first, at_first), (second, at_second) = (_at(recording.t, found[0].trajectory(), relations[:, k]) for k in (0, 1))
+    off = between(relations[:, [2, 3, 7]], between(first, second))
+    return Judged(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(off[:, 2])), at_first & at_second), found[0]
+
+
+def _at(t: Array, path: Array, times: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The poses at `times`, interpolated between scans where there is none; and where there is one."""
+    after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    share = np.clip((times - t[after - 1]) / (t[after] - t[after - 1]), 0, 1)
+    here = [np.abs(times - t[k]) < EXACT for k in (after - 1, after)]
+    share = np.where(here[0], 0.0, np.where(here[1], 1.0, share))
+    motion = between(path[after - 1], path[after])
+    return compose(path[after - 1], motion * share[:, None]), here[0] | here[1]
+
+
+def violated(front_end: FrontEnd) -> int:
+    """Loops that are off by 20 cm or a degree at the optimum."""
+    estimate = np.array(front_end.estimate)
+    to, step = (np.array([getattr(loop, name) for loop in front_end.loops]) for name in ("to", "step"))
+    off = np.array([loop.delta for loop in front_end.loops]) - between(estimate[to], estimate[step])
+    return int(((np.hypot(off[:, 0], off[:, 1]) > 0.2) | (np.abs(wrap(off[:, 2])) > np.radians(1))).sum())
+
+
+DATA = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
+
+
+@pytest.mark.slow
+def test_the_intel_research_lab() -> None:
+    """Cartographer has 0.0229 m, 0.453 degrees (Hess et al., ICRA 2016) on the whole log; here scans are missing."""
+    found, front_end = judged(DATA / "intel.clf.gz", Options())
+    assert found.exact.sum() == 1625
+    assert found.metres[found.exact].mean() < 0.016
+    assert found.metres[found.exact].max() < 0.15
+    assert found.degrees[found.exact].mean() < 0.25
+    assert len(front_end.loops) > 1000
+    assert violated(front_end) == 0
+
+
+@pytest.mark.slow
+def test_freiburgs_building_79_without_odometry() -> None:
+    """Cartographer has 0.0452 m and 0.538 degrees."""
+    found, front_end = judged(DATA / "fr079.clf.gz", Options(ahead=-0.04))
+    assert found.metres.mean() < 0.040
+    assert found.degrees.mean() < 0.80
+    assert len(front_end.loops) > 300
+    assert violated(front_end) == 0
