@@ -77,7 +77,7 @@ class FrontEnd:
         self._poses: list[Array] = []  # of the steps, on the matcher's path
         self._rates: list[Array] = []  # m/s, rad/s at the steps
         self._surprises = Surprises(settings)
-        self._corrected, self._optimised, self._loops_then = 0.0, 0, 0
+        self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
 
     def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
         """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels."""
@@ -197,7 +197,7 @@ class FrontEnd:
         if s.loops and k % s.loop_every == 0:
             self._close(k, scan)
         if k % s.optimise_every == 0 and len(self.loops) > self._loops_then:
-            self._correct(k)
+            self._correct()
 
     def _stale(self, k: int) -> Array:
         """What a scan that was swept on the move, or a stamp that is off, adds to a covariance."""
@@ -247,13 +247,13 @@ class FrontEnd:
         if confirmed:
             self.loops += confirmed
             self.confirmed += len(confirmed)
-            self._correct(loop.step)
+            self._correct()
         else:
             self.turned_down["surprises not confirmed"] += 1
 
-    def _correct(self, k: int) -> None:
+    def _correct(self) -> None:
         self._optimise(15)
-        self._optimised, self._corrected, self._loops_then = k, self._way, len(self.loops)
+        self._corrected, self._loops_then = self._way, len(self.loops)
 
     def _optimise(self, iterations: int) -> None:
         """Moves the estimate to the optimum of steps and loops."""

@@ -149,8 +149,7 @@ def test_a_robot_that_stands_still_is_no_log() -> None:
         build_log(still, Settings())
 
 
-def test_memory_goes_with_the_floor() -> None:
-    """Cells of finished submaps, for a drive and for twice as many laps."""
+def test_a_finished_submap_keeps_no_more_than_the_floor() -> None:
     drive = lap()
     assert drive.front_end is not None
     for submap in drive.front_end.submaps:
