@@ -38,6 +38,9 @@ APART = 1e-6
 
 MOST_BEAMS = 10_000
 
+FARTHEST = 50.0
+"""m between two scans; the map of the last metres could not hold more."""
+
 
 @dataclass(frozen=True)
 class Options(Settings):
@@ -49,7 +52,7 @@ class Options(Settings):
         choices=("auto", "wheels", "none"),
     )  # fmt: skip
     ahead: float = option(0.0, "how far the scanner sits ahead of the robot's origin, m", minimum=-10.0, maximum=10.0)
-    max_range: float = option(25.0, "range beyond which a beam says nothing, m", minimum=1.0, maximum=1000.0)
+    max_range: float = option(25.0, "range beyond which a beam says nothing, m", minimum=1.0, maximum=100.0)
     min_range: float = option(0.15, "range below which a beam has hit the robot, m", minimum=0.0, maximum=10.0)
 
 
@@ -99,6 +102,14 @@ def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
         raise InputError(f"{path}: option odometry=wheels: the odometry never moves, expected odometry=none.")
     if options.odometry == "auto" and not moves:
         remarks.append("its odometry never moves: the front end goes by the scans alone")
+    if moves and options.odometry != "none":
+        way = np.hypot(*np.diff(odometry[:, :2], axis=0).T)
+        if not way.max() <= FARTHEST:
+            at = int(way.argmax())
+            raise InputError(
+                f"{path}, line {kept[at + 1].number}: the odometry jumps by {way[at]:.6g} m from the scan before, "
+                f"expected at most {FARTHEST:g} m; odometry=none goes by the scans alone."
+            )
     count = len(first.ranges)
     angles = (
         evenly(count)

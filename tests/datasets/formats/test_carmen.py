@@ -102,6 +102,10 @@ def spoilt(change: Callable[[list[str]], object]) -> Callable[[list[str]], list[
         (spoilt(lambda w: w.__setitem__(-3, "nan")), "line 8: found 'nan' in the time, expected a finite number"),
         (spoilt(lambda w: w.__setitem__(-4, "inf")), "line 8: found 'inf' in the odometry, expected a finite number"),
         (
+            lambda lines: [*lines, flaser(99.0, np.ones(181), np.array([1e6, 0.0, 0.0]))],
+            "m from the scan before, expected at most 50 m; odometry=none goes by the scans alone",
+        ),
+        (
             lambda lines: [*lines, flaser(99.0, np.ones(90), np.zeros(3))],
             "found a scan of 90 beams, expected 181 at the same angles, as in line 3",
         ),
