@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...frontend.se2 import Array
-from ..measure.status import FAILED
 from ..record.cell_table import CellTable
+from ..record.statuses import FAILED
 from ..study.study import Figure
 from ..verdict.statistics import FEWEST, estimate
 from ..words.columns import about

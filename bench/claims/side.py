@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...frontend.se2 import Array, Ints
-from ..measure.status import FAILED
 from ..record.cell_table import CellTable
+from ..record.statuses import FAILED
 from ..verdict.ranking import ROUNDING
 from ..words.columns import about
 from ..words.numerals import listed

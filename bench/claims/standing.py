@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..measure.status import FAILED
 from ..record.cell_table import CellTable
+from ..record.statuses import FAILED
 from .curves import worded
 from .side import parameters
 

@@ -12,12 +12,12 @@ from ...backends import registry as backends
 from ...datasets.remarks import refuse
 from ...frontend.errors import InputError
 from ..measure.cell import Job, Result
-from ..measure.status import FAILED
 from ..plan.spec import Variant
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed
 from ..record.machine import environment
 from ..record.schema import FILE, KEY, Row
+from ..record.statuses import FAILED
 from ..record.store import Known, Store
 from ..words.reason import reason, traceback
 from ..workers.batch import Batch, Finished, KeptLog, unmade

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...frontend.errors import InputError
-from ..measure.status import FAILED
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
+from .statuses import FAILED
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
 NAMED = 12  # seeds that are named

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..words.columns import about
 from .schema import TEXTS
+from .statuses import STATUSES
 
-STATUSES = ("done", "diverged", "timeout", "error", "skipped")
 KINDS = ("truth", "reference", "", None)
 
 SHAPES: Mapping[str, tuple[str | int, ...]] = {

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from ..engine.engine import RunRequest, batch_of
 from ..engine.key import log_key, log_seed, made_once, result_key
 from ..engine.log_files import LogFiles
-from ..measure.status import FAILED
 from ..plan.work import PlannedCell
+from ..record.statuses import FAILED
 from ..record.store import Known, Store
 from ..words.numerals import counted, lasting
 from ..workers.batch import KeptLog

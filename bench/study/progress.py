@@ -6,9 +6,9 @@ from typing import Any, Self
 
 from rich.console import Console
 
-from ..measure.status import FAILED
 from ..plan.work import PlannedCell
 from ..record.schema import Row
+from ..record.statuses import FAILED
 from ..words.console import ProgressBar, plain
 from ..words.numerals import counted
 

@@ -8,8 +8,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..measure.status import FAILED
 from ..record.schema import Row
+from ..record.statuses import FAILED
 from ..words.numerals import chance, counted, listed, number
 from .pairing import Pair, PairedRuns
 from .ranking import ROUNDING

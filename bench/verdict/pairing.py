@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
-from ...frontend.sketch import ROUNDING, distance, from_words
 from ..record.schema import Row
+from ..record.sketch import ROUNDING, distance, from_words
 from ..record.store import Store
 from ..words.numerals import counted, listed
 from .summary import Line, lines

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..measure.status import FAILED
 from ..record.schema import Row, label
+from ..record.statuses import FAILED
 from ..words.columns import about
 from ..words.names import called
 from .statistics import FEWEST, estimate, median

@@ -15,10 +15,10 @@ from ...datasets.remarks import remarks
 from ...datasets.truth import digest
 from ...frontend.errors import InputError, SlamduelError
 from ...frontend.factors import Dataset, Map, Start
-from ...frontend.sketch import sketch
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.prepare import prepared
+from ..record.sketch import sketch
 
 HOST = platform.node()
 

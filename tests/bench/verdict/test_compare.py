@@ -11,6 +11,7 @@ import pytest
 
 from slamduel.bench.cli import main
 from slamduel.bench.record.schema import VIEW
+from slamduel.bench.record.sketch import SUMS, Sketch
 from slamduel.bench.record.store import Store
 from slamduel.bench.verdict.changes import (
     FEW,
@@ -29,7 +30,6 @@ from slamduel.bench.verdict.changes import (
 from slamduel.bench.verdict.pairing import paired_runs, side
 from slamduel.bench.verdict.statistics import holm, signed_rank
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.sketch import SUMS, Sketch
 from small_record import RUN, Record
 
 LOGS = 8

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from random_logs import random_log
+from slamduel.bench.record.sketch import ROUNDING, SUMS, distance, from_words, sketch
 from slamduel.frontend.factors import Log, Map, Prior
-from slamduel.frontend.sketch import ROUNDING, SUMS, distance, from_words, sketch
 
 
 def log(seed: int = 1) -> Log:

@@ -1,3 +1,0 @@
-"""The statuses of a cell."""
-
-FAILED = ("diverged", "timeout", "error")  # statuses that count as the worst error
