@@ -16,6 +16,7 @@ import numpy as np
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
 from ..frontend.files import write_whole
+from ..frontend.relations import as_rows, from_rows
 
 _LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes"))
 """The columns."""
@@ -41,6 +42,8 @@ def packed(dataset: Dataset) -> bytes:
             members["truth.assigned"] = truth.assigned
         if truth.moving is not None:
             members["truth.moving"] = truth.moving
+        if truth.relations is not None:
+            members["truth.relations"] = as_rows(truth.relations)
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
@@ -98,8 +101,9 @@ def _truth(members: Members, words: Words) -> Truth | None:
         return None
     assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
     moving = _frozen(members["truth.moving"]) if "truth.moving" in members else None
+    relations = from_rows(_frozen(members["truth.relations"])) if "truth.relations" in members else None
     t, poses, known = _frozen(members["truth.t"]), _frozen(members["truth.poses"]), _map(members, "truth.map")
-    return Truth(t, poses, known, assigned, **words["truth"], moving=moving)
+    return Truth(t, poses, known, assigned, **words["truth"], moving=moving, relations=relations)
 
 
 def _map_members(name: str, known: Map | None) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 truth.tum        t x y z qx qy qz qw
 landmarks.csv    id,x,y[,moving]          moving: 1 if the landmark moves from that place, else 0
+relations.csv    true motions between poses beside the steps of a log: see `frontend.relations.COLUMNS`
 """
 
 import os
@@ -11,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..frontend.factors import Map, Truth, digest_of
+from ..frontend.relations import COLUMNS as COLUMNS_OF_RELATIONS
+from ..frontend.relations import LONGEST_GAP, Relations, as_rows, from_rows
 from ..frontend.scan import Scan, attempted, strict
 from ..frontend.se2 import Array, Ints, wrap
 from ..frontend.table import scan_csv
@@ -18,11 +21,9 @@ from ..frontend.tum import scan_tum, write_tum
 
 POSES = "truth.tum"
 PLACES = "landmarks.csv"
+RELATIONS = "relations.csv"
 COLUMNS = ("id", "x", "y")
 MOVING = ("moving",)
-
-LONGEST_GAP = 0.5
-"""s; longest interval between two true poses that is interpolated."""
 
 
 def read_truth(folder: Path) -> Truth | None:
@@ -32,17 +33,20 @@ def read_truth(folder: Path) -> Truth | None:
 
 def scan_truth(folder: Path, times: Array | None = None) -> Scan[Truth | None]:
     """Scans as `read_truth` reads, without invalid rows; with `times`, poses at other times are faults."""
-    path = places = None
+    path = places = relations = None
     if os.path.lexists(folder / POSES):  # a link to nothing is no missing file
         path = yield from attempted(scan_tum(folder / POSES, times))
     if os.path.lexists(folder / PLACES):
         places = yield from attempted(_scan_places(folder / PLACES))
-    if path is None and places is None:
+    if os.path.lexists(folder / RELATIONS):
+        relations = yield from attempted(_scan_relations(folder / RELATIONS))
+    if path is None and places is None and relations is None:
         return None
     known, moving = places or (None, None)
     t, poses = path or (np.zeros(0), np.zeros((0, 3)))
     t.flags.writeable = poses.flags.writeable = False
-    return Truth(t, poses, known, moving=moving)
+    kind = "truth" if relations is None else "relations"
+    return Truth(t, poses, known, kind=kind, moving=moving, relations=relations)
 
 
 def digest(truth: Truth) -> str:
@@ -56,11 +60,13 @@ def digest(truth: Truth) -> str:
         "map.xy": None if known is None else known.xy,
         "assigned": truth.assigned,
     }
-    return digest_of(columns if truth.moving is None else {**columns, "moving": truth.moving})
+    columns |= {} if truth.moving is None else {"moving": truth.moving}
+    columns |= {} if truth.relations is None else {"relations": as_rows(truth.relations)}
+    return digest_of(columns)
 
 
 def write_truth(folder: Path, truth: Truth) -> None:
-    """Writes the poses and the landmarks' positions, if any, to `folder`; their covariance is left out."""
+    """Writes poses, landmarks' positions and relations, if any, to `folder`; the map's covariance is left out."""
     if len(truth.t):
         write_tum(folder / POSES, truth.t, truth.poses)
     if truth.map is not None:
@@ -70,6 +76,10 @@ def write_truth(folder: Path, truth: Truth) -> None:
                 columns.append(np.isin(truth.map.ids, truth.moving).astype(int).tolist())
             file.write(",".join(COLUMNS if truth.moving is None else COLUMNS + MOVING) + "\n")
             file.writelines(",".join(map(repr, row)) + "\n" for row in zip(*columns, strict=True))
+    if truth.relations is not None:
+        with (folder / RELATIONS).open("w", encoding="utf-8", newline="\n") as file:
+            file.write(",".join(COLUMNS_OF_RELATIONS) + "\n")
+            file.writelines(",".join(map(repr, row)) + "\n" for row in as_rows(truth.relations).tolist())
 
 
 def sample(truth: Truth, t: Array) -> Truth:
@@ -112,3 +122,21 @@ def _scan_places(path: Path) -> Scan[tuple[Map, Ints | None]]:
     moving = ids[table.column("moving") == 1] if told else ids[:0]
     ids.flags.writeable = xy.flags.writeable = moving.flags.writeable = False
     return Map(ids, xy, None), moving if told else None
+
+
+def _scan_relations(path: Path) -> Scan[Relations]:
+    table = yield from scan_csv(path, COLUMNS_OF_RELATIONS)
+    table = yield from table.scan_finite()
+    table = (yield from table.scan_whole("first", "second", "exact")).sound()
+    for end in ("first", "second"):
+        step, share = table.column(end), table.column(f"{end}_share")
+        negative, outside = f"{end} is {{:.0f}}, expected a step, 0 or above", f"{end}_share is {{!s}}, expected 0 to 1"
+        for odd, column, message in (
+            (step < 0, step, negative),
+            ((share < 0) | (share > 1), share, outside),
+        ):
+            table = yield from table.refuse(odd, lambda row, it=column, said=message: said.format(it[row]))
+    table = table.sound()
+    rows = table.rows[:, : len(COLUMNS_OF_RELATIONS)].copy()
+    rows.flags.writeable = False
+    return from_rows(rows)

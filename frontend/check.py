@@ -10,6 +10,7 @@ import numpy as np
 
 from .errors import InputError
 from .factors import ROUNDING, STARTS, UNKNOWN, Log, Map, Prior, Truth
+from .relations import Relations, as_rows
 from .se2 import Array
 from .table import LARGEST, MOST
 
@@ -146,13 +147,28 @@ def _truth_problems(log: Log, truth: Truth) -> Iterator[str]:
     if not isinstance(truth, Truth):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
         yield f"found {type(truth).__name__}, expected a Truth"
         return
-    for name in ("kind", "places"):
-        if (found := getattr(truth, name)) not in ("truth", "reference"):
-            yield f"{name} is {found!r}, expected 'truth' or 'reference'"
+    if truth.kind not in ("truth", "reference", "relations"):
+        yield f"kind is {truth.kind!r}, expected 'truth', 'reference' or 'relations'"
+    if truth.places not in ("truth", "reference"):
+        yield f"places is {truth.places!r}, expected 'truth' or 'reference'"
+    if (truth.kind == "relations") != (truth.relations is not None):
+        yield f"kind is {truth.kind!r}, expected 'relations' with relations, and only then"
+    elif truth.relations is not None:
+        yield from relation_problems(log, truth.relations)
     misshapen = list(_truth_shapes(log, truth))
     yield from misshapen
     if not misshapen:
         yield from _truth_rows(log, truth)
+
+
+def relation_problems(log: Log, relations: Relations) -> Iterator[str]:
+    """Yields why relations are not of a log's steps."""
+    rows = as_rows(relations)
+    for row in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
+        yield f"relations row {row}: found {rows[row].tolist()}, expected finite numbers"
+    for ends in (relations.first, relations.second):
+        for row in np.flatnonzero((ends.step < 0) | (ends.step >= len(log))):
+            yield f"relations row {row}: found step {ends.step[row]}, expected 0 to {len(log) - 1}"
 
 
 def _truth_shapes(log: Log, truth: Truth) -> Iterator[str]:

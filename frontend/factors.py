@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from .errors import InputError
+from .relations import Relations
 from .se2 import Array, Ints
 
 ROUNDING = 1e-9
@@ -92,10 +93,11 @@ class Truth(NamedTuple):
     poses: Array  # (m, 3)
     map: Map | None = None  # true landmark positions
     assigned: Ints | None = None  # (s,) true id of every sighting, unknown ones included
-    kind: Literal["truth", "reference"] = "truth"  # "reference": the batch optimum of a log without ground truth
+    kind: Literal["truth", "reference", "relations"] = "truth"  # "reference": the batch optimum of a log without truth
     places: Literal["truth", "reference"] = "truth"  # of the map; landmarks may be surveyed though the path is unknown
     words: str = ""  # the reference, unless it is simply the batch optimum; the sensor of truth that has errors, "GPS"
     moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
+    relations: Relations | None = None  # of kind "relations": no path is known, but how some poses lie to one another
 
     @property
     def exact(self) -> bool:

@@ -19,6 +19,7 @@ from .metrics import covariances, nees, not_covariances
 from .misfit import Misfit, misfit
 from .misstated import misstated
 from .moved import moved_columns, moved_remarks
+from .relations import counted_relations, relation_columns
 from .times import length
 
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
@@ -67,6 +68,10 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
                 arrays[f"{prefix}nees"] = values
                 row |= _prefixed(prefix, consistency_columns("nees", values, 3))
             remarks += [TRANSLATION_ONLY] * (found.alignment.translation_only and TRANSLATION_ONLY not in remarks)
+    if truth is not None and truth.relations is not None:
+        row |= counted_relations(truth.relations)
+        for prefix, end in ends.items():
+            row |= {} if end.path is None else _prefixed(prefix, relation_columns(truth.relations, end.path))
     if truth is not None and truth.exact:
         remarks += misstated(log, truth, row)
     named = log if outcome.assigned is None else replace(log, ids=_assigned(outcome)[-1][1])
@@ -138,7 +143,7 @@ def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown and outcome.assigned is None:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")
-    if truth is not None and len(truth.t) < FEW * len(log):
+    if truth is not None and truth.kind != "relations" and len(truth.t) < FEW * len(log):
         said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
     return said
 

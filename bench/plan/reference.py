@@ -55,11 +55,11 @@ def reference(log: Log) -> Truth | None:
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:
-    """Returns `truth` if it has a path, else a reference, aligned with true landmarks if there are any.
+    """Returns `truth` if it has a path or relations, else a reference, aligned with true landmarks if there are any.
 
     The reference is that of the true ids, so that hidden ones do not change it.
     """
-    if truth is not None and len(truth.t):
+    if truth is not None and (len(truth.t) or truth.relations is not None):
         return truth
     path = reference(named(log, truth))
     if path is None or truth is None:

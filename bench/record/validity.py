@@ -10,7 +10,7 @@ from ..words.columns import about
 from .schema import TEXTS
 from .statuses import STATUSES
 
-KINDS = ("truth", "reference", "", None)
+KINDS = ("truth", "reference", "relations", "", None)
 
 SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(

@@ -13,7 +13,7 @@ from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
 from ..measure.locating import poses_judged
-from ..verdict.ranking import PATHS
+from ..verdict.ranking import ERRORS, path_errors
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.summary import Typical, typical
 from ..words.names import tags
@@ -35,16 +35,16 @@ def bars(found: Iterable[Typical]) -> str:
 
 def by_log(name: str, log: DrawnLog) -> ReportFigure | None:
     """None where no backend ran on two logs."""
-    looks = log.looks
-    shown = [line for line in log.lines if any(column in line.values for column in PATHS.values())]
+    looks, columns = log.looks, tuple(path_errors(log.kind).values())
+    shown = [line for line in log.lines if any(column in line.values for column in columns)]
     shown.sort(key=lambda line: log.order.index(line.backend))
-    if not any(line.values[column].n > 1 for line in shown for column in PATHS.values() if column in line.values):
+    if not any(line.values[column].n > 1 for line in shown for column in columns if column in line.values):
         return None
-    what = "distance from reference" if log.kind == "reference" else "ATE"
+    what = ERRORS[log.kind]
     drawn = [
-        (k + 0.12 + (0.12 if column == "final_ate_m" else -0.12) * (len(having) - 1), line, column)
+        (k + 0.12 + (0.12 if column == columns[1] else -0.12) * (len(having) - 1), line, column)
         for k, line in enumerate(shown)
-        for having in [[column for column in PATHS.values() if column in line.values]]
+        for having in [[column for column in columns if column in line.values]]
         for column in having
     ]
     runs = log.logs == 1
@@ -59,14 +59,14 @@ def by_log(name: str, log: DrawnLog) -> ReportFigure | None:
         + f" · {len(line.rows) - line.done} of {len(line.rows)} not done" * (line.done < len(line.rows))
         for line in shown
     ]
-    both = any(column == "final_ate_m" for _, _, column in drawn)
+    both = any(column == columns[1] for _, _, column in drawn)
 
     def draw(figure: Figure) -> None:
         axes = rows(figure, [(name, looks[line.backend]) for name, line in zip(names, shown, strict=True)])
         for at, line, column in drawn:
             look, values = looks[line.backend], np.array(errors[line.backend, column])
             style: dict[str, Any] = {"color": look.colour, "markersize": 4.2, "gid": of(look)}
-            style |= {"markerfacecolor": "none"} if column == "final_ate_m" else {"markeredgewidth": 0, "alpha": 0.75}
+            style |= {"markerfacecolor": "none"} if column == columns[1] else {"markeredgewidth": 0, "alpha": 0.75}
             finite = values[np.isfinite(drawable(values))]
             axes.plot(finite, np.full(len(finite), at), "o", **style)
             found = typical(line, column)
@@ -84,7 +84,7 @@ def by_log(name: str, log: DrawnLog) -> ReportFigure | None:
     )
     caption += " Filled: online path. Open: final path." * both + " What failed counts as the worst." * failed
     curves = [
-        curve(line.backend, np.array(values), np.full(len(values), at), final=column == "final_ate_m")
+        curve(line.backend, np.array(values), np.full(len(values), at), final=column == columns[1])
         for at, line, column in drawn
         for values in [[error for error in errors[line.backend, column] if np.isfinite(error)]]
     ]
@@ -104,7 +104,7 @@ def final_pairs(name: str, log: DrawnLog) -> ReportFigure | None:
 
 def _against_the_best(name: str, log: DrawnLog, path: str) -> ReportFigure | None:
     """A path on which only two are compared is no figure, but a sentence below that of the other path."""
-    found = _compared(log) if log.kind == "truth" else {}
+    found = _compared(log) if log.kind in ("truth", "relations") else {}
     called = tags(log.looks)
     said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
     best, against = found.get(path, ("", ()))
@@ -114,7 +114,7 @@ def _against_the_best(name: str, log: DrawnLog, path: str) -> ReportFigure | Non
 def _compared(log: DrawnLog) -> dict[str, tuple[str, Sequence[Comparison]]]:
     """By path: the most accurate backend, and its comparisons with the others for which there are intervals."""
     found: dict[str, tuple[str, Sequence[Comparison]]] = {}
-    for path, column in PATHS.items():
+    for path, column in path_errors(log.kind).items():
         compared = [c for c in log.comparisons.get(column, ()) if 0 < c.ratio < np.inf and not np.isnan(c.low)]
         known = {label for c in compared for label in (c.first, c.second)}
         able = [line for line in log.lines if line.backend in known]

@@ -10,6 +10,7 @@ from ...frontend.se2 import Array
 from ..measure.times import length
 from ..record.schema import Row
 from ..record.store import Store
+from ..verdict.ranking import path_errors
 from ..verdict.statistics import Comparison
 from ..verdict.summary import Line, logs
 from ..words.styles import BASELINE, Look
@@ -28,7 +29,7 @@ class Trace(NamedTuple):
 class DrawnLog(NamedTuple):
     """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians."""
 
-    kind: str  # "truth", "reference" or "" where no path is known
+    kind: str  # what is known of the true path: "truth", "reference", "relations" or "" for nothing
     seed: int
     known: Mapping[str, Any]  # the log's arrays: t, poses, ids, xy; empty where no path is known
     traces: Sequence[Trace]
@@ -106,7 +107,8 @@ def _off(cells: Sequence[tuple[Line, Row]]) -> float:
     """Returns the distance of the cells' errors from their medians: the sum of absolute log ratios."""
     total = 0.0
     for line, row in cells:
-        column = "ate_m" if row.columns["ate_m"] is not None else "final_ate_m"
+        online, final = path_errors(line.truth_kind).values()
+        column = online if row.columns[online] is not None else final
         error, middle = row.columns[column], line.values[column].median if column in line.values else 0.0
         if line.backend != BASELINE and error is not None and middle > 0 and 0 < error / middle < math.inf:
             total += abs(math.log(error / middle))
@@ -115,7 +117,8 @@ def _off(cells: Sequence[tuple[Line, Row]]) -> float:
 
 def _error(line: Line) -> tuple[int, float]:
     """Ranks lines: those that lost no run first, then by their median error."""
-    medians = [line.values[name].median for name in ("ate_m", "final_ate_m", "map_rmse_m") if name in line.values]
+    names = (*path_errors(line.truth_kind).values(), "map_rmse_m")
+    medians = [line.values[name].median for name in names if name in line.values]
     return len(line.rows) - line.done, medians[0] if medians else np.inf
 
 

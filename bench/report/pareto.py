@@ -14,6 +14,7 @@ from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.labels import Point, name_points
 from ..drawing.svg import INK
 from ..verdict.implementations import foreign
+from ..verdict.ranking import ERRORS, path_errors
 from ..verdict.summary import Line, Typical, typical
 from ..words.names import tags
 from ..words.numerals import listed
@@ -47,7 +48,7 @@ def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
     if len({choice.label for choice in choices}) < 2:
         return None
     called = tags(choice.label for choice in choices)
-    what = "distance from reference" if log.kind == "reference" else "ATE"
+    what = ERRORS[log.kind]
     both = len({choice.final for choice in choices}) > 1
 
     def draw(figure: Figure) -> None:
@@ -79,7 +80,7 @@ def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
         name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
 
     fronts = _fronts(choices)
-    caption = "Lower left is better. " * (log.kind == "truth")
+    caption = "Lower left is better. " * (log.kind in ("truth", "relations"))
     if fronts:
         caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
     if any(choice.error.n > 1 for choice in choices):
@@ -112,17 +113,18 @@ def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choi
     others = foreign(lines)
     for line in lines:
         look, values = looks[line.backend], line.values
-        if "ate_m" in values and "step_us_p50" in values:
-            yield from _choice(line, look, values["step_us_p50"].median, "ate_m", line.backend in others)
-        if "final_ate_m" in values and "cpu_s" in values:
+        online, final = path_errors(line.truth_kind).values()
+        if online in values and "step_us_p50" in values:
+            yield from _choice(line, look, values["step_us_p50"].median, online, line.backend in others)
+        if final in values and "cpu_s" in values:
             us = 1e6 * values["cpu_s"].median / values["steps"].median
-            yield from _choice(line, look, us, "final_ate_m", line.backend in others)
+            yield from _choice(line, look, us, final, line.backend in others)
 
 
 def _choice(line: Line, look: Look, us: float, column: str, ringed: bool) -> Iterator[_Choice]:
     error = typical(line, column)
     if fits(us) and fits(error.value):
-        yield _Choice(line.backend, look, us, error, column != "ate_m", ringed)
+        yield _Choice(line.backend, look, us, error, column.startswith("final_"), ringed)
 
 
 def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -> str:

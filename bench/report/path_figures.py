@@ -122,7 +122,7 @@ def overlay(name: str, log: DrawnLog) -> ReportFigure | None:
         legend(figure, axes, key.columns)
 
     caption = f"{log.which.capitalize()}." * bool(log.which)
-    if log.kind:
+    if log.known:
         caption += f" Plain line: {log.kind}" + ("; crosses: landmarks." if "xy" in log.known else ".")
     caption += " Online paths; of a backend without one, the path smoothed at the end." * any(
         panel.online is None for panel in every

@@ -34,7 +34,7 @@ class Section(NamedTuple):
     dataset: str  # label
     name: str  # display name
     anchor: str
-    kind: str  # "truth", "reference" or ""
+    kind: str  # of the path that is known: "truth", "reference", or "" for none
     places: str  # source of the known landmarks' places, if any: "truth" or "reference"
     verdict: Verdict
     facts: str
@@ -86,7 +86,7 @@ def _section(
         dataset=found[0].dataset,
         name=found[0].name,
         anchor=slug,
-        kind=known.truth_kind,
+        kind=known.truth_kind if known.truth_kind != "relations" else "",
         places="truth" if known.surveyed else known.truth_kind,
         verdict=ruling,
         facts=_facts(found, shown),

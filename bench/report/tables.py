@@ -7,7 +7,7 @@ from ..drawing.table import Entry, Table, TableRow
 from ..record.schema import Row, label
 from ..verdict.accuracy import between
 from ..verdict.consistency import belief_word
-from ..verdict.ranking import ordered, ranking, standing
+from ..verdict.ranking import PATHS, RELATIONS, ordered, ranking, standing
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.summary import Line, Typical, logs, representative, typical
 from ..verdict.verdict import Verdict
@@ -18,14 +18,17 @@ from ..words.numerals import counted, number
 WHOSE = "implementation"  # the column of words before those of numbers wherever costs are compared
 
 MAIN = (
-    WHOSE, "ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
+    WHOSE, "ate_m", "final_ate_m", "relation_m", "relation_deg", "final_relation_m", "final_relation_deg", "nees",
+    "map_rmse_m", "final_map_rmse_m", "step_us_p50", "step_us_p99", "cpu_s",
 )  # fmt: skip
 ONLINE = (
+    "relation_sd_m", "relation_max_m", "relation_sd_deg", "relation_max_deg",
     "ate_origin_m", "ate_median_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
     "rpe_rad", "nees_inside", "nis", "landmark_nees", "landmark_nees_inside", "landmarks", "landmarks_missed",
     "landmarks_spurious",
 )  # fmt: skip
 FINAL = (
+    "final_relation_sd_m", "final_relation_max_m", "final_relation_sd_deg", "final_relation_max_deg",
     "final_ate_origin_m", "final_ate_median_m", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
     "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
     "final_landmark_nees", "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
@@ -45,13 +48,15 @@ ASSOCIATION = (
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
 PAPER = ("ate_m", "final_ate_m", "nees", "cpu_s")
+PAPER_RELATIONS = ("relation_m", "relation_deg", "final_relation_m", "final_relation_deg", "cpu_s")
 PAPER_MAPS = ("ate_m", "final_ate_m", "map_rmse_m", "final_map_rmse_m", "cpu_s")
 CELLS = (
-    "ate_m", "final_ate_m", "ate_origin_m", "heading_rad", "rpe_m", "nees", "nees_inside", "map_rmse_m", "cost_j",
+    "ate_m", "final_ate_m", "relation_m", "relation_deg", "final_relation_m", "final_relation_deg",
+    "ate_origin_m", "heading_rad", "rpe_m", "nees", "nees_inside", "map_rmse_m", "cost_j",
     "step_us_p50", "step_us_p99", "cpu_s", "peak_mb",
 )  # fmt: skip
 
-WITH_ENDS = {"ate_m", "final_ate_m", "nees", "map_rmse_m", "final_map_rmse_m"}  # with an interval
+WITH_ENDS = {*PATHS.values(), *RELATIONS.values(), "nees", "map_rmse_m", "final_map_rmse_m"}  # with an interval
 
 FROM_REFERENCE = {
     "ate_m": "online path from reference",
@@ -69,7 +74,7 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
     kept = {"map_rmse_m", "final_map_rmse_m"} if known.surveyed else set[str]()
     reference = known.truth_kind == "reference"
     headings = {name: text for name, text in FROM_REFERENCE.items() if reference and name not in kept}
-    tested = WITH_ENDS - {"nees"} if known.truth_kind == "truth" else kept
+    tested = WITH_ENDS - {"nees"} if known.truth_kind in ("truth", "relations") else kept
     best = {name: _best(lines, name) for name in tested}
 
     def entry(line: Line, name: str) -> Entry:
@@ -93,7 +98,7 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
 def paper_table(main: Table) -> Table:
     """Makes the small table for a column of a paper; counts of cells only where some are not done."""
     names = [column.name for column in main.headings]
-    wanted = PAPER if "nees" in names else PAPER_MAPS
+    wanted = PAPER_RELATIONS if set(RELATIONS.values()) & {*names} else PAPER if "nees" in names else PAPER_MAPS
     kept = [k for k, name in enumerate(names) if name in wanted]
     kept = [0] * any(row.status != "done" for row in main.rows) + kept
     rows = [row._replace(entries=[row.entries[k] for k in kept]) for row in main.rows]

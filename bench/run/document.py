@@ -10,7 +10,8 @@ from ..verdict.summary import Line, logs
 from ..verdict.verdict import Verdict
 
 ESTIMATES = (
-    "ate_m", "final_ate_m", "heading_rad", "map_rmse_m", "final_map_rmse_m", "nees", "nees_inside", "step_us_p50",
+    "ate_m", "final_ate_m", "relation_m", "relation_deg", "final_relation_m", "final_relation_deg",
+    "heading_rad", "map_rmse_m", "final_map_rmse_m", "nees", "nees_inside", "step_us_p50",
     "step_us_p99", "cpu_s",
 )  # fmt: skip
 """columns whose medians over the logs are given"""
@@ -20,7 +21,7 @@ folder, report    where everything is, and its page
 status            the exit status
 datasets          one each:
   dataset, name   its label, and its display name
-  truth_kind      "truth", "reference" or ""
+  truth_kind      "truth", "relations", "reference" or ""
   logs            the number of different ones
   remarks         [text], what is legal in them yet odd
   verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],

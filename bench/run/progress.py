@@ -79,6 +79,9 @@ def words(seconds: float) -> str:
 
 AGAIN_S = 30.0  # s between two lines that report the time left
 REFRESHED = 1.0  # redraws per second: each takes some milliseconds of a core from what is measured
+ERRORS = {"ate_m": "ATE", "final_ate_m": "ATE", "relation_m": "relations", "final_relation_m": "relations"}
+"""the errors that are told of a cell, the first that it has"""
+ONLINE = ("ate_m", "relation_m")
 BAR = 24  # columns of the bar, where there is room
 
 
@@ -163,9 +166,9 @@ class Screen:
         self._stage, self._done, self._total = "writing the report", 0, 0
 
     def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
-        error = row.get("ate_m", row.get("final_ate_m"))
+        found = [(what, row[name]) for name, what in ERRORS.items() if row.get(name) is not None]
         parts = [self._names[cell.dataset.label], cell.backend.label, f"seed {cell.seed}"]
-        parts += [] if error is None else [f"ATE {error:.3f} m"]
+        parts += [f"{what} {error:.3f} m" for what, error in found[:1]]
         text = plain(" \N{MIDDLE DOT} ".join(parts) + (f": {said}" if said else ""))
         status = f"[{STATUS_STYLE.get(row['status'], 'red')}]{row['status']}[/]"
         left = self._left()
@@ -179,8 +182,9 @@ class Screen:
         )
 
     def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
-        """Warns once about a log without sightings."""
-        if row["status"] == "done" and row["sightings"] == 0 and dataset not in self._warned:
+        """Warns once about a log without sightings and loop closures."""
+        nothing = row["sightings"] == 0 and not row.get("j_loops")
+        if row["status"] == "done" and nothing and dataset not in self._warned:
             self._warned.add(dataset)
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 
@@ -206,18 +210,17 @@ class Screen:
         shown = Table(box=box.SIMPLE_HEAD, collapse_padding=True)
         room = max(8, (self._console.width - 34) // 2)
         shown.add_column("dataset", no_wrap=True, overflow="ellipsis", max_width=room)
-        for heading in ("ended", "lowest ATE, m"):
+        for heading in ("ended", "lowest error, m"):
             shown.add_column(heading, justify="right", no_wrap=True, min_width=len(heading))
         shown.add_column("of", no_wrap=True, overflow="ellipsis", max_width=room)
         for dataset, name in self._names.items():
             mine = [line for line in every if line.dataset == dataset]
             of = sum(self._planned[dataset, line.backend] for line in mine)
             best = min(
-                (line for line in mine if "ate_m" in line.values),
-                key=lambda line: line.values["ate_m"].median,
+                ((line.values[name].median, line.backend) for line in mine for name in ONLINE if name in line.values),
                 default=None,
             )
-            figures = ("", "") if best is None else (f"{best.values['ate_m'].median:.3f}", plain(best.backend))
+            figures = ("", "") if best is None else (f"{best[0]:.3f}", plain(best[1]))
             shown.add_row(plain(name), f"{sum(len(line.rows) for line in mine)}/{of}", *figures)
         return shown
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from ..verdict.consistency import void
 from ..verdict.implementations import sentence
+from ..verdict.ranking import path_errors
 from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, logs, typical
 from ..verdict.verdict import Verdict, verdict
@@ -152,8 +153,8 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
     """Returns a line's entries by heading; the map's where true places are known."""
     v = line.values
     spreads = {
-        "ATE, m": ("ate_m",),
-        "final, m": ("final_ate_m",),
+        "ATE, m": (path_errors(line.truth_kind)["online"],),
+        "final, m": (path_errors(line.truth_kind)["final"],),
         "map, m": ("final_map_rmse_m", "map_rmse_m") if line.surveyed else (),
     }
     of = len(line.rows) if planned is None else planned[line.dataset, line.backend]
@@ -184,13 +185,17 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
     known = next((line for line in lines if line.rows), lines[0])
     if known.truth_kind == "reference":
         title += f"; truth unknown: errors{' of paths' * known.surveyed} are distances from {known.reference}"
+    if known.truth_kind == "relations":
+        title += "; truth of the path unknown: errors are of true motions between pairs of poses"
     if form.ranges and any(entry.ends for row in entries for entry in row.values()):
         title += f"; medians ({'95 % intervals' if n >= FEWEST else 'ranges'})"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", no_wrap=True, overflow="ellipsis", max_width=form.label + 2)
     headings = [h for h in entries[0] if h not in form.without and (h != "map, m" or known.surveyed)]
     texts = [[row[h].text + row[h].ends * form.ranges for h in headings] for row in entries]
-    for heading, *column in zip(headings, *texts, strict=True):  # what has to be cut is the label, never a number
+    called = {"ATE, m": "online, m"} if known.truth_kind == "relations" else {}
+    tops = [called.get(heading, heading) for heading in headings]
+    for heading, *column in zip(tops, *texts, strict=True):  # what has to be cut is the label, never a number
         shown.add_column(heading, justify="right", no_wrap=True, min_width=max(map(len, (heading, *column))))
     for line, row in zip(lines, texts, strict=True):
         shown.add_row(plain(wrapped(line.backend, form.label)) + " \N{DAGGER}" * line.told, *row)

@@ -39,6 +39,8 @@ class Quantity(NamedTuple):
 QUANTITIES = (
     Quantity("ate_m", "ATE online, m", "accuracy", 0.05),
     Quantity("final_ate_m", "ATE final, m", "accuracy", 0.05),
+    Quantity("relation_m", "relations online, m", "accuracy", 0.05),
+    Quantity("final_relation_m", "relations final, m", "accuracy", 0.05),
     Quantity("map_rmse_m", "map, m", "accuracy", 0.05),
     Quantity("nees", "NEES", "consistency", 0.05),
     Quantity("cpu_s", "CPU time, s", "CPU time", 0.5),

@@ -11,12 +11,29 @@ from .summary import Line, logs, representative
 ALIKE = 1.01  # errors whose ratio is significantly within this and its inverse are alike, whatever the test says
 ROUNDING = 1e-9  # m below which errors are all the same, so that rounding on a log without noise decides nothing
 PATHS = {"online": "ate_m", "final": "final_ate_m"}  # compared where the path is known, by purpose
+RELATIONS = {"online": "relation_m", "final": "final_relation_m"}  # where only motions between its poses are
 MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}  # where only the landmarks are known
 
 ESTIMATES = {
     "ate_m": "online path", "final_ate_m": "final path", "map_rmse_m": "online map", "final_map_rmse_m": "final map",
+    "relation_m": "online path", "final_relation_m": "final path",
 }  # fmt: skip
 """the estimate whose error each of these is"""
+
+ERRORS = {"truth": "ATE", "reference": "distance from reference", "relations": "error of relations", "": "error"}
+"""the error of a path, by what is known of the true one"""
+
+
+def path_errors(truth_kind: str) -> Mapping[str, str]:
+    """Returns the columns of a path's error by purpose; distances from a reference are among them."""
+    return RELATIONS if truth_kind == "relations" else PATHS
+
+
+def judged_by(known: Line) -> Mapping[str, str]:
+    """Returns the columns that a dataset's backends are ranked by, by purpose; none where nothing true is known."""
+    if known.truth_kind in ("truth", "relations"):
+        return path_errors(known.truth_kind)
+    return MAPS if known.surveyed else {}
 
 
 class Ranking(NamedTuple):
@@ -111,10 +128,8 @@ def needed(pairs: int) -> int:
 def ordered(lines: Sequence[Line]) -> list[Line]:
     """Orders a dataset's lines: by accuracy if known, then those that are not ranked, dead reckoning last."""
     place: dict[str, tuple[int, int]] = {}
-    known = representative(lines)
-    if known.truth_kind == "truth" or known.surveyed:
-        for k, column in enumerate((PATHS if known.truth_kind == "truth" else MAPS).values()):
-            found = ranking(lines, column)
-            for j, line in enumerate(found.lines if found else ()):
-                place.setdefault(line.backend, (k, j))
+    for k, column in enumerate(judged_by(representative(lines)).values()):
+        found = ranking(lines, column)
+        for j, line in enumerate(found.lines if found else ()):
+            place.setdefault(line.backend, (k, j))
     return sorted(lines, key=lambda line: (line.backend == BASELINE, place.get(line.backend, (len(ESTIMATES), 0))))

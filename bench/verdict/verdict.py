@@ -9,7 +9,7 @@ from .accuracy import claims
 from .advice import SAME_COST, Use, advice, unnamed
 from .association import association_sentences
 from .consistency import belief_sentences
-from .ranking import ESTIMATES, MAPS, PATHS, Ranking, ordered, ranking
+from .ranking import ESTIMATES, PATHS, Ranking, judged_by, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, logs, representative
 
@@ -40,7 +40,7 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     failures = _not_done(lines)
     if not any(line.done for line in lines):
         return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
-    measures = PATHS if kind == "truth" else MAPS if known.surveyed else {}
+    measures = judged_by(known)
     rankings = {purpose: found for purpose, column in measures.items() if (found := ranking(lines, column))}
     said: list[str] = []
     if kind == "reference":
@@ -63,14 +63,25 @@ def verdict(lines: Sequence[Line]) -> Verdict:
 def _known(line: Line) -> str:
     if line.truth_kind == "truth":
         return "the true path is known"
+    if line.truth_kind == "relations":
+        return f"true motions between {_pairs(line)} are known, the true path is not"
     if line.truth_kind == "reference":
         return "the true path is not known" + ", the landmarks' places are" * line.surveyed
     return "neither path nor landmarks are known"
 
 
+def _pairs(line: Line) -> str:
+    """Counts the pairs of poses whose true motion is known."""
+    judged, exact = (line.values.get(name) for name in ("relations", "relations_exact"))
+    if judged is None or exact is None:
+        return "some pairs of poses"
+    between_scans = f", {judged.median - exact.median:,.0f} of them with a pose between two scans"
+    return f"{judged.median:,.0f} pairs of poses" + between_scans * (exact.median < judged.median)
+
+
 def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
     """Recommends by purpose, none where no path is known; maps are the final ones if several have these."""
-    if representative(lines).truth_kind == "truth":
+    if representative(lines).truth_kind in ("truth", "relations"):
         return [advice(purpose, found) for purpose, found in rankings.items()]
     uses = [unnamed(purpose, lines) for purpose in PATHS]
     found = rankings.get("map")

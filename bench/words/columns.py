@@ -21,8 +21,9 @@ CELLS = (
     Column("digest", "digest", kind.TEXT,
            "sha256 of all factors that the backend was given, computed inside the cell."),
     Column("truth_kind", "known path", kind.TEXT,
-           "What errors are measured from: truth, the ground truth; reference, the batch optimum of a log without "
-           "ground truth. Blank: neither is known."),
+           "What errors are measured from: truth, the ground truth; relations, true motions between pairs of poses, "
+           "where no true path is known; reference, the batch optimum of a log without ground truth. Blank: none is "
+           "known."),
     Column("steps", "steps", kind.COUNT, "Keyframes of the log."),
     Column("sightings", "sightings", kind.COUNT, "Landmark sightings in the log."),
     Column("ignored", "ignored", kind.COUNT,
@@ -131,13 +132,26 @@ ONLINE = (
     Column("ate_median_m", "ATE, median", kind.ERROR_M,
            "As ATE online, the median distance: a few large errors of the path, or of ground truth by GPS, do not move "
            "it."),
+    Column("relation_m", "relations online", kind.ERROR_M,
+           "Error of relations (Kuemmerle et al., 2009): how far the motion between two poses of the online path is "
+           "from the true one, mean over all pairs whose true motion is known. Pairs of the very scans are used where "
+           "there are 500 of them, else also those at times between two scans. Not aligned.", "error of relations"),
+    Column("relation_deg", "rotation of relations", kind.ERROR_DEG, "Likewise, of the turn between the two poses.",
+           "error of relations, rotation"),
+    Column("relation_sd_m", "sd of relations", kind.ERROR_M, "Standard deviation of the error in m, over the pairs."),
+    Column("relation_max_m", "worst relation", kind.ERROR_M, "The largest error of such a pair."),
+    Column("relation_sd_deg", "sd of their rotation", kind.ERROR_DEG, "Likewise, of the turn."),
+    Column("relation_max_deg", "worst rotation", kind.ERROR_DEG, "The largest error of a turn."),
 )  # fmt: skip
 """The columns of metrics.csv that exist for the online path and map, and again for the final ones."""
 
 
 def _final() -> Iterator[Column]:
     """Yields those of the final path and map; a particle filter's map covariance is given one particle's path."""
-    starts = "align", "heading", "rpe", "nees", "landmarks_", "landmark_", "pair_", "wrong_", "dropped_", "ate_median"
+    starts = (
+        "align", "heading", "rpe", "nees", "landmarks_", "landmark_", "pair_", "wrong_", "dropped_", "ate_median",
+        "relation_",
+    )  # fmt: skip
     online = (column for start in starts for column in (*CELLS, *ONLINE) if column.name.startswith(start))
     for column in online:
         yield Column(
@@ -212,6 +226,9 @@ METRICS = (
     Column("told", "given the ground truth", kind.COUNT,
            "1: the backend was given the ground truth (--oracle) and linearised there, so it is not compared with "
            "others."),
+    Column("relations", "relations", kind.COUNT, "Pairs of poses that errors of relations are means over."),
+    Column("relations_exact", "exact relations", kind.COUNT,
+           "Of these, the pairs of the very scans: no pose is interpolated."),
     Column("surveyed", "landmarks surveyed", kind.COUNT,
            "1: the true places of the landmarks are known, the true path is not. The map is measured from these "
            "places."),

@@ -159,7 +159,7 @@ def facts_of(dataset: Dataset) -> LogFacts:
     odd = tuple(remarks(dataset))
     if truth is None:
         return LogFacts(log.digest, "", "", {}, remarks=odd)
-    arrays: dict[str, Any] = {"t": truth.t, "poses": truth.poses}
+    arrays: dict[str, Any] = {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
     if truth.assigned is not None:

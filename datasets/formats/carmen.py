@@ -6,11 +6,12 @@
 
 Metres, radians, seconds. Other lines (PARAM, ODOM, RLASER, ...) are not used. Times are those of `ipc_time`: relations
 of the Freiburg benchmark (Kuemmerle et al., Autonomous Robots 27(4), 2009) are given by them, exactly; scans a few
-microseconds apart are different scans. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and
-an odd number takes in both ends.
+microseconds apart are different scans. NAME.relations beside NAME.clf is the ground truth. In FLASER, 180 or 360 beams
+start at -90 degrees and stop a step before +90, and an odd number takes in both ends.
 """
 
 import gzip
+import os
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,12 +24,13 @@ import numpy as np
 
 from ...frontend.errors import InputError
 from ...frontend.factors import REMARKS, Dataset, Log, Prior
-from ...frontend.laser.recording import LaserRecording, build_log
+from ...frontend.laser.recording import LaserRecording, log_of, matched
 from ...frontend.laser.scanner import Scanner, evenly
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array
 from ..registry import Source
+from .relations import beside, read_relations, related
 
 START_SD = 1e-3
 """m and rad; the log starts where the odometry does."""
@@ -60,9 +62,15 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     """Laser scans and odometry in CARMEN's format, through the laser front end: carmen[path=FILE]."""
     if options.path is None:
         raise InputError("option path of dataset carmen is not given, expected a laser log's file: carmen[path=FILE].")
-    recording, remarks = read(Path(options.path), options)
-    log = build_log(recording, options)
-    return Dataset(_with(log, remarks), None)
+    path = Path(options.path)
+    recording, remarks = read(path, options)
+    relations = read_relations(beside(path)) if os.path.lexists(beside(path)) else None
+    front_end = matched(recording, options)
+    log = log_of(recording, front_end)
+    if relations is None:
+        return Dataset(_with(log, remarks), None)
+    truth, odd = related(relations, front_end)
+    return Dataset(_with(log, remarks + odd), truth)
 
 
 source = Source(make, Options, costly=True, portable=False)

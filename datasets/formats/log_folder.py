@@ -6,6 +6,7 @@
     loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt    one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
     landmarks.csv    id,x,y[,moving]                                 the landmarks' true positions; optional
+    relations.csv    true motions between poses beside steps         optional: see `frontend.relations.COLUMNS`
 
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
@@ -20,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems
+from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems, relation_problems
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.files import beside
@@ -31,7 +32,7 @@ from ...frontend.table import CHUNK, Table, scan_csv
 from ...frontend.toml.table import TomlTable
 from ...frontend.triangles import symmetric, upper
 from ..registry import Source
-from ..truth import PLACES, POSES, digest, scan_truth, write_truth
+from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words
 
 WORDS = "log.toml"
@@ -156,7 +157,11 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     if assigned is not None:
         assigned.flags.writeable = False
     truth = truth or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
-    return Dataset(log, truth._replace(assigned=assigned, kind=words.truth_kind or "truth")), words
+    truth = truth._replace(assigned=assigned, kind=words.truth_kind or truth.kind)
+    if truth.relations is not None:
+        for message in relation_problems(log, truth.relations):
+            yield InputError(f"{folder / RELATIONS}: {message}.")
+    return Dataset(log, truth), words
 
 
 def _empty(path: Path, columns: tuple[str, ...]) -> Table:
@@ -182,7 +187,7 @@ def _scan_changes(words: Words, found: Contents) -> Scan[None]:
     yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
     parts = {
         "factors": "prior, odometry.csv, sightings.csv or loops.csv",
-        "truth": "truth.tum, landmarks.csv or true_id",
+        "truth": "truth.tum, landmarks.csv, relations.csv or true_id",
     }
     for key, parts_of_it in parts.items():
         was, now = getattr(words.contents, key), getattr(found, key)
@@ -204,7 +209,9 @@ def _contents(log: Log, truth: Truth | None) -> Contents:
     if truth is None:
         return Contents(rows, log.digest)
     places = 0 if truth.map is None else len(truth.map.ids)
-    return Contents(rows | {POSES: len(truth.t), PLACES: places}, log.digest, digest(truth))
+    rows |= {POSES: len(truth.t), PLACES: places}
+    rows |= {} if truth.relations is None else {RELATIONS: len(truth.relations.delta)}
+    return Contents(rows, log.digest, digest(truth))
 
 
 def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:

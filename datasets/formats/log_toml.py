@@ -20,7 +20,7 @@ from ...frontend.toml.table import LARGEST, TomlTable
 T = TypeVar("T")
 P = ParamSpec("P")
 
-FILES = ("odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv")
+FILES = ("odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv", "relations.csv")
 
 NOWHERE = Prior(np.zeros(3), np.eye(3))
 """Replaces an unreadable prior."""
@@ -42,7 +42,7 @@ class Words(NamedTuple):
     file: TomlTable
     name: str
     prior: Prior
-    truth_kind: Literal["truth", "reference"] | None
+    truth_kind: Literal["truth", "reference", "relations"] | None
     notes: Mapping[str, Any]
     contents: Contents
 
@@ -106,8 +106,8 @@ def _name(file: TomlTable) -> str:
     return file.text("name", "")
 
 
-def _truth_kind(file: TomlTable) -> Literal["truth", "reference"] | None:
-    return file.table("truth").only(("kind",)).choice("kind", None, ("truth", "reference"))
+def _truth_kind(file: TomlTable) -> Literal["truth", "reference", "relations"] | None:
+    return file.table("truth").only(("kind",)).choice("kind", None, ("truth", "reference", "relations"))
 
 
 def _scan_prior(file: TomlTable) -> Scan[Prior]:

@@ -15,7 +15,7 @@ from ..small_matrices import inverse
 from ._matching import match
 from ._search import correlated
 from .loops import Loop, Match, Surprises, cloud, loop_of, searched
-from .pose_graph import Relations, optimised
+from .pose_graph import Edges, optimised
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .submap import Submap
@@ -66,7 +66,6 @@ class FrontEnd:
         self.loops: list[Loop] = []
         self.t: list[float] = []
         self.path: list[Array] = []  # of every scan, on the matcher's path
-        self.of_step: list[int] = []  # the last step before or at each scan
         self.submaps: list[Submap] = []  # finished
         self.estimate: list[Array] = []  # of the steps, by the pose graph
         self.turned_down: Counter[str] = Counter()
@@ -83,7 +82,7 @@ class FrontEnd:
         """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels."""
         scan = Scan(self.scanner.points(ranges), self.settings.spacing)
         if not self.path:
-            self._record(t, np.zeros(3), True)
+            self._record(t, np.zeros(3))
             self._draw(np.zeros(3), scan)
             self._new_step(t, np.zeros(3), np.zeros((3, 3)), scan, np.zeros(2))
             return
@@ -95,7 +94,7 @@ class FrontEnd:
         if _beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
             self._draw(pose, scan)
         new = _beyond(between(self._poses[-1], pose), s.step, s.turn)
-        self._record(t, pose, new)
+        self._record(t, pose)
         if new:
             self._new_step(t, pose, information, scan, rate)
 
@@ -104,21 +103,9 @@ class FrontEnd:
         if self.loops:
             self._optimise(100)
 
-    def trajectory(self) -> Array:
-        """The estimate (n, 3) of every scan: the matcher's path, bent to the steps before and after each."""
-        before = np.array(self.of_step)
-        after = np.minimum(before + 1, len(self.steps) - 1)
-        local, steps, estimate = np.array(self.path), np.array(self._poses), np.array(self.estimate)
-        t, at = np.array(self.t), np.array([step.t for step in self.steps])
-        by_before = compose(estimate[before], between(steps[before], local))
-        by_after = compose(estimate[after], between(steps[after], local))
-        share = np.clip((t - at[before]) / np.maximum(at[after] - at[before], 1e-9), 0, 1)
-        return compose(by_before, between(by_before, by_after) * share[:, None])
-
-    def _record(self, t: float, pose: Array, new: bool) -> None:
+    def _record(self, t: float, pose: Array) -> None:
         self.t.append(t)
         self.path.append(pose)
-        self.of_step.append(len(self.steps) - (not new))
 
     def _predicted(self, t: float, motion: Array | None) -> tuple[Array, Array]:
         """The motion since the last scan, and its covariance, both in the axes of the last pose."""
@@ -262,13 +249,13 @@ class FrontEnd:
         self.estimate = list(
             optimised(
                 np.array(self.estimate),
-                Relations(
+                Edges(
                     number,
                     number + 1,
                     np.array([step.delta for step in steps]).reshape(-1, 3),
                     inverse(np.array([step.cov for step in steps]).reshape(-1, 3, 3)),
                 ),
-                Relations(
+                Edges(
                     np.array([loop.to for loop in self.loops]),
                     np.array([loop.step for loop in self.loops]),
                     np.array([loop.delta for loop in self.loops]),

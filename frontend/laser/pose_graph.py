@@ -19,7 +19,7 @@ SMALL = 1e-4
 """m and rad; Gauss-Newton ends when no pose moves further."""
 
 
-class Relations(NamedTuple):
+class Edges(NamedTuple):
     """Motions between poses of the graph, with covariances in the axes of `delta`."""
 
     first: Ints  # (m,)
@@ -28,10 +28,10 @@ class Relations(NamedTuple):
     information: Array  # (m, 3, 3)
 
 
-def optimised(poses: Array, steps: Relations, loops: Relations, iterations: int = 15) -> Array:
+def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15) -> Array:
     """Moves `poses` (n, 3), the first one fixed, to the optimum by Gauss-Newton, with Cauchy's loss on the loops."""
     poses = poses.copy()
-    both = Relations(
+    both = Edges(
         np.concatenate((steps.first, loops.first)),
         np.concatenate((steps.second, loops.second)),
         np.concatenate((steps.delta, loops.delta)),
@@ -47,9 +47,9 @@ def optimised(poses: Array, steps: Relations, loops: Relations, iterations: int 
     return poses
 
 
-def _solved(poses: Array, relations: Relations, robust: NDArray[np.bool_]) -> Array:
+def _solved(poses: Array, edges: Edges, robust: NDArray[np.bool_]) -> Array:
     """One step of Gauss-Newton, (n, 3)."""
-    i, j, delta, information = relations
+    i, j, delta, information = edges
     n = len(poses)
     a, b = poses[i], poses[j]
     residual = between(a, b) - delta

@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..factors import Log, Prior
 from ..se2 import Array, between, compose
+from .anchors import anchors
 from .front_end import FrontEnd
 from .scanner import Scanner
 from .settings import Settings
@@ -31,11 +32,18 @@ class LaserRecording:
     prior: Prior
 
 
-def build_log(recording: LaserRecording, settings: Settings, observe: Callable[[FrontEnd], None] | None = None) -> Log:
+def build_log(recording: LaserRecording, settings: Settings) -> Log:
     """Makes the log: a step every so often, with one odometry factor by scans and wheels, and loop closures.
 
-    `observe` is called after every scan. InputError for a recording without two steps.
+    InputError for a recording without two steps.
     """
+    return log_of(recording, matched(recording, settings))
+
+
+def matched(
+    recording: LaserRecording, settings: Settings, observe: Callable[[FrontEnd], None] | None = None
+) -> FrontEnd:
+    """Takes a front end through all scans; `observe` is called after every one."""
     front_end = FrontEnd(recording.scanner, settings, recording.odometry is not None)
     motions: Any = [None] * len(recording.t)
     if recording.odometry is not None:
@@ -45,11 +53,11 @@ def build_log(recording: LaserRecording, settings: Settings, observe: Callable[[
         if observe is not None:
             observe(front_end)
     front_end.finish()
-    return log_of(recording, front_end)
+    return front_end
 
 
 def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
-    """The steps and loops of a front end as a log."""
+    """The steps and loops of a front end as a log; InputError without two steps."""
     steps, loops = front_end.steps, sorted(front_end.loops, key=lambda one: (one.step, one.to))
     if len(steps) < 2:
         way = 0.0 if not front_end.path else float(np.hypot(*front_end.path[-1][:2]))
@@ -90,5 +98,5 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
 
 def placed(recording: LaserRecording, front_end: FrontEnd) -> Array:
     """The front end's own estimate (n, 3) of every scan, from the prior's pose on."""
-    path = front_end.trajectory()
+    path = anchors(front_end, recording.t).anchors.along(np.array(front_end.estimate))
     return compose(recording.prior.pose, between(path[0], path))

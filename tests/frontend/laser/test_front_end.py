@@ -12,8 +12,8 @@ from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.loops import Loop, Surprises
-from slamduel.frontend.laser.pose_graph import Relations, optimised
-from slamduel.frontend.laser.recording import LaserRecording, build_log, placed
+from slamduel.frontend.laser.pose_graph import Edges, optimised
+from slamduel.frontend.laser.recording import LaserRecording, build_log, log_of, matched, placed
 from slamduel.frontend.laser.scanner import Scanner, evenly
 from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.se2 import Array, between, compose, wrap
@@ -27,7 +27,7 @@ class Driven:
         recording, truth = record(chosen, np.random.default_rng(seed))
         self.front_end: FrontEnd | None = None
         self.recording, self.truth = recording, truth
-        self.log: Log = build_log(recording, chosen, self._look)
+        self.log: Log = log_of(recording, matched(recording, chosen, self._look))
         self.poses = truth.poses[np.searchsorted(truth.t, self.log.t)]
         self.at = np.repeat(np.arange(len(self.log)), np.diff(self.log.loop_first))
 
@@ -124,7 +124,8 @@ def test_wheels_that_jump_are_caught_by_a_search() -> None:
     for one in motion:
         odometry.append(compose(odometry[-1], one))
     found: list[FrontEnd] = []
-    log = build_log(replace(drive.recording, odometry=np.array(odometry)), Settings(), found.append)
+    recording = replace(drive.recording, odometry=np.array(odometry))
+    log = log_of(recording, matched(recording, Settings(), found.append))
     errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
     assert np.abs(errors[:, 2]).max() < 0.03
     assert found[-1].lost > 0
@@ -171,11 +172,11 @@ def test_the_graph_of_poses_finds_the_optimum_and_does_without_false_loops() -> 
     for one in delta:
         start.append(compose(start[-1], one))
     to = np.arange(0, 30)
-    loops = Relations(to, to + 30, between(truth[to], truth[to + 30]), np.tile(np.eye(3) * 1e4, (30, 1, 1)))
-    found = optimised(np.array(start), Relations(number, number + 1, delta, information), loops, 50)
+    loops = Edges(to, to + 30, between(truth[to], truth[to + 30]), np.tile(np.eye(3) * 1e4, (30, 1, 1)))
+    found = optimised(np.array(start), Edges(number, number + 1, delta, information), loops, 50)
     assert np.abs(_off(found, truth))[:, :2].max() < 0.1 < np.abs(_off(np.array(start), truth))[:, :2].max()
     loops.delta[7] += (2.0, 1.0, 0.5)
-    again = optimised(np.array(start), Relations(number, number + 1, delta, information), loops, 50)
+    again = optimised(np.array(start), Edges(number, number + 1, delta, information), loops, 50)
     assert np.abs(again - found).max() < 0.02
     assert (again[0] == start[0]).all() or np.abs(again[0] - start[0]).max() < 1e-6
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.frontend.laser.front_end import FrontEnd
-from slamduel.frontend.laser.recording import build_log
+from slamduel.frontend.laser.recording import matched, placed
 from slamduel.frontend.se2 import Array, between, compose, wrap
 
 EXACT = 2e-5
@@ -33,12 +33,12 @@ def judged(path: Path, options: Options) -> tuple[Judged, FrontEnd]:
     if "SLAMDUEL_DATA" not in os.environ or not path.is_file():
         pytest.skip(f"SLAMDUEL_DATA is not set, or has no {path.name}")
     recording, _ = read(path, options)
-    found: list[FrontEnd] = []
-    build_log(recording, options, lambda front_end: found.append(front_end) if not found else None)
+    front_end = matched(recording, options)
+    path = placed(recording, front_end)
     relations = np.loadtxt(path.parent / f"{path.name.partition('.')[0]}.relations")
-    (first, at_first), (second, at_second) = (_at(recording.t, found[0].trajectory(), relations[:, k]) for k in (0, 1))
+    (first, at_first), (second, at_second) = (_at(recording.t, path, relations[:, k]) for k in (0, 1))
     off = between(relations[:, [2, 3, 7]], between(first, second))
-    return Judged(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(off[:, 2])), at_first & at_second), found[0]
+    return Judged(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(off[:, 2])), at_first & at_second), front_end
 
 
 def _at(t: Array, path: Array, times: Array) -> tuple[Array, NDArray[np.bool_]]:
