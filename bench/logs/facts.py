@@ -203,6 +203,8 @@ def _sd(sd: Sd, unit: str) -> str:
 def _known(found: Numbers, path: str) -> Iterator[str]:
     k = found.known
     yield _coverage(k, found.way.steps)
+    if k.relations:
+        yield f"true motions between {counted(k.relations, 'pair')} of poses"
     yield f"{counted(k.landmarks, 'landmark')} with a known place" if k.landmarks else "no landmark's place"
     if k.drift_m is not None:
         share = "" if k.drift_share is None else f", {number(100 * k.drift_share)} % of the way"

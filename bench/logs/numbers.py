@@ -126,6 +126,7 @@ class Known(NamedTuple):
     scattered: Scattered | None  # by a known path, where the landmarks' places are not
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length
+    relations: int  # pairs of poses with a known motion
 
 
 class Numbers(NamedTuple):
@@ -289,4 +290,5 @@ def _known(dataset: Dataset, drawn: Shown) -> Known:
         scattered_ids(drawn.places),
         off,
         share,
+        0 if truth is None or truth.relations is None else len(truth.relations.delta),
     )

@@ -191,7 +191,9 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
         title += f"; medians ({'95 % intervals' if n >= FEWEST else 'ranges'})"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", no_wrap=True, overflow="ellipsis", max_width=form.label + 2)
-    headings = [h for h in entries[0] if h not in form.without and (h != "map, m" or known.surveyed)]
+    absent = {"NEES", "in 95 %"} if known.truth_kind == "relations" else set[str]()
+    absent |= set() if known.surveyed else {"map, m"}
+    headings = [h for h in entries[0] if h not in form.without and h not in absent]
     texts = [[row[h].text + row[h].ends * form.ranges for h in headings] for row in entries]
     called = {"ATE, m": "online, m"} if known.truth_kind == "relations" else {}
     tops = [called.get(heading, heading) for heading in headings]

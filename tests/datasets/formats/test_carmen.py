@@ -1,6 +1,5 @@
 """CARMEN's laser logs: the same scans however they are written, real logs, and what cannot be used."""
 
-import gzip
 import os
 import re
 from collections.abc import Callable
@@ -9,42 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from carmen_files import flaser, robotlaser, written
 from slamduel.bench.plan.load import load
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.datasets.worlds import laser_floor
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.se2 import Array
-
-
-def flaser(t: float, ranges: Array, pose: Array) -> str:
-    words = " ".join(f"{r:.2f}" for r in ranges)
-    place = " ".join(f"{x:.17g}" for x in pose)
-    return f"FLASER {len(ranges)} {words} {place} {place} {t:.9f} host {t:.9f}"
-
-
-def robotlaser(t: float, ranges: Array, pose: Array) -> str:
-    words = " ".join(f"{r:.2f}" for r in ranges)
-    place = " ".join(f"{x:.17g}" for x in pose)
-    step = np.pi / (len(ranges) - 1)
-    return (
-        f"ROBOTLASER1 0 {-np.pi / 2:.17g} {np.pi:.17g} {step:.17g} 81.9 0.01 0 {len(ranges)} {words} 1 7 {place} "
-        f"{place} 0.5 0 0.3 0.2 1e6 {t:.9f} host {t:.9f}"
-    )
 
 
 @pytest.fixture(scope="module")
 def drive() -> LaserRecording:
     recording, _ = laser_floor.record(laser_floor.Options(laps=0.15, people=0), np.random.default_rng(0))
     return recording
-
-
-def written(path: Path, drive: LaserRecording, line: Callable[[float, Array, Array], str] = flaser) -> Path:
-    assert drive.odometry is not None
-    rows = [line(*one) for one in zip(drive.t.tolist(), drive.ranges, drive.odometry, strict=True)]
-    text = "\n".join(("# a log", "PARAM robot_width 0.5", *rows, ""))
-    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
-    return path
 
 
 def test_the_same_scans_give_the_same_factors_however_they_are_written(drive: LaserRecording, tmp_path: Path) -> None:
