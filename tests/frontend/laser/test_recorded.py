@@ -13,9 +13,11 @@ import pytest
 from numpy.typing import NDArray
 
 from slamduel.datasets.formats.carmen import Options, read
+from slamduel.datasets.formats.relations import beside, read_relations, related
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.recording import matched, placed
 from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.frontend.table import Table
 
 EXACT = 2e-5
 """s; stamps of relations are those of scans to this."""
@@ -34,11 +36,24 @@ def judged(path: Path, options: Options) -> tuple[Judged, FrontEnd]:
         pytest.skip(f"SLAMDUEL_DATA is not set, or has no {path.name}")
     recording, _ = read(path, options)
     front_end = matched(recording, options)
-    path = placed(recording, front_end)
+    scans = placed(recording, front_end)
     relations = np.loadtxt(path.parent / f"{path.name.partition('.')[0]}.relations")
-    (first, at_first), (second, at_second) = (_at(recording.t, path, relations[:, k]) for k in (0, 1))
+    (first, at_first), (second, at_second) = (_at(recording.t, scans, relations[:, k]) for k in (0, 1))
     off = between(relations[:, [2, 3, 7]], between(first, second))
-    return Judged(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(off[:, 2])), at_first & at_second), front_end
+    found = Judged(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(off[:, 2])), at_first & at_second)
+    _agree(found, front_end, read_relations(beside(path)))
+    return found, front_end
+
+
+def _agree(found: Judged, front_end: FrontEnd, table: Table) -> None:
+    """The columns of a run, of the front end's own path: the same errors where the stamps are those of scans."""
+    truth, _ = related(table, front_end)
+    assert truth.relations is not None
+    exact = truth.relations.exact
+    assert exact.sum() == found.exact.sum()
+    errors = truth.relations.errors(np.array(front_end.estimate))
+    assert np.abs(errors[exact, 0] - found.metres[found.exact]).max() < 1e-6
+    assert np.abs(np.degrees(errors[exact, 1]) - found.degrees[found.exact]).max() < 1e-4
 
 
 def _at(t: Array, path: Array, times: Array) -> tuple[Array, NDArray[np.bool_]]:
