@@ -1,8 +1,9 @@
 """Names of datasets and their builders, imported on demand."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ class Source:
 
     `make(options, rng)` returns the log and, if there is one, its ground truth; `options` is a frozen dataclass made
     with `option(...)` fields. `seeded`: it draws from `rng`, so there is one log per seed. `costly`: it is expensive
-    enough for the user's cache. `portable`: its log is the same to the last bit on every x86-64 machine.
+    enough for the user's cache; it is made anew where one of the `files` that it reads with these options has changed.
+    `portable`: its log is the same to the last bit on every x86-64 machine.
     """
 
     make: Callable[[Any, np.random.Generator], Dataset]
@@ -25,6 +27,7 @@ class Source:
     seeded: bool = False
     costly: bool = False
     portable: bool = True
+    files: Callable[[Any], Sequence[Path]] = lambda options: ()  # noqa: ARG005
 
     @property
     def summary(self) -> str:

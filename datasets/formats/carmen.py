@@ -73,7 +73,12 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     return Dataset(_with(log, remarks + odd), truth)
 
 
-source = Source(make, Options, costly=True, portable=False)
+def files(options: Options) -> list[Path]:
+    """The log, and what is known of its truth."""
+    return [] if options.path is None else [Path(options.path), beside(Path(options.path))]
+
+
+source = Source(make, Options, costly=True, portable=False, files=files)
 
 
 class Line(NamedTuple):

@@ -1,5 +1,6 @@
 """Relations beside a laser log: read, placed at the steps, kept in every form of a log, and what cannot be used."""
 
+import gzip
 import re
 from pathlib import Path
 
@@ -42,9 +43,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Truth]:
 
 def beside(drive: tuple[Path, Truth], folder: Path, rows: list[tuple[float, float]] | None = None) -> Path:
     path = folder / "floor.clf.gz"
-    path.write_bytes(
-        drive[0].read_bytes() if path.suffix != ".gz" else __import__("gzip").compress(drive[0].read_bytes())
-    )
+    path.write_bytes(gzip.compress(drive[0].read_bytes()))
     related(folder / "floor.relations", drive[1], rows)
     return path
 
@@ -138,3 +137,19 @@ def test_relations_of_another_log_are_refused(drive: tuple[Path, Truth], tmp_pat
     (tmp_path / "floor.relations").write_text("976052905.1 976052911.8 1 2 0 0 0 0.5\n")
     with pytest.raises(InputError, match=r"found 1 relations, all at times from 976052905\.1.* without scans"):
         load(str(path))
+
+
+def test_a_kept_log_is_made_anew_where_its_files_have_changed(drive: tuple[Path, Truth], tmp_path: Path) -> None:
+    path = beside(drive, tmp_path)
+    (tmp_path / "floor.relations").unlink()
+    _, without = load(str(path))
+    assert without is None or without.kind == "reference"
+    related(tmp_path / "floor.relations", drive[1])
+    _, found = load(str(path))
+    assert found is not None
+    assert found.kind == "relations"
+    shorter = gzip.decompress(path.read_bytes()).splitlines(keepends=True)[:-100]
+    before, _ = load(str(path))
+    path.write_bytes(gzip.compress(b"".join(shorter)))
+    after, _ = load(str(path))
+    assert len(after) < len(before)
