@@ -28,6 +28,7 @@ COMMANDS = {
     "check": ("run the conformance suite on a backend", ".commands.check"),
     "report": ("write the report of a run's or a study's folder again", ".commands.report"),
     "compare": ("list regressions and gains between two runs, for a pull request or CI", ".commands.compare"),
+    "map": ("write the occupancy grids of a run on laser logs, by each backend's path", ".commands.map"),
     "replay": ("show a run step by step, backends side by side, as a page, a film or a recording", ".commands.replay"),
 }
 """Name -> help, and the module with `arguments(parser)` and `main(namespace)`, imported on demand."""

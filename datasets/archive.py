@@ -6,7 +6,7 @@ read. Notes are stored as JSON: plain strings, numbers, lists and mappings.
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -16,9 +16,11 @@ import numpy as np
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
 from ..frontend.files import write_whole
+from ..frontend.laser_scans import COLUMNS as SCANS
+from ..frontend.laser_scans import scan_columns, scans_from
 from ..frontend.relations import as_rows, from_rows
 
-_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes"))
+_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", "scans"))
 """The columns."""
 
 Members = Mapping[str, Any]
@@ -44,6 +46,8 @@ def packed(dataset: Dataset) -> bytes:
             members["truth.moving"] = truth.moving
         if truth.relations is not None:
             members["truth.relations"] = as_rows(truth.relations)
+    if log.scans is not None:
+        members |= {f"scans.{name}": column for name, column in scan_columns(log.scans).items()}
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
@@ -87,7 +91,11 @@ def _taken(file: IO[bytes], take: Callable[[Members, Words], T]) -> T:
 
 
 def _both(members: Members, words: Words) -> Dataset:
-    return Dataset(_log(members, words), _truth(members, words))
+    log = _log(members, words)
+    if "scans.ranges" in members:
+        scans = scans_from({name: _frozen(members[f"scans.{name}"]) for name in SCANS})
+        log = replace(log, scans=scans)
+    return Dataset(log, _truth(members, words))
 
 
 def _log(members: Members, words: Words) -> Log:

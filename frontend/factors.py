@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from .errors import InputError
+from .laser_scans import Scans
 from .relations import Relations
 from .se2 import Array, Ints
 
@@ -134,6 +135,7 @@ class Log:
     loop_delta: Array  # (l, 3)
     loop_cov: Array  # (l, 3, 3)
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # sensor settings, source, licence, counts
+    scans: Scans | None = None  # of a laser scanner, for maps and pictures alone: no part of the digest
 
     @classmethod
     def from_arrays(

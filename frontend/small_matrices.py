@@ -1,4 +1,4 @@
-"""Products, factors and inverses of batches of 2x2 and 3x3 matrices, with the same bits on every machine.
+"""Products, factors, inverses and triangles of batches of 2x2 and 3x3 matrices, with the same bits on every machine.
 
 BLAS and LAPACK choose code by the processor, and with it the order of sums. Here the order is the textbook's.
 """
@@ -47,3 +47,17 @@ def inverse(cov: Array) -> Array:
                     total = total + lower[..., i, k] * root[..., k, j]
                 root[..., i, j] = -total / lower[..., i, i]
     return product(root.swapaxes(-1, -2), root)
+
+
+def upper(cov: Array) -> Array:
+    """Upper triangles (k (k + 1) / 2, m), row by row, of `cov` (m, k, k); the mean of both where halves differ."""
+    i, j = np.triu_indices(cov.shape[-1])
+    return ((cov[:, i, j] + cov[:, j, i]) / 2).T
+
+
+def symmetric(triangles: Array) -> Array:
+    """Symmetric matrices (m, k, k) from their upper triangles (m, k (k + 1) / 2), row by row."""
+    k = {3: 2, 6: 3}[triangles.shape[1]]
+    index = np.zeros((k, k), np.int64)
+    index[np.triu_indices(k)] = np.arange(triangles.shape[1])
+    return triangles[:, np.maximum(index, index.T)]

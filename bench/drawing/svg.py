@@ -114,6 +114,7 @@ def _lean(svg: str) -> str:
     svg = re.sub(r"<[^>]+>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag[0]), svg)
     svg = re.sub(r'(?<=<g) id="(of-\d+)"', r' class="\1"', svg)
     svg = re.sub(r'(?<=<g) id="[^"]*"| xmlns:xlink="[^"]*"| transform="rotate\(-0 [^"]*"', "", svg)
+    svg = svg.replace(' style="image-rendering:crisp-edges;image-rendering:pixelated"', "")  # smooth where it is shrunk
     svg = svg.replace("xlink:href", "href").replace("<svg ", f'<svg stroke-linejoin="round" font-family="{FONT}" ', 1)
     svg = re.sub(r'<path d="[^"]*" style="fill: none"/>', "", svg)  # invisible backgrounds
     return _ungrouped(re.sub(r"\s*\n\s*", " ", svg).replace("> <", "><").strip())

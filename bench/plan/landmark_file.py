@@ -12,8 +12,8 @@ import numpy as np
 from ...frontend.errors import InputError
 from ...frontend.factors import Map
 from ...frontend.se2 import Array
+from ...frontend.small_matrices import symmetric
 from ...frontend.table import Table, text
-from ...frontend.triangles import symmetric
 from ..record.files import MAP as COLUMNS
 
 MOVING = (*COLUMNS[:3], "moving")

@@ -16,11 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...frontend.errors import InputError
+from ...frontend.laser_scans import Scans
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
+from .kept_scans import SCANS, kept_scans
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
 from .statuses import FAILED
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
+
+TRUTH = ("t", "poses", "ids", "xy", "sighted", "sighted_at")  # the arrays of a log's truth
 
 NAMED = 12  # seeds that are named
 
@@ -123,10 +127,14 @@ class Store:
 
         `t` and `poses`; where known, `ids` and `xy`, and of each sighting its landmark `sighted` and step `sighted_at`.
         """
-        found = self.archive(row.log)
+        found = self.archive(row.log, TRUTH)
         if problem := wrong_truth(found, {}):
             raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
         return found
+
+    def scans(self, row: Row) -> Scans | None:
+        """Reads the laser scans beside the cell's log; None without."""
+        return kept_scans(self.archive(row.log, SCANS), row.columns["steps"])
 
     def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
         """Reads a cell's arrays by name; of `names`, where given, those that it has."""

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...frontend.laser_scans import Scans
 from ...frontend.se2 import Array
 from ..measure.times import length
 from ..record.schema import Row
@@ -43,6 +44,7 @@ class DrawnLog(NamedTuple):
     nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
     logs: int = 1  # different ones that the dataset has
     typical: bool = False  # the log was chosen among several by its errors
+    scans: Scans | None = None  # of a laser log
 
     @property
     def clock(self) -> str:
@@ -89,6 +91,7 @@ def drawn_log(
         nis={line.backend: found for line in lines if (found := _nis(store, line))},
         logs=logs(lines),
         typical=typical,
+        scans=store.scans(shown[0][1]),
     )
 
 

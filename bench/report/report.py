@@ -42,7 +42,7 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         "script": script("report.js"),
     }
     for section in parts:
-        write_figures(store.folder / FIGURES, (*section.panels, *section.figures), figures)
+        write_figures(store.folder / FIGURES, (*section.panels, *section.grids, *section.figures), figures)
         _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))

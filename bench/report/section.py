@@ -50,6 +50,7 @@ class Section(NamedTuple):
     inner: Table  # particles and gates
     log: DrawnLog | None
     panels: Sequence[ReportFigure]  # the paths
+    grids: Sequence[ReportFigure]  # the occupancy grids of a laser log
     figures: Sequence[ReportFigure]
     failures: Sequence[Failure]
 
@@ -77,6 +78,7 @@ def _section(
     store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look], remarks: Sequence[str]
 ) -> Section:
     from .figures import report_figures
+    from .grid_figures import grids
     from .path_figures import trajectories
 
     ruling = verdict(found)
@@ -102,6 +104,7 @@ def _section(
         inner=inner_table(found),
         log=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
+        grids=list(grids(f"{slug}-grid", shown)) if shown else [],
         figures=report_figures(slug, shown) if shown else [],
         failures=[failure for line in found for failure in _failures(line)],
     )

@@ -18,6 +18,7 @@ from ...frontend.factors import Dataset, Map, Start
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.prepare import prepared
+from ..record.kept_scans import scan_arrays
 from ..record.sketch import sketch
 
 HOST = platform.node()
@@ -61,7 +62,7 @@ class LogFacts(NamedTuple):
     digest: str
     truth_digest: str  # of what the cells are scored by; "" where there is none
     truth_kind: str
-    truth: dict[str, Any]  # t, poses, ids, xy, of every sighting its landmark and step: where it is to be kept
+    truth: dict[str, Any]  # t, poses, ids, xy, of every sighting its landmark and step, scans: where it is to be kept
     archive: bytes = b""  # the log and its truth: where they are to come back whole
     sketch: Any = None  # of such a log, as JSON has it
     remarks: tuple[str, ...] = ()  # what is legal in it yet odd
@@ -157,9 +158,10 @@ def facts_of(dataset: Dataset) -> LogFacts:
     """Returns the facts of a log with its truth or reference."""
     log, truth = dataset
     odd = tuple(remarks(dataset))
+    arrays = scan_arrays(log.scans)
     if truth is None:
-        return LogFacts(log.digest, "", "", {}, remarks=odd)
-    arrays: dict[str, Any] = {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
+        return LogFacts(log.digest, "", "", arrays, remarks=odd)
+    arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
     if truth.assigned is not None:

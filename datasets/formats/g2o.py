@@ -26,8 +26,8 @@ from ...frontend.coordinates import before_motion
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Prior
 from ...frontend.options import option
+from ...frontend.small_matrices import symmetric
 from ...frontend.table import Table
-from ...frontend.triangles import symmetric
 from ..registry import Source
 from .pose_graph import START, PoseGraph, inverted, log_of, map_of, points_seen, wrapped
 from .tagged import LIST, read_tagged

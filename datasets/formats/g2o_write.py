@@ -17,7 +17,7 @@ from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints, act
-from ...frontend.triangles import upper
+from ...frontend.small_matrices import upper
 from .pose_graph import inverses
 
 MOST_ID = 2**31 - 1

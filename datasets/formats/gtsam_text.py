@@ -30,9 +30,8 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.options import option
 from ...frontend.se2 import Array
-from ...frontend.small_matrices import product
+from ...frontend.small_matrices import product, symmetric
 from ...frontend.table import Table
-from ...frontend.triangles import symmetric
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped
 from .tagged import read_tagged

@@ -28,9 +28,9 @@ from ...frontend.files import beside
 from ...frontend.options import option
 from ...frontend.scan import Scan, attempted, counted, strict
 from ...frontend.se2 import Array, Ints
+from ...frontend.small_matrices import symmetric, upper
 from ...frontend.table import CHUNK, Table, scan_csv
 from ...frontend.toml.table import TomlTable
-from ...frontend.triangles import symmetric, upper
 from ..registry import Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words

@@ -19,7 +19,7 @@ import numpy as np
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.options import option
-from ...frontend.triangles import symmetric
+from ...frontend.small_matrices import symmetric
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, log_of
 from .tagged import read_tagged

@@ -33,7 +33,7 @@ from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Dataset, Log, Prior
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
-from ...frontend.triangles import symmetric
+from ...frontend.small_matrices import symmetric
 from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched

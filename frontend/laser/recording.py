@@ -1,18 +1,22 @@
 """A recording of laser scans with odometry, and the log that the front end makes of it."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..factors import Log, Prior
-from ..se2 import Array, between, compose
+from ..laser_scans import Scans
+from ..se2 import Array, between, compose, wrap
 from .anchors import anchors
 from .front_end import FrontEnd
 from .scanner import Scanner
 from .settings import Settings
+
+APART, TURNED = 0.1, 0.1
+"""m and rad between the scans that are kept beside a log."""
 
 LEFT_OUT = (
     "the map's error that matches with one submap share, the opposite errors of neighbouring steps, and a submap's "
@@ -66,7 +70,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
             f"{front_end.settings.step:g} m."
         )
     nothing = np.zeros(0)
-    return Log.from_arrays(
+    log = Log.from_arrays(
         recording.name,
         recording.prior,
         t=np.array([step.t for step in steps]),
@@ -94,6 +98,20 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
             }
         },
     )
+    return replace(log, scans=scans_of(recording, front_end))
+
+
+def scans_of(recording: LaserRecording, front_end: FrontEnd) -> Scans:
+    """The scans of a recording, one wherever the robot has moved by APART or turned by TURNED."""
+    kept, last = [0], front_end.path[0]
+    for k, pose in enumerate(front_end.path):
+        if np.hypot(pose[0] - last[0], pose[1] - last[1]) > APART or abs(wrap(pose[2] - last[2])) > TURNED:
+            kept.append(k)
+            last = pose
+    scanner = recording.scanner
+    ranges = recording.ranges[kept].astype(np.float32)
+    ranges[~((ranges > scanner.least) & (ranges < scanner.most))] = np.nan
+    return Scans(anchors(front_end, recording.t[kept]).anchors, ranges, scanner.angles, scanner.pose)
 
 
 def placed(recording: LaserRecording, front_end: FrontEnd) -> Array:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..se2 import Array, act
+from ..laser_scans import returns
+from ..se2 import Array
 from ._grid import thinned
 
 FULL_CIRCLE = 2 * np.pi
@@ -22,8 +23,7 @@ class Scanner:
     def points(self, ranges: Array) -> Array:
         """The returns among `ranges` (b,), m, as points (k, 2) in the robot's frame, in the order of the beams."""
         valid = (ranges > self.least) & (ranges < self.most)  # false for NaN, too
-        r, angles = ranges[valid], self.angles[valid]
-        return act(self.pose, np.stack((r * np.cos(angles), r * np.sin(angles)), axis=-1))
+        return returns(ranges, self.angles, self.pose, valid)
 
 
 class Scan:

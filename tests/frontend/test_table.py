@@ -10,8 +10,8 @@ from slamduel.frontend import table
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.scan import Scan, attempted, counted, strict
 from slamduel.frontend.se2 import Array
+from slamduel.frontend.small_matrices import symmetric, upper
 from slamduel.frontend.table import Table, read_csv, read_spaced, scan_csv, scan_spaced
-from slamduel.frontend.triangles import symmetric, upper
 
 
 @given(arrays(float, st.tuples(st.integers(1, 8), st.just(3)), elements=st.floats(allow_nan=False)))

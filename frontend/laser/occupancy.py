@@ -1,0 +1,67 @@
+"""The occupancy grid: what the beams of all scans hit and passed through, along any path of a log's steps."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..laser_scans import Scans
+from ..se2 import Array, act
+from ._grid import HIT, THROUGH, Cells, insert, walls
+
+CELL = 0.05
+"""m of a cell, unless the grid would be larger than MOST cells on a side."""
+
+MOST = 4000
+
+BORDER = 4
+"""Cells around what was hit."""
+
+SHARE = 0.25
+"""Share of the beams that came to a cell and were reflected there, from which on it is a wall."""
+
+OUTLIERS = 5e-4
+"""Share of the points on each side that may lie outside of the grid: beams through windows do not make it large."""
+
+UNKNOWN, FREE, WALL = 0, 1, 2
+
+
+class Occupancy(NamedTuple):
+    """A grid whose cell (i, j) spans [origin + size (i, j), origin + size (i + 1, j + 1))."""
+
+    origin: Array  # (2,) m
+    size: float  # m
+    cells: Cells  # (n, m, 4), as of a submap
+
+    @property
+    def states(self) -> NDArray[np.uint8]:
+        """(n, m) UNKNOWN where no beam was, else FREE or WALL."""
+        seen = self.cells[:, :, HIT] + self.cells[:, :, THROUGH] > 0
+        return np.where(walls(self.cells, SHARE), WALL, np.where(seen, FREE, UNKNOWN)).astype(np.uint8)
+
+    @property
+    def picture(self) -> NDArray[np.uint8]:
+        """(m, n) grey values, north up: white is free, black a wall, light grey unknown."""
+        hits, through = self.cells[:, :, HIT], self.cells[:, :, THROUGH]
+        all_ = hits + through
+        with np.errstate(invalid="ignore"):
+            dark = np.minimum(hits / all_ / (2 * SHARE), 1.0)
+        grey = np.where(all_ > 0, 255 - 255 * dark, 205)
+        return np.ascontiguousarray(np.rint(grey.T[::-1]).astype(np.uint8))
+
+
+def occupancy(scans: Scans, path: Array, cell: float = CELL) -> Occupancy:
+    """Draws all scans into one grid, the steps of the log being at `path` (n, 3)."""
+    poses = scans.at.along(path)
+    points = [scans.points(k) for k in range(len(poses))]
+    hit = np.concatenate([act(pose, found) for pose, found in zip(poses, points, strict=True)])
+    hit = hit if len(hit) else poses[:, :2]
+    low = np.minimum(np.quantile(hit, OUTLIERS, axis=0), poses[:, :2].min(axis=0))
+    high = np.maximum(np.quantile(hit, 1 - OUTLIERS, axis=0), poses[:, :2].max(axis=0))
+    size = max(cell, float((high - low).max()) / MOST)
+    origin = size * (np.floor(low / size) - BORDER)
+    n, m = (np.ceil((high - origin) / size).astype(int) + BORDER).tolist()
+    cells: Cells = np.zeros((n, m, 4), np.float32)
+    for pose, found in zip(poses, points, strict=True):
+        insert(cells, origin, size, pose, scans.scanner[:2], found)
+    return Occupancy(origin, size, cells)

@@ -1,0 +1,77 @@
+"""Occupancy grids of a run on a laser log: in the report, and as the files of bench map."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from slamduel import run
+from slamduel.bench.cli import main
+from slamduel.bench.record.kept_scans import SCANS, kept_scans, scan_arrays
+from slamduel.bench.record.store import Store
+
+DATASET = "laser-floor[laps=0.15,people=0]"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("run") / "out"
+    run(DATASET, ["dead-reckoning", "graph"], seeds=1, out=out)
+    return out
+
+
+def test_the_report_has_a_grid_for_each_backend(folder: Path) -> None:
+    page = (folder / "report.html").read_text()
+    assert "Occupancy grids" in page
+    assert page.count("data:image/png;base64") == 2
+    assert "img-src data:" in page
+    assert sorted(file.name for file in (folder / "figures").glob("*-grid-*.svg"))
+
+
+def test_bench_map_writes_a_map_for_ros(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", str(folder), "--out", str(tmp_path), "--cell", "0.1"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("cells of 0.1 m") == 2
+    places = sorted(file.parent for file in tmp_path.rglob("grid.yaml"))
+    assert [place.name for place in places] == ["dead-reckoning", "graph"]
+    for place in places:
+        words = dict(line.split(": ", 1) for line in (place / "grid.yaml").read_text().splitlines())
+        assert words["image"] == "grid.pgm"
+        assert float(words["resolution"]) == 0.1
+        x, y, turn = (float(one) for one in words["origin"].strip("[]").split(","))
+        pixels = cv2.imread(str(place / "grid.pgm"), cv2.IMREAD_UNCHANGED)
+        assert pixels is not None
+        assert set(np.unique(pixels)) == {0, 205, 254}
+        assert turn == 0.0
+        height, _ = pixels.shape
+        with Store(folder) as store:  # the robot's start is free ground
+            start = next(iter(store.cells()))
+            online = store.arrays(start, ("online",))["online"][0]
+        row, column = height - 1 - int((online[1] - y) / 0.1), int((online[0] - x) / 0.1)
+        assert pixels[row, column] == 254
+        picture = cv2.imread(str(place / "grid.png"), cv2.IMREAD_GRAYSCALE)
+        assert picture is not None
+        assert picture.shape == pixels.shape
+
+
+def test_without_scans_there_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run("circle", ["dead-reckoning"], seeds=1, out=tmp_path / "plain")
+    assert main(["map", str(tmp_path / "plain")]) == 2
+    assert "no cell with laser scans beside its log is done, expected a laser log" in capsys.readouterr().err
+    assert main(["map", str(tmp_path / "nowhere")]) == 2
+    with pytest.raises(SystemExit):
+        main(["map", str(tmp_path / "plain"), "--cell", "7"])
+
+
+def test_scans_of_another_log_are_none(folder: Path) -> None:
+    with Store(folder) as store:
+        row = next(iter(store.cells()))
+        scans = store.scans(row)
+    assert scans is not None
+    arrays = scan_arrays(scans)
+    steps = int(scans.at.step.max()) + 1
+    assert kept_scans(arrays, steps) is not None
+    assert kept_scans(arrays, steps - 1) is None
+    assert kept_scans({name: array for name, array in arrays.items() if name != SCANS[0]}, steps) is None
+    assert kept_scans(arrays | {SCANS[4]: arrays[SCANS[4]][:, 1:]}, steps) is None
