@@ -41,6 +41,8 @@ def packed(dataset: Dataset) -> bytes:
             members["truth.assigned"] = truth.assigned
         if truth.moving is not None:
             members["truth.moving"] = truth.moving
+        if truth.false_loops is not None:
+            members["truth.false_loops"] = truth.false_loops
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
@@ -98,8 +100,9 @@ def _truth(members: Members, words: Words) -> Truth | None:
         return None
     assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
     moving = _frozen(members["truth.moving"]) if "truth.moving" in members else None
+    false_loops = _frozen(members["truth.false_loops"]) if "truth.false_loops" in members else None
     t, poses, known = _frozen(members["truth.t"]), _frozen(members["truth.poses"]), _map(members, "truth.map")
-    return Truth(t, poses, known, assigned, **words["truth"], moving=moving)
+    return Truth(t, poses, known, assigned, **words["truth"], moving=moving, false_loops=false_loops)
 
 
 def _map_members(name: str, known: Map | None) -> dict[str, Any]:

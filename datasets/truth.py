@@ -56,7 +56,9 @@ def digest(truth: Truth) -> str:
         "map.xy": None if known is None else known.xy,
         "assigned": truth.assigned,
     }
-    return digest_of(columns if truth.moving is None else {**columns, "moving": truth.moving})
+    columns |= {} if truth.moving is None else {"moving": truth.moving}
+    columns |= {} if truth.false_loops is None else {"false_loops": truth.false_loops}
+    return digest_of(columns)
 
 
 def write_truth(folder: Path, truth: Truth) -> None:

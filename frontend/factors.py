@@ -96,6 +96,7 @@ class Truth(NamedTuple):
     places: Literal["truth", "reference"] = "truth"  # of the map; landmarks may be surveyed though the path is unknown
     words: str = ""  # the reference, unless it is simply the batch optimum; the sensor of truth that has errors, "GPS"
     moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
+    false_loops: Ints | None = None  # (f,) the rows of loop closures that are false, ascending; None: not known
 
     @property
     def exact(self) -> bool:

@@ -69,8 +69,8 @@ class Factors:
     """Converts a log's steps to GTSAM's factors, with initial values of new variables.
 
     Sightings and loop closures have the robust `loss`, with `loss_scale` in standard deviations, 0 being the loss's own
-    of `LOSSES`. The sightings of a new landmark are held back until they determine its position and, with a loss, two agree, unless
-    `at_once`.
+    of `LOSSES`. The sightings of a new landmark are held back until they determine its position and, with a loss, two
+    agree, unless `at_once`.
     """
 
     def __init__(self, prior: Prior, loss: str = "none", loss_scale: float = 0.0, at_once: bool = False) -> None:

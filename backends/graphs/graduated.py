@@ -39,9 +39,10 @@ NEXT_TO_NOTHING = 1e-9
 
 
 def leave_out(batch: Batch, iterations: int) -> None:
-    """Fits, and removes the sightings and loops that do not fit; a landmark keeps its best one. Everything is reordered.
+    """Fits, and removes sightings and loops that do not fit; a landmark keeps its best sighting. Reorders everything.
 
-    The batch has been started, and has no loss.
+    The batch has been started, and has no loss. The first weights of loops are those at the start: a plain fit with
+    false loops, which are thousands of standard deviations off, ends metres away, near another minimum.
     """
     g = batch.forest.g
     s = int(g.state[SIGHTINGS])

@@ -28,6 +28,7 @@ from ...frontend.laser.scanner import Scanner, evenly
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array
+from ..false_loops import FalseLoops
 from ..registry import Source
 
 START_SD = 1e-3
@@ -43,7 +44,7 @@ FARTHEST = 50.0
 
 
 @dataclass(frozen=True)
-class Options(Settings):
+class Options(FalseLoops, Settings):
     """Which log, what its scanner is, and the front end."""
 
     path: str | None = option(None, "the file of the log")

@@ -270,7 +270,7 @@ CHANGES: dict[str, tuple[LAST, str]] = {
     "a landmark lost": (shorter("landmarks.csv"), "contents.rows has 3 for landmarks.csv, which has 2 rows"),
     "a motion": (turned("odometry.csv", 3, 2, "0.125"), "prior, odometry.csv, sightings.csv or loops.csv has changed"),
     "a range": (turned("sightings.csv", 3, 3, "0.125"), "contents.factors is '"),
-    "a place": (turned("landmarks.csv", 3, 2, "0.125"), "truth.tum, landmarks.csv or true_id has changed"),
+    "a place": (turned("landmarks.csv", 3, 2, "0.125"), "truth.tum, landmarks.csv, true_id or false has changed"),
     "a true id": (turned("sightings.csv", 3, 8, "12"), "contents.truth is '"),
 }
 
