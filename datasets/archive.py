@@ -46,6 +46,8 @@ def packed(dataset: Dataset) -> bytes:
             members["truth.moving"] = truth.moving
         if truth.relations is not None:
             members["truth.relations"] = as_rows(truth.relations)
+        if truth.false_loops is not None:
+            members["truth.false_loops"] = truth.false_loops
     if log.scans is not None:
         members |= {f"scans.{name}": column for name, column in scan_columns(log.scans).items()}
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
@@ -109,9 +111,12 @@ def _truth(members: Members, words: Words) -> Truth | None:
         return None
     assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
     moving = _frozen(members["truth.moving"]) if "truth.moving" in members else None
+    false_loops = _frozen(members["truth.false_loops"]) if "truth.false_loops" in members else None
     relations = from_rows(_frozen(members["truth.relations"])) if "truth.relations" in members else None
     t, poses, known = _frozen(members["truth.t"]), _frozen(members["truth.poses"]), _map(members, "truth.map")
-    return Truth(t, poses, known, assigned, **words["truth"], moving=moving, relations=relations)
+    return Truth(
+        t, poses, known, assigned, **words["truth"], moving=moving, relations=relations, false_loops=false_loops
+    )
 
 
 def _map_members(name: str, known: Map | None) -> dict[str, Any]:

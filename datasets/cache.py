@@ -21,6 +21,7 @@ from ..frontend.check import check
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset
 from . import archive
+from .false_loops import FalseLoops, planted
 from .hidden_ids import KNOWN, HiddenIds, hidden
 from .on_map import OnMap, on_map
 from .registry import Source
@@ -32,14 +33,19 @@ def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
 
     A costly source must depend on nothing but its options, its files, its random generator and this package's code.
-    Ids are hidden here, and maps given, so that the log is otherwise that without these options, and cached once.
+    Ids are hidden here, false loops planted and maps given, so that the log is otherwise that without these options,
+    and cached once.
     """
     seed, own = seed if source.seeded else 0, options
     if isinstance(options, HiddenIds):
         own = replace(own, ids=KNOWN)
     if isinstance(options, OnMap):
         own = replace(own, **{one.name: one.default for one in fields(OnMap)})
+    if isinstance(options, FalseLoops):
+        own = replace(own, false_loops=0.0)
     dataset = _kept(name, source, own, seed)
+    if isinstance(options, FalseLoops):
+        dataset = planted(dataset, options.false_loops, generator(f"false loops of {name}", seed))
     if isinstance(options, HiddenIds):
         dataset = hidden(dataset, options.ids, generator(f"ids of {name}", seed))
     return on_map(dataset, options, generator(f"map of {name}", seed)) if isinstance(options, OnMap) else dataset

@@ -62,6 +62,7 @@ def digest(truth: Truth) -> str:
     }
     columns |= {} if truth.moving is None else {"moving": truth.moving}
     columns |= {} if truth.relations is None else {"relations": as_rows(truth.relations)}
+    columns |= {} if truth.false_loops is None else {"false_loops": truth.false_loops}
     return digest_of(columns)
 
 

@@ -184,6 +184,8 @@ def _truth_shapes(log: Log, truth: Truth) -> Iterator[str]:
         columns += [("map.ids", truth.map.ids, (n,), "iu"), ("map.xy", truth.map.xy, (n, 2), "iuf")]
     if truth.moving is not None:
         columns.append(("moving", truth.moving, (np.size(truth.moving),), "iu"))
+    if truth.false_loops is not None:
+        columns.append(("false_loops", truth.false_loops, (np.size(truth.false_loops),), "iu"))
     for name, column, shape, kinds in columns:
         if not isinstance(column, np.ndarray):
             yield f"{name} is {type(column).__name__}, expected an array"
@@ -211,6 +213,12 @@ def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
         known = np.zeros(0, np.int64) if truth.map is None else truth.map.ids
         for row in np.flatnonzero(~np.isin(truth.moving, known)):
             yield f"moving row {row}: found {truth.moving[row]}, expected the id of a landmark of the map"
+    if truth.false_loops is not None:
+        false, last = truth.false_loops, len(log.loop_to) - 1
+        for row in np.flatnonzero((false < 0) | (false > last)):
+            yield f"false_loops row {row}: found {false[row]}, expected the row of a loop closure, 0 to {last}"
+        for row in np.flatnonzero(false[1:] <= false[:-1]) + 1:
+            yield f"false_loops row {row}: found {false[row]}, expected more than {false[row - 1]}"
     if truth.assigned is not None:
         for row in np.flatnonzero((truth.assigned < UNKNOWN) | (truth.assigned > MOST)):
             yield f"assigned row {row}: found {truth.assigned[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown"

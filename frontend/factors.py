@@ -99,6 +99,7 @@ class Truth(NamedTuple):
     words: str = ""  # the reference, unless it is simply the batch optimum; the sensor of truth that has errors, "GPS"
     moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
     relations: Relations | None = None  # of kind "relations": no path is known, but how some poses lie to one another
+    false_loops: Ints | None = None  # (f,) the rows of loop closures that are false, ascending; None: not known
 
     @property
     def exact(self) -> bool:

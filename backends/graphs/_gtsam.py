@@ -5,7 +5,7 @@ frame, or, for odometry, in the frame before the motion. Every rotation between 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 
 import gtsam
@@ -68,14 +68,15 @@ class Keys:
 class Factors:
     """Converts a log's steps to GTSAM's factors, with initial values of new variables.
 
-    Sightings have the robust `loss`, with `loss_scale` in standard deviations, 0 being the loss's own of `LOSSES`.
-    Those of a new landmark are held back until they determine its position and, with a loss, two agree, unless
-    `at_once`.
+    Sightings and loop closures have the robust `loss`, with `loss_scale` in standard deviations, 0 being the loss's own
+    of `LOSSES`. The sightings of a new landmark are held back until they determine its position and, with a loss, two
+    agree, unless `at_once`.
     """
 
     def __init__(self, prior: Prior, loss: str = "none", loss_scale: float = 0.0, at_once: bool = False) -> None:
         self.keys = Keys()
         self._prior = prior
+        self._weighed = partial(_weighed, loss, loss_scale)
         self._noise = lru_cache(64)(partial(_sighting_noise, loss, loss_scale))
         self._robust = loss != "none"
         self._newcomers = None if at_once else Newcomers(two=self._robust)
@@ -104,7 +105,7 @@ class Factors:
             graph.add(motion_factor(self.keys.pose(k - 1), here, step.odometry))
         if len(step.loops.to):
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
-                graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov)))
+                graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self._weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
         known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # converted once per step: one by one is slow
@@ -203,9 +204,15 @@ def failure(error: Exception) -> str:
     return "GTSAM: " + " ".join(str(error).split()).partition(" Thrown when")[0]
 
 
-def motion_factor(before: int, after: int, motion: Odometry) -> gtsam.BetweenFactorPose2:
+def motion_factor(
+    before: int,
+    after: int,
+    motion: Odometry,
+    weighed: Callable[[gtsam.noiseModel.Base], gtsam.noiseModel.Base] | None = None,
+) -> gtsam.BetweenFactorPose2:
     """A motion between two poses; its covariance C rotated from the frame before the motion to the one after it.
 
+    `weighed` gives a loop closure's noise its robust loss.
     R(dtheta)' C R(dtheta), entry by entry: this dominates the cost in Python of a step.
     """
     dx, dy, dtheta = motion.delta.tolist()
@@ -214,18 +221,23 @@ def motion_factor(before: int, after: int, motion: Odometry) -> gtsam.BetweenFac
     twice, along, across = 2 * c * s * xy, c * xt + s * yt, c * yt - s * xt
     mixed = c * s * (yy - xx) + (c * c - s * s) * xy
     turned = ((c * c * xx + twice + s * s * yy, mixed, along), (mixed, s * s * xx - twice + c * c * yy, across))
-    return gtsam.BetweenFactorPose2(
-        before, after, gtsam.Pose2(dx, dy, dtheta), noise(np.array((*turned, (along, across, tt))))
-    )
+    model = noise(np.array((*turned, (along, across, tt))))
+    if weighed is not None:
+        model = weighed(model)
+    return gtsam.BetweenFactorPose2(before, after, gtsam.Pose2(dx, dy, dtheta), model)
 
 
 def _sighting_noise(loss: str, loss_scale: float, cov: bytes) -> gtsam.noiseModel.Base:
     """The noise of a sighting with covariance `cov`, the bytes of (2, 2), in GTSAM's order and with its robust loss."""
-    swapped = noise(np.frombuffer(cov).reshape(2, 2)[::-1, ::-1])
+    return _weighed(loss, loss_scale, noise(np.frombuffer(cov).reshape(2, 2)[::-1, ::-1]))
+
+
+def _weighed(loss: str, loss_scale: float, model: gtsam.noiseModel.Base) -> gtsam.noiseModel.Base:
+    """The noise `model` with a robust loss."""
     if loss == "none":
-        return swapped
+        return model
     estimator, scale = LOSSES[loss]
-    return gtsam.noiseModel.Robust.Create(estimator(loss_scale or scale), swapped)
+    return gtsam.noiseModel.Robust.Create(estimator(loss_scale or scale), model)
 
 
 def _first_value(pose: gtsam.Pose2, z: Array) -> Array:

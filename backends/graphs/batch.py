@@ -13,11 +13,26 @@ from ...frontend.se2 import Array, Ints, compose
 from ..api import Diverged, Solution
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
-from ..smoothing._graph import DAMPING, FULL, LAST, LOSS, NO_VARIABLE, POINT, SCALE, STEP, WIDTH, WORK
+from ..smoothing._graph import (
+    DAMPING,
+    FULL,
+    LAST,
+    LINKS,
+    LOOP,
+    LOSS,
+    NO_VARIABLE,
+    POINT,
+    SCALE,
+    STEP,
+    STEPS,
+    WEIGHT,
+    WIDTH,
+    WORK,
+)  # fmt: skip
 from ..smoothing.forest import Forest
 from ..smoothing.maps import add_map, joint_map
 from ..smoothing.smoother import LEAST, LOSSES, NO_COVARIANCE, PATIENCE
-from ._whole_log import Columns, write_steps
+from ._whole_log import Columns, linearise_at, write_steps
 from .first_values import first_values
 from .gauss_newton import FIRST_DAMPING, Fit, eliminate, minimise
 
@@ -36,12 +51,12 @@ EVERY, THRESHOLD = 20, 0.03
 
 
 class Batch:
-    """The factors of a log, all sightings at once, with a robust loss."""
+    """The factors of a log, all sightings at once, with a robust loss of sightings and loop closures."""
 
     def __init__(self, log: Log, loss: int, scale: float) -> None:
         prior, n = log.prior, len(log)
         ids, self._which = np.unique(log.ids, return_inverse=True)
-        self._log, self._written, self._ids = log, 0, ids.tolist()
+        self.log, self._written, self._ids = log, 0, ids.tolist()
         forest = self.forest = Forest(loss, scale)
         given = 0 if prior.map is None else len(prior.map.ids)  # sighted or not
         forest.room(n, n + len(ids) + given, len(log.ids), n + len(log.loop_to), 0)
@@ -69,7 +84,7 @@ class Batch:
 
     def start_by_odometry(self) -> None:
         """Adds everything, with poses from dead reckoning."""
-        for end in chunks(self._log):
+        for end in chunks(self.log):
             self._write(end)
         self.order()
 
@@ -84,7 +99,7 @@ class Batch:
         if loss[0] == NONE:
             forest.g.settings[LOSS : SCALE + 1] = HUBER, LOSSES["huber"]
         forest.g.settings[DAMPING] = FIRST_DAMPING  # a landmark sighted from its own position only has no curvature yet
-        for end in chunks(self._log):
+        for end in chunks(self.log):
             touched, state = self._write(end), forest.g.state
             everything = int(state[LAST]) == 0 or bool(state[WORK] > PATIENCE * state[FULL] + LEAST)
             seen = _opening.sighted(forest.g, self._newest)
@@ -94,6 +109,7 @@ class Batch:
                 relinearised = end
             self._lead_on(end)
         forest.g.settings[LOSS : SCALE + 1] = loss
+        self.weigh_loops(np.ones(len(self.log.loop_to)))
         self.order()
 
     def order(self) -> None:
@@ -102,6 +118,15 @@ class Batch:
         forest.g.settings[DAMPING] = 0.0
         with contextlib.suppress(Diverged):
             forest.reorganise(self._newest, _opening.sighted(forest.g, self._newest), everything=True)
+
+    def weigh_loops(self, weights: Array) -> None:
+        """Multiplies each loop closure's term of J by its weight (l,); 0 leaves it out. The elimination is then old."""
+        if not len(weights):
+            return
+        g = self.forest.g
+        of_loops = np.flatnonzero(g.links[: g.state[LINKS], LOOP])
+        g.linked[of_loops, WEIGHT] = weights
+        linearise_at(g, g.steps[: g.state[STEPS], POINT:].copy(), g.values.copy())
 
     def refit(self) -> None:
         """Eliminates everything again, after factors have changed."""
@@ -114,7 +139,7 @@ class Batch:
     def place(self) -> tuple[Array, Map]:
         """The linearisation points: path (n, 3) and landmarks."""
         g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
-        return g.steps[: len(self._log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
+        return g.steps[: len(self.log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
 
     def solution(self, joint_up_to: int) -> Solution:
         """The estimate and, if J is curved in every direction, the covariances of poses and map.
@@ -140,7 +165,7 @@ class Batch:
     def _lead_on(self, end: int) -> None:
         """Propagates the latest pose, after a solution the newest variable's, to step `end` - 1 by the motions."""
         newest = int(self.forest.g.variables[self._newest, STEP])
-        for delta in self._log.delta[newest + 1 : end]:
+        for delta in self.log.delta[newest + 1 : end]:
             self.forest.pose[:] = compose(self.forest.pose, delta)
 
     def _write(self, end: int) -> Ints:
@@ -160,7 +185,7 @@ class Batch:
         if len(fresh):
             step = np.repeat(np.arange(first, end), np.diff(columns.sighting_first[first : end + 1]))
             mine = np.isin(which, fresh)
-            log, of = self._log, np.searchsorted(fresh, which[mine])
+            log, of = self.log, np.searchsorted(fresh, which[mine])
             xy = first_values(g.steps[step[mine], POINT:], log.z[rows][mine], log.z_cov[rows][mine], of, len(fresh))
             g.values[self._variable_of[fresh], :2] = xy
         loops = columns.loop_to[columns.loop_first[first] : columns.loop_first[end]]

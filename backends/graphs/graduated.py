@@ -1,20 +1,26 @@
-"""Graduated non-convexity: rejects sightings from a batch by truncated least squares.
+"""Graduated non-convexity: rejects sightings and loop closures from a batch by truncated least squares.
 
 H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for robust spatial perception: from
 non-minimal solvers to global outlier rejection", IEEE RA-L 5(2), 2020: a loss that starts convex and ends truncated,
-alternating between weighting the sightings and fitting with these weights.
+alternating between weighting them and fitting with these weights. Odometry is never weighted: it joins all poses, so
+that what is left determines them.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.se2 import Array, Ints
+from ...frontend.se2 import Array, Ints, between
+from ...frontend.small_matrices import inverse
+from ...frontend.truth_errors import difference
 from ..models import innovation, sight
-from ..smoothing._graph import LANDMARK, NO_VARIABLE, POSE, SIGHTINGS
+from ..smoothing._graph import LANDMARK, NO_VARIABLE, POINT, POSE, SIGHTINGS
 from .batch import Batch
 
-INLIER = 13.816
-"""Squared Mahalanobis distance that 999 of 1000 correct sightings stay within: chi-square, 2 degrees of freedom."""
+INLIER, INLIER_LOOP = 13.816, 16.266
+"""Squared Mahalanobis distance that 999 of 1000 correct sightings stay within, and that of loop closures.
+
+Chi-square, of 2 and of 3 degrees of freedom.
+"""
 
 GROWTH, ROUNDS, SLIGHTEST = 1.4, 100, 1e-6
 """Growth per round of mu, the loss's distance from convexity; most rounds; least mu."""
@@ -25,34 +31,44 @@ SETTLED, FALL = 1e-4, 1e-5
 COARSE = 1e-8
 """Relative decrease of J below which a fit between two rounds of weights stops."""
 
+HALF = 0.5
+"""Weight at most which a sighting or a loop closure is rejected."""
+
 NEXT_TO_NOTHING = 1e-9
 """Weight of a rejected sighting: landmarks with only such ones keep a position."""
 
 
 def leave_out(batch: Batch, iterations: int) -> None:
-    """Fits, and removes the sightings that do not fit; a landmark keeps its best one. Everything is reordered.
+    """Fits, and removes sightings and loops that do not fit; a landmark keeps its best sighting. Reorders everything.
 
-    The batch has been started, and has no loss.
+    The batch has been started, and has no loss. The first weights of loops are those at the start: a plain fit with
+    false loops, which are thousands of standard deviations off, ends metres away, near another minimum.
     """
     g = batch.forest.g
     s = int(g.state[SIGHTINGS])
-    information = g.seen[:s, 2:].copy()
-    weights, mu, before = np.ones(s), 0.0, batch.fit(COARSE, iterations).cost
+    information, loop_information = g.seen[:s, 2:].copy(), inverse(batch.log.loop_cov)
+    inlier = np.repeat((INLIER, INLIER_LOOP), (s, len(batch.log.loop_to)))
+    weights, mu, before = np.ones(len(inlier)), 0.0, np.inf
+    if not len(batch.log.loop_to):
+        before = batch.fit(COARSE, iterations).cost
     for _ in range(ROUNDS):
-        distance = _distances(batch, information)
+        distance = np.concatenate((_distances(batch, information), _loop_distances(batch, loop_information)))
         if mu == 0.0:
-            if not s or 2 * distance.max() <= INLIER:
+            beyond = 2 * distance > inlier
+            if not beyond.any():
                 break
-            mu = max(INLIER / (2 * distance.max() - INLIER), SLIGHTEST)
-        weights = _weights(distance, mu)
-        g.seen[:s, 2:] = np.maximum(weights, NEXT_TO_NOTHING)[:, None] * information
+            mu = max((inlier[beyond] / (2 * distance[beyond] - inlier[beyond])).min(), SLIGHTEST)
+        weights = _weights(distance, inlier, mu)
+        g.seen[:s, 2:] = np.maximum(weights[:s], NEXT_TO_NOTHING)[:, None] * information
+        batch.weigh_loops(weights[s:])
         batch.refit()
         cost = batch.fit(COARSE, iterations).cost
         if abs(cost - before) < FALL * max(before, 1e-7) or np.abs(weights - np.rint(weights)).max() < SETTLED:
             break
         before, mu = cost, GROWTH * mu
     g.seen[:s, 2:] = information
-    g.sightings[:s, LANDMARK][_left_out(weights, g.sightings[:s, LANDMARK])] = NO_VARIABLE
+    g.sightings[:s, LANDMARK][_left_out(weights[:s], g.sightings[:s, LANDMARK])] = NO_VARIABLE
+    batch.weigh_loops(np.where(weights[s:] > HALF, 1.0, 0.0))
     batch.order()
 
 
@@ -65,18 +81,25 @@ def _distances(batch: Batch, information: Array) -> Array:
     return rr * e[:, 0] ** 2 + 2 * rb * e[:, 0] * e[:, 1] + bb * e[:, 1] ** 2
 
 
-def _weights(distance: Array, mu: float) -> Array:
+def _loop_distances(batch: Batch, information: Array) -> Array:
+    """(l,) likewise of all loop closures."""
+    log, path = batch.log, batch.forest.g.steps[:, POINT:]
+    e = difference(between(path[log.loop_to], path[log.loop_step]), log.loop_delta)
+    return np.einsum("li,lij,lj->l", e, information, e)
+
+
+def _weights(distance: Array, inlier: Array, mu: float) -> Array:
     """The weights of truncated least squares, eq. (14): 1 for inliers, 0 for outliers, and in between."""
     with np.errstate(divide="ignore"):
-        between = np.sqrt(INLIER * mu * (mu + 1) / distance) - mu
-    between[distance <= mu / (mu + 1) * INLIER] = 1.0
-    between[distance >= (mu + 1) / mu * INLIER] = 0.0
-    return between
+        weights = np.sqrt(inlier * mu * (mu + 1) / distance) - mu
+    weights[distance <= mu / (mu + 1) * inlier] = 1.0
+    weights[distance >= (mu + 1) / mu * inlier] = 0.0
+    return weights
 
 
 def _left_out(weights: Array, landmarks: Ints) -> NDArray[np.bool]:
     """(s,) the sightings with at most half of their weight, except the best of each landmark."""
-    out = weights <= 0.5
+    out = weights <= HALF
     order = np.lexsort((np.arange(len(weights)), -weights, landmarks))
     _, first = np.unique(landmarks[order], return_index=True)
     out[order[first]] = False

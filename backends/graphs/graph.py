@@ -6,9 +6,9 @@ and, as an independent check, GTSAM's. GTSAM's residual of a motion is the full 
 difference of poses: another J, where motions fit badly. At their minima the two differ by a share of 1e-7 on Victoria
 Park, 7e-6 on Huang's circle and 7e-4 on MRCLAM 6, robot 1; the paths by up to 0.3, 2.9 and 1.5 mm.
 
-Two options limit the effect of outliers among the sightings. A robust loss makes J grow slower with distance. Graduated
-non-convexity (H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for robust spatial
-perception", IEEE RA-L 5(2), 2020) rejects sightings, starting from a convex J.
+Two options limit the effect of outliers among sightings and loop closures. A robust loss makes J grow slower with
+distance. Graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for robust
+spatial perception", IEEE RA-L 5(2), 2020) rejects them, starting from a convex J. Odometry is never weighted.
 """
 
 from dataclasses import dataclass
@@ -32,10 +32,14 @@ class Options:
     )
     relative_tolerance: float = option(1e-13, "stop where J falls by a smaller share in one iteration", minimum=0)
     iterations: int = option(1000, "most iterations", minimum=1)
-    loss: str = option("none", "robust loss of the sightings", choices=("none", "huber", "cauchy", "geman-mcclure"))
+    loss: str = option(
+        "none", "robust loss of sightings and loops", choices=("none", "huber", "cauchy", "geman-mcclure")
+    )
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
     joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
-    gnc: bool = option(False, "reject sightings by graduated non-convexity; loss then applies to the start only")
+    gnc: bool = option(
+        False, "reject sightings and loops by graduated non-convexity; loss then applies to the start only"
+    )
 
 
 class Graph:

@@ -29,7 +29,7 @@ Levenberg-Marquardt at a J two thousand times its minimum.
 """
 
 INLIERS = 0.999
-"""Share of correct sightings that graduated non-convexity is to keep, by the chi-square of 2 degrees of freedom."""
+"""Share of correct sightings and loops that graduated non-convexity is to keep: chi-square, of 2 and of 3 dof."""
 
 
 class GtsamBatch:
@@ -121,11 +121,11 @@ class GtsamBatch:
         return graph, values
 
     def _inliers(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
-        """The graph without the sightings that graduated non-convexity rejects; a landmark keeps its best one."""
+        """The graph without what graduated non-convexity rejects; a landmark keeps its best sighting."""
         sightings = [i for i in range(graph.size()) if isinstance(graph.at(i), gtsam.BearingRangeFactor2D)]
         params = gtsam.GncLMParams(self._levenberg_marquardt())
         params.setLossType(gtsam.GncLossType.TLS)
-        params.setKnownInliers(sorted(set(range(graph.size())).difference(sightings)))
+        params.setKnownInliers(sorted(set(range(graph.size())).difference(sightings, _loops(graph))))
         params.setAllowNonNoiseModelFactors(True)
         gnc = gtsam.GncLMOptimizer(graph, values, params)
         gnc.setInlierCostThresholdsAtProbability(INLIERS)
@@ -149,3 +149,18 @@ class GtsamBatch:
         params.setAbsoluteErrorTol(0.0)
         params.setMaxIterations(self._options.iterations)
         return params
+
+
+def _loops(graph: gtsam.NonlinearFactorGraph) -> list[int]:
+    """The loop closures: motions that are not the first one between consecutive poses, which is the odometry."""
+    odometry, loops = set[int](), list[int]()
+    for i in range(graph.size()):
+        factor = graph.at(i)
+        if not isinstance(factor, gtsam.BetweenFactorPose2):
+            continue
+        before, after = factor.keys()
+        if after - before == 1 and after not in odometry:
+            odometry.add(after)
+        else:
+            loops.append(i)
+    return loops

@@ -51,7 +51,7 @@ class Options:
     )
     final_updates: int = option(10, "most updates without new factors made at the end of the log", minimum=0)
     joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
-    loss: str = option("none", "robust loss of the sightings", choices=("none", *LOSSES))
+    loss: str = option("none", "robust loss of sightings and loops", choices=("none", *LOSSES))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._models import wrap
-from ._factors import distance, loss
+from ._factors import distance, loss, square_of
 from ._graph import (
     COVARIANCE,
     DELTA,
@@ -26,21 +26,13 @@ from ._graph import (
     STEPS,
     UPDATE,
     VARIABLES,
+    WEIGHT,
     WIDTH,
     A,
     B,
     Graph,
 )  # fmt: skip
 from ._links import inverse, motion_offset
-
-
-@compiled
-def square_of(W: Array, k: int, e0: float, e1: float, e2: float) -> float:
-    """e' W e, where W is six numbers from `k` on."""
-    return (
-        W[k] * e0 * e0 + W[k + 3] * e1 * e1 + W[k + 5] * e2 * e2
-        + 2 * (W[k + 1] * e0 * e1 + W[k + 2] * e0 * e2 + W[k + 4] * e1 * e2)
-    )  # fmt: skip
 
 
 @compiled
@@ -67,7 +59,8 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         if g.links[k, LOOP]:
             first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
             L = g.linked[k]
-            total += motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
+            q = motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
+            total += L[WEIGHT] * loss(g.settings[LOSS], g.settings[SCALE], q)
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] != 3:
             continue

@@ -17,12 +17,12 @@ from .._models import wrap
 from ._graph import INFORMATION, LANDMARK, LOSS, OFFSET, POSE, SCALE, A, B, Graph
 
 NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)
-"""Robust losses of the sightings."""
+"""Robust losses of sightings and loop closures."""
 
 
 @compiled
 def weight(kind: float, scale: float, q: float) -> float:
-    """The weight of a sighting whose squared Mahalanobis distance is `q`: the loss's derivative by q / 2."""
+    """The weight of a factor whose squared Mahalanobis distance is `q`: the loss's derivative by q / 2."""
     if kind == NONE:
         return 1.0
     if kind == HUBER:
@@ -33,7 +33,7 @@ def weight(kind: float, scale: float, q: float) -> float:
 
 @compiled
 def loss(kind: float, scale: float, q: float) -> float:
-    """Twice the loss of a sighting whose squared Mahalanobis distance is `q`: q itself without a loss."""
+    """Twice the loss of a factor whose squared Mahalanobis distance is `q`: q itself without a loss."""
     square = scale * scale
     if kind == NONE or (kind == HUBER and q <= square):
         return q
@@ -53,6 +53,15 @@ def distance(
     e0 = sqrt(dx * dx + dy * dy) - seen[s, 0]
     e1 = wrap(atan2(dy, dx) - heading - seen[s, 1])
     return dx, dy, e0, e1, seen[s, 2] * e0 * e0 + 2 * seen[s, 3] * e0 * e1 + seen[s, 4] * e1 * e1
+
+
+@compiled
+def square_of(W: Array, k: int, e0: float, e1: float, e2: float) -> float:
+    """e' W e, where W is six numbers from `k` on."""
+    return (
+        W[k] * e0 * e0 + W[k + 3] * e1 * e1 + W[k + 5] * e2 * e2
+        + 2 * (W[k + 1] * e0 * e1 + W[k + 2] * e0 * e2 + W[k + 4] * e1 * e2)
+    )  # fmt: skip
 
 
 @compiled

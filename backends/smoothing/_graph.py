@@ -20,7 +20,7 @@ class Graph(Arrays):
     sightings: IntegerTable  # (S, 2)
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     links: IntegerTable  # (K, 5)
-    linked: Table  # (K, 18)
+    linked: Table  # (K, 19)
     steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
     at: Integers  # (T,) the variable of a step's pose, or NO_VARIABLE minus the link containing it
     cliques: IntegerTable  # (C, 12)
@@ -47,8 +47,8 @@ WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP = range(9)
 LANDMARK, POSE = range(2)
 # links: from A to B; of a loop closure LOOP is 1
 A, B, NEXT_A, NEXT_B, LOOP = range(5)
-# linked: the measured offset of B, its information, and a loop closure's motion and covariance
-OFFSET, INFORMATION, MOTION, COVARIANCE = 0, 3, 9, 12
+# linked: the measured offset of B, its information; a loop closure's motion, covariance and weight, 0 if left out
+OFFSET, INFORMATION, MOTION, COVARIANCE, WEIGHT = 0, 3, 9, 12, 18
 # settings; LATEST is the estimate of the last pose, the new linearisation point if it is off by more than ENOUGH
 LOSS, SCALE, FURTHEST, DAMPING, LATEST, ENOUGH = 0, 1, 2, 3, 4, 7
 # steps

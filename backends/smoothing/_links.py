@@ -16,7 +16,24 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array
 from .._models import wrap
-from ._graph import COVARIANCE, DELTA, INFORMATION, LOOP, MOTION, NOISE, OFFSET, POINT, STEP, A, B, Graph
+from ._factors import square_of, weight
+from ._graph import (
+    COVARIANCE,
+    DELTA,
+    INFORMATION,
+    LOOP,
+    LOSS,
+    MOTION,
+    NOISE,
+    OFFSET,
+    POINT,
+    SCALE,
+    STEP,
+    WEIGHT,
+    A,
+    B,
+    Graph,
+)  # fmt: skip
 
 
 @compiled
@@ -95,7 +112,7 @@ def carry(g: Graph, k: int, off: Array, S: Array) -> None:
 
 @compiled
 def relink(g: Graph, k: int) -> bool:
-    """Linearises link `k` at its poses; False where its covariance is not positive definite."""
+    """Linearises link `k` at its poses, weighs a loop closure; False where the covariance is not positive definite."""
     first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
     L = g.linked[k]
     S = np.zeros(6)
@@ -112,7 +129,18 @@ def relink(g: Graph, k: int) -> bool:
         for j in range(first + 1, last + 1):
             carry(g, j, off, S)
         L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = off[0], off[1], off[2]
-    return inverse(S, 0, L, INFORMATION)
+    definite = inverse(S, 0, L, INFORMATION)
+    if definite and g.links[k, LOOP]:
+        weigh(L, g.settings[LOSS], g.settings[SCALE])
+    return definite
+
+
+@compiled
+def weigh(L: Array, kind: float, scale: float) -> None:
+    """Multiplies the information of a loop closure, L (19,), by its own weight and by that of the loss."""
+    share = L[WEIGHT] * weight(kind, scale, square_of(L, INFORMATION, L[OFFSET], L[OFFSET + 1], L[OFFSET + 2]))
+    for i in range(6):
+        L[INFORMATION + i] *= share
 
 
 @compiled

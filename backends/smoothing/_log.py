@@ -9,6 +9,7 @@ from ...frontend.se2 import Array, Ints
 from .._models import moved
 from ._graph import (
     CLIQUE,
+    COVARIANCE,
     DELTA,
     END,
     FIRST,
@@ -18,6 +19,7 @@ from ._graph import (
     LINKS,
     LOOP,
     MARK,
+    MOTION,
     NEXT_A,
     NEXT_B,
     NO_VARIABLE,
@@ -30,6 +32,7 @@ from ._graph import (
     STEP,
     STEPS,
     VARIABLES,
+    WEIGHT,
     WIDTH,
     A,
     B,
@@ -198,7 +201,8 @@ def add_loop(g: Graph, a: int, b: int, delta: Array, cov: Array) -> bool:
     g.state[LINKS] = k + 1
     g.links[k, A], g.links[k, B], g.links[k, LOOP] = a, b, 1
     for i in range(3):
-        g.linked[k, 9 + i] = delta[i]
-    six(cov, 0, g.linked[k], 12)
+        g.linked[k, MOTION + i] = delta[i]
+    six(cov, 0, g.linked[k], COVARIANCE)
+    g.linked[k, WEIGHT] = 1.0
     hang(g, k)
     return relink(g, k)

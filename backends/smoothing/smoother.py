@@ -61,7 +61,7 @@ NEAREST = 1e-3
 
 @dataclass(frozen=True)
 class Options:
-    """Relinearisation, and robust loss of the sightings."""
+    """Relinearisation, and robust loss of sightings and loop closures."""
 
     relinearize_threshold: float = option(
         0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
@@ -73,7 +73,7 @@ class Options:
     )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
     joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
-    loss: str = option("none", "robust loss of the sightings", choices=tuple(LOSSES))
+    loss: str = option("none", "robust loss of sightings and loops", choices=tuple(LOSSES))
     loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
 
 
@@ -105,7 +105,7 @@ class Smoother:
     def step(self, step: Step) -> Pose:
         """Propagates by the motion; where anything is sighted, or a loop closed, the pose becomes a variable."""
         forest, k, sightings = self._forest, self._steps, step.sightings
-        looks = len(sightings.ids) > 0
+        looks, closes = len(sightings.ids) > 0, len(step.loops.to) > 0
         if self._robust:
             self._newcomers.move(step.odometry)
         if step.odometry is not None:
@@ -114,13 +114,13 @@ class Smoother:
             self._write(sightings)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
         touched = self._name(k, sightings, found) if NO_VARIABLE in found else []
-        if k == 0 or len(step.loops.to) or touched:
+        if k == 0 or closes or touched:
             self._any_step(step, np.array(found, np.int64), touched)
         else:
             self._plain_step(np.array(found, np.int64))
         self._steps += 1
         self._since += 1
-        if looks and self._due():
+        if (looks or closes) and self._due():
             self._since = 0
             forest.relinearise(self._options.relinearize_threshold)
         pose = forest.pose.copy()

@@ -40,12 +40,11 @@ def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
     sighted = misfits(log, path, landmarks)
     if sighted is None:
         return None
-    step = log.loop_step
     return Misfit(
         prior=_prior(log, path, landmarks),
         odometry=_squared(difference(between(path[:-1], path[1:]), log.delta[1:]), log.delta_cov[1:]),
         sightings=float(sighted.sum()),
-        loops=_squared(difference(between(path[log.loop_to], path[step]), log.loop_delta), log.loop_cov),
+        loops=float(loop_misfits(log, path).sum()),
     )
 
 
@@ -58,6 +57,11 @@ def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
     z = log.z[seen]
     expected = sight(path[log.sighting_step[seen]], landmarks.xy[row])[0] if len(z) else z
     return _each_squared(innovation(z.copy(), expected), log.z_cov[seen])
+
+
+def loop_misfits(log: Log, path: Array) -> Array:
+    """Computes the squared Mahalanobis distance (l,) of each loop closure."""
+    return _each_squared(difference(between(path[log.loop_to], path[log.loop_step]), log.loop_delta), log.loop_cov)
 
 
 def _prior(log: Log, path: Array, landmarks: Map) -> float:

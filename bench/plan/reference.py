@@ -1,8 +1,8 @@
 """Computes the batch optimum of a log without ground truth, a reference for online estimates.
 
 It is a maximum-likelihood estimate from the same factors that every backend gets, so smoothers come close to it by
-construction, and no verdict on accuracy is drawn from it. Where outliers such as wrong ids would rule it, the optimum
-is that of a Cauchy loss, and says so.
+construction, and no verdict on accuracy is drawn from it. Where outliers such as wrong ids or false loop closures would
+rule it, the optimum is that of a Cauchy loss, and says so.
 """
 
 import contextlib
@@ -18,19 +18,19 @@ from ...backends.api import Diverged, Solution
 from ...datasets import archive, cache
 from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Dataset, Log, Map, Truth
-from ...frontend.se2 import act
+from ...frontend.se2 import Array, act
 from ...frontend.truth_errors import named
 from ..measure.metrics import align
-from ..measure.misfit import misfits
+from ..measure.misfit import loop_misfits, misfits
 
-MEDIAN = 1.386  # median of chi-square with 2 degrees of freedom
-FAR = 18.42  # chi-square with 2 degrees of freedom exceeds it once in 10,000
-MANY = 5e-3  # share of sightings beyond FAR that rules the optimum: fifty times that of correct noise
+MEDIAN, LOOP_MEDIAN = 1.386, 2.366  # median of chi-square with 2 degrees of freedom, and 3
+FAR, LOOP_FAR = 18.42, 21.11  # chi-square with 2 degrees of freedom, and 3, exceeds it once in 10,000
+MANY = 5e-3  # share of sightings or loops beyond FAR that rules the optimum: fifty times that of correct noise
 FEWEST = 3  # landmarks needed to align two maps
 
 
 class Outliers(NamedTuple):
-    """The number of sightings that do not fit an optimum."""
+    """The number of sightings, or of loop closures, that do not fit an optimum."""
 
     found: int
     of: int
@@ -65,17 +65,34 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
     if path is None or truth is None:
         return path or truth
     if truth.map is None or path.map is None:
-        return path._replace(assigned=truth.assigned)
-    return path._replace(map=_beside(truth.map, path.map), places="truth", assigned=truth.assigned, moving=truth.moving)
+        return path._replace(assigned=truth.assigned, false_loops=truth.false_loops)
+    return path._replace(
+        map=_beside(truth.map, path.map),
+        places="truth",
+        assigned=truth.assigned,
+        moving=truth.moving,
+        false_loops=truth.false_loops,
+    )
 
 
 def outliers(log: Log, solution: Solution) -> Outliers:
     """Counts the sightings that do not fit an optimum, relative to the typical misfit: noise may be misstated."""
     squared = misfits(log, solution.path, solution.map)
-    if squared is None or not len(squared):
+    if squared is None:
         return Outliers(0, int((log.ids != UNKNOWN).sum()))
-    scale = max(1.0, float(np.median(squared)) / MEDIAN)
-    return Outliers(int((squared > FAR * scale).sum()), len(squared))
+    return _beyond(squared, MEDIAN, FAR)
+
+
+def loop_outliers(log: Log, solution: Solution) -> Outliers:
+    """Counts the loop closures that do not fit an optimum, likewise."""
+    return _beyond(loop_misfits(log, solution.path), LOOP_MEDIAN, LOOP_FAR)
+
+
+def _beyond(squared: Array, median: float, far: float) -> Outliers:
+    if not len(squared):
+        return Outliers(0, 0)
+    scale = max(1.0, float(np.median(squared)) / median)
+    return Outliers(int((squared > far * scale).sum()), len(squared))
 
 
 def _beside(places: Map, onto: Map) -> Map:
@@ -89,12 +106,13 @@ def _beside(places: Map, onto: Map) -> Map:
 
 def _found(log: Log) -> Truth | None:
     solution, words = _optimum(log), ""
-    if solution is None or outliers(log, solution).many:
+    if solution is None or outliers(log, solution).many or loop_outliers(log, solution).many:
         robust = _optimum(log, loss="cauchy")
         if robust is not None:
-            odd = outliers(log, robust)
             solution = robust
-            words = f"the batch optimum with a Cauchy loss ({odd.found} of {odd.of} sightings do not fit)"
+            odd = {"sightings": outliers(log, robust), "loop closures": loop_outliers(log, robust)}
+            said = " and ".join(f"{one.found} of {one.of} {what}" for what, one in odd.items() if one.of)
+            words = f"the batch optimum with a Cauchy loss ({said} do not fit)"
     if solution is None:
         return None
     return Truth(log.t, solution.path, solution.map._replace(cov=None), None, "reference", "reference", words)

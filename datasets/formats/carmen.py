@@ -29,6 +29,7 @@ from ...frontend.laser.scanner import Scanner, evenly
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array
+from ..false_loops import FalseLoops
 from ..registry import Source
 from .relations import beside, read_relations, related
 
@@ -45,7 +46,7 @@ FARTHEST = 50.0
 
 
 @dataclass(frozen=True)
-class Options(Settings):
+class Options(FalseLoops, Settings):
     """Which log, what its scanner is, and the front end."""
 
     path: str | None = option(None, "the file of the log")

@@ -28,6 +28,7 @@ from ...frontend.factors import Dataset, Prior
 from ...frontend.options import option
 from ...frontend.small_matrices import symmetric
 from ...frontend.table import Table
+from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import START, PoseGraph, inverted, log_of, map_of, points_seen, wrapped
 from .tagged import LIST, read_tagged
@@ -61,7 +62,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(FalseLoops):
     """Which graph."""
 
     path: str | None = option(None, "the file of the graph")

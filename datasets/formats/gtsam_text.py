@@ -32,6 +32,7 @@ from ...frontend.options import option
 from ...frontend.se2 import Array
 from ...frontend.small_matrices import product, symmetric
 from ...frontend.table import Table
+from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped
 from .tagged import read_tagged
@@ -67,7 +68,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(FalseLoops):
     """The graph and the meaning of its numbers."""
 
     path: str | None = option(None, "the file of the graph, or the name of one that ships with GTSAM")

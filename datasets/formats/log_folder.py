@@ -3,14 +3,15 @@
     log.toml         name, prior, truth kind, notes: sensor settings, source and licence
     odometry.csv     t,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt          one row per step; step 0 has only t
     sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     one row per sighting, sorted by step
-    loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt    one row per loop closure, sorted by step; optional
+    loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt[,false]
+                                                                     one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
     landmarks.csv    id,x,y[,moving]                                 the landmarks' true positions; optional
     relations.csv    true motions between poses beside steps         optional: see `frontend.relations.COLUMNS`
 
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
-are refused.
+are refused. A loop closure that is known to be false has 1 in the column false, others 0.
 """
 
 import os
@@ -37,6 +38,7 @@ from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_w
 
 WORDS = "log.toml"
 TRUE_ID = ("true_id",)
+FALSE = ("false",)
 
 _NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents())
 """Replaces an unreadable log.toml, so that the other files can be checked."""
@@ -113,7 +115,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
     loops = _empty(folder / "loops.csv", LOOPS)
     if os.path.lexists(loops.path):
-        loops = yield from attempted(scan_csv(loops.path, LOOPS))
+        loops = yield from attempted(scan_csv(loops.path, LOOPS, FALSE))
     if odometry is not None and not len(odometry.rows):
         yield InputError(f"{odometry.path}: found no steps, expected at least one row.")
     for table in (odometry, sightings, loops):
@@ -126,7 +128,8 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     loops = loops or _empty(folder / "loops.csv", LOOPS)
     true_id = TRUE_ID if sightings.columns[-1:] == TRUE_ID else ()
     sightings = yield from _scan_steps(sightings, len(odometry.rows), "id", *true_id)
-    loops = yield from _scan_steps(loops, len(odometry.rows), "to")
+    told = loops.columns[-1:] == FALSE
+    loops = yield from _scan_steps(loops, len(odometry.rows), "to", *(FALSE if told else ()))
     log = Log.from_arrays(
         words.name,
         words.prior,
@@ -140,7 +143,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         loop_step=loops.whole("step"),
         loop_to=loops.whole("to"),
         loop_delta=loops.rows[:, 2:5],
-        loop_cov=symmetric(loops.rows[:, 5:]),
+        loop_cov=symmetric(loops.rows[:, 5 : len(LOOPS)]),
         notes=words.notes,
     )
     broken = set(odometry.broken.tolist())
@@ -152,12 +155,14 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
             yield tables[problem.table].fault(problem.row, problem.message)
     truth = yield from scan_truth(folder, None if broken else log.t)
     assigned = sightings.whole(*true_id) if true_id else None
-    if truth is None and words.truth_kind is None and assigned is None:
+    false = (yield from _scan_false(loops)) if told else None
+    if truth is None and words.truth_kind is None and assigned is None and false is None:
         return Dataset(log, None), words
-    if assigned is not None:
-        assigned.flags.writeable = False
+    for column in (assigned, false):
+        if column is not None:
+            column.flags.writeable = False
     truth = truth or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
-    truth = truth._replace(assigned=assigned, kind=words.truth_kind or truth.kind)
+    truth = truth._replace(assigned=assigned, kind=words.truth_kind or truth.kind, false_loops=false)
     if truth.relations is not None:
         for message in relation_problems(log, truth.relations):
             yield InputError(f"{folder / RELATIONS}: {message}.")
@@ -182,12 +187,20 @@ def _scan_steps(table: Table, steps: int, *whole: str) -> Scan[Table]:
     return table.take(np.argsort(step, kind="stable")) if len(back) else table
 
 
+def _scan_false(loops: Table) -> Scan[Ints]:
+    """The rows of loop closures that are known to be false."""
+    flag = loops.column("false")
+    for row in np.flatnonzero((flag != 0) & (flag != 1)):
+        yield loops.fault(row, f"false is {flag[row]!s}, expected 0 or 1")
+    return np.flatnonzero(flag == 1)
+
+
 def _scan_changes(words: Words, found: Contents) -> Scan[None]:
     """Yields a fault for each file that no longer matches log.toml's digests."""
     yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
     parts = {
         "factors": "prior, odometry.csv, sightings.csv or loops.csv",
-        "truth": "truth.tum, landmarks.csv, relations.csv or true_id",
+        "truth": "truth.tum, landmarks.csv, relations.csv, true_id or false",
     }
     for key, parts_of_it in parts.items():
         was, now = getattr(words.contents, key), getattr(found, key)
@@ -224,8 +237,11 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
         columns, head = [*columns, truth.assigned], ",".join((*SIGHTINGS, *TRUE_ID))
     _write_rows(folder / "sightings.csv", head, columns)
     if len(log.loop_to):
-        columns = [log.loop_step, log.loop_to, *log.loop_delta.T, *looped]
-        _write_rows(folder / "loops.csv", ",".join(LOOPS), columns)
+        columns, head = [log.loop_step, log.loop_to, *log.loop_delta.T, *looped], ",".join(LOOPS)
+        if truth is not None and truth.false_loops is not None:
+            false = np.isin(np.arange(len(log.loop_to)), truth.false_loops).astype(np.int64)
+            columns, head = [*columns, false], ",".join((*LOOPS, *FALSE))
+        _write_rows(folder / "loops.csv", head, columns)
     # As it will be read: symmetric covariances, and of step 0 nothing but t.
     log = replace(log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T))
     log = log.head(len(log))
@@ -233,7 +249,7 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
         write_truth(folder, truth)
         again = strict(scan_truth(folder, log.t)) or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
         assigned = None if truth.assigned is None else np.asarray(truth.assigned, np.int64)
-        truth = again._replace(assigned=assigned, kind=truth.kind)
+        truth = again._replace(assigned=assigned, kind=truth.kind, false_loops=truth.false_loops)
     write_words(folder / WORDS, log, None if truth is None else truth.kind, _contents(log, truth))
 
 

@@ -20,6 +20,7 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.options import option
 from ...frontend.small_matrices import symmetric
+from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, log_of
 from .tagged import read_tagged
@@ -40,7 +41,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(FalseLoops):
     """Which graph."""
 
     path: str | None = option(None, "the file of the graph")

@@ -14,6 +14,7 @@ from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, compose, wrap
+from ..false_loops import FalseLoops
 from ..registry import Source
 from ._casting import cast
 from .floor_plan import CORRIDOR, Plan, floor_plan
@@ -50,7 +51,7 @@ START_SD = 1e-3
 
 
 @dataclass(frozen=True)
-class Options(Settings):
+class Options(FalseLoops, Settings):
     """The drive, the scanner, and the front end."""
 
     laps: float = option(2.0, "laps of the corridor, of 71 m each", minimum=0.05, maximum=1000.0)

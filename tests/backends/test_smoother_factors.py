@@ -5,10 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from dense_fit import weight
 from random_logs import random_covariance
 from slamduel.backends.smoothing import _factors, _graph, _links, _log
 from slamduel.backends.smoothing._graph import NO_VARIABLE, Graph
 from slamduel.backends.smoothing.arrays import made, with_rows
+from slamduel.backends.smoothing.smoother import LOSSES
 from slamduel.frontend.se2 import Array, between, compose, wrap
 
 
@@ -82,6 +84,33 @@ def test_a_motion(before_first: bool) -> None:
         expected = numerical(residual, np.r_[g.values[0], g.values[1]], np.asarray(np.linalg.inv(S), np.float64))
         assert H[np.ix_(order, order)] == pytest.approx(expected[0], rel=1e-5, abs=1e-4)
         assert b[order] == pytest.approx(expected[1], rel=1e-5, abs=1e-4)
+
+
+@pytest.mark.parametrize("before_first", [True, False])
+@pytest.mark.parametrize("loss", ["none", "huber", "cauchy", "geman-mcclure"])
+def test_a_loop_and_its_weight(loss: str, before_first: bool) -> None:
+    ia, ib = (0, 3) if before_first else (3, 0)
+    order, shares = np.r_[ia : ia + 3, ib : ib + 3], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        g = a_graph(rng, loss=list(LOSSES).index(loss))
+        cov = random_covariance(rng, [0.1, 0.2, 0.05])
+        at = np.r_[g.values[0], g.values[1]]
+        delta = between(at[:3], at[3:]) + rng.normal(0, [0.3, 0.3, 0.1])
+        assert _log.add_loop(g, 0, 1, delta, cov)
+        H, b = front(g, lambda F, w, g=g: _factors.add_link(g, 1, F, w, ia, ib), 6)
+
+        def residual(v: Array, delta: Array = delta) -> Array:
+            e = between(v[:3], v[3:]) - delta
+            e[2] = wrap(e[2])
+            return e
+
+        W = np.asarray(np.linalg.inv(cov), np.float64)
+        shares.append(weight(loss, 2.0, float(residual(at) @ W @ residual(at)))[0])
+        expected = numerical(residual, at, shares[-1] * W)
+        assert H[np.ix_(order, order)] == pytest.approx(expected[0], rel=1e-5, abs=1e-4)
+        assert b[order] == pytest.approx(expected[1], rel=1e-5, abs=1e-4)
+    assert (min(shares) < 0.5) == (loss != "none")
 
 
 def chain(g: Graph, n: int) -> tuple[Array, Array]:

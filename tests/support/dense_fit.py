@@ -17,7 +17,7 @@ class Dense(NamedTuple):
 
 
 def weight(loss: str, scale: float, q: float) -> tuple[float, float]:
-    """The weight of a sighting whose squared Mahalanobis distance is q, and twice its loss."""
+    """The weight of a factor whose squared Mahalanobis distance is q, and twice its loss."""
     c2 = scale**2
     if loss == "huber":
         return (1.0, q) if q <= c2 else (scale / q**0.5, 2 * scale * q**0.5 - c2)
@@ -46,12 +46,12 @@ class Normal:
             for j, B in blocks:
                 self.matrix[i : i + A.shape[1], j : j + B.shape[1]] += w * A.T @ W @ B
 
-    def add_motion(self, path: Array, i: int, j: int, delta: Array, cov: Array) -> None:
-        """Adds a motion between two poses."""
+    def add_motion(self, path: Array, i: int, j: int, delta: Array, cov: Array, robust: bool = False) -> None:
+        """Adds a motion between two poses, a loop closure with the loss."""
         e = between(path[i], path[j]) - delta
         e[2] = wrap(e[2])
         by_i, by_j = between_jacobians(path[i], path[j])
-        self.add([(3 * i, by_i), (3 * j, by_j)], e, cov)
+        self.add([(3 * i, by_i), (3 * j, by_j)], e, cov, robust)
 
 
 def dense_fit(
@@ -77,7 +77,7 @@ def dense_fit(
             if step.odometry is not None:
                 normal.add_motion(path, k - 1, k, *step.odometry)
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
-                normal.add_motion(path, to, k, delta, cov)
+                normal.add_motion(path, to, k, delta, cov, robust=True)
             for landmark, z, cov in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
                 at = fixed[landmark] if landmark in fixed else xy[landmark]
                 dx, dy = at - path[k, :2]

@@ -272,7 +272,7 @@ CHANGES: dict[str, tuple[LAST, str]] = {
     "a range": (turned("sightings.csv", 3, 3, "0.125"), "contents.factors is '"),
     "a place": (
         turned("landmarks.csv", 3, 2, "0.125"),
-        "truth.tum, landmarks.csv, relations.csv or true_id has changed",
+        "truth.tum, landmarks.csv, relations.csv, true_id or false has changed",
     ),
     "a true id": (turned("sightings.csv", 3, 8, "12"), "contents.truth is '"),
 }
