@@ -22,24 +22,29 @@ from typing import NamedTuple
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.factors import REMARKS, Dataset, Log, Prior
-from ...frontend.laser.recording import LaserRecording, build_log
-from ...frontend.laser.scanner import Scanner, evenly
+from ...frontend.factors import Dataset, Prior
+from ...frontend.laser.recording import FARTHEST, LaserRecording, build_log, jump
+from ...frontend.laser.scanner import CODES, Scanner, evenly, without_codes
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array
+from ..prior import START_SD
 from ..registry import Source
-
-START_SD = 1e-3
-"""m and rad; the log starts where the odometry does."""
+from ..remarks import remarked
 
 APART = 1e-6
 """s; stamps that are closer are of the same scan."""
 
 MOST_BEAMS = 10_000
 
-FARTHEST = 50.0
-"""m between two scans; the map of the last metres could not hold more."""
+
+class Reading(NamedTuple):
+    """The scanner, and whether the wheels count."""
+
+    pose: Array  # (3,) of the scanner on the robot
+    least: float  # m, of a return
+    most: float  # m
+    odometry: str  # wheels, none or auto
 
 
 @dataclass(frozen=True)
@@ -55,14 +60,18 @@ class Options(Settings):
     max_range: float = option(25.0, "range beyond which a beam says nothing, m", minimum=1.0, maximum=100.0)
     min_range: float = option(0.15, "range below which a beam has hit the robot, m", minimum=0.0, maximum=10.0)
 
+    @property
+    def reading(self) -> Reading:
+        """The scanner, and whether the wheels count."""
+        return Reading(np.array([self.ahead, 0.0, 0.0]), self.min_range, self.max_range, self.odometry)
+
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """Laser scans and odometry in CARMEN's format, through the laser front end: carmen[path=FILE]."""
     if options.path is None:
         raise InputError("option path of dataset carmen is not given, expected a laser log's file: carmen[path=FILE].")
     recording, remarks = read(Path(options.path), options)
-    log = build_log(recording, options)
-    return Dataset(_with(log, remarks), None)
+    return Dataset(remarked(build_log(recording, options), remarks), None)
 
 
 source = Source(make, Options, costly=True, portable=False)
@@ -79,7 +88,15 @@ class Line(NamedTuple):
 
 
 def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
-    """The scans in the order of time, and remarks; InputError names the file and line of a fault."""
+    """As `read_scans`, with the options of the dataset."""
+    return read_scans(path, options.reading)
+
+
+def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
+    """The scans in the order of time, and remarks; InputError names the file and line of a fault.
+
+    The log starts where the odometry does.
+    """
     lines = list(_lines(path))
     if len(lines) < 2:
         raise InputError(f"{path}: found {len(lines)} scans (FLASER or ROBOTLASER1), expected at least 2.")
@@ -98,16 +115,15 @@ def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
         remarks.append(f"{len(lines) - len(kept)} of {len(lines)} scans have the stamp of another one and are left out")
     odometry = np.array([line.odometry for line in kept])
     moves = bool((odometry != odometry[0]).any())
-    if options.odometry == "wheels" and not moves:
+    if given.odometry == "wheels" and not moves:
         raise InputError(f"{path}: option odometry=wheels: the odometry never moves, expected odometry=none.")
-    if options.odometry == "auto" and not moves:
+    if given.odometry == "auto" and not moves:
         remarks.append("its odometry never moves: the front end goes by the scans alone")
-    if moves and options.odometry != "none":
-        way = np.hypot(*np.diff(odometry[:, :2], axis=0).T)
-        if not way.max() <= FARTHEST:
-            at = int(way.argmax())
+    if moves and given.odometry != "none":
+        jumped = jump(odometry)
+        if jumped is not None:
             raise InputError(
-                f"{path}, line {kept[at + 1].number}: the odometry jumps by {way[at]:.6g} m from the scan before, "
+                f"{path}, line {kept[jumped[0]].number}: the odometry jumps by {jumped[1]:.6g} m from the scan before, "
                 f"expected at most {FARTHEST:g} m; odometry=none goes by the scans alone."
             )
     count = len(first.ranges)
@@ -116,26 +132,21 @@ def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
         if first.angles is None
         else first.angles[0] + first.angles[1] * np.arange(count, dtype=np.float64)
     )
-    scanner = Scanner(angles, np.array([options.ahead, 0.0, 0.0]), options.min_range, options.max_range)
+    scanner = Scanner(angles, given.pose, given.least, given.most)
     ranges = np.array([line.ranges for line in kept])
-    if not ((ranges > options.min_range) & (ranges < options.max_range)).any():
-        raise InputError(
-            f"{path}: no range is between {options.min_range:g} and {options.max_range:g} m, expected metres."
-        )
+    if given.most > CODES[0]:
+        ranges = without_codes(ranges)
+    if not ((ranges > given.least) & (ranges < given.most)).any():
+        raise InputError(f"{path}: no range is between {given.least:g} and {given.most:g} m, expected metres.")
     return LaserRecording(
         path.name.partition(".")[0],
         scanner,
         np.array([line.t for line in kept]),
         ranges,
-        odometry if moves and options.odometry != "none" else None,
+        odometry if moves and given.odometry != "none" else None,
         Prior(odometry[0], START_SD**2 * np.eye(3)),
+        {"source": path.name.encode("utf-8", "replace").decode()},
     ), remarks
-
-
-def _with(log: Log, remarks: list[str]) -> Log:
-    """The log with its reader's remarks."""
-    log.notes.update({REMARKS: remarks} if remarks else {})  # pyright: ignore[reportAttributeAccessIssue]
-    return log
 
 
 def _lines(path: Path) -> Iterator[Line]:
