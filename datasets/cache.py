@@ -30,8 +30,9 @@ _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
 def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
 
-    A costly source must depend on nothing but its options, its random generator and the code of this package. Ids are
-    hidden here, and maps given, so that the log is otherwise that without these options, and cached once.
+    A costly source must depend on nothing but its options, the files that it names, its random generator and the code
+    of this package. Ids are hidden here, and maps given, so that the log is otherwise that without these options, and
+    cached once.
     """
     seed, own = seed if source.seeded else 0, options
     if isinstance(options, HiddenIds):
@@ -47,7 +48,7 @@ def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
 def _kept(name: str, source: Source, options: Any, seed: int) -> Dataset:
     if not source.costly:
         return _made(name, source, options, seed)
-    entry = folder() / f"{_key(name, options, seed)}.npz"
+    entry = folder() / f"{_key(name, source, options, seed)}.npz"
     with contextlib.suppress(InputError):  # missing or damaged: made again
         return archive.load(entry)
     dataset = _made(name, source, options, seed)
@@ -80,10 +81,14 @@ def _made(name: str, source: Source, options: Any, seed: int) -> Dataset:
     return dataset
 
 
-def _key(name: str, options: Any, seed: int) -> str:
+def _key(name: str, source: Source, options: Any, seed: int) -> str:
     """The cache key: sha256 of everything that the log depends on."""
     package = Path(__file__).parent.parent
     total = hashlib.sha256(repr((name, options, seed, platform.python_version())).encode())
+    for read in source.files(options):
+        with contextlib.suppress(OSError):  # a missing one is told of by who reads it
+            state = read.stat()
+            total.update(f"\n{read.absolute()} {state.st_size} {state.st_mtime_ns}\n".encode())
     for part in _MADE_WITH:
         total.update(f"\n{part} {_version(part)}\n".encode())
     for file in sorted([*package.glob("frontend/**/*.py"), *package.glob("datasets/**/*.py")]):

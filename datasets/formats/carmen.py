@@ -12,12 +12,12 @@ an odd number takes in both ends.
 
 import gzip
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -70,11 +70,22 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     """Laser scans and odometry in CARMEN's format, through the laser front end: carmen[path=FILE]."""
     if options.path is None:
         raise InputError("option path of dataset carmen is not given, expected a laser log's file: carmen[path=FILE].")
-    recording, remarks = read(Path(options.path), options)
+    return dataset(Path(options.path), options)
+
+
+def dataset(path: Path, options: "Options", name: str | None = None, notes: Mapping[str, Any] | None = None) -> Dataset:
+    """The log at `path` through the front end, by its file's name and with no other notes where these are not given."""
+    recording, remarks = read(path, options)
+    recording = replace(recording, name=name or recording.name, notes={**recording.notes, **(notes or {})})
     return Dataset(remarked(build_log(recording, options), remarks), None)
 
 
-source = Source(make, Options, costly=True, portable=False)
+def files(options: Options) -> Sequence[Path]:
+    """The file that is read."""
+    return [] if options.path is None else [Path(options.path)]
+
+
+source = Source(make, Options, costly=True, portable=False, files=files)
 
 
 class Line(NamedTuple):
