@@ -9,9 +9,10 @@ import pytest
 
 import bags
 import floor_drives as floor
+from fuzzing import survivors
 from slamduel.bench.plan.load import load
 from slamduel.datasets.recordings.robot import read_robot
-from slamduel.datasets.scans.open import open_scans
+from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.datasets.scans.robot import LaserRobot, read_laser_robot
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.recording import LaserRecording
@@ -208,3 +209,20 @@ def test_carmens_no_return_is_none_with_any_range(drive: LaserRecording, tmp_pat
     nothing = floor.carmen(tmp_path / "none.clf", replace(drive, ranges=np.full_like(drive.ranges, 81.83)))
     with pytest.raises(InputError, match="no range is between 0 and 100 m, expected metres"):
         open_scans(nothing)
+
+
+def test_a_damaged_log_is_read_or_refused_with_a_sentence(drive: LaserRecording, tmp_path: Path) -> None:
+    few = replace(drive, t=drive.t[:12], ranges=drive.ranges[:12, ::6], odometry=drive.odometry[:12])  # pyright: ignore[reportOptionalSubscript]
+
+    def usable(opened: OpenedScans | None) -> None:
+        assert opened is not None
+        recording = opened.recording
+        assert (np.diff(recording.t) > 0).all()
+        assert np.isfinite(recording.scanner.angles).all()
+        assert recording.odometry is None or np.isfinite(recording.odometry).all()
+        for ranges in recording.ranges:
+            assert np.isfinite(recording.scanner.points(ranges)).all()
+
+    found, sentences = survivors(open_scans, floor.carmen(tmp_path / "floor.clf", few), 240, 3, usable)
+    assert len(found) > 60
+    assert len(sentences) > 30
