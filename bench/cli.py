@@ -19,7 +19,7 @@ COMMANDS = {
     "validate": ("list everything that is wrong with a log, with file and row", ".commands.validate"),
     "fetch": ("download a published log from its publisher", ".commands.fetch"),
     "export": ("write a log, or the cells of a study or run, for other programs", ".commands.export"),
-    "detect": ("detect the markers in a recording and write a log with a report", ".commands.detect"),
+    "detect": ("turn markers or laser scans of a recording into a log with a report", ".commands.detect"),
     "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".commands.render"),
     "markers": ("print markers, or a calibration board, at true size", ".commands.markers"),
     "calibrate": ("calibrate a camera from views of a ChArUco board", ".commands.calibrate"),

@@ -8,7 +8,6 @@ import contextlib
 import hashlib
 import os
 import platform
-from collections.abc import Iterable
 from dataclasses import fields, replace
 from importlib import metadata
 from pathlib import Path
@@ -32,9 +31,9 @@ _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
 def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
 
-    A costly source must depend on nothing but its options, its files, its random generator and this package's code.
-    Ids are hidden here, false loops planted and maps given, so that the log is otherwise that without these options,
-    and cached once.
+    A costly source must depend on nothing but its options, the files that it names, its random generator and the code
+    of this package. Ids are hidden here, false loops planted and maps given, so that the log is otherwise that without
+    these options, and cached once.
     """
     seed, own = seed if source.seeded else 0, options
     if isinstance(options, HiddenIds):
@@ -54,7 +53,7 @@ def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
 def _kept(name: str, source: Source, options: Any, seed: int) -> Dataset:
     if not source.costly:
         return _made(name, source, options, seed)
-    entry = folder() / f"{_key(name, options, seed, source.files(options))}.npz"
+    entry = folder() / f"{_key(name, source, options, seed)}.npz"
     with contextlib.suppress(InputError):  # missing or damaged: made again
         return archive.load(entry)
     dataset = _made(name, source, options, seed)
@@ -87,19 +86,19 @@ def _made(name: str, source: Source, options: Any, seed: int) -> Dataset:
     return dataset
 
 
-def _key(name: str, options: Any, seed: int, files: Iterable[Path]) -> str:
+def _key(name: str, source: Source, options: Any, seed: int) -> str:
     """The cache key: sha256 of everything that the log depends on."""
     package = Path(__file__).parent.parent
     total = hashlib.sha256(repr((name, options, seed, platform.python_version())).encode())
+    for read in source.files(options):
+        with contextlib.suppress(OSError):  # a missing one is told of by who reads it
+            content = hashlib.sha256(read.read_bytes()).hexdigest()
+            total.update(f"\n{read.absolute()} {content}\n".encode())
     for part in _MADE_WITH:
         total.update(f"\n{part} {_version(part)}\n".encode())
     for file in sorted([*package.glob("frontend/**/*.py"), *package.glob("datasets/**/*.py")]):
         total.update(f"\n{file.relative_to(package).as_posix()}\n".encode())
         total.update(file.read_bytes())
-    for file in files:
-        with contextlib.suppress(OSError):  # without one, or unreadable: its maker says so, and nothing is cached
-            content = hashlib.sha256(file.read_bytes()).hexdigest()
-            total.update(f"\n{file} {content}".encode())
     return total.hexdigest()
 
 

@@ -1,7 +1,7 @@
 """Names of datasets and their builders, imported on demand."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,8 @@ class Source:
 
     `make(options, rng)` returns the log and, if there is one, its ground truth; `options` is a frozen dataclass made
     with `option(...)` fields. `seeded`: it draws from `rng`, so there is one log per seed. `costly`: it is expensive
-    enough for the user's cache; it is made anew where one of the `files` that it reads with these options has changed.
-    `portable`: its log is the same to the last bit on every x86-64 machine.
+    enough for the user's cache; `files(options)` are those that it reads. `portable`: its log is the same to the last
+    bit on every x86-64 machine.
     """
 
     make: Callable[[Any, np.random.Generator], Dataset]
@@ -27,7 +27,7 @@ class Source:
     seeded: bool = False
     costly: bool = False
     portable: bool = True
-    files: Callable[[Any], Sequence[Path]] = lambda options: ()  # noqa: ARG005
+    files: Callable[[Any], Sequence[Path]] = field(default=lambda _: ())
 
     @property
     def summary(self) -> str:
@@ -36,6 +36,7 @@ class Source:
 
 
 BUILTIN = {
+    "aces": ".published.laser_logs:aces",
     "aruco-robot": ".worlds.aruco_robot:source",
     "aruco-room": ".worlds.aruco_room:source",
     "bailey": ".worlds.bailey:source",
@@ -44,13 +45,17 @@ BUILTIN = {
     "city": ".worlds.city:source",
     "csv": ".formats.csv_tables:source",
     "dlr": ".published.dlr:source",
+    "fr079": ".published.laser_logs:fr079",
     "freiburg": ".published.freiburg:source",
     "g2o": ".formats.g2o:source",
     "gtsam": ".formats.gtsam_text:source",
+    "intel-lab": ".published.laser_logs:intel_lab",
+    "killian": ".published.laser_logs:killian",
     "laser-floor": ".worlds.laser_floor:source",
     "linear": ".worlds.linear:source",
     "log": ".formats.log_folder:source",
     "matlab-report": ".worlds.matlab_report:source",
+    "mit-csail": ".published.laser_logs:mit_csail",
     "mrclam": ".published.mrclam:source",
     "recording": ".recordings.recording:source",
     "toro": ".formats.toro:source",

@@ -6,12 +6,13 @@ verdict; it states the finding, and what was expected or a possible cause.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..frontend.dead_reckoning import dead_reckoned
 from ..frontend.errors import InputError
-from ..frontend.factors import UNKNOWN, Dataset, Log
+from ..frontend.factors import REMARKS, UNKNOWN, Dataset, Log
 from ..frontend.se2 import Array
 from ..frontend.table import LARGEST
 from .hidden_ids import HIDDEN_NOTE
@@ -34,6 +35,11 @@ def remarks(dataset: Dataset) -> list[str]:
     """Lists everything odd about the log, its reader's remarks first, each once."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is infinite, and remarked as such
         return list(dict.fromkeys((*dataset.log.remarks, *_remarks(dataset.log))))
+
+
+def remarked(log: Log, found: Sequence[str]) -> Log:
+    """The log with more remarks of its reader."""
+    return replace(log, notes={**log.notes, REMARKS: [*log.remarks, *found]}) if found else log
 
 
 def refuse(name: str, found: Sequence[str]) -> None:

@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from ..frontend.factors import Map, Truth, digest_of
+from ..frontend.factors import Dataset, Log, Map, Truth, digest_of
 from ..frontend.relations import COLUMNS as COLUMNS_OF_RELATIONS
 from ..frontend.relations import LONGEST_GAP, Relations, as_rows, from_rows
 from ..frontend.scan import Scan, attempted, strict
 from ..frontend.se2 import Array, Ints, wrap
 from ..frontend.table import scan_csv
 from ..frontend.tum import scan_tum, write_tum
+from .remarks import remarked
 
 POSES = "truth.tum"
 PLACES = "landmarks.csv"
@@ -103,6 +104,18 @@ def sample(truth: Truth, t: Array) -> Truth:
     times, poses = t[covered], poses[covered]
     times.flags.writeable = poses.flags.writeable = False
     return truth._replace(t=times, poses=poses)
+
+
+def with_truth(log: Log, truth: Truth | None) -> Dataset:
+    """Joins a log and a ground truth, sampled at the log's times; a remark where it has no pose at any of them."""
+    if truth is None:
+        return Dataset(log, None)
+    known = sample(truth, log.t)
+    if len(known.t) or not len(truth.t):
+        return Dataset(log, known)
+    found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"
+    remark = f"{POSES} has no pose at the log's times, {found}, and is not used: expected the same clock"
+    return Dataset(remarked(log, [remark]), known)
 
 
 def _scan_places(path: Path) -> Scan[tuple[Map, Ints | None]]:

@@ -45,3 +45,21 @@ def scans_from(columns: Mapping[str, NDArray[Any]]) -> Scans:
     """Restores what `scan_columns` gave."""
     *at, ranges, angles, scanner = (columns[name] for name in COLUMNS)
     return Scans(Anchors(*at), ranges, angles, scanner)
+
+
+def misfit(columns: Mapping[str, NDArray[Any]], steps: int) -> str:
+    """Says why the arrays are not scans of a log of so many steps, what was found and expected; "" if they are."""
+    k, b = np.size(columns["step"]), np.size(columns["angles"])
+    shapes = {"step": (k,), "since": (k, 3), "until": (k, 3), "share": (k,), "ranges": (k, b), "angles": (b,)}
+    for name, shape in (shapes | {"scanner": (3,)}).items():
+        found, kind = columns[name], "i" if name == "step" else "f"
+        if found.shape != shape or found.dtype.kind != kind:
+            expected = f"expected {'whole ' * (kind == 'i')}numbers of {shape}"
+            return f"{name} is {found.dtype} of the shape {found.shape}, {expected}"
+        if name != "ranges" and not np.isfinite(found).all():
+            return f"{name} has what is not a number, expected finite ones"
+    step = columns["step"]
+    if not k or step.min() < 0 or step.max() >= steps:
+        of = f"of the steps {step.min()} to {step.max()}" if k else "none"
+        return f"its scans are {of}, expected some of the log's 0 to {steps - 1}"
+    return ""

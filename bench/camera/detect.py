@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...datasets.formats import log_folder
-from ...datasets.recordings.recording import with_truth
 from ...datasets.remarks import refuse
+from ...datasets.truth import with_truth
 from ...frontend.errors import InputError
 from ...frontend.factors import Log, Truth
 from ...frontend.markers.aruco import Sighting

@@ -15,8 +15,9 @@ from .kept_frames import Picture, encoded, sheet
 from .noise_calibration import CONSISTENT, toml
 from .summary import Findings, headline, left_out, marker_rows
 
-LOG = frozenset({"log.toml", "odometry.csv", "sightings.csv", "truth.tum", "landmarks.csv"})
-OURS = LOG | {"detection.html", "contact.png", "noise.toml"}  # of a detection; a replaced folder may have nothing else
+LOG = frozenset({"log.toml", "odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv"})
+OURS = LOG | {"detection.html", "contact.png", "noise.toml", "scans.npz", "map.png"}
+"""Files of a detection, of markers or of scans; a replaced folder may have nothing else."""
 
 
 def check_place(out: Path) -> None:

@@ -1,4 +1,4 @@
-"""`bench detect RECORDING --out LOG`: makes the markers in a recording into a log with a report."""
+"""`bench detect RECORDING --out LOG`: makes the markers or laser scans of a recording into a log with a report."""
 
 import argparse
 import json
@@ -9,11 +9,19 @@ from rich.table import Table
 
 from ...datasets.recordings.recording import open_recording
 from ...datasets.recordings.robot import read_robot
+from ...datasets.scans.open import OpenedScans, ScanTopics, open_scans
+from ...frontend.errors import InputError
 from ..camera.detect import DetectRequest, detect
 from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml
 from ..camera.preview import CODECS, Preview
 from ..camera.summary import Findings, as_json, headline, left_out_words
+from ..laser.detect import LaserRequest
+from ..laser.detect import detect as match_scans
+from ..laser.findings import advice as scans_advice
+from ..laser.findings import as_json as scans_as_json
+from ..laser.findings import headline as scans_headline
+from ..laser.findings import turned_down_words
 from ..plan.values import check_file, positive
 from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import number
@@ -22,14 +30,17 @@ from ..words.numerals import number
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.epilog = (
-        "A recording is a folder with robot.toml and frames, a video or a bag; a bare bag, video or folder of frames "
-        "needs --robot. camera:0 is a camera that is connected. LOG is what bench run --dataset LOG takes; a folder "
-        "that an earlier bench detect wrote is replaced, any other that is not empty is left alone."
+        "A recording is a folder with robot.toml and frames, a video, a bag or a CARMEN log; a bare bag, video or "
+        "folder of frames needs --robot, laser scans do not. camera:0 is a camera that is connected. LOG is what "
+        "bench run --dataset LOG takes; a folder that an earlier bench detect wrote is replaced, any other that is "
+        "not empty is left alone."
     )
     add = parser.add_argument
     add("recording", help="the recording's folder, video or bag, or camera:0")
     add("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
     add("--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording")
+    add("--scan", metavar="TOPIC", help="the topic of the laser scans, in a bag with several")
+    add("--odometry", metavar="TOPIC", help="the topic of their odometry, in a bag with several")
     add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
     add("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
     add("--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth")
@@ -43,6 +54,9 @@ def main(namespace: argparse.Namespace) -> int:
     out: Path = namespace.out
     check_place(out)
     check_file("--preview", namespace.preview, tuple(CODECS))
+    scans = open_scans(Path(namespace.recording), namespace.robot, ScanTopics(namespace.scan, namespace.odometry))
+    if scans is not None:
+        return _scans(scans, namespace)
     preview = None if namespace.preview is None else Preview(namespace.preview)
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
@@ -69,6 +83,32 @@ def main(namespace: argparse.Namespace) -> int:
     console.print(f"report: {plain(str(out / PAGE))}", highlight=False, soft_wrap=True)
     if not findings.sightings.kept.any():
         return 0  # there is nothing to race backends on
+    console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _scans(opened: OpenedScans, namespace: argparse.Namespace) -> int:
+    """Matches laser scans; 0 where a log was written."""
+    for flag, given in (("--preview", namespace.preview), ("--calibrate-noise", namespace.calibrate_noise)):
+        if given:
+            raise InputError(f"{flag}: {namespace.recording} has laser scans, expected a camera's recording.")
+    out: Path = namespace.out
+    console = screen_console(quiet=namespace.quiet or namespace.json)
+    with ProgressBar(console, "scans", len(opened.recording.t)) as bar:
+
+        def advance(loops: int) -> None:
+            bar.update(advance=1, note=f"{loops:,} loops")
+
+        request = LaserRequest(namespace.recording, out, namespace.seconds, namespace.strict)
+        found = match_scans(opened, request, advance)
+    if namespace.json:
+        print(json.dumps(scans_as_json(found, str(out)), indent=2))
+        return 0
+    for sentence in [*scans_headline(found), f"Turned down: {turned_down_words(found)}.", *scans_advice(found)]:
+        console.print(plain(sentence), highlight=False)
+    for remark in found.remarks:
+        console.print(plain(f"remark: {remark}."), highlight=False, soft_wrap=True)
+    console.print(f"report: {plain(str(out / PAGE))}", highlight=False, soft_wrap=True)
     console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
     return 0
 

@@ -124,9 +124,13 @@ def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVarian
 
 
 def _kind(path: str) -> str:
+    """Returns the dataset that reads a path; a laser log with a robot.toml beside it is a recording."""
     if path.lower().endswith(file_kind.SUFFIXES) and not os.path.isdir(path):
-        return file_kind.format_of(Path(path))
-    return "recording" if os.path.isfile(path) or os.path.isfile(os.path.join(path, "robot.toml")) else "log"
+        kind = file_kind.format_of(Path(path))
+        beside = os.path.join(os.path.dirname(path), "robot.toml")
+        return "recording" if kind == "carmen" and os.path.isfile(beside) else kind
+    inside = (os.path.join(path, name) for name in ("robot.toml", "metadata.yaml"))
+    return "recording" if os.path.isfile(path) or any(map(os.path.isfile, inside)) else "log"
 
 
 def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any:

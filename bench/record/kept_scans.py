@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ...frontend.laser_scans import COLUMNS, Scans, scan_columns, scans_from
+from ...frontend.laser_scans import COLUMNS, Scans, misfit, scan_columns, scans_from
 
 _PREFIX = "scan_"
 
@@ -21,10 +21,4 @@ def kept_scans(arrays: Mapping[str, Any], steps: int) -> Scans | None:
     if any(name not in arrays for name in SCANS):
         return None
     found = {name: arrays[f"{_PREFIX}{name}"] for name in COLUMNS}
-    k, b = len(found["step"]), len(found["angles"])
-    shapes = {"step": (k,), "since": (k, 3), "until": (k, 3), "share": (k,), "ranges": (k, b), "scanner": (3,)}
-    fits = all(found[name].shape == shape and found[name].dtype.kind in "fiu" for name, shape in shapes.items())
-    inside = (
-        fits and found["step"].dtype.kind in "iu" and k > 0 and 0 <= found["step"].min() <= found["step"].max() < steps
-    )
-    return scans_from(found) if inside else None
+    return None if misfit(found, steps) else scans_from(found)

@@ -11,38 +11,41 @@ start at -90 degrees and stop a step before +90, and an odd number takes in both
 """
 
 import gzip
-import os
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.factors import REMARKS, Dataset, Log, Prior
-from ...frontend.laser.recording import LaserRecording, log_of, matched
-from ...frontend.laser.scanner import Scanner, evenly
+from ...frontend.factors import Dataset, Prior
+from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
+from ...frontend.laser.scanner import CODES, Scanner, evenly, without_codes
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array
 from ..false_loops import FalseLoops
+from ..prior import START_SD
 from ..registry import Source
-from .relations import beside, read_relations, related
-
-START_SD = 1e-3
-"""m and rad; the log starts where the odometry does."""
+from .relations import beside, build
 
 APART = 1e-6
 """s; stamps that are closer are of the same scan."""
 
 MOST_BEAMS = 10_000
 
-FARTHEST = 50.0
-"""m between two scans; the map of the last metres could not hold more."""
+
+class Reading(NamedTuple):
+    """The scanner, and whether the wheels count."""
+
+    pose: Array  # (3,) of the scanner on the robot
+    least: float  # m, of a return
+    most: float  # m
+    odometry: str  # wheels, none or auto
 
 
 @dataclass(frozen=True)
@@ -58,23 +61,27 @@ class Options(FalseLoops, Settings):
     max_range: float = option(25.0, "range beyond which a beam says nothing, m", minimum=1.0, maximum=100.0)
     min_range: float = option(0.15, "range below which a beam has hit the robot, m", minimum=0.0, maximum=10.0)
 
+    @property
+    def reading(self) -> Reading:
+        """The scanner, and whether the wheels count."""
+        return Reading(np.array([self.ahead, 0.0, 0.0]), self.min_range, self.max_range, self.odometry)
+
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """Laser scans and odometry in CARMEN's format, through the laser front end: carmen[path=FILE]."""
     if options.path is None:
         raise InputError("option path of dataset carmen is not given, expected a laser log's file: carmen[path=FILE].")
-    path = Path(options.path)
+    return dataset(Path(options.path), options)
+
+
+def dataset(path: Path, options: "Options", name: str | None = None, notes: Mapping[str, Any] | None = None) -> Dataset:
+    """The log at `path` through the front end, by its file's name and with no other notes where these are not given."""
     recording, remarks = read(path, options)
-    relations = read_relations(beside(path)) if os.path.lexists(beside(path)) else None
-    front_end = matched(recording, options)
-    log = log_of(recording, front_end)
-    if relations is None:
-        return Dataset(_with(log, remarks), None)
-    truth, odd = related(relations, front_end)
-    return Dataset(_with(log, remarks + odd), truth)
+    recording = replace(recording, name=name or recording.name, notes={**recording.notes, **(notes or {})})
+    return build(recording, options, path, remarks).dataset
 
 
-def files(options: Options) -> list[Path]:
+def files(options: Options) -> Sequence[Path]:
     """The log, and what is known of its truth."""
     return [] if options.path is None else [Path(options.path), beside(Path(options.path))]
 
@@ -93,7 +100,15 @@ class Line(NamedTuple):
 
 
 def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
-    """The scans in the order of time, and remarks; InputError names the file and line of a fault."""
+    """As `read_scans`, with the options of the dataset."""
+    return read_scans(path, options.reading)
+
+
+def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
+    """The scans in the order of time, and remarks; InputError names the file and line of a fault.
+
+    The log starts where the odometry does.
+    """
     lines = list(_lines(path))
     if len(lines) < 2:
         raise InputError(f"{path}: found {len(lines)} scans (FLASER or ROBOTLASER1), expected at least 2.")
@@ -112,16 +127,15 @@ def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
         remarks.append(f"{len(lines) - len(kept)} of {len(lines)} scans have the stamp of another one and are left out")
     odometry = np.array([line.odometry for line in kept])
     moves = bool((odometry != odometry[0]).any())
-    if options.odometry == "wheels" and not moves:
+    if given.odometry == "wheels" and not moves:
         raise InputError(f"{path}: option odometry=wheels: the odometry never moves, expected odometry=none.")
-    if options.odometry == "auto" and not moves:
+    if given.odometry == "auto" and not moves:
         remarks.append("its odometry never moves: the front end goes by the scans alone")
-    if moves and options.odometry != "none":
-        way = np.hypot(*np.diff(odometry[:, :2], axis=0).T)
-        if not way.max() <= FARTHEST:
-            at = int(way.argmax())
+    if moves and given.odometry != "none":
+        jumped = jump(odometry)
+        if jumped is not None:
             raise InputError(
-                f"{path}, line {kept[at + 1].number}: the odometry jumps by {way[at]:.6g} m from the scan before, "
+                f"{path}, line {kept[jumped[0]].number}: the odometry jumps by {jumped[1]:.6g} m from the scan before, "
                 f"expected at most {FARTHEST:g} m; odometry=none goes by the scans alone."
             )
     count = len(first.ranges)
@@ -130,26 +144,21 @@ def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
         if first.angles is None
         else first.angles[0] + first.angles[1] * np.arange(count, dtype=np.float64)
     )
-    scanner = Scanner(angles, np.array([options.ahead, 0.0, 0.0]), options.min_range, options.max_range)
+    scanner = Scanner(angles, given.pose, given.least, given.most)
     ranges = np.array([line.ranges for line in kept])
-    if not ((ranges > options.min_range) & (ranges < options.max_range)).any():
-        raise InputError(
-            f"{path}: no range is between {options.min_range:g} and {options.max_range:g} m, expected metres."
-        )
+    if given.most > CODES[0]:
+        ranges = without_codes(ranges)
+    if not ((ranges > given.least) & (ranges < given.most)).any():
+        raise InputError(f"{path}: no range is between {given.least:g} and {given.most:g} m, expected metres.")
     return LaserRecording(
         path.name.partition(".")[0],
         scanner,
         np.array([line.t for line in kept]),
         ranges,
-        odometry if moves and options.odometry != "none" else None,
+        odometry if moves and given.odometry != "none" else None,
         Prior(odometry[0], START_SD**2 * np.eye(3)),
+        {"source": path.name.encode("utf-8", "replace").decode()},
     ), remarks
-
-
-def _with(log: Log, remarks: list[str]) -> Log:
-    """The log with its reader's remarks."""
-    log.notes.update({REMARKS: remarks} if remarks else {})  # pyright: ignore[reportAttributeAccessIssue]
-    return log
 
 
 def _lines(path: Path) -> Iterator[Line]:

@@ -8,6 +8,7 @@
     truth.tum        t x y z qx qy qz qw                             optional
     landmarks.csv    id,x,y[,moving]                                 the landmarks' true positions; optional
     relations.csv    true motions between poses beside steps         optional: see `frontend.relations.COLUMNS`
+    scans.npz        laser scans, for maps and pictures              optional: see `scans_file`
 
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
@@ -26,6 +27,7 @@ from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, pr
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.files import beside
+from ...frontend.laser_scans import Scans
 from ...frontend.options import option
 from ...frontend.scan import Scan, attempted, counted, strict
 from ...frontend.se2 import Array, Ints
@@ -35,6 +37,7 @@ from ...frontend.toml.table import TomlTable
 from ..registry import Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words
+from .scans_file import read_scans, write_scans
 
 WORDS = "log.toml"
 TRUE_ID = ("true_id",)
@@ -103,9 +106,17 @@ def scan(folder: Path) -> Scan[Dataset | None]:
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder, expected that of a log.")
     (dataset, words), faults = yield from counted(_scan_files(folder))
-    if not faults and dataset is not None:
+    if dataset is None:
+        return None
+    if not faults:
         yield from _scan_changes(words, _contents(*dataset))
-    return dataset
+    scans = yield from attempted(_scan_scans(folder, len(dataset.log)))
+    return dataset._replace(log=replace(dataset.log, scans=scans))
+
+
+def _scan_scans(folder: Path, steps: int) -> Scan[Scans | None]:
+    yield from ()
+    return read_scans(folder, steps)
 
 
 def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
@@ -242,6 +253,8 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
             false = np.isin(np.arange(len(log.loop_to)), truth.false_loops).astype(np.int64)
             columns, head = [*columns, false], ",".join((*LOOPS, *FALSE))
         _write_rows(folder / "loops.csv", head, columns)
+    if log.scans is not None:
+        write_scans(folder, log.scans)
     # As it will be read: symmetric covariances, and of step 0 nothing but t.
     log = replace(log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T))
     log = log.head(len(log))

@@ -4,27 +4,25 @@ R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Ro
 from that at t1, verified by hand. Times are the stamps of scans, in s; z, roll and pitch are not used.
 """
 
+import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.factors import Truth
+from ...frontend.factors import Dataset, Truth
 from ...frontend.laser.anchors import anchors
 from ...frontend.laser.front_end import FrontEnd
+from ...frontend.laser.recording import LaserRecording, log_of, matched
+from ...frontend.laser.settings import Settings
 from ...frontend.relations import LONGEST_GAP, Anchors, Relations
 from ...frontend.se2 import wrap
 from ...frontend.table import LARGEST, Table, read_spaced
+from ..remarks import remarked
 
 COLUMNS = ("t1", "t2", "x", "y", "z", "roll", "pitch", "yaw")
-
-
-class Related(NamedTuple):
-    """The ground truth of a log, and what is odd about it."""
-
-    truth: Truth
-    remarks: list[str]
 
 
 def beside(path: Path) -> Path:
@@ -42,8 +40,35 @@ def read_relations(path: Path) -> Table:
     return table
 
 
-def related(table: Table, front_end: FrontEnd) -> Related:
-    """Places the relations beside the steps of a log; those with a stamp where there is no scan are left out.
+class Built(NamedTuple):
+    """A log, and the front end that made it."""
+
+    dataset: Dataset
+    front_end: FrontEnd
+
+
+def build(
+    recording: LaserRecording,
+    settings: Settings,
+    path: Path,
+    remarks: Sequence[str],
+    observe: Callable[[FrontEnd], None] | None = None,
+) -> Built:
+    """Makes the log of a recording, with the relations beside its file `path`, if there are any.
+
+    `remarks` are those of the recording's reader; `observe` is called after every scan.
+    """
+    table = read_relations(beside(path)) if os.path.lexists(beside(path)) else None
+    front_end = matched(recording, settings, observe)
+    log = log_of(recording, front_end)
+    if table is None:
+        return Built(Dataset(remarked(log, remarks), None), front_end)
+    truth, odd = related(table, front_end)
+    return Built(Dataset(remarked(log, [*remarks, *odd]), truth), front_end)
+
+
+def related(table: Table, front_end: FrontEnd) -> tuple[Truth, list[str]]:
+    """Places the relations beside the steps of a log, with remarks; those with a stamp without a scan are left out.
 
     InputError where none is left.
     """
@@ -68,4 +93,4 @@ def related(table: Table, front_end: FrontEnd) -> Related:
     for column in (*relations.first, *relations.second, relations.delta, relations.exact):
         column.flags.writeable = False
     nothing = np.zeros(0)
-    return Related(Truth(nothing, nothing.reshape(0, 3), kind="relations", relations=relations), remarks)
+    return Truth(nothing, nothing.reshape(0, 3), kind="relations", relations=relations), remarks

@@ -20,10 +20,11 @@ class Published:
     """A published log.
 
     `urls` are tried in order; with a `link`, they are pages, and the links on them that match this regular expression
-    are tried. `files` are the names that must be found, each with its sha256, or None if unknown. `archive` is the
-    sha256 of the download as reported by others, which is shown but not enforced. `by_hand` ends the sentence "open
-    `page` and ...". `goes_by` is a regular expression for names of its archive and of the folder in it, for logs whose
-    files have the same names as another's.
+    are tried. One with FILE in it is the address of each file by itself, with its name in that place. `files` are the
+    names that must be found, each with its sha256, or None if unknown. `archive` is the sha256 of the download as
+    reported by others, which is shown but not enforced. `by_hand` ends the sentence "open `page` and ...". `goes_by` is
+    a regular expression for names of its archive and of the folder in it, for logs whose files have the same names as
+    another's.
     """
 
     title: str
@@ -38,6 +39,9 @@ class Published:
     archive: str | None = None
     goes_by: str = ""
 
+
+FILE = "{file}"
+"""Stands in an address for the name of a file."""
 
 _NONE_SEEN = "none stated with the copies seen; ask the authors before passing it on"
 
@@ -83,7 +87,33 @@ def _mrclam(number: int) -> Published:
     )
 
 
+_SLAM_EVALUATION = "http://ais.informatik.uni-freiburg.de/slamevaluation"
+
+_RELATIONS = {
+    "fr079": "7e7f06b4aca455cb68f1f23d04e7c7316c5e17773e872734c860ed7a274cdfc7",
+    "intel": "330378f153eeae652d6756c1746f335801f66c3e097d90611548e6c4f593c359",
+    "mit-killian": "0b0f8dfc0746f9dee20b9d6d2a47a805674fd2f5be94f0ba11876bc6e97fab4b",
+}
+"""sha256 of the relations in public copies."""
+
+
+def _laser(stem: str, title: str, recorded_by: str) -> Published:
+    """A laser log of the Freiburg SLAM benchmark with its relations."""
+    return Published(
+        title=title,
+        citation=f"{recorded_by}; relations: Kuemmerle et al., On measuring the accuracy of SLAM algorithms, "
+        "Autonomous Robots 27(4):387-407, 2009",
+        licence="none stated; given for research, with credit to who recorded it",
+        page=f"{_SLAM_EVALUATION}/datasets.php",
+        urls=(f"{_SLAM_EVALUATION}/datasets/{FILE}",),
+        addresses="public scripts download the files from there one by one",
+        by_hand=f"download {stem}.clf and {stem}.relations into a folder",
+        files={f"{stem}.clf": None, f"{stem}.relations": _RELATIONS.get(stem)},
+    )
+
+
 PUBLISHED: dict[str, Published] = {
+    "aces": _laser("aces", "ACES building, Austin: laser scans and odometry, relations", "P. Beeson"),
     "dlr": Published(
         title="DLR Spatial Cognition: a camera, circles on the floor, wheel odometry; one building, no truth",
         citation="Kurlbaum and Frese, A Benchmark Data Set for Data Association, DLR and University of Bremen",
@@ -98,6 +128,7 @@ PUBLISHED: dict[str, Published] = {
         by_hand="download the data set without images, or the file map.circles itself",
         files={"map.circles": "a6a849755dc13768bb31233964ccbd0b8cfd48f5ffc42c6cf73f7ab2a9851563"},
     ),
+    "fr079": _laser("fr079", "Freiburg, building 079: laser scans and odometry, relations", "C. Stachniss"),
     "freiburg": Published(
         title="Robot Mapping course, EKF SLAM sheet: simulated, nine landmarks with truth",
         citation="Stachniss, Robot Mapping, University of Freiburg, WS 2013/14",
@@ -115,6 +146,11 @@ PUBLISHED: dict[str, Published] = {
         },
         link=r"ekf[^/]*\.(zip|tgz|tar\.gz)$",
     ),
+    "intel-lab": _laser("intel", "Intel Research Lab, Seattle: laser scans and odometry, relations", "D. Haehnel"),
+    "killian": _laser(
+        "mit-killian", "MIT, Killian Court: laser scans and odometry over 1.9 km, relations", "M. Bosse and J. Leonard"
+    ),
+    "mit-csail": _laser("mit-csail", "MIT, CSAIL building: laser scans and odometry, relations", "C. Stachniss"),
     **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},
     "victoria-park-raw": Published(
         title="Victoria Park as recorded: a car, trees found by a laser, without ids; GPS as truth",

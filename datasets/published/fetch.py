@@ -14,9 +14,9 @@ from urllib.parse import urljoin
 
 from ...frontend.errors import InputError
 from . import installed
-from .catalogue import PUBLISHED
+from .catalogue import FILE, PUBLISHED
 from .download import Watch, downloaded
-from .unpack import NotFound
+from .unpack import NotFound, check_page
 
 HREF = re.compile(r"""href\s*=\s*["']?([^"'\s>]+)""", re.IGNORECASE)
 
@@ -32,13 +32,27 @@ def fetch(name: str, watch: Watch, *, url: str | None = None, again: bool = Fals
     with tempfile.TemporaryDirectory() as folder:
         for address in [url] if url else _addresses(name, Path(folder), watch, answers):
             try:
-                return installed.install(name, downloaded(address, Path(folder), watch), address)
+                return installed.install(name, _arrived(name, address, Path(folder), watch), address)
             except NotFound as error:
                 answers.append(str(error))
     log, listed = PUBLISHED[name], "".join(f"\n  {answer}" for answer in answers)
     known = "" if url else f"About these addresses: {log.addresses}.\n"
     by_hand = f"By hand: open {log.page} , {log.by_hand}, then: bench fetch {name} --from FILE."
     raise InputError(f"{name} could not be fetched:{listed}\n{known}{by_hand}")
+
+
+def _arrived(name: str, address: str, folder: Path, watch: Watch) -> Path:
+    """Downloads the archive at an address, or each file by itself, into the folder; returns it, or a folder of them."""
+    if FILE not in address:
+        return downloaded(address, folder, watch)
+    parts = folder / "parts"
+    parts.mkdir(exist_ok=True)
+    for file in PUBLISHED[name].files:
+        url = address.replace(FILE, file)
+        part = downloaded(url, folder, watch)
+        check_page(part, url)
+        os.replace(part, parts / file)
+    return parts
 
 
 def take(name: str, source: Path) -> installed.Arrival:

@@ -58,6 +58,15 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
     return {name: copies[name][digest or min(copies[name])] for name, digest in wanted.items()}
 
 
+def check_page(source: Path, called: str) -> bytes:
+    """The first bytes of a file; NotFound if it is a web page, which many servers send for a missing file."""
+    with source.open("rb") as file:
+        start = file.read(40)
+    if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        raise NotFound(f"{called}: a web page, not the published file.")
+    return start
+
+
 def sha256(content: bytes) -> str:
     """The sha256 of some bytes, in hexadecimal."""
     return hashlib.sha256(content).hexdigest()
@@ -82,10 +91,7 @@ def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tu
                 if _wanted(member.name, member.size, wanted, called) and stream is not None:
                     yield member.name, stream.read()
     else:
-        with source.open("rb") as file:
-            start = file.read(40)
-        if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):  # many servers' answer for a missing file
-            raise NotFound(f"{called}: a web page, not the published file.")
+        start = check_page(source, called)
         if start.startswith(b"PK"):
             raise NotFound(f"{called}: a truncated or damaged zip archive.")
         if source.name not in wanted and len(wanted) > 1:

@@ -4,15 +4,15 @@ from pathlib import Path
 
 from ...frontend.errors import InputError
 from ...frontend.files import check_regular
+from ..bags.bag import is_bag
+from ..scans.robot import ROBOT
 from ..truth import PLACES, POSES, read_truth
 from . import frames_folder, live, rosbag, video
 from .frames_folder import FRAMES, pictures
 from .readings import ODOMETRY, TICKS, read_readings
-from .robot import ROBOT, Robot
+from .robot import Robot
 from .streams import Streams
 from .video import VIDEOS
-
-BAGS = (".bag", ".mcap", ".db3")
 
 _KINDS = "a folder of frames, a video, or a ROS bag (.bag, .mcap, or a folder with metadata.yaml)"
 
@@ -27,7 +27,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     found = _frames_of(path, robot)
     check_regular(found)
     home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
-    if _is_bag(found):
+    if is_bag(found):
         bag = rosbag.read(found, robot.topics, robot.counter_bits)
         readings = bag.readings or read_readings(home, robot.counter_bits)
         return bag._replace(readings=readings, truth=read_truth(home))
@@ -50,7 +50,7 @@ def is_live(path: Path) -> bool:
 
 def _frames_of(path: Path, robot: Robot) -> Path:
     """The bag, video or folder of pictures that `path` is or contains; of several the one named by robot.toml."""
-    if not path.is_dir() or _is_bag(path):
+    if not path.is_dir() or is_bag(path):
         return path
     named = None if robot.frames.source is None else path / robot.frames.source
     if named is not None and named.exists():
@@ -58,7 +58,7 @@ def _frames_of(path: Path, robot: Robot) -> Path:
     found = sorted(
         one
         for one in path.iterdir()
-        if _is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
+        if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
     )
     if not found and pictures(path):
         return path
@@ -79,11 +79,7 @@ def _frames_of(path: Path, robot: Robot) -> Path:
 
 def _recordings_below(folder: Path) -> list[Path]:
     """The bags and videos one level below."""
-    return sorted(one for one in folder.glob("*/*") if _is_bag(one) or one.suffix.lower() in VIDEOS)
-
-
-def _is_bag(path: Path) -> bool:
-    return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in BAGS
+    return sorted(one for one in folder.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)
 
 
 def _has_words(folder: Path) -> bool:

@@ -12,8 +12,7 @@ import numpy as np
 from ...frontend.errors import InputError
 from ...frontend.table import Table, read_csv
 from ...frontend.wheels.counters import unwrap
-from ...frontend.wheels.motion import Ticks
-from .streams import Poses
+from ...frontend.wheels.motion import Poses, Ticks
 
 TICKS = "ticks.csv"
 ODOMETRY = "odometry.csv"

@@ -7,7 +7,8 @@ A recording's folder holds robot.toml and one of
     drive.bag, drive.mcap, or a ROS 2 folder with metadata.yaml
 
 Frames and videos come with ticks.csv (t,left,right) or odometry.csv (t,x,y,heading), and any kind with truth.tum and
-landmarks.csv, if known. `camera:0` is the first camera of this machine.
+landmarks.csv, if known. `camera:0` is the first camera of this machine. Recordings of laser scans are opened by
+`scans.open`.
 """
 
 from collections.abc import Iterable, Iterator
@@ -19,17 +20,19 @@ import numpy as np
 
 from ...frontend.camera.camera import Camera
 from ...frontend.errors import InputError
-from ...frontend.factors import REMARKS, Dataset, Log, Truth
+from ...frontend.factors import Dataset, Truth
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.options import option
-from ...frontend.wheels.motion import Motion, Ticks, Track, Wheels
+from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
 from ..registry import Source
-from ..truth import POSES, sample
+from ..scans.open import ScanTopics, open_scans
+from ..scans.open import build as build_scans
+from ..scans.robot import ROBOT
+from ..truth import with_truth
 from .open import is_live, read_streams
 from .readings import ODOMETRY, TICKS
-from .robot import ROBOT, Robot, read_robot
-from .streams import Poses
+from .robot import Robot, read_robot
 
 OTHER_LENS = 0.02
 """Relative difference of two focal lengths of one lens: calibrations agree within 1 %, and ranges err by as much."""
@@ -49,16 +52,21 @@ class Options:
 
     path: str | None = option(None, "the folder of the recording, with its robot.toml; or a bag or video beside one")
     robot: str | None = option(None, "another robot.toml to use")
+    scan: str | None = option(None, "topic of the laser scans in a bag with several")
+    odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
-    """A recording of your own, frames or a video or a ROS bag: recording[path=FOLDER]."""
+    """A recording of your own, of a camera or a laser scanner, in files or a ROS bag: recording[path=FOLDER]."""
     if options.path is None:
         raise InputError("option path of dataset recording is not given, expected its folder: recording[path=FOLDER].")
     if is_live(Path(options.path)):
         raise InputError(f"option path of dataset recording: found {options.path}, expected a recording, not a camera.")
-    robot = None if options.robot is None else read_robot(Path(options.robot))
-    return build(open_recording(Path(options.path), robot))
+    file = None if options.robot is None else Path(options.robot)
+    scans = open_scans(Path(options.path), file, ScanTopics(options.scan, options.odometry))
+    if scans is not None:
+        return build_scans(scans)
+    return build(open_recording(Path(options.path), None if file is None else read_robot(file)))
 
 
 source = Source(make, Options, portable=False)  # OpenCV's arithmetic
@@ -67,18 +75,6 @@ source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
     return with_truth(build_log(opened.recording), opened.truth)
-
-
-def with_truth(log: Log, truth: Truth | None) -> Dataset:
-    """Joins a log and a ground truth, sampled at the log's times; a remark where it has no pose at any of them."""
-    if truth is None:
-        return Dataset(log, None)
-    known = sample(truth, log.t)
-    if len(known.t) or not len(truth.t):
-        return Dataset(log, known)
-    found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"
-    remark = f"{POSES} has no pose at the log's times, {found}, and is not used: expected the same clock"
-    return Dataset(replace(log, notes={**log.notes, REMARKS: [*log.remarks, remark]}), known)
 
 
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:

@@ -12,7 +12,7 @@
     [topics]     image, encoder, odometry, camera_info
     [frames]     source, fps, start
 
-Only [markers] is required. Lengths are in m, angles in rad, times in s.
+Only [markers] is required. [laser] in its place is read by `scans`. Lengths are in m, angles in rad, times in s.
 """
 
 import shutil
@@ -37,14 +37,11 @@ from ...frontend.toml.table import TomlTable
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder, Floors
 from ...frontend.wheels.motion import Drift, TrackNoise
+from ..prior import START_SD, read_prior
 from .rosbag import Topics
 
-ROBOT = "robot.toml"
 CALIBRATION = "calibration.yaml"
 """Name of the file beside a recording."""
-
-START_SD = 1e-3
-"""m and rad: without [prior] the robot starts at the origin, which is defined by it."""
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
@@ -87,7 +84,9 @@ class Robot:
 def read_robot(path: Path) -> Robot:
     """Reads the robot in `path`, a robot.toml; InputError names the file, line and key of a fault."""
     tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
-    file = TomlTable.read(path).only(("name", *tables))
+    file = TomlTable.read(path).only(("name", *tables, "laser"))
+    if file.has("laser"):
+        raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
     markers = file.table("markers").only(("dictionary", "side", "sides", "max_range"))
     odometry = file.table("odometry").only((*_TRACK, "floors", "max_speed"))
@@ -109,7 +108,7 @@ def read_robot(path: Path) -> Robot:
         track_noise=_track_noise(odometry),
         drift=_drift(file.table("drift").only(_names(Drift))) if file.has("drift") else None,
         noise=_noise(file.table("noise")),
-        prior=_prior(file.table("prior").only(("pose", "sd"))),
+        prior=read_prior(file.table("prior")),
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=FrameSource(
             source=frames.text("source") if frames.has("source") else None,
@@ -233,15 +232,6 @@ def _drift(drift: TomlTable) -> Drift:
 def _noise(noise: TomlTable) -> Noise:
     model: Any = NOISES[noise.choice("model", "proportional", tuple(NOISES))]
     return model(**_given(noise.only(("model", *_names(model))), _names(model), least=0))
-
-
-def _prior(prior: TomlTable) -> Prior:
-    pose, sd = prior.numbers("pose", 3, default=(0, 0, 0)), prior.numbers("sd", 3, default=[START_SD] * 3)
-    if abs(pose[2]) > np.pi:
-        raise prior.fault("pose", "a heading from -pi to pi, in radians")
-    if sd.min() <= 0:
-        raise prior.fault("sd", "3 numbers above 0")
-    return Prior(pose, np.diag(np.square(sd)))
 
 
 def _floors(table: TomlTable) -> dict[str, Any]:

@@ -7,7 +7,7 @@ are zero.
 """
 
 import heapq
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,12 +17,13 @@ import numpy as np
 from ...frontend.camera.camera import Camera
 from ...frontend.errors import InputError
 from ...frontend.markers.pipeline import Frame
-from ...frontend.se2 import Array
 from ...frontend.wheels.counters import unwrap
-from ...frontend.wheels.motion import Ticks
+from ...frontend.wheels.motion import Poses, Ticks
+from ..bags.bag import Bag, Message, Topic
+from ..bags.columns import columns, of_untimed, poses
+from ..bags.topics import choose, found, plain, shown
 from . import rosimage
-from .bag import Bag, Message, Topic
-from .streams import Poses, Streams
+from .streams import Streams
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 ENCODER, ODOMETRY, CAMERA_INFO = (
@@ -33,9 +34,6 @@ ENCODER, ODOMETRY, CAMERA_INFO = (
 
 WAITING = 4
 """Most images held back for one received late."""
-
-LEVEL = np.cos(np.deg2rad(30))
-"""Cosine of the largest angle between the robot's z axis and the world's on a level floor."""
 
 
 class Topics(NamedTuple):
@@ -58,9 +56,9 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    image = _choose(path, listed, topics.image, "image", (IMAGE, COMPRESSED))
+    image = choose(path, listed, topics.image, "[topics] image", (IMAGE, COMPRESSED))
     if image is None:
-        raise InputError(f"{path}: has no topic with images ({_plain(IMAGE)} or CompressedImage); {_found(listed)}")
+        raise InputError(f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage); {found(listed)}")
     info = _camera_info(path, listed, topics.camera_info, image)
     remarks = list[str]()
     return Streams(
@@ -92,7 +90,7 @@ class _Frames:
             untimed += message.untimed
             count, decoded, example = count + 1, decoded or image is not None, example or message.content
             yield Frame(message.nanoseconds / 10**9, image)
-        self.remarks.extend(_of_untimed(self.bag, self.topic, untimed))
+        self.remarks.extend(of_untimed(self.bag, self.topic, untimed))
         if count and not decoded:
             kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))
             expected = "a format that OpenCV reads" if decode is rosimage.compressed else ", ".join(rosimage.ENCODINGS)
@@ -118,28 +116,20 @@ def _alike(one: Message, other: Message) -> bool:
     return a is not None and b is not None and np.array_equal(a.data, b.data)
 
 
-def _of_untimed(bag: Bag, topic: Topic, untimed: int) -> list[str]:
-    """The remark on messages whose headers have no time, where the others of their topic have."""
-    if not untimed:
-        return []
-    found = f"{untimed} of {topic.messages} messages of topic {topic.name} have the time 0 in their headers"
-    return [f"{bag.path}: {found}: theirs is that of their reception, less the others' delay"]
-
-
 def _readings(
     bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: int | None, remarks: list[str]
 ) -> Ticks | Poses | None:
     if topics.encoder is not None and topics.odometry is not None:
         raise InputError(f"{bag.path}: [topics] names both encoder and odometry, expected the one to use.")
-    encoder = None if topics.odometry else _choose(bag.path, listed, topics.encoder, "encoder", (ENCODER,))
-    odometry = None if topics.encoder else _choose(bag.path, listed, topics.odometry, "odometry", (ODOMETRY,))
+    encoder = None if topics.odometry else choose(bag.path, listed, topics.encoder, "[topics] encoder", (ENCODER,))
+    odometry = None if topics.encoder else choose(bag.path, listed, topics.odometry, "[topics] odometry", (ODOMETRY,))
     if encoder is not None and odometry is not None:
         raise InputError(
-            f"{bag.path}: found both {_shown(encoder)} and {_shown(odometry)}, expected [topics] "
+            f"{bag.path}: found both {shown(encoder)} and {shown(odometry)}, expected [topics] "
             "encoder or odometry to name the one to use."
         )
     if encoder is not None:
-        t, turned = _columns(bag, encoder, _turned, remarks)
+        t, turned = columns(bag, encoder, _turned, remarks)
         if len(t) > 1 and np.allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-3):
             raise InputError(
                 f"{bag.path}: topic {encoder.name} holds orientations, expected the wheels' cumulative counts."
@@ -148,7 +138,7 @@ def _readings(
             turned = unwrap(turned, counter_bits)
         return Ticks(t, turned.reshape(-1, 2, 2).mean(axis=2))
     if odometry is not None:
-        return _poses(bag, odometry, remarks)
+        return poses(bag, odometry, remarks)
     return None
 
 
@@ -157,63 +147,13 @@ def _turned(message: Any) -> tuple[float, ...]:
     return counts.x, counts.y, counts.z, counts.w
 
 
-def _poses(bag: Bag, topic: Topic, remarks: list[str]) -> Poses:
-    def row(message: Any) -> tuple[float, ...]:
-        place, turn = message.pose.pose.position, message.pose.pose.orientation
-        return place.x, place.y, turn.x, turn.y, turn.z, turn.w
-
-    t, found = _columns(bag, topic, row, remarks)
-    x, y, z, w = found[:, 2:].T
-    norm = np.linalg.norm(found[:, 2:], axis=1)
-    for one in np.flatnonzero(np.abs(norm - 1) > 1e-2):
-        raise InputError(
-            f"{bag.path}: topic {topic.name} at {t[one]} s: the orientation's quaternion has length {norm[one]:.3g}, "
-            "expected 1."
-        )
-    upright = (w**2 + z**2 - x**2 - y**2) / norm**2
-    for one in np.flatnonzero(upright < LEVEL):
-        tilt = np.rad2deg(np.arccos(np.clip(upright[one], -1, 1)))
-        raise InputError(
-            f"{bag.path}: topic {topic.name} at {t[one]} s: the robot is tilted by {tilt:.0f} degrees, expected one "
-            "that drives on a floor."
-        )
-    heading = np.arctan2(2 * (w * z + x * y), w**2 + x**2 - y**2 - z**2)
-    return Poses(t, np.column_stack((found[:, :2], heading)))
-
-
-def _columns(
-    bag: Bag, topic: Topic, row: Callable[[Any], tuple[float, ...]], remarks: list[str]
-) -> tuple[Array, Array]:
-    """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of equal times the last counts."""
-    at = dict[int, tuple[float, ...]]()
-    messages = untimed = 0
-    for message in bag.messages(topic.name):
-        messages, untimed = messages + 1, untimed + message.untimed
-        if message.content is None:
-            raise InputError(f"{bag.path}: message {messages} of topic {topic.name} cannot be read.")
-        at[message.nanoseconds] = row(message.content)
-    if not at:
-        raise InputError(f"{bag.path}: none of the {topic.messages} messages of topic {topic.name} can be read.")
-    if len(at) < messages / 2:
-        raise InputError(
-            f"{bag.path}: the {messages} messages of topic {topic.name} have only {len(at)} distinct times, expected "
-            "headers with the time of each reading, or zero times."
-        )
-    remarks += _of_untimed(bag, topic, untimed)
-    rows = np.array([at[time] for time in sorted(at)], float)
-    t = np.array([time / 10**9 for time in sorted(at)])
-    for one in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
-        raise InputError(f"{bag.path}: topic {topic.name} at {t[one]} s: found {rows[one]}, expected finite numbers.")
-    return t, rows
-
-
 def _camera_info(path: Path, listed: Sequence[Topic], named: str | None, image: Topic) -> Topic | None:
     """The topic of the camera's calibration: of several, the one beside the images."""
     if named is None:
         known = {topic.name for topic in listed if topic.type == CAMERA_INFO and topic.messages}
         beside = (f"{folder}/camera_info" for folder in _folders(image.name))
         named = next((name for name in beside if name in known), None)
-    return _choose(path, listed, named, "camera_info", (CAMERA_INFO,))
+    return choose(path, listed, named, "[topics] camera_info", (CAMERA_INFO,))
 
 
 def _folders(name: str) -> list[str]:
@@ -237,34 +177,3 @@ def _camera(bag: Bag, topic: Topic) -> Camera | None:
     return from_camera_info(
         where, message.width, message.height, message.distortion_model, matrix, coefficients, np.eye(4)
     )
-
-
-def _choose(
-    path: Path, listed: Sequence[Topic], named: str | None, setting: str, types: tuple[str, ...]
-) -> Topic | None:
-    """The topic `named`, or else the only one with messages of `types`; None if there is none."""
-    expected = " or ".join(map(_plain, types))
-    if named is not None:
-        topic = next((topic for topic in listed if topic.name.strip("/") == named.strip("/")), None)
-        if topic is None:
-            raise InputError(f"{path}: has no topic {named!r}, which [topics] {setting} names; {_found(listed)}")
-        if topic.type not in types or not topic.messages:
-            raise InputError(f"{path}: [topics] {setting}: found {_shown(topic)}, expected messages of {expected}.")
-        return topic
-    fitting = [topic for topic in listed if topic.type in types and topic.messages]
-    if len(fitting) > 1:
-        choices = ", ".join(map(_shown, fitting))
-        raise InputError(f"{path}: has {choices}, expected [topics] {setting} to name the one to use.")
-    return fitting[0] if fitting else None
-
-
-def _found(listed: Sequence[Topic]) -> str:
-    return f"found {', '.join(map(_shown, listed))}."
-
-
-def _shown(topic: Topic) -> str:
-    return f"{topic.name} ({_plain(topic.type) or 'of several types'}, {topic.messages} messages)"
-
-
-def _plain(type_name: str) -> str:
-    return type_name.replace("/msg/", "/")

@@ -6,15 +6,7 @@ from typing import NamedTuple
 from ...frontend.camera.camera import Camera
 from ...frontend.factors import Truth
 from ...frontend.markers.pipeline import Frame
-from ...frontend.se2 import Array
-from ...frontend.wheels.motion import Ticks
-
-
-class Poses(NamedTuple):
-    """Odometry integrated by the robot itself."""
-
-    t: Array  # (m,) s, strictly increasing
-    poses: Array  # (m, 3) in the odometry's own world frame
+from ...frontend.wheels.motion import Poses, Ticks
 
 
 class Streams(NamedTuple):

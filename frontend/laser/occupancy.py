@@ -50,15 +50,15 @@ class Occupancy(NamedTuple):
         return np.ascontiguousarray(np.rint(grey.T[::-1]).astype(np.uint8))
 
 
-def occupancy(scans: Scans, path: Array, cell: float = CELL) -> Occupancy:
-    """Draws all scans into one grid, the steps of the log being at `path` (n, 3)."""
+def occupancy(scans: Scans, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:
+    """Draws all scans into one grid, the steps of the log being at `path` (n, 3); at most `most` cells on a side."""
     poses = scans.at.along(path)
     points = [scans.points(k) for k in range(len(poses))]
     hit = np.concatenate([act(pose, found) for pose, found in zip(poses, points, strict=True)])
     hit = hit if len(hit) else poses[:, :2]
     low = np.minimum(np.quantile(hit, OUTLIERS, axis=0), poses[:, :2].min(axis=0))
     high = np.maximum(np.quantile(hit, 1 - OUTLIERS, axis=0), poses[:, :2].max(axis=0))
-    size = max(cell, float((high - low).max()) / MOST)
+    size = max(cell, float((high - low).max()) / (most - 2 * BORDER - 2))
     origin = size * (np.floor(low / size) - BORDER)
     n, m = (np.ceil((high - origin) / size).astype(int) + BORDER).tolist()
     cells: Cells = np.zeros((n, m, 4), np.float32)

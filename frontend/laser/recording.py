@@ -1,7 +1,7 @@
 """A recording of laser scans with odometry, and the log that the front end makes of it."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,9 @@ from .settings import Settings
 
 APART, TURNED = 0.1, 0.1
 """m and rad between the scans that are kept beside a log."""
+
+FARTHEST = 50.0
+"""m between two scans; the map of the last metres could not hold more."""
 
 LEFT_OUT = (
     "the map's error that matches with one submap share, the opposite errors of neighbouring steps, and a submap's "
@@ -34,6 +37,14 @@ class LaserRecording:
     ranges: Array  # (n, b) m; NaN, infinite or beyond the scanner's limits where there is no return
     odometry: Array | None  # (n, 3) the wheels' pose at each scan; None without wheels
     prior: Prior
+    notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # the source and what its reader has done
+
+
+def jump(odometry: Array) -> tuple[int, float] | None:
+    """The row of `odometry` (n, 3) farthest from the one before it and how far, m, if the front end cannot bear it."""
+    way = np.hypot(*np.diff(odometry[:, :2], axis=0).T)
+    at = int(way.argmax())
+    return None if way[at] <= FARTHEST else (at + 1, float(way[at]))
 
 
 def build_log(recording: LaserRecording, settings: Settings) -> Log:
@@ -85,9 +96,11 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
         loop_delta=np.array([loop.delta for loop in loops]).reshape(-1, 3),
         loop_cov=np.array([(loop.cov + loop.cov.T) / 2 for loop in loops]).reshape(-1, 3, 3),
         notes={
+            **recording.notes,
             "laser": {
                 "scans": len(front_end.t),
                 "lost": front_end.lost,
+                "relocated": front_end.found_again,
                 "searched": front_end.tried,
                 "turned_down": dict(front_end.turned_down),
                 "confirmed": front_end.confirmed,
@@ -95,7 +108,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
                 "wheels": front_end.wheels,
                 "left_out": LEFT_OUT,
                 "settings": asdict(front_end.settings),
-            }
+            },
         },
     )
     return replace(log, scans=scans_of(recording, front_end))

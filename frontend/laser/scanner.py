@@ -8,7 +8,8 @@ from ..laser_scans import returns
 from ..se2 import Array
 from ._grid import thinned
 
-FULL_CIRCLE = 2 * np.pi
+CODES = (81.825, 81.915)
+"""m; a SICK scanner says 81.83 to 81.91 where it has no return."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,3 +43,8 @@ def evenly(beams: int) -> Array:
     if beams % 2:
         return np.linspace(-np.pi / 2, np.pi / 2, beams, dtype=np.float64)
     return -np.pi / 2 + np.pi / beams * np.arange(beams, dtype=np.float64)
+
+
+def without_codes(ranges: Array) -> Array:
+    """The ranges, m, with NaN for those by which a SICK scanner says that there is no return."""
+    return np.where((ranges > CODES[0]) & (ranges < CODES[1]), np.nan, ranges)

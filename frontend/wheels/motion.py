@@ -57,6 +57,13 @@ class Ticks(NamedTuple):
     counts: Array  # (m, 2) left and right, cumulative
 
 
+class Poses(NamedTuple):
+    """Odometry integrated by the robot itself."""
+
+    t: Array  # (m,) s, strictly increasing
+    poses: Array  # (m, 3) in the odometry's own world frame
+
+
 @dataclass(frozen=True, eq=False)
 class Wheels:
     """A differential drive's counters."""

@@ -1,7 +1,7 @@
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +106,16 @@ def test_a_cache_that_cannot_be_written_to_is_done_without(costly: Source, maker
     first = cache.prepared("x", costly, Options(), 3)
     assert_same(cache.prepared("x", costly, Options(), 3), first)
     assert maker.calls == 2
+
+
+def test_another_content_of_a_file_that_is_read_is_another_entry(costly: Source, maker: Maker, tmp_path: Path):
+    source, path = replace(costly, files=lambda _: [tmp_path / "read.txt"]), tmp_path / "read.txt"
+    for calls, content in ((1, None), (2, "one"), (3, "more")):
+        if content is not None:
+            path.write_text(content)
+        cache.prepared("x", source, Options(), 3)
+        cache.prepared("x", source, Options(), 3)
+        assert maker.calls == calls
 
 
 def test_variants_share_their_randomness(maker: Maker):

@@ -54,7 +54,9 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "worlds": {TOP, "rendering"},
         "formats": {TOP},
         "published": {TOP, "formats"},
-        "recordings": {TOP},
+        "bags": {TOP},
+        "scans": {TOP, "bags", "formats"},
+        "recordings": {TOP, "bags", "scans"},
     },
     "bench": {
         "words": set(),
@@ -70,6 +72,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "check": {"workers", "plan", "measure", "words"},
         "logs": {"drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
+        "laser": {"camera", "drawing", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
         "speed": {"workers", "plan", "measure", "drawing", "words"},
         "study": {"engine", "workers", "plan", "record", "measure", "words"},
@@ -77,7 +80,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "study_report": {"claims", "study", "run", "engine", "workers", "verdict", "drawing", "record", "words"},
         "commands": {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
-            "camera", "replay", "speed", "engine", "study", "claims", "study_report",
+            "camera", "laser", "replay", "speed", "engine", "study", "claims", "study_report",
         },
         TOP: {"words"},  # cli.py loads one command, by its name
     },

@@ -8,7 +8,7 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 KINDS = ("ros1", "ros2", "mcap", "mcap folder")
 
@@ -17,6 +17,8 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 COUNTS = "geometry_msgs/msg/QuaternionStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+SCAN = "sensor_msgs/msg/LaserScan"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 class Said(NamedTuple):
@@ -27,12 +29,15 @@ class Said(NamedTuple):
     stamp: int  # ns, of the header
     build: Callable[[Any], dict[str, Any]]
     received: int | None = None  # ns; None: at once
+    frame: str = "frame"
 
 
 def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
     """Writes a bag and returns its path."""
     old = kind == "ros1"
     types = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    if old:
+        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
     plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
     path = folder / ("drive.bag" if old else "drive")
     writer: Any = Writer1(path) if old else Writer2(path, version=8, storage_plugin=plugin)
@@ -45,16 +50,54 @@ def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
         for said in messages:
             if said.topic not in connections:
                 connections[said.topic] = writer.add_connection(said.topic, said.type, typestore=types)
-            stamp = new("builtin_interfaces/msg/Time", *divmod(said.stamp, 10**9))
-            header = new("std_msgs/msg/Header", *([0] if old else []), stamp, "frame")
+            header = _header(new, old, said.stamp, said.frame)
             content = said.build(new)
             if old and said.type == CAMERA_INFO:
                 content = {name.upper() if name in "dkrp" else name: value for name, value in content.items()}
-            message = types.types[said.type](header=header, **content)
+            if said.type == TRANSFORMS:
+                content = {"transforms": [_stamped(new, old, said.stamp, one) for one in content["transforms"]]}
+            else:
+                content["header"] = header
+            message = types.types[said.type](**content)
             encode = types.serialize_ros1 if old else types.serialize_cdr
             received = said.stamp if said.received is None else said.received
             writer.write(connections[said.topic], received, encode(message, said.type))
     return path / "drive.mcap" if kind == "mcap" else path
+
+
+def _header(new: Any, old: bool, stamp: int, frame: str) -> Any:
+    time = new("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
+    return new("std_msgs/msg/Header", *([0] if old else []), time, frame)
+
+
+def _stamped(new: Any, old: bool, stamp: int, one: "Transform") -> Any:
+    parts = new("geometry_msgs/msg/Vector3", *one.place), _quaternion(new, one.turn)
+    header = _header(new, old, stamp, one.parent)
+    return new("geometry_msgs/msg/TransformStamped", header, one.child, new("geometry_msgs/msg/Transform", *parts))
+
+
+class Transform(NamedTuple):
+    """A transform of tf: the place of `child` in the axes of `parent`."""
+
+    parent: str
+    child: str
+    place: tuple[float, float, float]
+    turn: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)  # x, y, z, w
+
+
+def transforms(stamp: int, *given: Transform, topic: str = "/tf") -> Said:
+    return Said(topic, TRANSFORMS, stamp, lambda new: {"transforms": given})
+
+
+def scan(stamp: int, ranges: Any, topic: str = "/scan", **changes: Any) -> Said:
+    """A scan of `ranges` from -90 to 90 degrees; `changes` are of its other numbers."""
+    step = np.float32(np.pi / max(len(ranges) - 1, 1))
+    content = {"angle_min": np.float32(-np.pi / 2), "angle_increment": step, "time_increment": 0.0, "scan_time": 0.0}
+    content |= {"range_min": 0.05, "range_max": 80.0} | changes
+    content.setdefault("angle_max", content["angle_min"] + (len(ranges) - 1) * content["angle_increment"])
+    numbers = {name: float(value) for name, value in content.items()}
+    arrays = {"ranges": np.asarray(ranges, np.float32), "intensities": np.zeros(0, np.float32)}
+    return Said(topic, SCAN, stamp, lambda new: numbers | arrays, frame="laser")
 
 
 def image(stamp: int, pixels: Any, received: int | None = None, topic: str = "/image", encoding: str = "mono8") -> Said:
@@ -72,18 +115,25 @@ def counts(stamp: int, *four: float, topic: str = "/encoder", received: int | No
     return Said(topic, COUNTS, stamp, lambda new: {"quaternion": new("geometry_msgs/msg/Quaternion", *four)}, received)
 
 
-def odometry(stamp: int, x: float, y: float, turn: tuple[float, float, float, float]) -> Said:
+def odometry(
+    stamp: int,
+    x: float,
+    y: float,
+    turn: tuple[float, float, float, float],
+    topic: str = "/odom",
+    base: str = "base_link",
+) -> Said:
     def build(new: Any) -> dict[str, Any]:
         pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", x, y, 0.0), _quaternion(new, turn))
         still = new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
         twist = new("geometry_msgs/msg/Twist", still, still)
         return {
-            "child_frame_id": "base_link",
+            "child_frame_id": base,
             "pose": new("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36)),
             "twist": new("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36)),
         }
 
-    return Said("/odom", ODOMETRY, stamp, build)
+    return Said(topic, ODOMETRY, stamp, build)
 
 
 def _quaternion(new: Any, turn: tuple[float, float, float, float]) -> Any:

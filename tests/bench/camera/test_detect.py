@@ -349,7 +349,7 @@ def test_a_frame_seen_alone_is_seen_as_in_the_log() -> None:
 
 
 def _namespace(**given: Any) -> Any:
-    words = {"robot": None, "preview": None, "seconds": None, "calibrate_noise": False}
+    words = {"robot": None, "scan": None, "odometry": None, "preview": None, "seconds": None, "calibrate_noise": False}
     words |= {"strict": False, "json": False, "quiet": False}
     return SimpleNamespace(**(words | given))
 

@@ -189,7 +189,7 @@ def test_one_that_fails_does_not_stop_the_others(
 @pytest.mark.parametrize(
     ("words", "wording"),
     [
-        (["none"], "there is no such published log; there are dlr, freiburg, mrclam-1"),
+        (["none"], "there is no such published log; there are aces, dlr, fr079, freiburg"),
         (["--url", "http://x"], "--url is for one published log; found 0 names"),
         (["toy", "dlr", "--from", "x"], "--from is for one published log; found 2 names"),
         (["toy", "--from", "x", "--url", "y"], "--from and --url do not go together"),
@@ -207,8 +207,13 @@ def test_a_log_that_is_not_here_names_the_command() -> None:
 
 def test_the_catalogue_is_complete() -> None:
     assert [name for name in PUBLISHED if name != "toy"] == [
+        "aces",
         "dlr",
+        "fr079",
         "freiburg",
+        "intel-lab",
+        "killian",
+        "mit-csail",
         *(f"mrclam-{n}" for n in range(1, 10)),
         "victoria-park-raw",
     ]

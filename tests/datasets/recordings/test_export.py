@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.datasets.bags import bag
 from slamduel.datasets.cache import generator
-from slamduel.datasets.recordings import bag, rosbag
+from slamduel.datasets.recordings import rosbag
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import read_robot
 from slamduel.datasets.recordings.rosbag import Topics
-from slamduel.datasets.recordings.streams import Poses
 from slamduel.datasets.recordings.write import FORMATS, write
 from slamduel.datasets.recordings.write_bag import Kind
 from slamduel.datasets.worlds.aruco_room import Options, record
@@ -24,7 +24,7 @@ from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
 from slamduel.frontend.se2 import wrap
-from slamduel.frontend.wheels.motion import Drift, Track, TrackNoise
+from slamduel.frontend.wheels.motion import Drift, Poses, Track, TrackNoise
 
 EXACT = ("frames", "video", "ros1", "ros2", "mcap")
 

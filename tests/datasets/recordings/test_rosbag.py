@@ -14,9 +14,9 @@ from rosbags.rosbag1 import Writer as Writer1
 import bags
 from slamduel.datasets.recordings import rosimage
 from slamduel.datasets.recordings.rosbag import Topics, read
-from slamduel.datasets.recordings.streams import Poses, Streams
+from slamduel.datasets.recordings.streams import Streams
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.wheels.motion import Ticks
+from slamduel.frontend.wheels.motion import Poses, Ticks
 
 MS = 10**6
 NAMELESS = Topics()

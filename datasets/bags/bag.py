@@ -12,6 +12,9 @@ from typing import Any, NamedTuple
 
 from ...frontend.errors import InputError
 
+BAGS = (".bag", ".mcap", ".db3")
+"""Endings of a bag's file."""
+
 REPAIRS = {
     ".bag": "`rosbag reindex` may repair an interrupted recording.",
     ".mcap": "`mcap recover` may repair an interrupted recording.",
@@ -24,8 +27,16 @@ REPAIRS = {
 """Possible remedies, by the ending of the bag's file; "" for a folder."""
 
 
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""Types of the messages of tf, which are alike; the parser's own types of ROS 1 lack them."""
+
 BEGINNING = 10**9
 """ns; up to here 0 in a header is the time at which a simulated clock begins, where reception agrees."""
+
+
+def is_bag(path: Path) -> bool:
+    """Tells if the path is that of a bag, by its ending or, of a folder, by its metadata.yaml."""
+    return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in BAGS
 
 
 class Topic(NamedTuple):
@@ -73,11 +84,21 @@ class Bag:
                     at, unsaid = 0, False
                 yield Message(at, content, unsaid)
 
+    def contents(self, topic: str) -> Iterator[Any]:
+        """The contents of the messages of `topic`, which need no header; None for one that is unreadable."""
+        with self._open() as (reader, decode):
+            for connection, _, content in reader.messages(reader.topics[topic].connections):
+                try:
+                    message = decode(content, connection.msgtype)
+                except Exception:  # a damaged message may raise anything
+                    message = None
+                yield message
+
     @contextmanager
     def _open(self) -> Generator[tuple[Any, Callable[[bytes, str], Any]]]:
         from rosbags.rosbag1 import Reader as Reader1
         from rosbags.rosbag2 import Reader as Reader2
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         if not self.path.exists():
             raise InputError(f"{self.path}: there is no such file or folder, expected a ROS bag.")
@@ -85,6 +106,8 @@ class Bag:
             raise InputError(f"{self.path}: has no metadata.yaml, expected the folder of a ROS 2 bag. {REPAIRS['']}")
         old = self.path.suffix == ".bag"
         types = get_typestore(Stores.ROS1_NOETIC if old else Stores.LATEST)
+        for name in TRANSFORMS if old else ():
+            types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
         try:
             with (Reader1 if old else Reader2)(self.path) as reader:
                 yield reader, types.deserialize_ros1 if old else types.deserialize_cdr

@@ -1,0 +1,1 @@
+"""Laser scans made into logs with reports."""

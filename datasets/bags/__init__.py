@@ -1,0 +1,1 @@
+"""Messages of ROS bags: topics, odometry, and the frames that tf knows."""

@@ -1,0 +1,126 @@
+"""The frames that a bag's tf messages know: which part of the robot is where, and odometry without a topic of its own.
+
+A transform is fixed if it is in a topic named tf_static or the same in all messages; ROS 1 repeats fixed ones.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.se2 import Array
+from ...frontend.wheels.motion import Poses
+from .bag import TRANSFORMS, Bag, Topic
+from .columns import BACK, planar
+
+STILL = 1e-6
+"""m, and in parts of a quaternion, by which a fixed transform may differ between messages."""
+
+Pair = tuple[str, str]
+"""A frame and the one in it: parent, child."""
+
+
+class Moves(NamedTuple):
+    """The transforms of one pair of frames, in the order of their times."""
+
+    t: Array  # (m,) s
+    rows: Array  # (m, 7) x, y, z, qx, qy, qz, qw of the child in its parent's axes
+
+
+class Transforms:
+    """The transforms of a bag."""
+
+    def __init__(self, bag: Bag, listed: Sequence[Topic]) -> None:
+        """Reads them; InputError for a message that cannot be read."""
+        self._where = str(bag.path)
+        self._moves: dict[Pair, Moves] = {}
+        self._back: dict[Pair, tuple[int, int]] = {}  # a stamp, ns, and the one before it, where the clock went back
+        self._fixed: dict[str, tuple[str, Array]] = {}  # child -> parent, (4, 4) of the child in its parent
+        for topic in listed:
+            if topic.type in TRANSFORMS and topic.messages:
+                self._add(bag, topic)
+
+    def _add(self, bag: Bag, topic: Topic) -> None:
+        found = dict[Pair, dict[int, tuple[float, ...]]]()
+        for number, message in enumerate(bag.contents(topic.name), start=1):
+            if message is None:
+                raise InputError(f"{bag.path}: message {number} of topic {topic.name} cannot be read.")
+            for one in message.transforms:
+                pair = one.header.frame_id.strip("/"), one.child_frame_id.strip("/")
+                at, turn = one.transform.translation, one.transform.rotation
+                stamp = one.header.stamp.sec * 10**9 + one.header.stamp.nanosec
+                stamps = found.setdefault(pair, {})
+                before = next(reversed(stamps), stamp)
+                if before - stamp > BACK * 1e9:
+                    self._back.setdefault(pair, (stamp, before))
+                stamps[stamp] = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+        for (parent, child), by_time in found.items():
+            t = sorted(by_time)
+            rows = np.array([by_time[stamp] for stamp in t], float)
+            where = f"{bag.path}: topic {topic.name}: the transform from {parent} to {child}"
+            norm = np.linalg.norm(rows[:, 3:], axis=1)
+            for row in np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (np.abs(norm - 1) < 1e-2))):
+                raise InputError(
+                    f"{where} at {t[row] / 1e9} s is {rows[row]}, expected finite numbers and a quaternion of length 1."
+                )
+            if topic.name.strip("/").endswith("tf_static") or (np.ptp(rows, axis=0) < STILL).all():
+                self._fixed[child] = parent, matrix(rows[-1])
+            self._moves[parent, child] = Moves(np.array(t) / 1e9, rows)
+
+    def odometry(self, frame: str) -> tuple[str, Poses] | None:
+        """The frame in `frame`, which is the odometry's, and its poses there; None if there is none.
+
+        A namespace may stand before the frame's name: robot1/odom. InputError for several, or one not on a floor.
+        """
+        found = [pair for pair in self._moves if pair[0].rpartition("/")[2] == frame.strip("/").rpartition("/")[2]]
+        found = [pair for pair in found if pair[0] == frame.strip("/")] or found
+        if not found:
+            return None
+        if len(found) > 1:
+            named = ", ".join(f"{parent} to {child}" for parent, child in sorted(found))
+            raise InputError(f"{self._where}: tf has the transforms {named}, expected one from the odometry's frame.")
+        (pair,) = found
+        t, rows = self._moves[pair]
+        where = f"{self._where}: tf from {pair[0]} to {pair[1]}"
+        if pair in self._back:
+            stamp, before = (at / 1e9 for at in self._back[pair])
+            raise InputError(f"{where} is at {stamp} s after {before} s, expected one clock that goes forward.")
+        return pair[1], planar(where, t, rows[:, [0, 1, 3, 4, 5, 6]])
+
+    def knows(self, frame: str) -> bool:
+        """Tells if there is a transform to or from a frame."""
+        return any(frame.strip("/") in pair for pair in self._moves)
+
+    def fixed(self, frame: str, other: str) -> Array | None:
+        """The pose (4, 4) of `other` in `frame` by fixed transforms; None if these do not connect them."""
+        (root, one), (same, two) = self._from_root(frame.strip("/")), self._from_root(other.strip("/"))
+        if root != same:
+            return None
+        back = np.eye(4)
+        back[:3, :3], back[:3, 3] = one[:3, :3].T, -one[:3, :3].T @ one[:3, 3]
+        return back @ two
+
+    def _from_root(self, frame: str) -> tuple[str, Array]:
+        """The frame that `frame` hangs on at last, and its pose (4, 4) there."""
+        pose, seen = np.eye(4), {frame}
+        while frame in self._fixed:
+            frame, step = self._fixed[frame]
+            pose = step @ pose
+            if frame in seen:
+                raise InputError(f"{self._where}: the transforms of tf lead from {frame} back to it, expected a tree.")
+            seen.add(frame)
+        return frame, pose
+
+
+def matrix(row: Array) -> Array:
+    """The pose (4, 4) of x, y, z, qx, qy, qz, qw (7,)."""
+    x, y, z, w = row[3:] / np.linalg.norm(row[3:])
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = row[:3]
+    return pose

@@ -1,0 +1,60 @@
+"""Laser logs of the Freiburg SLAM benchmark, in CARMEN's format, through the laser front end.
+
+R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Beside each log lies a
+file of relations: where the robot was at one scan as seen from another, verified by hand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...frontend.factors import Dataset
+from ...frontend.options import option
+from ..formats import carmen
+from ..registry import Source
+from .catalogue import PUBLISHED, fetched, place
+
+
+@dataclass(frozen=True)
+class Options(carmen.Options):
+    """Which file, what its scanner is, and the front end."""
+
+    path: str | None = option(None, "the file of the log; not given: the copy from bench fetch")
+
+
+@dataclass(frozen=True)
+class Behind(Options):
+    """The scanner of Freiburg's robot."""
+
+    ahead: float = option(-0.04, "how far the scanner sits ahead of the robot's origin, m", minimum=-10.0, maximum=10.0)
+
+
+def log_file(name: str) -> str:
+    """The name of the file of scans of a published laser log."""
+    return next(file for file in PUBLISHED[name].files if file.endswith(".clf"))
+
+
+def _source(name: str, summary: str, options: type[Options] = Options) -> Source:
+    def make(options: Any, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+        given = None if options.path is None else Path(options.path)
+        path = given or fetched(name, f"{name}[path=FILE]") / log_file(name)
+        published = PUBLISHED[name]
+        return carmen.dataset(path, options, name, {"source": published.citation, "licence": published.licence})
+
+    def files(options: Any) -> Sequence[Path]:
+        return carmen.files(replace(options, path=options.path or str(place(name) / log_file(name))))
+
+    make.__doc__ = summary
+    return Source(make, options, costly=True, portable=False, files=files)
+
+
+aces = _source("aces", "ACES building, Austin: corridors around a courtyard, 7,374 scans, odometry, true relations.")
+fr079 = _source(
+    "fr079", "Freiburg, building 079: offices on a corridor, 4,934 scans, odometry, true relations.", Behind
+)
+intel_lab = _source("intel-lab", "Intel Research Lab, Seattle: offices, 13,631 scans, odometry, true relations.")
+killian = _source("killian", "MIT, Killian Court: 1.9 km of corridors, 17,480 scans, odometry, true relations.")
+mit_csail = _source("mit-csail", "MIT, CSAIL building: one floor, 1,988 scans, odometry, true relations.")

@@ -1,0 +1,117 @@
+"""Opens a recording of laser scans: a ROS bag, a CARMEN log, or a folder of either with the robot's robot.toml."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Truth
+from ...frontend.files import check_regular
+from ...frontend.laser.recording import LaserRecording
+from ...frontend.laser.settings import Settings
+from ..bags.bag import Bag, is_bag
+from ..formats import relations
+from ..formats.carmen import Reading, read_scans
+from ..formats.file_kind import CARMEN
+from ..truth import read_truth, with_truth
+from .bag_scans import SCAN, read_bag
+from .robot import ROBOT, LaserRobot, read_laser_robot
+
+_KINDS = "a ROS bag (.bag, .mcap, or a folder with metadata.yaml) or a CARMEN log (.clf)"
+
+
+class OpenedScans(NamedTuple):
+    """A recording of laser scans, ready for `build`."""
+
+    recording: LaserRecording
+    settings: Settings
+    truth: Truth | None  # at the times of its measurement
+    file: Path  # of the recording, beside which its relations may lie
+    remarks: list[str]
+
+
+class ScanTopics(NamedTuple):
+    """Topics that the user names in place of robot.toml; None: those of robot.toml."""
+
+    scan: str | None = None
+    odometry: str | None = None
+
+
+def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | None = None) -> OpenedScans | None:
+    """Opens the scans at `path`, with that robot.toml, or the one in its folder or beside it; None for a camera's.
+
+    Without a robot.toml a CARMEN log is read as it is, and a bag if it has scans. InputError for what is missing,
+    ambiguous or cannot be used.
+    """
+    file = robot_file or next((one for one in (path / ROBOT, path.absolute().parent / ROBOT) if one.is_file()), None)
+    robot = None if file is None else read_laser_robot(file)
+    if robot is None and file is not None:
+        if is_carmen(path):
+            raise InputError(f"{file}: has no [laser], expected it for the scans in {path}.")
+        if topics is not None and topics != ScanTopics():
+            raise InputError(f"{file}: has no [laser], expected it where a topic of scans or their odometry is named.")
+        return None
+    if robot is None:
+        if not (is_carmen(path) or (is_bag(path) and path.exists() and _has_scans(path))):
+            return None
+        robot = LaserRobot()
+    if topics is not None:
+        robot = replace(robot, topic=topics.scan or robot.topic, odometry_topic=topics.odometry or robot.odometry_topic)
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file or folder, expected a recording.")
+    found = _source(path, robot)
+    check_regular(found)
+    if is_bag(found):
+        recording, remarks = read_bag(found, robot)
+    elif is_carmen(found):
+        recording, remarks = _carmen(found, robot)
+    else:
+        raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
+    home = path if path.is_dir() and (path != found or (path / ROBOT).is_file()) else found.absolute().parent
+    truth = None if file is None else read_truth(home)
+    return OpenedScans(recording, robot.settings, truth, found, remarks)
+
+
+def build(opened: OpenedScans) -> Dataset:
+    """The log of the scans by the front end, with the ground truth at its times; InputError as in `build_log`."""
+    made = relations.build(opened.recording, opened.settings, opened.file, opened.remarks).dataset
+    return made if opened.truth is None else with_truth(made.log, opened.truth)
+
+
+def is_carmen(path: Path) -> bool:
+    """Tells if the path is that of a CARMEN log, by its ending."""
+    return path.name.lower().endswith(CARMEN) and not path.is_dir()
+
+
+def _has_scans(path: Path) -> bool:
+    return any(topic.type == SCAN and topic.messages for topic in Bag(path).listed())
+
+
+def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
+    """A CARMEN log as the robot wants it."""
+    for setting, given in (("topic", robot.topic), ("odometry", robot.odometry_topic)):
+        if given is not None:
+            raise InputError(f"{path}: {setting} is given, {given!r}, and a CARMEN log has no topics; expected a bag.")
+    pose = np.zeros(3) if robot.pose is None else robot.pose
+    recording, remarks = read_scans(path, Reading(pose, robot.min_range, robot.max_range, robot.odometry))
+    recording = replace(recording, name=robot.name or recording.name, prior=robot.prior or recording.prior)
+    return recording, remarks
+
+
+def _source(path: Path, robot: LaserRobot) -> Path:
+    """The bag or log that `path` is or contains; of several the one that robot.toml names."""
+    if not path.is_dir() or is_bag(path):
+        return path
+    if robot.source is not None:
+        if not (path / robot.source).exists():
+            raise InputError(f"{path}: there is no {path / robot.source}, which is the [laser] source in {ROBOT}.")
+        return path / robot.source
+    inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one))
+    if len(inside) != 1:
+        names = ", ".join(one.name for one in inside) or "none"
+        raise InputError(
+            f"{path}: found {names}, expected one recording: {_KINDS}. [laser] source in {ROBOT} selects one."
+        )
+    return inside[0]

@@ -1,0 +1,99 @@
+"""Reads the robot.toml of a robot with a laser scanner.
+
+    name = "my robot"
+    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame,
+                 step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
+    [topics]     odometry
+    [prior]      pose, sd
+
+Only [laser] is required. Lengths are in m, angles in rad, times in s.
+"""
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...frontend.factors import Prior
+from ...frontend.laser.scanner import Scanner
+from ...frontend.laser.settings import Settings
+from ...frontend.se2 import Array
+from ...frontend.toml.table import TomlTable
+from ..prior import read_prior
+
+ROBOT = "robot.toml"
+
+FARTHEST = 100.0
+"""m; ranges end here."""
+
+_OWN = ("topic", "source", "pose", "min_range", "max_range", "odometry", "max_gap", "odom_frame")
+
+
+@dataclass(frozen=True, eq=False)
+class LaserRobot:
+    """A robot with a laser scanner, and the settings of its front end."""
+
+    name: str | None = None  # None: that of the recording
+    topic: str | None = None  # of the scans in a bag; None: the only one of its type
+    odometry_topic: str | None = None
+    source: str | None = None  # the recording, relative to its folder; None: the only one there
+    pose: Array | None = None  # (3,) of the scanner on the robot; None: as tf has it, else the robot's origin
+    min_range: float = Scanner.least  # m; nearer returns are of the robot itself
+    max_range: float = Scanner.most  # m; beyond it a beam says nothing
+    odometry: str = "auto"  # wheels; none; auto: none if there is none, or it never moves
+    max_gap: float = 1.0  # s between two readings of odometry that a scan's is interpolated from
+    odom_frame: str = "odom"  # tf's frame of the odometry, where no topic has it
+    settings: Settings = field(default_factory=Settings)
+    prior: Prior | None = None  # None: the first pose of the odometry
+
+
+def read_laser_robot(path: Path) -> LaserRobot | None:
+    """Reads the robot in `path`, a robot.toml; None if it has no [laser]. InputError names a fault's line and key."""
+    file = TomlTable.read(path)
+    if not file.has("laser"):
+        return None
+    if file.has("markers"):
+        raise file.refused("laser", "is given beside [markers], expected one robot.toml for each front end.")
+    file = file.only(("name", "laser", "topics", "prior"))
+    settings = {one.name: one for one in fields(Settings)}
+    laser = file.table("laser").only((*_OWN, *settings))
+    topics = file.table("topics").only(("odometry",))
+    least = laser.number("min_range", Scanner.least, least=0)
+    most = laser.number("max_range", Scanner.most, above=0)
+    if not least < most <= FARTHEST:
+        raise laser.refused(
+            "max_range" if laser.has("max_range") else "min_range",
+            f"ranges would count from {least:g} to {most:g} m, expected min_range below max_range, at most "
+            f"{FARTHEST:g}.",
+        )
+    pose = laser.numbers("pose", 3) if laser.has("pose") else None
+    if pose is not None and abs(pose[2]) > np.pi:
+        raise laser.fault("pose", "x, y and a heading from -pi to pi, in radians")
+    return LaserRobot(
+        name=file.text("name") if file.has("name") else None,
+        topic=laser.text("topic") if laser.has("topic") else None,
+        odometry_topic=topics.text("odometry") if topics.has("odometry") else None,
+        source=laser.text("source") if laser.has("source") else None,
+        pose=pose,
+        min_range=least,
+        max_range=most,
+        odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
+        max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
+        odom_frame=laser.text("odom_frame") if laser.has("odom_frame") else LaserRobot.odom_frame,
+        settings=Settings(**{name: _setting(laser, one) for name, one in settings.items() if laser.has(name)}),
+        prior=read_prior(file.table("prior")) if file.has("prior") else None,
+    )
+
+
+def _setting(laser: TomlTable, one: Any) -> Any:
+    """The value of a field of the front end's settings, within its range."""
+    low, high = one.metadata["minimum"], one.metadata["maximum"]
+    if isinstance(one.default, bool):
+        return laser.switch(one.name, one.default)
+    if isinstance(one.default, int):
+        return laser.whole(one.name, one.default, int(low))
+    value = laser.number(one.name, least=low)
+    if value > high:
+        raise laser.fault(one.name, f"a number from {low:g} to {high:g}")
+    return value

@@ -1,0 +1,148 @@
+"""The laser logs of the Freiburg benchmark: fetched file by file, whole or not at all, and read by their names."""
+
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import floor_drives as floor
+import publishers
+import toy_log
+from publishers import Http, Request
+from slamduel.bench.cli import main
+from slamduel.bench.plan.load import load
+from slamduel.datasets.published import catalogue
+from slamduel.datasets.published.catalogue import FILE, PUBLISHED, place
+from slamduel.datasets.published.laser_logs import log_file
+from slamduel.frontend.errors import InputError
+from toy_log import beside, refusal
+
+quick = pytest.fixture(autouse=True)(toy_log.quick)
+serve = pytest.fixture(toy_log.serve)
+
+NAMES = ("aces", "fr079", "intel-lab", "killian", "mit-csail")
+RELATIONS = b"100.000000 101.000000 0.4 0.0 0.0 0.0 0.0 0.1\n"
+
+
+@pytest.fixture
+def scans(tmp_path: Path) -> bytes:
+    return floor.carmen(tmp_path / "written" / "floor.clf", floor.floor_drive()).read_bytes()
+
+
+def sends_by_name(scans: bytes, relations: bytes = RELATIONS) -> publishers.Behaviour:
+    """Answers with the file whose ending is asked for."""
+
+    def behave(request: Request) -> None:
+        publishers.sends(scans if request.path.endswith(".clf") else relations)(request)
+
+    return behave
+
+
+def served(
+    monkeypatch: pytest.MonkeyPatch, name: str, server: Http, known: dict[str, str | None] | None = None
+) -> None:
+    """The published log `name`, at that server and without known digests."""
+    log = PUBLISHED[name]
+    address = f"{server.url.removesuffix('log.zip')}datasets/{FILE}"
+    files = dict.fromkeys(log.files) if known is None else known
+    monkeypatch.setitem(PUBLISHED, name, replace(log, urls=(address,), files=files))
+
+
+def test_a_log_and_its_relations_arrive_in_one_folder(
+    serve: Callable[..., Http], scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    server = serve(*[sends_by_name(scans)] * 2)
+    served(monkeypatch, "intel-lab", server)
+    assert main(["fetch", "intel-lab"]) == 0
+    assert server.paths == ["/datasets/intel.clf", "/datasets/intel.relations"]
+    assert "not known here; found and recorded" in capsys.readouterr().out
+    found = {file.name: file.read_bytes() for file in place("intel-lab").iterdir()}
+    sums = found.pop("SHA256SUMS").decode()
+    assert found == {"intel.clf": scans, "intel.relations": RELATIONS}
+    assert f"{hashlib.sha256(scans).hexdigest()}  intel.clf\n" in sums
+    log, truth = load("intel-lab")
+    assert truth is not None
+    assert truth.kind == "relations"
+    assert log.name == "intel-lab"
+    assert log.notes["source"].startswith("D. Haehnel; relations: Kuemmerle et al.")
+    assert len(log) > 25
+    assert main(["fetch", "--check"]) == 0
+
+
+def test_relations_of_another_log_are_refused_and_nothing_is_kept(
+    serve: Callable[..., Http], scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = dict(PUBLISHED["killian"].files)
+    assert known["mit-killian.relations"] is not None
+    served(monkeypatch, "killian", serve(*[sends_by_name(scans)] * 2), known)
+    assert "its mit-killian.relations is not the published one: sha256" in refusal(capsys, "killian")
+    assert beside("killian") == set()
+
+
+def test_half_a_log_or_a_page_in_its_place_is_none(
+    serve: Callable[..., Http], scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    served(monkeypatch, "aces", serve(sends_by_name(scans), publishers.answers(404)))
+    text = refusal(capsys, "aces")
+    assert "aces.relations: 404 Not Found." in text
+    assert "open http://ais.informatik.uni-freiburg.de/slamevaluation/datasets.php , download aces.clf and" in text
+    served(monkeypatch, "aces", serve(publishers.sends(b"<!doctype html>We have moved.")))
+    assert "aces.clf: a web page, not the published file." in refusal(capsys, "aces")
+    assert beside("aces") == set()
+
+
+def test_files_got_by_hand_are_installed_from_their_folder(
+    scans: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "got").mkdir()
+    (tmp_path / "got" / "mit-csail.clf").write_bytes(scans)
+    assert "missing mit-csail.relations" in refusal(capsys, "mit-csail", "--from", tmp_path / "got")
+    (tmp_path / "got" / "mit-csail.relations").write_bytes(RELATIONS)
+    assert main(["fetch", "mit-csail", "--from", str(tmp_path / "got")]) == 0
+    log, _ = load("mit-csail[step=1.0]")
+    assert log.notes["laser"]["settings"]["step"] == 1.0
+    # Another file in its place is another log, and not what the cache has of the first.
+    lines = scans.splitlines(keepends=True)
+    (place("mit-csail") / "mit-csail.clf").write_bytes(b"".join(lines[: len(lines) // 2]))
+    assert len(load("mit-csail[step=1.0]")[0]) < len(log)
+
+
+def test_a_log_that_is_not_here_says_how_to_get_it() -> None:
+    for name in NAMES:
+        with pytest.raises(
+            InputError, match=rf"{name} is not on this machine: bench fetch {name} gets it, {name}\[path=FILE\]"
+        ):
+            load(name)
+
+
+def test_the_entries_name_a_log_and_its_relations() -> None:
+    for name in NAMES:
+        log = PUBLISHED[name]
+        stem = log_file(name).removesuffix(".clf")
+        assert set(log.files) == {f"{stem}.clf", f"{stem}.relations"}
+        assert log.urls == (f"http://ais.informatik.uni-freiburg.de/slamevaluation/datasets/{FILE}",)
+    assert catalogue.PUBLISHED.keys() >= set(NAMES)
+
+
+def test_relations_at_hand_are_the_published_ones() -> None:
+    folder = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
+    if "SLAMDUEL_DATA" not in os.environ or not folder.is_dir():
+        pytest.skip("SLAMDUEL_DATA is not set, or has no laser logs")
+    known = {file: digest for name in NAMES for file, digest in PUBLISHED[name].files.items() if digest}
+    assert len(known) == 3
+    for file, digest in known.items():
+        assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
+
+
+def test_the_scanner_of_freiburgs_robot_sits_behind_its_origin(scans: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "fr079.clf"
+    path.write_bytes(scans)
+    log, _ = load(f"fr079[path={path}]")
+    other, _ = load(f"carmen[path={path},ahead=-0.04]")
+    assert log.digest == other.digest
+    plain, _ = load(f"carmen[path={path}]")
+    assert np.abs(plain.delta[1:] - log.delta[1:]).max() > 1e-4
