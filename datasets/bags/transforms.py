@@ -36,12 +36,14 @@ class Transforms:
         self._where = str(bag.path)
         self._moves: dict[Pair, Moves] = {}
         self._back: dict[Pair, tuple[int, int]] = {}  # a stamp, ns, and the one before it, where the clock went back
+        self._odd: dict[str, str] = {}  # child -> what is wrong with a transform to it
         self._fixed: dict[str, tuple[str, Array]] = {}  # child -> parent, (4, 4) of the child in its parent
         for topic in listed:
             if topic.type in TRANSFORMS and topic.messages:
                 self._add(bag, topic)
 
     def _add(self, bag: Bag, topic: Topic) -> None:
+        """Takes the transforms of a topic; those that cannot be used are refused where they are asked for."""
         found = dict[Pair, dict[int, tuple[float, ...]]]()
         for number, message in enumerate(bag.contents(topic.name), start=1):
             if message is None:
@@ -60,11 +62,12 @@ class Transforms:
             rows = np.array([by_time[stamp] for stamp in t], float)
             where = f"{bag.path}: topic {topic.name}: the transform from {parent} to {child}"
             norm = np.linalg.norm(rows[:, 3:], axis=1)
-            for row in np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (np.abs(norm - 1) < 1e-2))):
-                raise InputError(
+            for row in np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (np.abs(norm - 1) < 1e-2)))[:1]:
+                self._odd[child] = (
                     f"{where} at {t[row] / 1e9} s is {rows[row]}, expected finite numbers and a quaternion of length 1."
                 )
-            if topic.name.strip("/").endswith("tf_static") or (np.ptp(rows, axis=0) < STILL).all():
+            static = topic.name.strip("/").endswith("tf_static")
+            if child not in self._odd and (static or (np.ptp(rows, axis=0) < STILL).all()):
                 self._fixed[child] = parent, matrix(rows[-1])
             self._moves[parent, child] = Moves(np.array(t) / 1e9, rows)
 
@@ -81,6 +84,7 @@ class Transforms:
             named = ", ".join(f"{parent} to {child}" for parent, child in sorted(found))
             raise InputError(f"{self._where}: tf has the transforms {named}, expected one from the odometry's frame.")
         (pair,) = found
+        self._check(pair[1])
         t, rows = self._moves[pair]
         where = f"{self._where}: tf from {pair[0]} to {pair[1]}"
         if pair in self._back:
@@ -101,11 +105,17 @@ class Transforms:
         back[:3, :3], back[:3, 3] = one[:3, :3].T, -one[:3, :3].T @ one[:3, 3]
         return back @ two
 
+    def _check(self, frame: str) -> None:
+        if frame in self._odd:
+            raise InputError(self._odd[frame])
+
     def _from_root(self, frame: str) -> tuple[str, Array]:
         """The frame that `frame` hangs on at last, and its pose (4, 4) there."""
         pose, seen = np.eye(4), {frame}
+        self._check(frame)
         while frame in self._fixed:
             frame, step = self._fixed[frame]
+            self._check(frame)
             pose = step @ pose
             if frame in seen:
                 raise InputError(f"{self._where}: the transforms of tf lead from {frame} back to it, expected a tree.")

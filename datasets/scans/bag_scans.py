@@ -76,7 +76,7 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    topic = choose(path, listed, robot.topic, "[laser] topic", (SCAN,))
+    topic = choose(path, listed, robot.topic, "[laser] topic or the option scan", (SCAN,))
     if topic is None:
         raise InputError(f"{path}: has no topic with scans ({plain(SCAN)}); {found(listed)}")
     remarks = list[str]()
@@ -106,7 +106,7 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
         )
     notes: dict[str, Any] = {
         "source": path.name.encode("utf-8", "replace").decode(),
-        "scans": SNAPSHOT,
+        "time": SNAPSHOT,
         "topics": {"scan": topic.name, "odometry": "none" if here.poses is None or read is None else read.source},
     }
     start = np.zeros(3) if here.poses is None else here.poses[0]

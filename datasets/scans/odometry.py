@@ -45,7 +45,7 @@ def read_odometry(
     """
     if robot.odometry == "none":
         return None
-    topic = choose(bag.path, listed, robot.odometry_topic, "[topics] odometry", (ODOMETRY,))
+    topic = choose(bag.path, listed, robot.odometry_topic, "[topics] odometry or the option odometry", (ODOMETRY,))
     if topic is not None:
         readings = poses(bag, topic, remarks, BACK)
         return Odometry(topic.name, next(bag.messages(topic.name)).content.child_frame_id.strip("/") or None, readings)

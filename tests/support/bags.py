@@ -18,7 +18,7 @@ COUNTS = "geometry_msgs/msg/QuaternionStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 SCAN = "sensor_msgs/msg/LaserScan"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
+TRANSFORMS, FIRST_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 
 
 class Said(NamedTuple):
@@ -37,7 +37,8 @@ def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
     old = kind == "ros1"
     types = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     if old:
-        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+        for name in (TRANSFORMS, FIRST_TRANSFORMS):
+            types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
     path = folder / ("drive.bag" if old else "drive")
     writer: Any = Writer1(path) if old else Writer2(path, version=8, storage_plugin=plugin)
@@ -54,7 +55,7 @@ def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
             content = said.build(new)
             if old and said.type == CAMERA_INFO:
                 content = {name.upper() if name in "dkrp" else name: value for name, value in content.items()}
-            if said.type == TRANSFORMS:
+            if said.type in (TRANSFORMS, FIRST_TRANSFORMS):
                 content = {"transforms": [_stamped(new, old, said.stamp, one) for one in content["transforms"]]}
             else:
                 content["header"] = header

@@ -18,7 +18,7 @@ from slamduel.datasets.scans.odometry import interpolated
 from slamduel.datasets.scans.open import OpenedScans, ScanTopics, build, open_scans
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.se2 import Array
+from slamduel.frontend.se2 import Array, between
 from slamduel.frontend.wheels.motion import Poses
 
 Streams = Sequence[bags.Said]
@@ -62,7 +62,7 @@ def test_the_same_scans_give_the_same_factors_in_every_kind_of_bag(kind: str, tm
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
     np.testing.assert_allclose(log.prior.pose, expected.prior.pose, atol=1e-12)
     assert log.notes["topics"] == {"scan": "/scan", "odometry": "/odom"}
-    assert "middle of its sweep" in log.notes["scans"]
+    assert "middle of its sweep" in log.notes["time"]
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
@@ -131,6 +131,28 @@ def test_a_transform_that_cannot_be_used_is_named(place: Any, turn: Any, words: 
     path = floor.bag(tmp_path / "bag", "ros1", floor.scans(short()), floor.odometry(short()), there)
     with pytest.raises(InputError, match=re.escape(words)):
         open_scans(path)
+
+
+def test_a_transform_of_something_else_may_be_anything(tmp_path: Path) -> None:
+    arm = bags.Transform("base_link", "gripper", (np.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
+    there = floor.mounting(floor.LASER_ON_BASE, arm)
+    assert (
+        opened(floor.bag(tmp_path / "bag", "ros1", floor.scans(short()), floor.odometry(short()), there)).remarks == []
+    )
+    moving = [one._replace(build=lambda new: {"transforms": [arm]}) for one in floor.by_tf(short())]
+    streams = floor.scans(short()), floor.by_tf(short()), moving, floor.mounting()
+    assert opened(floor.bag(tmp_path / "two", "ros2", *streams)).remarks == []
+    lost = [
+        one._replace(build=lambda new: {"transforms": [arm._replace(parent="odom")]}) for one in floor.by_tf(short())
+    ]
+    with pytest.raises(InputError, match=r"from odom to gripper at 100\.0 s is .*, expected finite numbers"):
+        open_scans(floor.bag(tmp_path / "three", "ros2", floor.scans(short()), lost))
+
+
+def test_the_first_tf_of_ros_is_read(tmp_path: Path) -> None:
+    old = [one._replace(type="tf/msg/tfMessage") for one in floor.by_tf(short())]
+    found = opened(floor.bag(tmp_path / "bag", "ros1", floor.scans(short()), old, floor.mounting()))
+    assert found.recording.notes["topics"]["odometry"] == "tf from odom to base_link"
 
 
 def test_transforms_that_lead_in_a_circle_are_refused(tmp_path: Path) -> None:
@@ -247,6 +269,25 @@ def test_what_is_no_return_is_none_however_it_is_said(tmp_path: Path) -> None:
     assert len(found[0]) == int((~missing[5]).sum())
     for other in found[1:]:
         np.testing.assert_array_equal(other, found[0])
+
+
+@pytest.mark.parametrize("rows", [slice(0, 8), slice(60, 75), slice(160, None)])
+def test_scans_without_a_return_are_bridged_by_the_wheels(rows: slice, tmp_path: Path) -> None:
+    ranges = drive().ranges.copy()
+    ranges[rows] = np.nan
+    path = floor.bag(
+        tmp_path / "bag",
+        "ros2",
+        floor.scans(replace(drive(), ranges=ranges)),
+        floor.odometry(drive()),
+        floor.mounting(),
+    )
+    log = build(opened(path)).log
+    empty = len(drive().t[rows])
+    assert log.notes["laser"]["lost"] >= empty - 1  # the first scan has nothing to match
+    assert drive().odometry is not None
+    way = between(drive().odometry[:-1], drive().odometry[1:])
+    assert abs(np.hypot(*log.delta[1:, :2].T).sum() - np.hypot(*way[:, :2].T).sum()) < 1.0
 
 
 def test_the_scanners_own_limits_hold_and_unset_ones_do_not(tmp_path: Path) -> None:
@@ -381,7 +422,9 @@ def test_topics_are_chosen_by_robot_toml_or_by_options(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.ranges, chosen.ranges)
     assert opened(path, None, ScanTopics("/scan")).recording.notes["topics"] == {"scan": "/scan", "odometry": "/o2"}
     described(tmp_path / "bag", 'topic = "/front"')
-    with pytest.raises(InputError, match=r"has no topic '/front', which \[laser\] topic names; found /o2"):
+    with pytest.raises(
+        InputError, match=r"has no topic '/front', which \[laser\] topic or the option scan names; found /o2"
+    ):
         open_scans(path)
 
 
