@@ -35,7 +35,10 @@ def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
     of this package. Ids are hidden here, false loops planted and maps given, so that the log is otherwise that without
     these options, and cached once.
     """
-    seed, own = seed if source.seeded else 0, options
+    seed = seed if source.seeded else 0
+    if isinstance(grid := getattr(options, "grid", None), str):
+        options = replace(options, grid=grid.replace("*", str(seed)))
+    own = options
     if isinstance(options, HiddenIds):
         own = replace(own, ids=KNOWN)
     if isinstance(options, OnMap):

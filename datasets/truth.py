@@ -106,11 +106,11 @@ def sample(truth: Truth, t: Array) -> Truth:
     return truth._replace(t=times, poses=poses)
 
 
-def with_truth(log: Log, truth: Truth | None) -> Dataset:
-    """Joins a log and a ground truth, sampled at the log's times; a remark where it has no pose at any of them."""
+def with_truth(log: Log, truth: Truth | None, first: int = 0) -> Dataset:
+    """Joins a log and a ground truth, sampled at the log's times from step `first` on; a remark where it has no pose."""
     if truth is None:
         return Dataset(log, None)
-    known = sample(truth, log.t)
+    known = sample(truth, log.t[first:])
     if len(known.t) or not len(truth.t):
         return Dataset(log, known)
     found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"

@@ -27,6 +27,10 @@ class Anchors(NamedTuple):
     until: Array  # (m, 3) seen from the step after; from the same one at the log's end
     share: Array  # (m,) of the time between both steps that has passed
 
+    def taken(self, rows: NDArray[np.bool] | Ints) -> "Anchors":
+        """Some of them."""
+        return Anchors(*(column[rows] for column in self))
+
     def along(self, path: Array) -> Array:
         """The poses (m, 3) where the steps are those of `path` (n, 3): from one step on, and bent to reach the next."""
         after = np.minimum(self.step + 1, len(path) - 1)
@@ -47,8 +51,7 @@ class Relations(NamedTuple):
         if self.exact.sum() < FEWEST_EXACT:
             return self
         kept = np.flatnonzero(self.exact)
-        first, second = (Anchors(*(column[kept] for column in ends)) for ends in (self.first, self.second))
-        return Relations(first, second, self.delta[kept], self.exact[kept])
+        return Relations(self.first.taken(kept), self.second.taken(kept), self.delta[kept], self.exact[kept])
 
     def errors(self, path: Array) -> Array:
         """Errors (m, 2), m and rad, of a path (n, 3): the size of the motion from the true to the found second pose."""

@@ -63,7 +63,7 @@ def main(namespace: argparse.Namespace) -> int:
             )
     if not found:
         raise InputError(f"{namespace.folder}: no cell with laser scans beside its log is done, expected a laser log.")
-    console.print("each: grid.png, and grid.pgm with grid.yaml, a map for ROS")
+    console.print("each: grid.png; grid.pgm and grid.yaml, a map for ROS; grid.npz, for --map")
     return 0
 
 

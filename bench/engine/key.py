@@ -32,7 +32,8 @@ def log_seed(cell: Cell) -> int:
 
 def from_files(cell: Cell) -> bool:
     """True where the cell's log, or a part of it, is read from files, which may change without its key."""
-    return not cell.dataset.source.seeded or hasattr(cell.dataset.options, "path")
+    source, options = cell.dataset.source, cell.dataset.options
+    return not source.seeded or hasattr(options, "path") or bool(source.files(options))
 
 
 def made_once(cell: Cell) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 from ...frontend.errors import InputError
 from ...frontend.factors import STARTS
 from . import given_map
+from .given_grid import is_grid, on_grid
 from .given_map import GivenMap
 from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
 from .values import as_choice, as_positive, as_switch, as_text, as_whole, too_many
@@ -101,9 +102,12 @@ class Plan:
         for name in ("backend", "dataset", "seeds", "timeout_s", "memory_mb"):
             if name not in known:
                 raise InputError(f"the plan of the run has no {name}, expected what bench run was asked for.")
+        found = tuple(dataset_variants(as_text("dataset", words["dataset"])))
+        if is_grid(words.get("map")):
+            found, words = on_grid(found, words)
         plan = cls(
             tuple(backend_variants(as_text("backend", words["backend"]))),
-            tuple(dataset_variants(as_text("dataset", words["dataset"]))),
+            found,
             as_whole("seeds", words["seeds"], 1),
             as_positive("timeout_s", words["timeout_s"]),
             as_whole("memory_mb", words["memory_mb"], 1),

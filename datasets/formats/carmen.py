@@ -29,6 +29,7 @@ from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array
 from ..false_loops import FalseLoops
+from ..grid_file import grid_files, localised
 from ..prior import START_SD
 from ..registry import Source
 from .relations import beside, build
@@ -78,12 +79,13 @@ def dataset(path: Path, options: "Options", name: str | None = None, notes: Mapp
     """The log at `path` through the front end, by its file's name and with no other notes where these are not given."""
     recording, remarks = read(path, options)
     recording = replace(recording, name=name or recording.name, notes={**recording.notes, **(notes or {})})
+    recording = localised(recording, options)
     return build(recording, options, path, remarks).dataset
 
 
 def files(options: Options) -> Sequence[Path]:
     """The log, and what is known of its truth."""
-    return [] if options.path is None else [Path(options.path), beside(Path(options.path))]
+    return [] if options.path is None else [Path(options.path), beside(Path(options.path)), *grid_files(options)]
 
 
 source = Source(make, Options, costly=True, portable=False, files=files)

@@ -15,9 +15,10 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Truth
 from ...frontend.laser.anchors import anchors
 from ...frontend.laser.front_end import FrontEnd
-from ...frontend.laser.recording import LaserRecording, log_of, matched
+from ...frontend.laser.log import log_of
+from ...frontend.laser.recording import LaserRecording, matched
 from ...frontend.laser.settings import Settings
-from ...frontend.relations import LONGEST_GAP, Anchors, Relations
+from ...frontend.relations import LONGEST_GAP, Relations
 from ...frontend.se2 import wrap
 from ...frontend.table import LARGEST, Table, read_spaced
 from ..remarks import remarked
@@ -88,7 +89,7 @@ def related(table: Table, front_end: FrontEnd) -> tuple[Truth, list[str]]:
         )
     delta = np.stack([table.column(name)[kept] for name in ("x", "y", "yaw")], axis=-1)
     delta[:, 2] = wrap(delta[:, 2])
-    ends = (Anchors(*(column[kept] for column in one.anchors)) for one in (first, second))
+    ends = first.anchors.taken(kept), second.anchors.taken(kept)
     relations = Relations(*ends, delta, first.exact[kept] & second.exact[kept])
     for column in (*relations.first, *relations.second, relations.delta, relations.exact):
         column.flags.writeable = False

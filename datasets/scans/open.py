@@ -9,12 +9,14 @@ import numpy as np
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Truth
 from ...frontend.files import check_regular
+from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
 from ..bags.bag import Bag, is_bag
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import CARMEN
+from ..grid_file import localised
 from ..truth import read_truth, with_truth
 from .bag_scans import SCAN, read_bag
 from .robot import ROBOT, LaserRobot, read_laser_robot
@@ -76,8 +78,9 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
 
 def build(opened: OpenedScans) -> Dataset:
     """The log of the scans by the front end, with the ground truth at its times; InputError as in `build_log`."""
-    made = relations.build(opened.recording, opened.settings, opened.file, opened.remarks).dataset
-    return made if opened.truth is None else with_truth(made.log, opened.truth)
+    recording = localised(opened.recording, opened.settings)
+    made = relations.build(recording, opened.settings, opened.file, opened.remarks).dataset
+    return made if opened.truth is None else with_truth(made.log, opened.truth, first_scan(made.log))
 
 
 def is_carmen(path: Path) -> bool:

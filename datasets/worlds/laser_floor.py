@@ -9,12 +9,14 @@ import numpy as np
 
 from ...frontend.elementary import arctan2, hypot, sincos
 from ...frontend.factors import Dataset, Prior, Truth
-from ...frontend.laser.recording import LaserRecording, build_log
+from ...frontend.laser.log import build_log, first_scan
+from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, compose, wrap
 from ..false_loops import FalseLoops
+from ..grid_file import grid_files, localised
 from ..registry import Source
 from ._casting import cast
 from .floor_plan import CORRIDOR, Plan, floor_plan
@@ -54,6 +56,9 @@ START_SD = 1e-3
 class Options(FalseLoops, Settings):
     """The drive, the scanner, and the front end."""
 
+    drive: int = option(
+        0, "which drive on the seed's floor: 1 and up begin elsewhere, odd ones go the other way", minimum=0
+    )
     laps: float = option(2.0, "laps of the corridor, of 71 m each", minimum=0.05, maximum=1000.0)
     people: int = option(4, "people who walk about in the corridor", minimum=0, maximum=100)
     beams: int = option(181, "beams of the scanner, over half a circle", minimum=31, maximum=2000)
@@ -65,8 +70,8 @@ class Options(FalseLoops, Settings):
 def laser_floor(options: Options, rng: np.random.Generator) -> Dataset:
     """Laser scans on a made-up floor with rooms, doors and people, and wheel odometry; one floor per seed."""
     recording, truth = record(options, rng)
-    log = build_log(recording, options)
-    rows = np.searchsorted(truth.t, log.t)
+    log = build_log(localised(recording, options), options)
+    rows = np.searchsorted(truth.t, log.t[first_scan(log) :])
     return Dataset(log, Truth(truth.t[rows], truth.poses[rows]))
 
 
@@ -74,7 +79,11 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     """The robot's sensors, and the true poses at the times of its scans."""
     building, walking, seeing, rolling = rng.spawn(4)
     plan = floor_plan(*SIZE, DEPTH, building)
-    path = _drive(_way(plan, options.laps, building))
+    way, ring = building, plan.ring
+    for _ in range(options.drive):
+        way, walking, seeing, rolling = rng.spawn(4)
+        ring = np.roll(ring[::-1], -1, axis=0)
+    path = _drive(_way(plan, ring, options.laps, way))
     every = max(1, round(1 / (options.scan_rate * TICK)))
     poses = path[::every]
     t = TICK * every * np.arange(len(poses), dtype=np.float64)
@@ -93,9 +102,9 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
 
 
-def _way(plan: Plan, laps: float, rng: np.random.Generator) -> Array:
-    """Way points (w, 2): round the corridor, into some of the rooms and back."""
-    ring, points = plan.ring, [plan.ring[0]]
+def _way(plan: Plan, ring: Array, laps: float, rng: np.random.Generator) -> Array:
+    """Way points (w, 2): round the corridor's corners `ring` (4, 2), into some of the rooms and back."""
+    points = [ring[0]]
     for side in range(int(np.ceil(4 * laps))):
         start, end = ring[side % 4], ring[(side + 1) % 4]
         length = float(np.abs(end - start).sum())
@@ -170,4 +179,4 @@ def _wheels(poses: Array, slip: float, rng: np.random.Generator) -> Array:
     return np.array(out)
 
 
-source = Source(laser_floor, Options, seeded=True, costly=True, portable=False)
+source = Source(laser_floor, Options, seeded=True, costly=True, portable=False, files=grid_files)

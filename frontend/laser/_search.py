@@ -5,7 +5,7 @@ points. Branch and bound (Hess et al., ICRA 2016, section V) looks at squares of
 the field's maximum over 2^h x 2^h cells, so that its score bounds those of all places in the square.
 """
 
-from math import ceil, cos, exp, floor, sin
+from math import ceil, cos, exp, floor, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ LEVELS = 7
 
 FULL = 255
 """The field on a wall."""
+
+ANYWHERE = np.zeros(5)
+"""No pose is left out of a search."""
 
 
 @compiled
@@ -63,11 +66,13 @@ def branch_and_bound(
     turn: float,
     turn_step: float,
     least: float,
+    apart: Array,
 ) -> tuple[Array, float, int]:
     """The best pose within `window` (m) and `turn` (rad) of `centre` (3,), in steps of a cell and of `turn_step`.
 
     Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Of
-    equally good poses the first found is taken.
+    equally good poses the first found is taken. `apart` is ANYWHERE, or x, y, heading of a pose with the distance (m)
+    and turn (rad) from it: those within both are not looked for.
     """
     count, turns = len(points), ceil(turn / turn_step)
     half, widest = ceil(window / size), 1 << (LEVELS - 1)
@@ -108,6 +113,11 @@ def branch_and_bound(
             if value <= limit:
                 continue
             if level == 0:
+                x, y = centre[0] + size * di - apart[0], centre[1] + size * dj - apart[1]
+                turned = centre[2] + (a - turns) * turn_step - apart[2]
+                turned -= 2 * pi * floor((turned + pi) / (2 * pi))
+                if x * x + y * y < apart[3] ** 2 and abs(turned) < apart[4]:
+                    continue
                 limit, best_a, best_i, best_j, found = value, a, di, dj, True
                 continue
             width = 1 << (level - 1)

@@ -38,5 +38,6 @@ def anchors(front_end: FrontEnd, times: Array) -> Placed:
     at, until = t[steps[step]], t[steps[later]]
     passed = np.clip((times - at) / np.where(later > step, until - at, 1.0), 0, 1)
     inside = (t[0] <= times) & (times <= t[-1]) & (gap <= LONGEST_GAP)
-    found = Anchors(step, between(path[steps[step]], place), between(path[steps[later]], place), passed)
-    return Placed(found, exact | inside, exact)
+    ends = between(path[steps[step]], place), between(path[steps[later]], place)
+    found = Anchors(step + front_end.shift, *ends, passed)
+    return Placed(found, (exact | inside) & (step >= front_end.first), exact)

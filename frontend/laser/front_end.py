@@ -14,6 +14,7 @@ from ..se2 import Array, between, compose, rotation
 from ..small_matrices import inverse
 from ._matching import match
 from ._search import correlated
+from .localising import Localiser
 from .loops import Loop, Match, Surprises, cloud, loop_of, searched
 from .pose_graph import Edges, optimised
 from .scanner import Scan, Scanner
@@ -60,8 +61,11 @@ class Step(NamedTuple):
 class FrontEnd:
     """Takes scans in the order of time."""
 
-    def __init__(self, scanner: Scanner, settings: Settings, wheels: bool = True) -> None:
-        self.scanner, self.settings, self.wheels = scanner, settings, wheels
+    def __init__(
+        self, scanner: Scanner, settings: Settings, wheels: bool = True, localiser: Localiser | None = None
+    ) -> None:
+        """With a `localiser`, steps are placed on its map instead of being searched for in earlier submaps."""
+        self.scanner, self.settings, self.wheels, self.localiser = scanner, settings, wheels, localiser
         self.steps: list[Step] = []
         self.loops: list[Loop] = []
         self.t: list[float] = []
@@ -97,6 +101,16 @@ class FrontEnd:
         self._record(t, pose)
         if new:
             self._new_step(t, pose, information, scan, rate)
+
+    @property
+    def first(self) -> int:
+        """The first step of the log: on a map, the one at which the robot was found."""
+        return 0 if self.localiser is None else self.localiser.first or 0
+
+    @property
+    def shift(self) -> int:
+        """How many more a step of the log is than one of these: on a map, the log begins with the map's frame."""
+        return 0 if self.localiser is None else 1 - self.first
 
     def finish(self) -> None:
         """Optimises the estimate once more."""
@@ -181,7 +195,10 @@ class FrontEnd:
         for submap in self._active:
             if not submap.steps or submap.steps[-1] != k:
                 submap.steps.append(k)
-        if s.loops and k % s.loop_every == 0:
+        if self.localiser is not None:
+            step = self.steps[-1]
+            self.localiser.place(k, step.delta, step.cov, scan, self._seen(k))
+        elif s.loops and k % s.loop_every == 0:
             self._close(k, scan)
         if k % s.optimise_every == 0 and len(self.loops) > self._loops_then:
             self._correct()
@@ -208,7 +225,7 @@ class FrontEnd:
         since = self._way - self._corrected
         window = min(s.window_start + s.window_by_path * since, s.window)
         turn = min(s.turn_start + s.turn_by_path * since, s.turn_window)
-        seen = cloud(self._poses[k], [pose for pose, _ in self._drawn], [one for _, one in self._drawn], s.cloud_cell)
+        seen = self._seen(k)
         matches = list[tuple[float, Match, Submap, Array]]()
         for _, _, submap, nearest in sorted(near, key=lambda one: one[:2])[: s.loop_submaps]:
             guess = compose(self._poses[nearest], between(estimate[nearest], here))
@@ -223,6 +240,11 @@ class FrontEnd:
                 self.turned_down["submaps disagree"] += 1
                 continue
             self._take(loop_of(found, submap, k, self._poses, s, self._stale(k)), off, since)
+
+    def _seen(self, k: int) -> Array:
+        """What the last scans saw, (n, 2), in the frame of step k."""
+        poses, scans = [pose for pose, _ in self._drawn], [scan for _, scan in self._drawn]
+        return cloud(self._poses[k], poses, scans, self.settings.cloud_cell)
 
     def _take(self, loop: Loop, off: Array, since: float) -> None:
         """Takes a loop that is where it was expected, or that enough others agree with; `off` is how far it is off."""

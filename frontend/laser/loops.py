@@ -14,7 +14,7 @@ from ..se2 import Array, between, compose, rotation
 from ..small_matrices import inverse
 from ._grid import one_a_cell, seen_through
 from ._matching import match
-from ._search import branch_and_bound
+from ._search import ANYWHERE, branch_and_bound
 from .scanner import Scan
 from .settings import Settings
 from .submap import Submap
@@ -73,7 +73,7 @@ def searched(
     far = min(float(np.percentile(np.hypot(*cloud.T), 90)), FARTHEST)
     pose, score, _ = branch_and_bound(
         submap.pyramid, submap.origin, s.cell, cloud[:: max(1, len(cloud) // s.searched)], guess, window, turn,
-        1.5 * s.cell / far, s.score,
+        1.5 * s.cell / far, s.score, ANYWHERE,
     )  # fmt: skip
     if score <= 0:
         why["no place"] += 1

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..laser_scans import Scans
 from ..se2 import Array, act
-from ._grid import HIT, THROUGH, Cells, insert, walls
+from ._grid import DX, DY, HIT, THROUGH, Cells, insert, walls
 
 CELL = 0.05
 """m of a cell, unless the grid would be larger than MOST cells on a side."""
@@ -22,6 +22,9 @@ SHARE = 0.25
 
 OUTLIERS = 5e-4
 """Share of the points on each side that may lie outside of the grid: beams through windows do not make it large."""
+
+MANY = 10.0
+"""Beams that came to a cell of a grid of which only the states are known."""
 
 UNKNOWN, FREE, WALL = 0, 1, 2
 
@@ -48,6 +51,16 @@ class Occupancy(NamedTuple):
             dark = np.minimum(hits / all_ / (2 * SHARE), 1.0)
         grey = np.where(all_ > 0, 255 - 255 * dark, 205)
         return np.ascontiguousarray(np.rint(grey.T[::-1]).astype(np.uint8))
+
+
+def of_states(origin: Array, size: float, states: NDArray[np.uint8]) -> Occupancy:
+    """A grid of which only the states (n, m) are known: a wall is in the middle of its cells."""
+    cells: Cells = np.zeros((*states.shape, 4), np.float32)
+    wall = states == WALL
+    cells[wall, HIT] = MANY
+    cells[wall, DX] = cells[wall, DY] = MANY * size / 2
+    cells[states == FREE, THROUGH] = MANY
+    return Occupancy(origin, size, cells)
 
 
 def occupancy(scans: Scans, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ..factors import STARTS
 from ..options import option
 
 
@@ -13,6 +14,12 @@ class Settings:
     turn: float = option(0.4, "turn, rad, that ends a step, too", minimum=0.05, maximum=3.0)
     cell: float = option(0.05, "size of a submap's cells, m", minimum=0.01, maximum=0.5)
     loops: bool = option(True, "search for loop closures")
+    grid: str | None = option(
+        None, "localise on this occupancy grid: a folder of bench map, or the .yaml of a ROS map; * is the seed"
+    )
+    start: str = option(
+        "known", "unknown: the robot may be anywhere on the grid, and is found by its scans", choices=STARTS
+    )
     loop_every: int = option(1, "steps from one search for loops to the next", minimum=1)
 
     # submaps

@@ -27,6 +27,13 @@ class Submap:
         self.died = np.inf
         self.steps: list[int] = []  # of the log, while it was drawn
 
+    @classmethod
+    def finished(cls, cells: Cells, origin: Array, settings: Settings, scanner: Scanner) -> "Submap":
+        """A whole map, of cells (n, m, 4) of the size in `settings`, whose corner is at `origin` (2,)."""
+        submap = cls(np.zeros(3), settings, scanner, 0.0)
+        submap.cells, submap.origin, submap.died = cells, origin, 0.0
+        return submap
+
     def insert(self, pose: Array, scan: Scan) -> None:
         """Draws a scan taken at `pose` (3,)."""
         if len(scan.points):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.laser._search import FULL, LEVELS, Bytes, branch_and_bound, coarser, correlated
+from slamduel.frontend.laser._search import ANYWHERE, FULL, LEVELS, Bytes, branch_and_bound, coarser, correlated
 from slamduel.frontend.laser.submap import likelihoods
 from slamduel.frontend.se2 import Array
 
@@ -56,7 +56,9 @@ def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
         points = rng.uniform(-1.5, 1.5, (rng.integers(5, 25), 2))
         window = 2.0 if seed % 10 == 0 else rng.uniform(0.1, 0.8)
         turn, step = 0.06, 0.03
-        pose, found, _ = branch_and_bound(pyramid(field), origin, CELL, points, centre, window, turn, step, 0.0)
+        pose, found, _ = branch_and_bound(
+            pyramid(field), origin, CELL, points, centre, window, turn, step, 0.0, ANYWHERE
+        )
         assert found == brute_force(field, origin, points, centre, window, turn, step)
         if found:
             off = np.abs(pose - centre)
@@ -67,9 +69,13 @@ def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
 def test_what_is_not_above_the_least_score_is_not_found() -> None:
     rng = np.random.default_rng(0)
     field, points, centre, origin = room(rng), rng.uniform(-1, 1, (20, 2)), np.array([1.0, 1.0, 0.0]), np.zeros(2)
-    best = branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, 0.0)[1]
-    assert branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best - 1e-6)[1] == best
-    pose, found, _ = branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best + 1e-6)
+    best = branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, 0.0, ANYWHERE)[1]
+    assert (
+        branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best - 1e-6, ANYWHERE)[1] == best
+    )
+    pose, found, _ = branch_and_bound(
+        pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best + 1e-6, ANYWHERE
+    )
     assert found == 0
     assert (pose == centre).all()
 

@@ -1,0 +1,39 @@
+"""An occupancy grid that --map gives: an option of every laser log of the run."""
+
+import glob
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from ...datasets.grid_file import NAME
+from ...frontend.errors import InputError
+from .spec import DatasetVariant
+
+
+def is_grid(source: Any) -> bool:
+    """True for the folder of a grid, one for each seed with a *, or for a map of ROS."""
+    if not isinstance(source, str):
+        return False
+    if source.lower().endswith((".yaml", ".yml")):
+        return True
+    folders = glob.glob(source) if "*" in source else [source]
+    return any((Path(folder) / NAME).is_file() for folder in folders)
+
+
+def on_grid(
+    datasets: Sequence[DatasetVariant], words: Mapping[str, Any]
+) -> tuple[tuple[DatasetVariant, ...], dict[str, Any]]:
+    """Gives the grid to every dataset as an option, and takes it from the run's words; InputError where it has none."""
+    source, start = words["map"], words.get("start", "known")
+    if words.get("map_fixed"):
+        raise InputError(f"--map-fixed: {source} is an occupancy grid, which is fixed as it is; expected it without.")
+    found: list[DatasetVariant] = []
+    for dataset in datasets:
+        if not any(field.name == "grid" for field in fields(dataset.options)):
+            raise InputError(
+                f"--map {source}: is an occupancy grid, and {dataset.label} has no laser scans to match with it; "
+                "expected a laser log, such as laser-floor or a CARMEN file."
+            )
+        found.append(DatasetVariant(dataset.name, replace(dataset.options, grid=source, start=start), dataset.source))
+    return tuple(found), {**words, "map": None, "start": "known"}
