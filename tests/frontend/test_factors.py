@@ -87,7 +87,7 @@ def test_any_flipped_bit_changes_the_digest(name: str, data: st.DataObject):
 @pytest.mark.parametrize("part", ["pose", "cov", "ids", "xy", "map cov", "no map", "no map cov"])
 def test_the_prior_is_part_of_the_digest(part: str):
     def change(parts: dict[str, Any]) -> None:
-        pose, cov, known, _ = parts["prior"]
+        pose, cov, known, *_ = parts["prior"]
         match part:
             case "pose":
                 pose[2] = np.nextafter(pose[2], 9)
