@@ -11,6 +11,7 @@ A backend is a class with four methods, and a `Builder` that makes one:
 
     build = Builder(Mine, options=Options)
 
+`prior.loops` says that the log has loop closures, so that a filter may keep earlier poses on such logs alone.
 `prior.start` is "known" unless the builder says `locates=True`: a robot that may be anywhere on `prior.map` is found
 first, and the backend is made with the pose found. With `locates=True`, "unknown" says that pose and cov are
 placeholders, and `Belief(located=False)` that the robot is not found yet.
@@ -54,17 +55,18 @@ class Belief(NamedTuple):
 
     pose: Pose
     cov: Array | None = None  # (3, 3) of (x, y, heading) in the world frame
-    nis: float | None = None  # normalised innovation squared of the step's sightings, summed
-    nis_dof: int = 0  # degrees of freedom of nis: 2 for each sighting that has an innovation
+    nis: float | None = None  # normalised innovation squared of the step's sightings and loop closures, summed
+    nis_dof: int = 0  # degrees of freedom of nis: 2 for each sighting that has an innovation, 3 for each loop closure
     n_eff: float | None = None  # effective number of particles
     ancestors: int | None = None  # number of initial particles with living descendants
-    refused: int = 0  # sightings of the step rejected by a gate
+    refused: int = 0  # sightings and loop closures of the step rejected by a gate
     assigned: Ints | None = None  # (k,) data association: landmark of each sighting of the step
     located: bool = True  # False: the start is unknown, and the robot has not been found on the map yet
+    left_out: int = 0  # loop closures of the step that were not used: they are to poses that are no longer kept
 
 
 class Solution(NamedTuple):
-    """A smoother's estimate of the whole log at its end."""
+    """The estimate of the whole log at its end, by a smoother, or a filter that keeps its path in its state."""
 
     path: Array  # (n, 3) one pose per step
     map: Map
@@ -95,7 +97,7 @@ class Backend(Protocol):
         ...
 
     def finish(self) -> Solution | None:
-        """Ends the log: returns the smoothed path and map, or None from a filter."""
+        """Ends the log: returns the smoothed path and map, or None from a filter that keeps no path."""
         ...
 
 
@@ -174,8 +176,9 @@ class Builder:
     """Makes a backend, and declares its properties to the runner.
 
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
-    `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors;
-    otherwise logs that have some are skipped, or, by one that `forgets` or uses no sightings, run without them.
+    `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors,
+    and `prior.loops` says where there are some; otherwise logs that have some are skipped, or, by one that `forgets` or
+    uses no sightings, run without them.
     `sightings`: it uses sightings. `associates`: it does data association
     for sightings with id UNKNOWN, always or with some options; otherwise these are removed from the log, and counted.
     A class with the method of `Expects` gets options of data association, and the layer that does it in front of it;

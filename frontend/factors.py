@@ -75,13 +75,15 @@ class Map(NamedTuple):
 class Prior(NamedTuple):
     """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed.
 
-    An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders.
+    An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders. `loops` is set
+    by the log: a filter has to keep earlier poses where loop closures may come back to them, and there alone.
     """
 
     pose: Array  # (3,)
     cov: Array  # (3, 3) in the world frame, positive definite
     map: Map | None = None
     start: Start = "known"
+    loops: bool = False  # the log has loop closures
 
 
 class Truth(NamedTuple):
@@ -137,6 +139,9 @@ class Log:
     loop_cov: Array  # (l, 3, 3)
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # sensor settings, source, licence, counts
     scans: Scans | None = None  # of a laser scanner, for maps and pictures alone: no part of the digest
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "prior", self.prior._replace(loops=len(self.loop_to) > 0))
 
     @classmethod
     def from_arrays(

@@ -8,13 +8,7 @@ import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from ._triangle import put, row, take
-
-
-@compiled
-def entry(flat: Array, i: int, j: int) -> float:
-    """The entry (i, j) of a symmetric matrix."""
-    return flat[row(i) + j] if j <= i else flat[row(j) + i]
+from ._triangle import entry, put, row, take
 
 
 @compiled

@@ -31,6 +31,9 @@ STANDARD, FIRST, IDEAL, ODOMETRY = 0, 1, 2, 3
 ASTRAY = -1
 """In place of a count of agreements: the landmark is to be initialised again."""
 
+POSE = -2
+"""In place of a count of agreements: the pair is of kept poses, and no landmark."""
+
 INDEFINITE, AT_ROBOT = 1, 2
 """Reasons why a frame could not be finished."""
 

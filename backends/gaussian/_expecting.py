@@ -8,7 +8,7 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._expected import jointly, may_be_seen, near_ones, spread, spread_on
 from .._models import moved
-from ._ekf import ODOMETRY
+from ._ekf import ODOMETRY, POSE
 from ._triangle import row
 
 
@@ -74,7 +74,8 @@ def expect(
     pose: Array,
     cross: Array,
     flat: Array,
-    landmarks: int,
+    agreed: Ints,
+    pairs: int,
     moves: bool,
     motion: Array,
     where: int,
@@ -84,16 +85,19 @@ def expect(
 ) -> tuple[Ints, Array, Array]:
     """Expected sightings, after the `motion`, of landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
-    Returns their indices (m,), range and bearing (m, 2), and joint covariance (2m, 2m): see `_expected.jointly`.
+    Pairs that `agreed` marks as of kept poses are passed over. Returns indices (m,), range and bearing (m, 2), and
+    joint covariance (2m, 2m): see `_expected.jointly`.
     """
     x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
     gx, gy = predicted(x, point, P, motion, where) if moves else (0.0, 0.0)
     pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
-    near, m, furthest = np.empty(landmarks, np.int64), 0, 0.0
+    near, m, furthest = np.empty(pairs, np.int64), 0, 0.0
     for i in range(len(z)):
         furthest = max(furthest, z[i, 0] + sqrt(gate * R[i, 0, 0]) + sqrt(gate) * pose_sd)
-    for a in range(landmarks):
+    for a in range(pairs):
         i = 2 * a
+        if agreed[a] == POSE:
+            continue
         upper, lower = row(i), row(i + 1)
         dx, dy = mean[3 + i] - x[0], mean[4 + i] - x[1]
         beyond = sqrt(dx * dx + dy * dy) - furthest

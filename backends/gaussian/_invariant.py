@@ -14,7 +14,8 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._models import moved, placed, sighted, wrap
-from ._triangle import add_square_of, put, row, take_less
+from ._group import retract, retract_all
+from ._triangle import add_square_of, put, row, take_less, take_row
 
 RANK = 48
 """Most deferred updates."""
@@ -41,6 +42,7 @@ def move(
     strip: Array,
     flat: Array,
     n: int,
+    kept: Ints,
     delta: Array,
     cov: Array,
     owed: Array,
@@ -51,7 +53,8 @@ def move(
     """Predicts with the body-frame motion `delta` (3,), noise `cov` (3, 3).
 
     The error itself is unchanged, F = I. The turn's noise acts on everything about the origin, a rank-1 update of the
-    whole; the independent rest of the translation's noise affects the position alone.
+    whole, but for the `kept` poses (k, 2), which stay; the independent rest of the translation's noise affects the
+    position alone.
     """
     if owing[0] + owing[1] == RANK:
         fold(flat, n, owed, owing, dgemm, dsyrk)
@@ -63,6 +66,8 @@ def move(
     w = owed[RANK - owing[1]]
     for j in range(0, n, 2):
         w[j], w[j + 1] = turn * mean[j + 1], -turn * mean[j]
+    for k in range(len(kept)):
+        w[kept[k, 0]] = w[kept[k, 0] + 1] = w[kept[k, 1]] = 0.0
     own = (c * u - s * v + turn * pose[1], s * u + c * v - turn * pose[0], turn)
     for i in range(3):
         for j in range(3):
@@ -90,11 +95,23 @@ def gather(flat: Array, n: int, at: int, owed: Array, owing: Ints, rows: Array) 
 
 
 @compiled
+def gather_row(flat: Array, n: int, i: int, owed: Array, owing: Ints, out: Array) -> None:
+    """The block's row i, with deferred updates applied, to out (n,)."""
+    take_row(flat, i, n, out)
+    for m in range(RANK):
+        if m < owing[0] or m >= RANK - owing[1]:
+            a, w = owed[m, i] if m >= owing[0] else -owed[m, i], owed[m]
+            for j in range(n):
+                out[j] += a * w[j]
+
+
+@compiled
 def correct(
     pose: Array,
     mean: Array,
     strip: Array,
     n: int,
+    kept: Ints,
     landmark: Array,
     at: int,
     z: Array,
@@ -152,30 +169,11 @@ def correct(
             strip[i, j] -= by0 * own[0, j] + by1 * own[1, j]
         for j in range(n):
             strip[i, 3 + j] -= by0 * first[j] + by1 * second[j]
-    retract(pose, mean, n, own, first, second, nu0, nu1)
+    if len(kept) == 0:
+        retract(pose, mean, n, own, first, second, nu0, nu1)
+    else:
+        retract_all(pose, mean, n, kept, own, rows, np.array((nu0, nu1)))
     return nu0 * nu0 + nu1 * nu1, 0
-
-
-@compiled
-def retract(pose: Array, mean: Array, n: int, own: Array, first: Array, second: Array, nu0: float, nu1: float) -> None:
-    """Applies the group's exponential of xi = W' nu, W of the pose (2, 3), to the mean: a rotation and shift of all."""
-    angle = own[0, 2] * nu0 + own[1, 2] * nu1
-    c, s = cos(angle), sin(angle)
-    along, across = 1.0, 0.0  # the left Jacobian of SO(2): sin(a) / a and (1 - cos(a)) / a
-    if angle != 0.0:
-        along, across = s / angle, 2.0 * sin(angle / 2.0) * sin(angle / 2.0) / angle
-    x, y = own[0, 0] * nu0 + own[1, 0] * nu1, own[0, 1] * nu0 + own[1, 1] * nu1
-    pose[0], pose[1] = (
-        c * pose[0] - s * pose[1] + along * x - across * y,
-        s * pose[0] + c * pose[1] + across * x + along * y,
-    )
-    pose[2] = wrap(pose[2] + angle)
-    for j in range(0, n, 2):
-        x, y = first[j] * nu0 + second[j] * nu1, first[j + 1] * nu0 + second[j + 1] * nu1
-        mean[j], mean[j + 1] = (
-            c * mean[j] - s * mean[j + 1] + along * x - across * y,
-            s * mean[j] + c * mean[j + 1] + across * x + along * y,
-        )
 
 
 @compiled
@@ -207,6 +205,7 @@ def observe(
     strip: Array,
     flat: Array,
     n: int,
+    kept: Ints,
     known: Array,
     slots: Ints,
     z: Array,
@@ -246,7 +245,7 @@ def observe(
                 own[0, j], own[1, j] = landmark[1] * strip[2, j], -landmark[0] * strip[2, j]
             for j in range(n):
                 rows[0, j], rows[1, j] = landmark[1] * strip[2, 3 + j], -landmark[0] * strip[2, 3 + j]
-        nis[i], wrong = correct(pose, mean, strip, n, landmark, at, z[i], R[i], own, rows)
+        nis[i], wrong = correct(pose, mean, strip, n, kept, landmark, at, z[i], R[i], own, rows)
         if wrong:
             break
         owing[0] += 2

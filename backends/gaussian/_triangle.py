@@ -9,7 +9,7 @@ diagonal block are undefined.
 import numpy as np
 
 from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...frontend.se2 import Array, Ints
 from .._blas import add_product, add_square
 
 PANEL = 1016
@@ -69,15 +69,20 @@ def take(flat: Array, i: int, n: int, out: Array) -> None:
 
 @compiled
 def take_less(flat: Array, i: int, n: int, owed: Array, rank: int, out: Array) -> None:
-    """The same rows of the matrix minus W' W, into out (2, n); W (rank, _) are `owed`'s first rows, an even number."""
+    """The same rows of the matrix minus W' W, into out (2, n); W (rank, _) are `owed`'s first rows."""
     take(flat, i, n, out)
     first, second = out[0], out[1]
-    for m in range(0, rank, 2):
+    for m in range(0, rank - 1, 2):
         a, b, w = owed[m, i], owed[m, i + 1], owed[m]
         c, d, v = owed[m + 1, i], owed[m + 1, i + 1], owed[m + 1]
         for j in range(n):
             first[j] -= a * w[j] + c * v[j]
             second[j] -= b * w[j] + d * v[j]
+    if rank % 2 == 1:
+        a, b, w = owed[rank - 1, i], owed[rank - 1, i + 1], owed[rank - 1]
+        for j in range(n):
+            first[j] -= a * w[j]
+            second[j] -= b * w[j]
 
 
 @compiled
@@ -92,6 +97,40 @@ def put(flat: Array, i: int, n: int, rows: Array) -> None:
         at = row(j) + i
         flat[at] = rows[0, j]
         flat[at + 1] = rows[1, j]
+
+
+@compiled
+def entry(flat: Array, i: int, j: int) -> float:
+    """The entry (i, j)."""
+    return flat[row(i) + j] if j <= i else flat[row(j) + i]
+
+
+@compiled
+def take_row(flat: Array, i: int, n: int, out: Array) -> None:
+    """Row i of the symmetric matrix of n rows, into out (n,)."""
+    own = row(i)
+    for j in range(i + 1):
+        out[j] = flat[own + j]
+    for j in range(i + 1, n):
+        out[j] = flat[row(j) + i]
+
+
+@compiled
+def put_row(flat: Array, i: int, n: int, values: Array) -> None:
+    """Sets row and column i to values (n,)."""
+    own = row(i)
+    for j in range(i + 1):
+        flat[own + j] = values[j]
+    for j in range(i + 1, n):
+        flat[row(j) + i] = values[j]
+
+
+@compiled
+def submatrix(flat: Array, entries: Ints, out: Array) -> None:
+    """The rows and columns of `entries` (k,), into out (k, k)."""
+    for i in range(len(entries)):
+        for j in range(i + 1):
+            out[i, j] = out[j, i] = entry(flat, entries[i], entries[j])
 
 
 @compiled

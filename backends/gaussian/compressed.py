@@ -21,7 +21,7 @@ import numpy as np
 
 from ...frontend.se2 import Array, Ints
 from . import _compressed, _triangle
-from ._ekf import OWED
+from ._ekf import OWED, POSE
 from ._expecting import around, sds
 from .joint import Joint
 
@@ -47,7 +47,7 @@ class Active(Joint):
         self._begin([])
 
     def bring(self, slots: list[int], known: int) -> list[int]:
-        """Indices in the part of the whole's landmarks `slots`, of which those from `known` on are new.
+        """Indices in the part of the whole's pairs `slots`, each once, of which those from `known` on are new.
 
         Missing ones are fetched; where the part would become too large, the rest is updated first.
         """
@@ -55,7 +55,7 @@ class Active(Joint):
         place = self._place
         absent = [slot for slot in slots if slot not in place]
         if absent:
-            if self.landmarks + len(absent) > max(MOST, 2 * len(slots)):
+            if self.pairs + len(absent) > max(MOST, 2 * len(slots)):
                 present = [slot for slot in slots if slot in place]
                 self._last_seen.update(dict.fromkeys(present, self._frame))
                 self.settle_with(self._whole)
@@ -73,17 +73,17 @@ class Active(Joint):
         xy = whole.mean[3 : 3 + 2 * len(self._sd)].reshape(-1, 2)
         near = around(self.mean, self.points, self.pose, moves, motion, where, xy, self._sd, z, R, gate).tolist()
         if any(slot not in place for slot in near):
-            self.bring(near, whole.landmarks)
+            self.bring(near, whole.pairs)
 
     def members(self) -> Ints:
         """Indices in the whole of the part's landmarks."""
-        return self._members[: self.landmarks]
+        return self._members[: self.pairs]
 
     def settle_with(self, whole: Joint) -> None:
         """Updates a whole to the present; the part is only read."""
-        n, m = 2 * whole.landmarks, self.columns
+        n, m = 2 * whole.pairs, self.columns
         before = np.empty((m, n))
-        _compressed.rows_of(whole.cross, whole.flat, self._members, self.landmarks, n, before)
+        _compressed.rows_of(whole.cross, whole.flat, self._members, self.pairs, n, before)
         lower = np.tril(self.information[:m, :m])
         gained = (lower + np.tril(lower, -1).T) @ before
         after = self.transition[:m, :m] @ before
@@ -92,14 +92,14 @@ class Active(Joint):
         whole.pose[:] = self.pose
         _triangle.subtract_product(whole.flat, n, before, gained, self._dgemm)
         _compressed.give_back(
-            whole.mean, whole.cross, whole.flat, n, self._members, self.landmarks,
+            whole.mean, whole.cross, whole.flat, n, self._members, self.pairs,
             self.mean, self.cross, self.flat, after,
         )  # fmt: skip
-        members = self._members[: self.landmarks]
-        whole.agreed[members] = self.agreed[: self.landmarks]
+        members = self._members[: self.pairs]
+        whole.agreed[members] = self.agreed[: self.pairs]
         if whole.points is not whole.mean:
             pairs = whole.points[3:].reshape(-1, 2)
-            pairs[members] = self.points[3 : 3 + n].reshape(-1, 2)[: self.landmarks]
+            pairs[members] = self.points[3 : 3 + n].reshape(-1, 2)[: self.pairs]
 
     def _begin(self, slots: list[int]) -> None:
         """Starts with these landmarks and no deferred update: Phi = 1, Psi = 0, theta = 0."""
@@ -107,7 +107,8 @@ class Active(Joint):
         self.grow(a)
         self._members[:a] = slots
         self._place = {slot: i for i, slot in enumerate(slots)}
-        self._sd = sds(whole.flat, whole.landmarks)
+        self._sd = sds(whole.flat, whole.pairs)
+        self._sd[whole.agreed[: whole.pairs] == POSE] = np.nan  # within no distance of a sighting
         self._last_seen = {slot: self._last_seen[slot] for slot in slots}
         _compressed.load(whole.mean, whole.cross, whole.flat, self._members, a, self.mean, self.cross, self.flat)
         self.agreed[:a] = whole.agreed[slots]
@@ -118,7 +119,7 @@ class Active(Joint):
 
     def _join(self, slot: int, *, new: bool) -> None:
         """Adds one landmark."""
-        whole, a = self._whole, self.landmarks
+        whole, a = self._whole, self.pairs
         self.grow(a + 1)
         self._members[a], self._place[slot] = slot, a
         self._copy_points(a)
@@ -132,16 +133,16 @@ class Active(Joint):
             )  # fmt: skip
 
     def _copy_points(self, first: int) -> None:
-        whole, n = self._whole, self.landmarks
+        whole, n = self._whole, self.pairs
         if whole.points is not whole.mean:
             pairs = self.points[3:].reshape(-1, 2)
             pairs[first:n] = whole.points[3:].reshape(-1, 2)[self._members[first:n]]
 
-    def grow(self, landmarks: int) -> None:
-        """Reserves space for that many landmarks; Phi is square."""
-        self.columns = 3 + 2 * landmarks
+    def grow(self, pairs: int) -> None:
+        """Reserves space for that many pairs; Phi is square."""
+        self.columns = 3 + 2 * pairs
         before = len(self.mean)
-        super().grow(landmarks)
+        super().grow(pairs)
         more = len(self.mean) - before
         if more:
             self._members = np.pad(self._members, (0, more // 2))

@@ -9,23 +9,30 @@ The linearisation points determine which directions the filter treats as observa
 heading gains information that no measurement provides, and the filter becomes overconfident. `first-estimates` (Huang,
 Mourikis and Roumeliotis, IJRR 29(5), 2010, the FEJ-EKF) linearises every landmark at its first estimate, and the pose
 at its prediction, for sightings and motions alike. `ideal` linearises at the ground truth, for studies only.
+
+On a log with loop closures the state also has the poses that these may come back to: see `kept_poses`. They are taken
+after the sightings of their step, and the pose is cloned last. A clone keeps the pose's linearisation point, for first
+estimates its prediction, so that all models are linearised at one path.
 """
 
 from dataclasses import dataclass
-from itertools import islice
+from itertools import takewhile
 from math import log
 
 import numpy as np
+from scipy.special import chdtri
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step, Truth
+from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from .._blas import routine
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, TruthWanted
-from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, STANDARD, frame
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
+from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expecting import expect
+from ._loops import close, keep
 from .compressed import Active
 from .joint import Joint
+from .kept_poses import SUMMARY, KeptPoses, Loops
 
 WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL, "odometry": ODOMETRY}
 """The last is not an option of the EKF: it makes it the linear filter of `kf`."""
@@ -63,6 +70,7 @@ class Options:
     compress_above: int = option(
         100, "landmarks above which only the part of the map in view is updated each step, the rest later", minimum=0
     )
+    poses: int = option(0, SUMMARY, minimum=0)
 
 
 class Ekf:
@@ -73,7 +81,8 @@ class Ekf:
     be the outlier itself: until `gate_after` others have agreed with it, one that fails the test replaces the landmark
     instead of being rejected. Nothing is lost by that, as a first sighting carries no information on the pose; one that
     agreed by chance with a wrong landmark has moved the pose by no more than the gate allows. Sightings that agree are
-    used from the second on, and unconfirmed landmarks are part of the map.
+    used from the second on, and unconfirmed landmarks are part of the map. A loop closure is tested likewise, with 3
+    degrees of freedom.
     """
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
@@ -81,17 +90,19 @@ class Ekf:
         self._options = options
         self._where = WHERE[options.jacobians]
         self._gate = -2 * log(1 - options.gate) if options.gate > 0 else 0.0  # the quantile, at two degrees of freedom
+        self._loop_gate = float(chdtri(3, 1 - options.gate)) if options.gate > 0 else 0.0
         self._confirm = options.gate_after
         self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._whole = Joint(prior.pose, prior.cov, fixed_points=self._where != STANDARD)
         self._part: Active | None = None
         self._slot: dict[int, int] = {}  # landmark id -> its index in the whole
-        self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
+        self._ids = np.zeros(0, np.int64)  # and the inverse when last asked what is expected; UNKNOWN for kept poses
         self._truth: Truth | None = None
         self._true_pose = np.zeros(3)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
         self._slots, self._z, self._z_cov = _frame_of(SIGHTINGS)
-        self._nis, self._nis_dof, self._refused = 0.0, 0, 0
+        self._nis, self._nis_dof, self._refused, self._left_out = 0.0, 0, 0, 0
+        self._kept = KeptPoses(options.poses) if prior.loops else None
         if prior.map is not None:
             self._whole.adopt(prior.map)
             self._whole.agreed[: len(prior.map.ids)] = self._confirm
@@ -110,29 +121,36 @@ class Ekf:
         return True
 
     def step(self, step: Step) -> Pose:
-        """Predicts with the odometry, then processes the sightings: corrects by known markers and adds new ones."""
+        """Predicts with the odometry, then processes the sightings: corrects by known markers and adds new ones.
+
+        Loop closures are next, and the pose is kept, on logs that have some.
+        """
         if self._where == IDEAL:
             self._true_pose[:] = self._truth_at(step.t)
-        known, slot = len(self._slot), self._slot
-        if known > self._options.compress_above:
+        known, slot, part = self._whole.pairs, self._slot, self._whole
+        landmarks, poses = len(slot), known - len(slot)
+        if landmarks > self._options.compress_above:
             self._compressed()
         ids, z, R = step.sightings
         k = len(ids)
-        slots = [slot.setdefault(landmark, len(slot)) for landmark in ids.tolist()]
-        if len(slot) > known:
+        slots = [slot.setdefault(landmark, poses + len(slot)) for landmark in ids.tolist()]
+        if len(slot) > landmarks:
             self._make_space(ids.tolist(), slots)
-        part = self._whole
+        loops = None if self._kept is None else self._loops_of(self._kept, step.loops)
         if self._part is not None:
-            part, slots = self._part, self._part.bring(slots, known)
+            part = self._part
+            pairs = [] if loops is None else loops.pairs()
+            slots = part.bring([*slots, *pairs], known)
+            loops = None if loops is None else loops.moved(dict(zip(pairs, slots[k:], strict=True)))
         if k > len(self._slots):
             self._slots, self._z, self._z_cov = _frame_of(2 * k)
-        self._slots[:k], self._z[:k], self._z_cov[:k] = slots, z, R
+        self._slots[:k], self._z[:k], self._z_cov[:k] = slots[:k], z, R
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         failed, why, self._nis, self._nis_dof, self._refused = frame(
             part.mean, part.points, part.predicted, part.agreed, part.pose, part.cross, part.flat,
             part.transition, part.information, part.pull,
-            2 * (part.landmarks - len(slot) + known), part.columns,
+            2 * (part.pairs - self._whole.pairs + known), part.columns,
             step.odometry is not None, self._motion, self._true_pose, k, self._slots, self._z, self._z_cov,
             self._where, self._options.update == "joint", self._gate, self._confirm,
             part.owed_pose, part.owed_map, part.owed_transition, self._dgemm, self._dsyrk,
@@ -143,43 +161,93 @@ class Ekf:
             )
         if why == INDEFINITE:
             raise Diverged(f"the innovation covariance of landmark {ids[failed]} is not positive definite")
+        if loops is not None:
+            self._close(part, loops)
+            keep(
+                part.mean, part.points, part.pose, part.cross, part.flat, part.transition,
+                2 * part.pairs, part.columns, *loops.clone,
+            )  # fmt: skip
         return part.mean[:3].copy()
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
-        known, moves, part = len(self._slot), odometry is not None, self._whole
-        if known > len(self._ids):
-            new = list(islice(reversed(self._slot), known - len(self._ids)))
-            self._ids = np.concatenate((self._ids, np.array(new[::-1], np.int64)))
+        moves, part = odometry is not None, self._whole
+        known = len(self._ids)
+        if part.pairs > known:
+            self._ids = np.concatenate((self._ids, np.full(part.pairs - known, UNKNOWN)))
+            for landmark, at in takewhile(lambda one: one[1] >= known, reversed(self._slot.items())):
+                self._ids[at] = landmark
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
         where = STANDARD if self._where == IDEAL else self._where
-        if known > self._options.compress_above:
+        if len(self._slot) > self._options.compress_above:
             part = self._compressed()
             part.bring_near(moves, self._motion, where, seen.z, seen.cov, gate)
         slots, z, cov = expect(
-            part.mean, part.points, part.pose, part.cross, part.flat, part.landmarks,
+            part.mean, part.points, part.pose, part.cross, part.flat, part.agreed, part.pairs,
             moves, self._motion, where, seen.z, seen.cov, gate,
         )  # fmt: skip
         return Expected(self._ids[slots if self._part is None else self._part.members()[slots]], z, cov)
 
     def belief(self) -> Belief:
-        """The pose's marginal and the NIS of the sightings of known landmarks that were used."""
+        """The pose's marginal and the NIS of the loop closures, and sightings of known landmarks, that were used."""
         part = self._whole if self._part is None else self._part
         nis = self._nis if self._nis_dof else None
-        return Belief(part.mean[:3].copy(), part.pose.copy(), nis, self._nis_dof, refused=self._refused)
+        return Belief(
+            part.mean[:3].copy(), part.pose.copy(), nis, self._nis_dof, refused=self._refused, left_out=self._left_out
+        )
 
     def map(self) -> Map:
         """All landmarks in order of first sighting, with their joint covariance up to `LARGEST`."""
-        whole = self._whole
-        if self._part is not None:  # on a copy, so that later results do not change
-            whole = whole.copy()
-            self._part.settle_with(whole)
-        ids = np.fromiter(self._slot, np.int64, len(self._slot))
-        return Map(ids, whole.xy(), whole.cov() if len(ids) <= LARGEST else None)
+        return self._map_of(self._settled())
 
-    def finish(self) -> None:
-        """None: a filter does not smooth."""
+    def finish(self) -> Solution | None:
+        """Where the poses of all steps are kept, they are the path given all measurements; else None."""
+        if self._kept is None or not self._kept.complete or not self._kept.steps:
+            return None
+        whole = self._settled()
+        path, cov = whole.poses(self._kept.entries)
+        return Solution(path, self._map_of(whole), cov)
+
+    def _settled(self) -> Joint:
+        """The whole belief at present: a copy where it is compressed, so that later results do not change."""
+        if self._part is None:
+            return self._whole
+        whole = self._whole.copy()
+        self._part.settle_with(whole)
+        return whole
+
+    def _map_of(self, whole: Joint) -> Map:
+        ids = np.fromiter(self._slot, np.int64, len(self._slot))
+        if self._kept is None:
+            return Map(ids, whole.xy(), whole.cov() if len(ids) <= LARGEST else None)
+        pairs = np.fromiter(self._slot.values(), np.int64, len(ids))
+        return Map(ids, whole.xy()[pairs], whole.cov_of(pairs) if len(ids) <= LARGEST else None)
+
+    def _loops_of(self, kept: KeptPoses, found: RelativePoses) -> Loops:
+        """Those of a step's loop closures that are to kept poses, and space for its own pose."""
+        loops, pairs = kept.take(found, self._whole.pairs)
+        self._left_out = len(found.to) - len(loops.to)
+        if pairs > self._whole.pairs:
+            self._whole.grow(pairs)
+        for entry in loops.clone:
+            self._whole.agreed[entry // 2] = POSE
+        return loops
+
+    def _close(self, part: Joint, loops: Loops) -> None:
+        """Corrects by loop closures."""
+        failed, why, nis, dof, refused = close(
+            part.mean, part.points, part.predicted, part.pose, part.cross, part.flat,
+            part.transition, part.information, part.pull, 2 * part.pairs, part.columns,
+            loops.entries, loops.delta, loops.cov,
+            self._where, self._options.update == "joint", self._loop_gate,
+            part.owed_pose, part.owed_map, part.owed_transition, self._dgemm, self._dsyrk,
+        )  # fmt: skip
+        if why == INDEFINITE:
+            raise Diverged(
+                f"the innovation covariance of the loop closure to step {loops.to[failed]} is not positive definite"
+            )
+        self._nis, self._nis_dof, self._refused = self._nis + nis, self._nis_dof + dof, self._refused + refused
 
     def _compressed(self) -> Active:
         """The part in view of a map that is large."""
@@ -188,8 +256,8 @@ class Ekf:
         return self._part
 
     def _make_space(self, ids: list[int], slots: list[int]) -> None:
-        """Reserves space for new landmarks."""
-        self._whole.grow(len(self._slot))
+        """Reserves space for new landmarks, whose slots are the last."""
+        self._whole.grow(max(slots) + 1)
         if self._where == IDEAL:
             for landmark, slot in zip(ids, slots, strict=True):
                 self._linearise_at_truth(landmark, slot)
@@ -215,4 +283,4 @@ def _frame_of(k: int) -> tuple[Ints, Array, Array]:
     return np.zeros(k, np.int64), np.zeros((k, 2)), np.zeros((k, 2, 2))
 
 
-build = Builder(Ekf, options=Options, implementation=COMPILED_HERE)
+build = Builder(Ekf, options=Options, loops=True, implementation=COMPILED_HERE)

@@ -10,28 +10,50 @@ Properties, arXiv 1510.06263, 2015; Zhang, Wu, Song, Huang and Dissanayake, Conv
 The models are those of ArUco EKF SLAM, eqs (2), (12) and (17), its sightings processed one by one. To first order a
 plain error of position or landmark is its part of xi plus the heading's times J f, where J rotates by a right angle:
 priors and beliefs are converted so.
+
+On a log with loop closures the state also has the poses that these may come back to: see `kept_poses`. A kept pose X_k
+is an element of SE(2) of its own, with the error that the pose had when it was cloned: true X_k = exp(xi_k) X_k, which
+later motions do not change. A loop closure measures Z = X_k^-1 X, so that, for an exact one,
+
+    X_k Z X^-1 = exp(-xi_k) exp(xi)         of the estimates X and X_k
+
+whatever they are. Its logarithm eta is the innovation; to first order, with noise n of (dx, dy, dtheta),
+
+    eta = xi - xi_k + N n,    N = [R_k  -J p; 0  1]
+
+where p is the estimate's position. H = [1 -1] depends on nothing, N on the estimates.
 """
 
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...frontend.options import option
 from ...frontend.se2 import Array
 from .._blas import routine
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, NoOptions, Pose
+from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity
-from . import _invariant, _triangle
+from . import _invariant, _invariant_loops, _triangle
+from .kept_poses import NOWHERE, SUMMARY, KeptPoses
 
 SPACE = 64
 """State entries reserved at first."""
 
 
+@dataclass(frozen=True)
+class Options:
+    """Poses kept for loop closures."""
+
+    poses: int = option(0, SUMMARY, minimum=0)
+
+
 class InvariantEkf:
     """Right-invariant EKF-SLAM: heading, position and landmarks form one group element, and so does their error."""
 
-    def __init__(self, prior: Prior, options: NoOptions, rng: np.random.Generator) -> None:
-        del options, rng
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        del rng
         # The group's origin, here the robot's start, affects rounding only.
         self._origin = np.array(prior.pose[:2])
         self._pose = np.array([0.0, 0.0, prior.pose[2]])
@@ -46,17 +68,25 @@ class InvariantEkf:
         self._reserve(SPACE)
         self._strip[:, :3] = prior.cov  # both errors agree at the origin
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
+        self._loops_nis, self._loops_used, self._left_out = 0.0, 0, 0
         self._vicinity = Vicinity()
+        self._kept = KeptPoses(options.poses) if prior.loops else None
+        self._entries = NOWHERE  # (k, 2) of the kept poses
         if prior.map is not None:
             self._adopt(prior.map)
 
     def step(self, step: Step) -> Pose:
-        """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks."""
+        """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks.
+
+        Loop closures are next, and the pose is kept, on logs that have some.
+        """
         if step.odometry is not None:
             self._predict(step.odometry)
         self._nis = np.empty(len(step.sightings.ids))
         if len(self._nis):
             self._take(step.sightings)
+        if self._kept is not None:
+            self._close(self._kept, step.loops)
         return self._placed()
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
@@ -67,15 +97,18 @@ class InvariantEkf:
         return self._vicinity.expected(believed.pose, believed.cov, odometry, seen, gate, new[::-1], self._marginals)
 
     def belief(self) -> Belief:
-        """The pose's marginal in plain coordinates, and the NIS of the sightings of known landmarks."""
+        """The pose's marginal in plain coordinates, and the NIS of known landmarks' sightings and of loop closures."""
         plain = np.eye(3)
         plain[0, 2], plain[1, 2] = -self._pose[1], self._pose[0]
         cov = plain @ self._strip[:, :3] @ plain.T
-        nis = self._nis[self._nis >= 0]
-        return Belief(self._placed(), (cov + cov.T) / 2, float(nis.sum()) if len(nis) else None, 2 * len(nis))
+        seen = self._nis[self._nis >= 0]
+        nis, dof = float(seen.sum()) + self._loops_nis, 2 * len(seen) + 3 * self._loops_used
+        return Belief(self._placed(), (cov + cov.T) / 2, nis if dof else None, dof, left_out=self._left_out)
 
     def map(self) -> Map:
         """All landmarks with joint covariance in plain coordinates; fixed ones first, then in order of sighting."""
+        if self._kept is not None:
+            return self._map_beside_poses()
         n, fixed = self._n, self._known.size
         block, around = np.empty((n, n)), _lever(self._mean[:n])
         flat = self._flat.copy()  # later results must not change
@@ -87,8 +120,38 @@ class InvariantEkf:
         xy = np.concatenate((self._known, self._mean[:n].reshape(-1, 2))) + self._origin
         return Map(np.fromiter(self._slot, np.int64, len(self._slot)), xy, cov)
 
-    def finish(self) -> None:
-        """None: a filter does not smooth."""
+    def finish(self) -> Solution | None:
+        """Where the poses of all steps are kept, they are the path given all measurements; else None."""
+        if self._kept is None or not self._kept.complete or not self._kept.steps:
+            return None
+        path, cov = np.empty((self._kept.steps, 3)), np.empty((self._kept.steps, 3, 3))
+        _invariant_loops.marginals(self._mean, self._flat, self._owed, self._owing, self._entries, path, cov)
+        path[:, :2] += self._origin
+        return Solution(path, self.map(), cov)
+
+    def _map_beside_poses(self) -> Map:
+        """`map` where some of the state's entries are of poses."""
+        fixed, ids = len(self._known), np.fromiter(self._slot, np.int64, len(self._slot))
+        _, xy, cov = self._marginals(ids[fixed:].tolist())
+        whole = np.zeros((2 * len(ids), 2 * len(ids)))
+        whole[2 * fixed :, 2 * fixed :] = cov[:-3, :-3]
+        return Map(ids, np.concatenate((self._known + self._origin, xy)), whole)
+
+    def _close(self, kept: KeptPoses, found: RelativePoses) -> None:
+        """Corrects by the loop closures to kept poses, and keeps the pose."""
+        loops, pairs = kept.take(found, self._n // 2)
+        failed, self._loops_nis = _invariant_loops.close(
+            self._pose, self._mean, self._strip, self._flat, self._n, self._entries,
+            loops.entries, loops.delta, loops.cov, self._owed, self._owing, self._dgemm, self._dsyrk,
+        )  # fmt: skip
+        if failed >= 0:
+            raise Diverged(
+                f"the innovation covariance of the loop closure to step {loops.to[failed]} is not positive definite"
+            )
+        self._loops_used, self._left_out = len(loops.to), len(found.to) - len(loops.to)
+        self._reserve(2 * pairs)
+        self._n, self._entries = 2 * pairs, kept.entries
+        _invariant_loops.keep(self._pose, self._mean, self._strip, self._flat, self._n, self._owed, *loops.clone)
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The pose, the landmarks' places and their joint covariance, the pose last."""
@@ -103,7 +166,8 @@ class InvariantEkf:
 
     def _predict(self, odometry: Odometry) -> None:
         _invariant.move(
-            self._pose, self._mean, self._strip, self._flat, self._n, np.array(odometry.delta), np.array(odometry.cov),
+            self._pose, self._mean, self._strip, self._flat, self._n, self._entries,
+            np.array(odometry.delta), np.array(odometry.cov),
             self._owed, self._owing, self._dgemm, self._dsyrk,
         )  # fmt: skip
 
@@ -114,9 +178,9 @@ class InvariantEkf:
         if -1 in slots:
             fresh = [landmark for landmark in seen.ids.tolist() if landmark not in slot]
             slot.update(zip(fresh, range(count, count + len(fresh)), strict=True))
-            self._reserve(2 * len(slot))
+            self._reserve(self._n + 2 * len(fresh))
         self._n, wrong = _invariant.observe(
-            self._pose, self._mean, self._strip, self._flat, self._n, self._known,
+            self._pose, self._mean, self._strip, self._flat, self._n, self._entries, self._known,
             np.array(slots), np.array(seen.z), np.array(seen.cov, order="C"),
             self._owed, self._owing, self._nis, self._dgemm, self._dsyrk,
         )  # fmt: skip
@@ -158,4 +222,4 @@ def _lever(mean: Array) -> Array:
     return (mean.reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]).ravel()
 
 
-build = Builder(InvariantEkf, implementation=COMPILED_HERE)
+build = Builder(InvariantEkf, options=Options, loops=True, implementation=COMPILED_HERE)

@@ -5,7 +5,7 @@ from copy import copy
 import numpy as np
 
 from ...frontend.factors import Map
-from ...frontend.se2 import Array
+from ...frontend.se2 import Array, Ints, wrap
 from . import _triangle
 from ._ekf import OWED
 
@@ -14,13 +14,16 @@ SPACE = 64
 
 
 class Joint:
-    """A Gaussian over (x, y, heading, m1x, m1y, m2x, ...), landmarks in order of first sighting."""
+    """A Gaussian over (x, y, heading, m1x, m1y, m2x, ...), landmarks in order of first sighting.
+
+    On logs with loop closures other pairs are places and headings of kept poses: see `kept_poses`.
+    """
 
     def __init__(self, pose: Array, cov: Array, *, fixed_points: bool) -> None:
-        self.landmarks = 0
+        self.pairs = 0  # after the pose's three entries
         self.mean = np.zeros(3 + 2 * SPACE)
         self.points = self.mean  # (3 + 2 SPACE,) linearisation points: the mean itself, or fixed
-        self.agreed = np.zeros(SPACE, np.int64)  # sightings that have agreed with a landmark since its initialisation
+        self.agreed = np.zeros(SPACE, np.int64)  # sightings that agreed with a landmark since its first; POSE
         self.pose = (cov + cov.T) / 2  # (3, 3), symmetric to the last bit
         self.cross = np.zeros((3, 2 * SPACE))  # covariance of the pose with the map
         self.flat = np.zeros(0)  # covariance of the map: see _triangle
@@ -33,14 +36,14 @@ class Joint:
         if fixed_points:
             self.points = self.mean.copy()
 
-    def grow(self, landmarks: int) -> None:
-        """Reserves space for that many landmarks; the new ones' entries are zero."""
-        self.landmarks = landmarks
-        self.flat = _triangle.grown(self.flat, 2 * landmarks)
+    def grow(self, pairs: int) -> None:
+        """Reserves space for that many pairs; the new ones' entries are zero."""
+        self.pairs = pairs
+        self.flat = _triangle.grown(self.flat, 2 * pairs)
         space = len(self.agreed)
-        if landmarks <= space:
+        if pairs <= space:
             return
-        more = max(2 * space, landmarks) - space
+        more = max(2 * space, pairs) - space
         own_points = self.points is not self.mean
         self.mean = np.pad(self.mean, (0, 2 * more))
         self.points = np.pad(self.points, (0, 2 * more)) if own_points else self.mean
@@ -58,14 +61,29 @@ class Joint:
             _triangle.store(self.flat, np.array(known.cov, np.float64))
 
     def xy(self) -> Array:
-        """The landmarks' means (n, 2)."""
-        return self.mean[3 : 3 + 2 * self.landmarks].reshape(-1, 2).copy()
+        """The means (n, 2) of all pairs."""
+        return self.mean[3 : 3 + 2 * self.pairs].reshape(-1, 2).copy()
 
     def cov(self) -> Array:
-        """The map's joint covariance (2n, 2n)."""
-        out = np.empty((2 * self.landmarks, 2 * self.landmarks))
+        """The joint covariance (2n, 2n) of all pairs."""
+        out = np.empty((2 * self.pairs, 2 * self.pairs))
         _triangle.whole(self.flat, len(out), out)
         return out
+
+    def cov_of(self, pairs: Ints) -> Array:
+        """The joint covariance (2k, 2k) of some pairs (k,)."""
+        out = np.empty((2 * len(pairs), 2 * len(pairs)))
+        _triangle.submatrix(self.flat, (2 * pairs[:, None] + [0, 1]).ravel(), out)
+        return out
+
+    def poses(self, entries: Ints) -> tuple[Array, Array]:
+        """The kept poses (k, 3) at these `entries` (k, 2), and the covariance (k, 3, 3) of each."""
+        three = np.column_stack((entries[:, 0], entries[:, 0] + 1, entries[:, 1]))
+        path, cov = self.mean[3 + three], np.empty((len(three), 3, 3))
+        path[:, 2] = wrap(path[:, 2])
+        for own, out in zip(three, cov, strict=True):
+            _triangle.submatrix(self.flat, own, out)
+        return path, cov
 
     def copy(self) -> "Joint":
         """A copy that shares nothing mutable."""

@@ -27,7 +27,7 @@ class Kf(Ekf):
 
     def __init__(self, prior: Prior, options: NoOptions, rng: np.random.Generator) -> None:
         del options
-        super().__init__(prior, Options(jacobians="odometry"), rng)
+        super().__init__(prior._replace(loops=False), Options(jacobians="odometry"), rng)
 
     def step(self, step: Step) -> Pose:
         """As the EKF's; the state's heading is wrapped only here."""

@@ -62,7 +62,7 @@ class Ukf:
     def step(self, step: Step) -> Pose:
         """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks."""
         joint, slot = self._joint, self._slot
-        count, fixed = joint.landmarks, len(self._known)
+        count, fixed = joint.pairs, len(self._known)
         ids, z, R = step.sightings
         slots = [slot.setdefault(landmark, len(slot) - fixed) for landmark in ids.tolist()]
         if len(slot) - fixed > count:
@@ -84,7 +84,7 @@ class Ukf:
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
         slots, z, cov = expect(
-            joint.mean, joint.mean, joint.pose, joint.cross, joint.flat, joint.landmarks,
+            joint.mean, joint.mean, joint.pose, joint.cross, joint.flat, joint.agreed, joint.pairs,
             odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
         )  # fmt: skip
         if len(self._ids) < len(self._slot):
@@ -98,7 +98,7 @@ class Ukf:
 
     def map(self) -> Map:
         """All landmarks with their joint covariance, fixed ones first, then in order of first sighting."""
-        fixed, n = self._known.size, 2 * self._joint.landmarks
+        fixed, n = self._known.size, 2 * self._joint.pairs
         cov = np.zeros((fixed + n, fixed + n))
         cov[fixed:, fixed:] = self._joint.cov()
         xy = np.concatenate((self._known, self._joint.xy()))

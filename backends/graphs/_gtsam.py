@@ -83,7 +83,7 @@ class Factors:
 
     def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The prior at step 0, the given map included."""
-        graph, values, (pose, cov, known, _) = gtsam.NonlinearFactorGraph(), gtsam.Values(), self._prior
+        graph, values, (pose, cov, known, *_) = gtsam.NonlinearFactorGraph(), gtsam.Values(), self._prior
         R = rotation(pose[2])
         graph.add(gtsam.PriorFactorPose2(self.keys.pose(0), pose2(pose), noise(R.T @ cov @ R)))
         values.insert(self.keys.pose(0), pose2(pose))

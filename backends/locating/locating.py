@@ -158,7 +158,7 @@ class Locating:
             if given_up is not None:
                 self._parts.append((self._first, given_up.path[: max(0, now + 1 - len(steps) - self._first)]))
         self._first = now
-        self._inner = self._make(Prior(fix.pose, TWICE * fix.cov, self._map))
+        self._inner = self._make(self._prior._replace(pose=fix.pose, cov=TWICE * fix.cov, start="known"))
         self._told(self._inner)
         answer = self._inner.step(_shifted(steps[-1]._replace(odometry=None), now))
         self._pose = fix.pose.copy() if answer is None else answer

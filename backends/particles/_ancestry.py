@@ -117,6 +117,36 @@ def widen(hops: Hops, wider: Hops, epoch: int) -> None:
 
 
 @compiled
+def forebears(parents: Hops, leaves: Hops, ancestors: Ints, back: Ints, nodes: Hops) -> None:
+    """The nodes (n, M) of each particle's path `back` (n,) steps before its last pose, the fewest steps first.
+
+    Particle m's path ends in leaf ancestors[m]. As ancestors are sorted, particles that share one are neighbours: of
+    such a run only one path is followed further.
+    """
+    M = len(ancestors)
+    runs, run, merged = np.empty(M, np.int32), np.empty(M, np.int64), np.empty(M, np.int64)
+    count, gone = M, 0
+    for m in range(M):
+        runs[m], run[m] = leaves[ancestors[m]], m
+    for i in range(len(back)):
+        while gone < back[i]:
+            kept = 0
+            for j in range(count):
+                node = parents[runs[j]]
+                if kept == 0 or node != runs[kept - 1]:
+                    runs[kept] = node
+                    kept += 1
+                merged[j] = kept - 1
+            if kept < count:
+                for m in range(M):
+                    run[m] = merged[run[m]]
+            count = kept
+            gone += 1
+        for m in range(M):
+            nodes[i, m] = runs[run[m]]
+
+
+@compiled
 def grow(
     nodes: Values, parents: Hops, children: Hops, unused: Hops, left: int, leaves: Hops, ancestors: Ints, values: Values
 ) -> int:

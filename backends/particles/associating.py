@@ -13,7 +13,7 @@ import numpy as np
 
 from ...frontend.factors import UNKNOWN, Map, Prior, Step
 from ...frontend.se2 import Ints
-from ..api import Belief
+from ..api import Belief, Unsuited
 from ._choosing import choose
 from ._own_maps import keep
 from ._particles import LOGGED, correct, move
@@ -40,6 +40,8 @@ class AssociatingFastSlam(PathParticles):
     """
 
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
+        if prior.loops:
+            raise Unsuited("association=particle takes no loop closures, and the log has some; association=jcbb does")
         super().__init__(prior, options, rng)
         self._gate = -2 * WIDER * log1p(-options.new)
         self._maps = OwnMaps(options.particles)

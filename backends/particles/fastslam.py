@@ -4,21 +4,28 @@ Each particle is a sample of the path with a small EKF for every landmark: given
 so M particles and N landmarks are M N filters of size two. Version 1.0 draws a particle's next pose from its odometry
 alone and weights it by the sightings; version 2.0 draws it from odometry and sightings together, so that fewer
 particles are wasted where sightings are sharper than odometry.
+
+A loop closure is a measurement of a particle's pose from its own earlier one, which is a part of its path: version 1.0
+weights particles by it, version 2.0 draws the pose from odometry, loop closures and sightings together.
 """
 
 from itertools import islice
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...frontend.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from ...frontend.se2 import Array, Ints
 from ..api import COMPILED_HERE, Builder, Expected
 from ..vicinity import Vicinity
+from . import _loops
 from ._particles import LOGGED, correct, move, place
 from ._proposal import propose
 from .associating import AssociatingFastSlam
 from .particle_maps import ParticleMaps
 from .path_particles import Options, PathParticles, with_blocks
+
+Loops = tuple[Array, Array, Array]
+"""Of n loop closures the particles' earlier poses (n, 3, M), and delta (n, 3) and cov (n, 3, 3) from these."""
 
 
 class FastSlam(PathParticles):
@@ -61,7 +68,8 @@ class FastSlam(PathParticles):
         rows = np.array([self._maps.row.get(landmark, -1) for landmark in ids.tolist()], np.int64)
         old, new = np.flatnonzero(rows >= 0), np.flatnonzero(rows < 0)
         slots = self._maps.slots(rows[old])
-        self._fold(self._motion(step), slots, np.take(z, old, axis=0), np.take(cov, old, axis=0))
+        loops = self._loops(step.loops) if self._prior.loops else None
+        self._fold(self._motion(step), slots, np.take(z, old, axis=0), np.take(cov, old, axis=0), loops)
         for landmark, at, spread in zip(
             ids[new].tolist(), np.take(z, new, axis=0), np.take(cov, new, axis=0), strict=True
         ):
@@ -78,20 +86,32 @@ class FastSlam(PathParticles):
         within = with_blocks(np.zeros((2 * len(filters), 2 * len(filters))), filters[:, 2:])
         return Map(self._ids(), filters[:, :2].copy(), within)
 
-    def _fold(self, motion: Odometry | None, slots: Ints, z: Array, cov: Array) -> None:
-        """Samples the poses, weights them by the sightings (k,) of known landmarks, and corrects these."""
+    def _loops(self, loops: RelativePoses) -> Loops:
+        """Loop closures with every particle's poses at the steps that they are to."""
+        to, delta, cov = loops
+        return self._paths.at(to), delta.copy("C"), cov.copy("C")
+
+    def _fold(self, motion: Odometry | None, slots: Ints, z: Array, cov: Array, loops: Loops | None) -> None:
+        """Samples the poses, weights them by loop closures and sightings (k,) of known landmarks; corrects these."""
         M, k = len(self._weights), len(slots)
         distance, volume = np.zeros(M), np.ones((-(-k // LOGGED), M))
         seen = (self._maps.filters, slots, z, cov)
         if motion is not None and self._options.version == 2:
-            propose(self._poses, *motion, self._normals(), *seen, distance, volume)
+            if loops is None:
+                propose(self._poses, *motion, self._normals(), *seen, distance, volume)
+            else:
+                _loops.propose(self._poses, *motion, self._normals(), *loops, *seen, distance, volume)
             correct(self._poses, *seen, np.empty(M), np.empty_like(volume))  # already weighted by the marginals
         else:
             if motion is not None:
                 move(self._poses, *motion, self._normals())
+            if loops is not None:
+                _loops.weigh(self._poses, *loops, distance)
             correct(self._poses, *seen, distance, volume)
         if k > 0:
             self._weigh(distance + (np.log(volume).sum(axis=0) if k > LOGGED else np.log(volume[0])))
+        elif loops is not None and len(loops[1]):
+            self._weigh(distance)
 
     def _adopt(self, known: Map) -> None:
         """Gives every particle the same map: its covariance's diagonal blocks; held fixed without one."""
@@ -125,6 +145,7 @@ build = Builder(
     FastSlam,
     options=Options,
     random=True,
+    loops=True,
     implementation=COMPILED_HERE,
     rules={"particle": AssociatingFastSlam},
 )

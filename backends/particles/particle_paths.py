@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...frontend.se2 import Ints
-from ._ancestry import Values, grow
+from ._ancestry import Values, forebears, grow
 
 NO_POSES = np.zeros((0, 3))
 
@@ -29,6 +29,7 @@ class ParticlePaths:
         self._left = 0  # its height
         self._leaves = np.full(particles, -1, np.int32)  # the node of each particle's last pose
         self._ancestors: Ints | None = None
+        self.steps = 0  # so far
 
     def resampled(self, ancestors: Ints) -> None:
         """Replaces each particle m by a copy of particle ancestors[m]."""
@@ -40,9 +41,20 @@ class ParticlePaths:
             self._reserve()
         ancestors = np.arange(len(self._leaves)) if self._ancestors is None else self._ancestors
         self._ancestors = None
+        self.steps += 1
         self._left = grow(
             self._nodes, self._parents, self._children, self._unused, self._left, self._leaves, ancestors, values
         )
+
+    def at(self, steps: Ints) -> Any:
+        """(n, C, M) every particle's poses at n of the steps so far."""
+        order = np.argsort(-steps, kind="stable")
+        nodes = np.empty((len(steps), len(self._leaves)), np.int32)
+        ancestors = np.arange(len(self._leaves)) if self._ancestors is None else self._ancestors
+        forebears(self._parents, self._leaves, ancestors, self.steps - 1 - steps[order], nodes)
+        found = np.empty((len(steps), self._nodes.shape[1], len(self._leaves)), self._nodes.dtype)
+        found[order] = self._nodes[nodes].transpose(0, 2, 1)
+        return found
 
     def path(self, particle: int) -> Any:
         """(n, 3) the poses of that particle and its ancestors, from the start."""

@@ -13,7 +13,7 @@ from ...frontend.factors import Log
 from ...frontend.se2 import Array
 from ..words.numerals import counted
 from .candidate import Candidate, Failed, NotApplicable, first, same
-from .small_logs import IDS, NO_SIGHTINGS, RING, around, drive
+from .small_logs import IDS, NO_SIGHTINGS, RING, around, drive, with_loops
 
 BLIND = "makes no use of sightings"
 
@@ -112,14 +112,17 @@ def covariances_are_covariances(candidate: Candidate) -> str:
 
 
 def innovations_are_counted(candidate: Candidate) -> str:
-    """Where it gives a NIS, it is not negative and has at most two degrees of freedom a sighting, none without one."""
-    log = drive(np.random.default_rng(3), around(60), sees=lambda k, _: k % 3 > 0).log
+    """A NIS is not negative and has at most two degrees of freedom a sighting, three a loop closure, none without."""
+    seeing = drive(np.random.default_rng(3), around(60), sees=lambda k, _: k % 3 > 0)
+    log = with_loops(seeing, np.random.default_rng(31)).log if candidate.builder.loops else seeing.log
     trial = candidate.run(log, asking=True)
     beliefs = [(k, belief) for k, belief in enumerate(trial.beliefs) if belief]
     for k, belief in beliefs:
-        most = 2 * len(log[k].sightings.ids)
+        sightings, loops = len(log[k].sightings.ids), len(log[k].loops.to)
+        most = 2 * sightings + 3 * loops
         if not 0 <= belief.nis_dof <= most:
-            raise Failed(f"nis_dof is {belief.nis_dof} at step {k} with {most // 2} sightings, expected 0 to {most}")
+            given = f"{sightings} sightings" + f" and {loops} loop closures" * bool(loops)
+            raise Failed(f"nis_dof is {belief.nis_dof} at step {k} with {given}, expected 0 to {most}")
         if belief.nis is not None and not 0 <= belief.nis < np.inf:
             raise Failed(f"nis is {belief.nis} at step {k}, expected a finite number of at least 0, or None")
         if belief.n_eff is not None and not 0 < belief.n_eff < np.inf:

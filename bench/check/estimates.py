@@ -9,8 +9,8 @@ import numpy as np
 from ...frontend.factors import Log, Map
 from ...frontend.se2 import Array
 from ..words.numerals import counted
-from .candidate import ROUNDING, Candidate, Failed, NotApplicable, spread, stays_near
-from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_map
+from .candidate import ROUNDING, Candidate, Failed, NotApplicable, same, spread, stays_near
+from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_loops, with_map
 
 TINY = 1e-3  # noise of exact logs, in units of the usual: filters may differ in its second order
 BIAS = np.array([0.01, 0.0, 0.008])  # of odometry, within its stated noise, adds up to a turn of 0.4 rad in 50 steps
@@ -133,6 +133,27 @@ def loop_closures_are_used(candidate: Candidate) -> str:
     return f"dead reckoning ends {drift:.2g} m off, the paths less than half of that"
 
 
+def loop_closures_and_sightings_go_together(candidate: Candidate) -> str:
+    """On an exact log with both, the path is exact, covariances are covariances, and asking changes nothing."""
+    if not candidate.builder.loops:
+        raise NotApplicable("a log with loop closures is skipped for it")
+    rng = np.random.default_rng(25)
+    log, truth, _ = with_loops(drive(rng, around(100), scale=TINY, errors=0.0), rng, errors=0.0, scale=TINY)
+    furthest = _stays_exact(candidate, log, truth)
+    asked = candidate.run(log, asking=True)
+    same(asked.paths, candidate.run(log).paths, "a run asked for beliefs and one that was not")
+    covs = [belief.cov for belief in asked.beliefs if belief and belief.cov is not None]
+    if asked.solution is not None:
+        covs += [] if asked.solution.cov is None else list(asked.solution.cov)
+        covs += [] if asked.solution.map.cov is None else [asked.solution.map.cov]
+    for cov in covs:
+        least = np.linalg.eigvalsh(cov)[0] if np.isfinite(cov).all() else np.nan
+        # The sample covariance of a few particles may have lost a direction.
+        if not least > (-1e-12 * np.abs(cov).max() if candidate.builder.random else 0):
+            raise Failed(f"a covariance has the eigenvalue {least:.3g}, expected them positive")
+    return f"at most {furthest:.2g} m off with {len(log.loop_to)} loop closures, {len(covs)} covariances"
+
+
 def _stays_exact(candidate: Candidate, log: Log, expected: Array) -> float:
     paths = candidate.run(log).paths
     return max(stays_near(path, expected, candidate.slack(log), f"the {which} path") for which, path in paths.items())
@@ -193,4 +214,5 @@ CHECKS = (
     an_uncertain_map_is_used,
     it_is_no_worse_than_dead_reckoning,
     loop_closures_are_used,
+    loop_closures_and_sightings_go_together,
 )

@@ -116,6 +116,18 @@ def with_loop(drive: Drive, to: int) -> Drive:
     return drive._replace(log=Log.from_steps(drive.log.name, drive.log.prior, steps))
 
 
+def with_loops(drive: Drive, rng: np.random.Generator, errors: float = 1.0, scale: float = 1.0) -> Drive:
+    """Adds to every third step from the tenth on loop closures to two earlier steps, with noise as of a motion."""
+    cov = scale**2 * CORRELATION * np.outer(MOTION_SD, MOTION_SD)
+    noise, steps = errors * np.linalg.cholesky(cov), list(drive.log)
+    for k in range(10, len(steps), 3):
+        to = np.sort(rng.choice(k - 1, 2, replace=False))
+        delta = se2.between(drive.path[to], drive.path[k]) + rng.standard_normal((2, 3)) @ noise.T
+        delta[:, 2] = se2.wrap(delta[:, 2])
+        steps[k] = steps[k]._replace(loops=RelativePoses(to, delta, np.broadcast_to(cov, (2, 3, 3))))
+    return drive._replace(log=Log.from_steps(drive.log.name, drive.log.prior, steps))
+
+
 def dead_reckoned(log: Log) -> tuple[Array, Array]:
     """Returns the path (n, 3) of prior and odometry alone, and its covariances (n, 3, 3), to first order."""
     path, covs = [log.prior.pose], [log.prior.cov]

@@ -108,6 +108,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
     judged = score(log, outcome, read_truth())
+    loops += outcome.left_out
     said = [TOLD] * outcome.told + [left_out(loops)] * bool(loops)
     said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row
@@ -115,7 +116,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
 
 
 def left_out(loops: int) -> str:
-    """Says how many loop closures the backend was not given."""
+    """Says how many loop closures the backend was not given, or had kept no pose for."""
     return "1 loop closure is left out" if loops == 1 else f"{loops} loop closures are left out"
 
 

@@ -39,7 +39,7 @@ class Outcome:
     nis_dof: Ints  # (n,)
     n_eff: Array  # (n,) NaN where there are no particles
     ancestors: Array  # (n,) of the particles, NaN where there are none or they are not counted
-    refused: Ints  # (n,) sightings that a gate rejected
+    refused: Ints  # (n,) sightings and loop closures that a gate rejected
     located: NDArray[np.bool]  # (n,) False until an unknown start is found
     map: Map
     solution: Solution | None
@@ -56,6 +56,7 @@ class Outcome:
     associate_ns: Ints | None = None  # (n,) CPU time of data association, part of step_ns
     tried: Ints | None = None  # (n,) pairs or nodes that data association has tried
     taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
+    left_out: int = 0  # loop closures to poses that were no longer kept
 
 
 def drive(
@@ -126,6 +127,7 @@ def drive(
         associate_ns=None if spent[0] is None else np.maximum(spent[0] - clock, 0),
         tried=spent[1],
         taken_out=taken_out,
+        left_out=beliefs.left_out,
         told=told,
     )
 
@@ -194,6 +196,7 @@ class _Beliefs(NamedTuple):
     ancestors: Array
     refused: Ints
     located: NDArray[np.bool]
+    left_out: int
     ns: Ints  # CPU time of asking
 
 
@@ -201,7 +204,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
     """Returns the belief after every step; Broken where asking has changed the path."""
     n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
     nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
-    nis_dof, refused, located = [0] * n, [0] * n, [True] * n
+    nis_dof, refused, located, left_out = [0] * n, [0] * n, [True] * n, [0] * n
     path = b"" if online is None else online.tobytes()
     known, covs, believed, poses = list[int](), bytearray(), list[int](), bytearray()
     try:
@@ -216,7 +219,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
                 continue
             if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
                 raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
-            place, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _, located[k] = belief
+            place, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _, located[k], left_out[k] = belief
             poses += (
                 place if is_floats(place, POSE) else finite(place, POSE, f"step {k}: the belief's pose")
             ).tobytes()
@@ -235,6 +238,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
         ancestors=np.array([np.nan if value is None else value for value in ancestors]),
         refused=np.array(refused, np.int64).reshape(n),
         located=np.array(located, np.bool),
+        left_out=sum(left_out),
         ns=np.array(ns, np.int64),
     )
 

@@ -167,7 +167,7 @@ def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
         row["nodes_max"] = int(outcome.tried.max())
     refused = int(outcome.refused.sum())
     if refused:
-        row["refused_share"] = refused / len(log.ids)
+        row["refused_share"] = refused / (len(log.ids) + len(log.loop_to))
     return row
 
 

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slamduel.datasets import archive
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import REMARKS, UNKNOWN, Log, Map, Prior
+from slamduel.frontend.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior
 from small_log import columns, positive_definite, small_log
 
 COLUMNS = [field.name for field in dataclasses.fields(Log) if isinstance(getattr(small_log(), field.name), np.ndarray)]
@@ -87,7 +88,7 @@ def test_any_flipped_bit_changes_the_digest(name: str, data: st.DataObject):
 @pytest.mark.parametrize("part", ["pose", "cov", "ids", "xy", "map cov", "no map", "no map cov"])
 def test_the_prior_is_part_of_the_digest(part: str):
     def change(parts: dict[str, Any]) -> None:
-        pose, cov, known, _ = parts["prior"]
+        pose, cov, known, *_ = parts["prior"]
         match part:
             case "pose":
                 pose[2] = np.nextafter(pose[2], 9)
@@ -105,6 +106,20 @@ def test_the_prior_is_part_of_the_digest(part: str):
                 parts["prior"] = Prior(pose, cov, Map(known.ids, known.xy, None))
 
     assert small_log(change=change).digest != small_log().digest
+
+
+def test_the_prior_says_if_there_are_loop_closures() -> None:
+    """However the log was made, and whatever the prior that it was made with says."""
+    log = small_log()
+    assert len(log.loop_to)
+    assert not Prior(np.zeros(3), np.eye(3)).loops
+    assert log.prior.loops
+    assert not log.without_loops().prior.loops
+    assert not log.head(3).prior.loops
+    assert log.identified().prior.loops
+    assert Log.from_steps("again", log.without_loops().prior, list(log)).prior.loops
+    assert dataclasses.replace(log).prior.loops
+    assert archive.unpacked(archive.packed(Dataset(log, None))).log.prior.loops
 
 
 def test_names_notes_and_the_unused_first_row_are_not_part_of_the_digest():

@@ -38,6 +38,7 @@ def test_a_sound_backend_passes_everything() -> None:
         "unknown-landmarks-are-told-apart",
         "asking-what-is-expected-changes-nothing",
         "loop-closures-are-used",
+        "loop-closures-and-sightings-go-together",
     }
     assert len({found.name for found in outcomes}) == len(QUICK) == len(outcomes)
     assert all(found.title.endswith(".") and found.found for found in outcomes)
@@ -81,6 +82,36 @@ def test_a_smoother_that_loses_a_landmark_is_caught() -> None:
 def test_loops_and_unknown_landmarks_are_asked_of_those_that_promise_them() -> None:
     assert outcome(build(Sound, loops=True), "loop-closures-are-used").status == "failed"
     assert outcome(build(Sound, associates=True), "unknown-landmarks-are-told-apart").status == "failed"
+
+
+def test_loops_that_are_used_wrongly_are_caught() -> None:
+    class Jumps(Sound):
+        """Moves by a centimetre at every loop closure."""
+
+        def step(self, step: Step) -> Pose | None:
+            pose = self.ekf.step(step)
+            self.ekf.mean[0] += 0.01 * len(step.loops.to)
+            return pose
+
+    class Sure(Sound):
+        """Is certain of a coordinate once a loop has been closed."""
+
+        closed = False
+
+        def step(self, step: Step) -> Pose | None:
+            self.closed |= len(step.loops.to) > 0
+            return self.ekf.step(step)
+
+        def belief(self) -> Belief | None:
+            found = super().belief()
+            assert found is not None
+            cov = np.diag([0.0, 1.0, 1.0]) if self.closed else found.cov
+            return found._replace(cov=cov)
+
+    together = "loop-closures-and-sightings-go-together"
+    assert "m off at step" in outcome(build(Jumps, loops=True), together).found
+    assert "eigenvalue" in outcome(build(Sure, loops=True), together).found
+    assert outcome(build(Sound, loops=True), together).status == "passed"
 
 
 def test_a_random_backend_may_sample() -> None:

@@ -154,11 +154,17 @@ def test_a_log_with_loop_closures_is_skipped_where_they_are_not_taken(tmp_path: 
         np.array([9]), np.array([0]), (np.zeros((1, 3))), 10 * np.eye(3)[None],
     )  # fmt: skip
     logfile.write(tmp_path / "log", closed, truth)
-    found = go(tmp_path / "run", "dead-reckoning,ekf,fixed-lag,isam2", tmp_path / "log")
-    statuses = {row.columns["backend"]: (row.columns["status"], row.columns["reason"]) for row in found.values()}
-    assert statuses["isam2"][0] == "done"
-    assert statuses["ekf"] == ("skipped", "the log has loop closures (RelativePoses), which this backend does not take")
-    for without in ("dead-reckoning", "fixed-lag"):
+    found = go(tmp_path / "run", "dead-reckoning,kf,ekf,ekf[poses=1],fixed-lag,isam2", tmp_path / "log")
+    rows = {row.columns["backend"] + str(row.columns["options"] or ""): row.columns for row in found.values()}
+    statuses = {name: (columns["status"], columns["reason"]) for name, columns in rows.items()}
+    finals = {name: columns.get("final_ate_m") for name, columns in rows.items()}
+    for taking in ("ekf", "isam2"):
+        assert statuses[taking][0] == "done"
+        assert "left out" not in statuses[taking][1]
+        assert finals[taking] is not None
+    assert statuses["kf"] == ("skipped", "the log has loop closures (RelativePoses), which this backend does not take")
+    assert finals["ekfposes=1"] is None
+    for without in ("dead-reckoning", "fixed-lag", "ekfposes=1"):
         assert statuses[without][0] == "done"
         assert "1 loop closure is left out" in statuses[without][1]
 
