@@ -107,7 +107,7 @@ def sample(truth: Truth, t: Array) -> Truth:
 
 
 def with_truth(log: Log, truth: Truth | None, first: int = 0) -> Dataset:
-    """Joins a log and a ground truth, sampled at the log's times from step `first` on; a remark where it has no pose."""
+    """Joins a log and a ground truth, sampled at the log's times from step `first` on; a remark where it has none."""
     if truth is None:
         return Dataset(log, None)
     known = sample(truth, log.t[first:])

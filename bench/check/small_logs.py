@@ -12,6 +12,8 @@ from ...frontend.se2 import Array, Ints
 PRIOR_SD = np.array([0.05, 0.05, 0.02])  # m, m, rad
 MOTION_SD = np.array([0.02, 0.01, 0.01])  # m, m, rad, a step
 SIGHTING_SD = np.array([0.05, 0.02])  # m, rad
+POORER = 6.0  # factor on the odometry's sd where a loop closure is to correct its drift
+LOOP_SD = np.array([0.5, 0.5, 0.15])  # m, m, rad
 # Errors of the motion to the side and of the turn go together, as do those of a sighting: zeros hide mistakes.
 CORRELATION = np.array([[1.0, 0.0, 0.2], [0.0, 1.0, 0.4], [0.2, 0.4, 1.0]])
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -109,10 +111,18 @@ def with_map(drive: Drive, cov: Array | None, rng: np.random.Generator) -> Drive
 
 
 def with_loop(drive: Drive, to: int) -> Drive:
-    """Removes sightings and adds a loop closure, exact to 1 mm and 1 mrad, from the last step to `to`."""
+    """Removes sightings and adds an exact loop closure, stated to LOOP_SD, from the last step to `to`.
+
+    The odometry is stated so poor that its drift agrees with the loop: a gate or a robust loss would reject it else.
+    """
     steps = [step._replace(sightings=NO_SIGHTINGS) for step in drive.log]
+    steps[1:] = [
+        step._replace(odometry=step.odometry._replace(cov=POORER**2 * step.odometry.cov))
+        for step in steps[1:]
+        if step.odometry is not None
+    ]
     delta = se2.between(drive.path[to], drive.path[-1])
-    steps[-1] = steps[-1]._replace(loops=RelativePoses(np.array([to]), delta[None], 1e-6 * np.eye(3)[None]))
+    steps[-1] = steps[-1]._replace(loops=RelativePoses(np.array([to]), delta[None], np.diag(np.square(LOOP_SD))[None]))
     return drive._replace(log=Log.from_steps(drive.log.name, drive.log.prior, steps))
 
 

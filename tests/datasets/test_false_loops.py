@@ -19,7 +19,7 @@ from slamduel.datasets.truth import digest
 from slamduel.frontend.check import check_truth, problems
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log
+from slamduel.frontend.factors import Dataset, Log, Truth
 from slamduel.frontend.se2 import Array, Ints, between, compose
 
 SHARES = (0.05, 0.2, 0.5)
@@ -34,10 +34,15 @@ def made(share: float, seed: int = 0) -> Dataset:
     return planted(world(), share, np.random.default_rng(seed))
 
 
-def false(dataset: Dataset) -> Ints:
+def true(dataset: Dataset) -> Truth:
     assert dataset.truth is not None
-    assert dataset.truth.false_loops is not None
-    return dataset.truth.false_loops
+    return dataset.truth
+
+
+def false(dataset: Dataset) -> Ints:
+    found = true(dataset).false_loops
+    assert found is not None
+    return found
 
 
 def rows(log: Log, which: Ints) -> set[bytes]:
@@ -55,7 +60,7 @@ def test_so_many_are_added_and_everything_else_stays(share: float) -> None:
     log, truth = world()
     found = made(share)
     assert not list(problems(found.log))
-    check_truth(found.log, found.truth, "with false loops")
+    check_truth(found.log, true(found), "with false loops")
     count = round(share * len(log.loop_to))
     assert len(false(found)) == count == len(found.log.loop_to) - len(log.loop_to)
     assert found.log.notes[FALSE_NOTE] == f"{count} of {len(found.log.loop_to)}"
@@ -63,9 +68,8 @@ def test_so_many_are_added_and_everything_else_stays(share: float) -> None:
         np.testing.assert_array_equal(getattr(found.log, name)[own(found)], getattr(log, name))
     for name in ("t", "delta", "delta_cov", "ids", "z", "prior"):
         assert getattr(found.log, name) is getattr(log, name)
-    assert found.truth is not None
     assert truth is not None
-    assert found.truth.poses is truth.poses
+    assert true(found).poses is truth.poses
 
 
 def claimed(log: Log, which: Ints) -> Array:
@@ -111,9 +115,9 @@ def test_a_larger_share_includes_a_smaller_one_and_a_seed_is_one_log() -> None:
 
 def test_without_the_option_nothing_changes() -> None:
     assert planted(world(), 0.0, np.random.default_rng(0)) is world()
-    assert world().truth is not None
-    assert digest(world().truth) != digest(made(0.1).truth)
-    assert digest(made(0.1).truth._replace(false_loops=None)) == digest(world().truth)
+    plain, found = true(world()), true(made(0.1))
+    assert digest(plain) != digest(found)
+    assert digest(found._replace(false_loops=None)) == digest(plain)
 
 
 def test_a_log_without_ground_truth_gets_one_without_path_or_map() -> None:
@@ -121,7 +125,7 @@ def test_a_log_without_ground_truth_gets_one_without_path_or_map() -> None:
     assert truth is not None
     assert len(truth.t) == 0
     assert truth.map is None
-    assert rows(log, truth.false_loops) == rows(made(0.1).log, false(made(0.1)))
+    assert rows(log, false(Dataset(log, truth))) == rows(made(0.1).log, false(made(0.1)))
 
 
 def test_a_log_without_loops_has_none_to_add_to() -> None:
@@ -152,6 +156,7 @@ def test_a_graph_file_with_false_loops_is_the_file_in_everything_else() -> None:
     np.testing.assert_array_equal(false(found), false(expected))
 
 
+@pytest.mark.slow
 def test_the_laser_floor_is_matched_once_for_all_shares(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
     short = "laser-floor[laps=1.2,people=0,beams=61,scan_rate=2.5{}]"
@@ -174,8 +179,7 @@ def test_an_archive_and_a_folder_keep_which_loops_are_false(tmp_path: Path) -> N
     log_folder.write(tmp_path / "log", *found)
     again = log_folder.read(tmp_path / "log")
     assert again.log.digest == found.log.digest
-    assert again.truth is not None
-    assert digest(again.truth) == digest(found.truth)
+    assert digest(true(again)) == digest(true(found))
     np.testing.assert_array_equal(false(again), false(found))
     without_path = planted(Dataset(world().log, None), 0.1, np.random.default_rng(0))
     log_folder.write(tmp_path / "bare", *without_path)

@@ -202,6 +202,13 @@ def test_the_logs_are_what_the_checks_take_them_for() -> None:
     assert len(loop.ids) == 0
 
 
+@pytest.mark.parametrize("loss", ["huber", "cauchy", "geman-mcclure"])
+def test_a_loop_that_corrects_a_drift_is_none_that_a_loss_rejects(loss: str) -> None:
+    for builder in (registry.find("isam2"), registry.find("graph")):
+        found = next(check for check in CHECKS if check.name == "loop-closures-are-used")
+        assert examine(found, Candidate(builder, builder.options(loss=loss))).status == "passed"
+
+
 def test_distances_are_told_with_their_step() -> None:
     path = np.zeros((4, 3))
     bounds = (np.full(4, 0.1), np.full(4, 0.1))
