@@ -1,8 +1,8 @@
 """The log of a front end's steps: odometry factors with loop closures, or on a given map with places on it.
 
 On a map, step 0 of the log is no scan but the map's frame: a pose on the map that is exact by definition, the mean of
-the start. Step 1 is the first scan, as uncertain as the start is, and a match with the map is a loop closure to step 0. Any
-backend that takes loop closures localises.
+the start. Step 1 is the first scan, as uncertain as the start is, and a match with the map is a loop closure to step 0.
+Any backend that takes loop closures localises.
 """
 
 from dataclasses import asdict, replace
