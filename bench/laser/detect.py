@@ -12,6 +12,7 @@ from ...datasets.formats.relations import build
 from ...datasets.remarks import refuse
 from ...datasets.scans.open import OpenedScans
 from ...datasets.truth import with_truth
+from ...frontend.errors import InputError
 from ...frontend.laser.front_end import FrontEnd
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.se2 import between, compose
@@ -35,6 +36,11 @@ def detect(opened: OpenedScans, request: LaserRequest, advance: Callable[[int], 
     `advance` is called at every scan with the number of loop closures so far. InputError where there are not two steps,
     where something cannot be written, and for a remark if strict.
     """
+    if opened.settings.grid is not None:
+        raise InputError(
+            f"{request.source}: [laser] grid in robot.toml localises on a map, and bench detect makes one; expected it "
+            "without grid. bench run --dataset takes the recording as it is."
+        )
     recording = opened.recording if request.seconds is None else first_seconds(opened.recording, request.seconds)
 
     def observe(front_end: FrontEnd) -> None:

@@ -32,8 +32,8 @@ def on_grid(
     for dataset in datasets:
         if not any(field.name == "grid" for field in fields(dataset.options)):
             raise InputError(
-                f"--map {source}: is an occupancy grid, and {dataset.label} has no laser scans to match with it; "
-                "expected a laser log, such as laser-floor or a CARMEN file."
+                f"--map {source}: is an occupancy grid, and {dataset.label} takes none; expected a laser log, such as "
+                "laser-floor or a CARMEN file; a recording has it in robot.toml, [laser] grid."
             )
         found.append(DatasetVariant(dataset.name, replace(dataset.options, grid=source, start=start), dataset.source))
     return tuple(found), {**words, "map": None, "start": "known"}

@@ -81,13 +81,19 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text("odom_frame") if laser.has("odom_frame") else LaserRobot.odom_frame,
-        settings=Settings(**{name: _setting(laser, one) for name, one in settings.items() if laser.has(name)}),
+        settings=Settings(
+            **{name: _setting(laser, one, path.parent) for name, one in settings.items() if laser.has(name)}
+        ),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
     )
 
 
-def _setting(laser: TomlTable, one: Any) -> Any:
-    """The value of a field of the front end's settings, within its range."""
+def _setting(laser: TomlTable, one: Any, home: Path) -> Any:
+    """The value of a field of the front end's settings, within its range; a grid is beside robot.toml."""
+    if one.metadata["choices"]:
+        return laser.choice(one.name, one.default, one.metadata["choices"])
+    if one.default is None:
+        return str(home / laser.text(one.name))
     low, high = one.metadata["minimum"], one.metadata["maximum"]
     if isinstance(one.default, bool):
         return laser.switch(one.name, one.default)

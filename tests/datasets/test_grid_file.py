@@ -124,7 +124,7 @@ def test_a_run_on_the_grid_of_an_earlier_one(tmp_path: Path, capsys: pytest.Capt
     assert "grid=" in cells["graph"]["dataset_options"]
     words = ["run", "--out", str(tmp_path / "third"), "--backend", "ekf", "--map", str(place)]
     assert main([*words, "--dataset", "circle"]) == 2
-    assert "is an occupancy grid, and circle has no laser scans to match with it" in capsys.readouterr().err
+    assert "is an occupancy grid, and circle takes none; expected a laser log" in capsys.readouterr().err
     assert main([*words, "--dataset", again, "--map-fixed"]) == 2
     assert "is an occupancy grid, which is fixed as it is; expected it without" in capsys.readouterr().err
     assert main(["run", "--out", str(tmp_path / "third"), "--dataset", "laser-floor[start=unknown]"]) == 2

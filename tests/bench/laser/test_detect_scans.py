@@ -114,6 +114,9 @@ def test_the_command_refuses_what_it_cannot_do(drive: Path, tmp_path: Path, caps
     assert "a CARMEN log has no topics" in refused(str(drive), "--scan", "/scan")
     assert "the robot moved 0 m in 1 scans, expected at least one step" in refused(str(drive), "--seconds", "0.01")
     recording = floor.floor_drive()
+    floor.carmen(tmp_path / "on" / "floor.clf", recording)
+    (tmp_path / "on" / "robot.toml").write_text('[laser]\ngrid = "grids"\n')
+    assert "[laser] grid in robot.toml localises on a map, and bench detect makes one" in refused(str(tmp_path / "on"))
     (tmp_path / "two").mkdir()
     both = [*floor.scans(recording), *(one._replace(topic="/rear") for one in floor.scans(recording))]
     path = bags.write(tmp_path / "two", "ros2", both)
