@@ -20,7 +20,7 @@ from ...frontend.laser_scans import Scans
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
 from .kept_scans import SCANS, kept_scans
-from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
+from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, SKIPPED, Row, label, packed, unpacked
 from .statuses import FAILED
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
@@ -253,8 +253,10 @@ class Store:
             db.execute("DELETE FROM plan WHERE place >= ?", (len(encoded),))
             db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
 
-    def settle(self, place: int, key: str | None, trouble: str | None) -> None:
-        """Writes the key of a cell's result, or why there is none."""
+    def settle(self, place: int, key: str | None, trouble: str | None, *, skipped: bool = False) -> None:
+        """Writes the key of a cell's result, or why there is none: an error, or a log that is not there."""
+        if skipped:
+            trouble = f"{SKIPPED}{trouble}"
         with self._writing() as db:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
@@ -274,8 +276,8 @@ class Store:
         for name in measures:  # an earlier version's record lacks some
             table.setdefault(name, numbers([None] * len(at)))
         trouble, missing = words(troubles), at < 0
-        table["status"][missing] = ["waiting" if said is None else "error" for said in trouble[missing]]
-        table["reason"][missing] = trouble[missing]
+        table["status"][missing] = [_status(said) for said in trouble[missing]]
+        table["reason"][missing] = [said and said.removeprefix(SKIPPED) for said in trouble[missing]]
         return CellTable(table)
 
     def view(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
@@ -334,6 +336,11 @@ class Store:
         finally:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
+
+
+def _status(trouble: str | None) -> str:
+    """Returns the status of a cell without a result."""
+    return "waiting" if trouble is None else "skipped" if trouble.startswith(SKIPPED) else "error"
 
 
 def _of_seeds(remark: str, seeds: Sequence[int], logs: int) -> str:
