@@ -194,14 +194,14 @@ def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> 
     with np.errstate(invalid="ignore"):
         mean = total / count
     beside, spread = table.columns.get("timing_alone"), table.columns.get(standard_error(measure))
-    single = spread is not None and mean.size == 1 and bool(done.any())
+    within = float(spread[rows][done].mean()) if spread is not None and mean.size == 1 and done.any() else np.nan
     skipped = status == "skipped"
     reasons = set(table.columns["reason"][rows][skipped].tolist()) if skipped.any() else set[str]()
     return Side(
         measure, xs, own, mean.reshape(shape), (count > 0).reshape(shape), len(rows), int((status == "waiting").sum()),
         int(failed.sum()), int(skipped.sum()), int((done & ~present).sum()),
         0 if beside is None else int((beside[rows] == 0).sum()),
-        float(spread[rows][done].mean()) if single else np.nan, reasons.pop() if len(reasons) == 1 else "",
+        within, reasons.pop() if len(reasons) == 1 else "",
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ class KnownLogs:
 
     def __init__(self, store: Store, work: Work) -> None:
         self.known = store.logs(arrays=work.keep)
-        self.unmade = dict.fromkeys(store.logs_unmade(), "error")  # by key, the status of its cells
+        self.unmade = store.logs_unmade()  # by key, the status of its cells
         self.kept: dict[str, KeptLog] = {}  # at hand for whoever is to run on them
         self.lost: dict[str, Finished] = {}  # that should be, but could not be made
         self._made = store.logs_made()
@@ -57,8 +57,8 @@ class KnownLogs:
         if finished.log is None:
             if self.are_kept(cell):
                 self.lost[self.key(cell)] = finished
-            if self.key(cell) in self.unmade:
-                self.unmade[self.key(cell)] = finished.result.status
+            if self.unmade.get(self.key(cell)) != finished.result.status:
+                self.unmade.pop(self.key(cell), None)  # for another reason than before: its cells end anew
         elif self.are_kept(cell):
             return self._keep(cell, finished.log)
         else:

@@ -160,9 +160,11 @@ class Store:
             made.setdefault((of[0], of[1], of[2]), []).append(Known(digest, truth, kind))
         return made
 
-    def logs_unmade(self) -> set[str]:
-        """Reads the keys of the logs that could not be made."""
-        return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
+    def logs_unmade(self) -> dict[str, str]:
+        """Reads the keys of the logs that could not be made, and the status of their cells."""
+        query = """SELECT logs.key, plan.trouble FROM logs
+                   LEFT JOIN plan ON plan.log = logs.key AND plan.trouble IS NOT NULL WHERE digest IS NULL"""
+        return {key: _status(trouble or "") for key, trouble in self._all(query)}
 
     def put_log(
         self,

@@ -68,7 +68,7 @@ def _check_printed(words: TomlTable, x: str, values: Iterable[Any], known: Seque
         if not all(isinstance(one, str) for one in known):
             raise words.refused(value, f"{x} has values that are no words, expected printed values beside words alone.")
         if value not in known:
-            raise words.refused(value, f"no cell of the figure has {x} = {shown(value)}, expected one of the drawn ones.")
+            raise words.refused(value, f"no cell of the figure has {x} = {shown(value)}, expected one that is drawn.")
 
 
 def _side(words: TomlTable, key: str, selection: Selection, where: Selection, cells: Cells) -> Cells:

@@ -23,7 +23,8 @@ MOST_DOTS = 60  # dots of a row; of more runs some, evenly along their order
 
 def rows_height(found: Medians) -> float:
     """Returns the height in points."""
-    return height([name for name, _ in _rows(found)]) + LEGEND * len(found.figure.printed)
+    lines = len(found.figure.printed)
+    return height([name for name, _ in _rows(found)]) + LEGEND * (lines + (lines > 0))
 
 
 def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: Marks, measure: str) -> None:
@@ -56,17 +57,18 @@ def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: 
         if k and place.x != named[k - 1][1].x and len(found.bys) > 1 and found.figure.x != found.figure.by:
             axes.axhline(k - 0.4, color=INK, linewidth=0.5, alpha=0.4)
     axes.set_xlabel(measure)
-    _draw_printed(axes, found, named)
+    if found.figure.printed:
+        _draw_printed(axes, found, named)
+        figure.legend(loc="upper left", frameon=False, fontsize=7.5, handletextpad=0.4, borderpad=0)
 
 
 def _draw_printed(axes: Axes, found: Medians, named: Sequence[tuple[str, Place]]) -> None:
-    """Draws published values in their rows, and names their markers below the axis."""
+    """Draws published values in their rows, and names the markers for a legend."""
+    axes.plot([], [], "|", color=INK, markersize=10, markeredgewidth=1.6, label="measured here")
     for (whose, values), marker in zip(found.figure.printed.items(), cycle(MARKERS)):
         style: dict[str, Any] = {"marker": marker, "markersize": 5, "color": INK, "markerfacecolor": "none"}
         places = [(values[place.x], k + 0.12) for k, (_, place) in enumerate(named) if place.x in values]
         axes.plot(*zip(*places, strict=True), linestyle="none", label=whose, **style)
-    if found.figure.printed:
-        axes.legend(loc="upper left", bbox_to_anchor=(0, -0.2), frameon=False, fontsize=7)
 
 
 def _rows(found: Medians) -> list[tuple[str, Place]]:

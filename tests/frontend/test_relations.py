@@ -92,7 +92,8 @@ def test_a_standard_error_goes_by_time_and_not_by_rows() -> None:
     relations = some(FEWEST_EXACT, path)
     other = path + np.cumsum(RNG.normal(0, 0.01, path.shape), axis=0)
     shuffled = RNG.permutation(len(relations.delta))
-    mixed = Relations(*(part.taken(shuffled) for part in relations[:2]), *(part[shuffled] for part in relations[2:]))
+    ends = relations.first.taken(shuffled), relations.second.taken(shuffled)
+    mixed = Relations(*ends, relations.delta[shuffled], relations.exact[shuffled])
     assert len(set(relations.first.step.tolist())) < len(relations.delta)  # some begin at one step: in any order
     row, again = relation_columns(relations, other), relation_columns(mixed, other)
     assert abs(row["relation_se_m"] / again["relation_se_m"] - 1) < 0.1

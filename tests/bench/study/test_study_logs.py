@@ -194,8 +194,9 @@ of = { dataset = "freiburg" }
 below = 1.0
 """
     folder = tmp_path / "out"
-    for _ in range(2):
-        assert go(folder, text).tally == Tally(2, 2, 0)
+    assert go(folder, text, lost=True).tally == Tally(2, 2, 2)
+    for again in (True, False):
+        assert go(folder, text, RunRequest(lambda _: True, None, again)).tally == Tally(2, 2, 0)
         found = evidence(folder)
         assert dict(found.standing.counts) == {"done": 1, "skipped": 1}
         assert [group.reason for group in found.standing.told] == [

@@ -169,17 +169,17 @@ def test_a_claim_draws_its_bound_where_it_is_claimed(tmp_path: Path) -> None:
 
 
 def test_printed_values_stand_in_their_rows_and_tables(tmp_path: Path) -> None:
-    text = TEXT.replace("where = { landmarks = 6 }", "where = { landmarks = 6 }\nprinted.Them = { ekf = 3.25, ukf = 1.5 }")
+    where = "where = { landmarks = 6 }"
+    text = TEXT.replace(where, f"{where}\nprinted.Them = {{ ekf = 3.25, ukf = 1.5 }}")
     found = evidence(small_study(tmp_path, "s", text, outcomes()))
     canvas = Canvas()
     draw_rows(canvas, found.medians[1], line_looks(found.medians[1], ["ekf", "ukf"]), Marks((), (), {}), "NEES")
     (axes,) = canvas.axes
     (line,) = [one for one in axes.lines if one.get_label() == "Them"]
-    assert list(zip(*line.get_data(), strict=True)) == [(3.25, pytest.approx(0.12)), (1.5, pytest.approx(1.12))]
+    assert line.get_xydata() == pytest.approx(np.array([(3.25, 0.12), (1.5, 1.12)]))
     assert axes.get_xlim()[1] > 3.25
-    legend = axes.get_legend()
-    assert legend is not None
-    assert [one.get_text() for one in legend.get_texts()] == ["Them"]
+    (legend,) = canvas.legends
+    assert [one.get_text() for one in legend.get_texts()] == ["measured here", "Them"]
     grid = median_grid(found.medians[1])
     assert grid.headings[-1] == "Them"
     assert [row[-1].text for row in grid.rows] == ["3.25", "1.50"]
