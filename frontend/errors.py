@@ -12,5 +12,9 @@ class InputError(SlamduelError):
     """A file, a log, an option or a combination of them that cannot be used."""
 
 
+class Absent(InputError):
+    """A published log that is not on this machine."""
+
+
 class Interrupted(SlamduelError):
     """The user stopped a command; the message says how to resume it."""

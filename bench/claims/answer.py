@@ -9,6 +9,7 @@ easily found, the more there are.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from .crossing import crossing
 from .finding import FIGURES, Finding, Verdict, nothing
 from .median import exponents, median
 from .ratio import alike, less
-from .side import Untestable, numbered, parameters, selected, side
+from .side import Untestable, numbered, parameters, selected, side, standard_error
 from .words import remarks
 
 HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Not decided", "holds": "Holds"}  # what an answer begins with
@@ -55,9 +56,10 @@ class Answer:
 
 
 def measures(claims: Sequence[Claim]) -> list[str]:
-    """Lists the columns that the claims are tested on, with timing_alone for times."""
+    """Lists the columns that the claims are tested on, with standard errors, and timing_alone for times."""
     sides = [side for claim in claims for side in (claim.first, claim.second)]
     found = list(dict.fromkeys([c.measure for c in claims] + [s["measure"] for s in sides if "measure" in s]))
+    found += [error for name in found if (error := standard_error(name))]
     return [*found, *["timing_alone"] * any(about(name).kind.is_time for name in found)]
 
 
@@ -124,7 +126,7 @@ def _tested(claim: Claim, value: Any, table: CellTable) -> Finding:
     found = KINDS[claim.kind](claim, *sides)
     waiting = sum(side.waiting for side in sides)
     said = [f"{waiting:,} of {counted(sum(side.cells for side in sides), 'cell')} have not run"] * (waiting > 0)
-    said += [f"{FEWEST} logs at least are needed"] * (not waiting and 0 < found.n < FEWEST)
+    said += [f"{FEWEST} logs at least are needed"] * (not waiting and 0 < found.n < FEWEST and isnan(found.low))
     lacking = "one side has" if len(sides) > 1 else f"some {claim.along} has"
     said += [*found.remarks, *[f"{counted(found.lost, 'log')} left out, where {lacking} no value"] * (found.lost > 0)]
     found = found._replace(waiting=waiting, remarks=(*said, *remarks(sides)))

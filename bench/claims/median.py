@@ -1,5 +1,7 @@
 """Tests claims on a median over logs: of a measure, and of the exponent with which it grows."""
 
+from math import isfinite
+
 import numpy as np
 
 from ...frontend.se2 import Array
@@ -10,6 +12,7 @@ from .finding import Finding, judged, margin, nothing
 from .side import Side, Untestable
 from .words import bounds, exponent, interval, sized
 
+BATCHES = 2.093  # standard errors of the ends of a 95 % interval: Student's t with the freedom of 20 stretches
 FEWEST_PLACES = 3  # values of a parameter that an exponent needs
 
 
@@ -17,11 +20,17 @@ def median(claim: Claim, side: Side) -> Finding:
     """Tests the median of the measure against the bounds.
 
     An error's failed cell is infinite. A failed cell of another measure, a NEES or a time, might have had any value: it
-    counts as the lowest for the one end of the interval, and as the highest for the other.
+    counts as the lowest for the one end of the interval, and as the highest for the other. On a single log, of a mean
+    over the log that has a standard error, the interval is of that mean.
     """
     found = cautious(side.values[:, 0][side.present[:, 0]])
     if not found.n:
         return nothing(f"no cell has {side.measure}")
+    if isfinite(side.within) and found.n == 1:
+        reach = BATCHES * side.within
+        found = found._replace(low=found.value - reach, high=found.value + reach)
+        said = f"mean {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n)})"
+        return _judged(claim, found, said, bounds(claim.low, claim.high, side.measure))
     said = f"median {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n)})"
     return _judged(claim, found, said, bounds(claim.low, claim.high, side.measure))
 

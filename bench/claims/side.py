@@ -38,6 +38,8 @@ class Side(NamedTuple):
     skipped: int
     undefined: int  # done, without a value
     beside: int  # with others running on their machine meanwhile
+    within: float  # standard error of the value on a single log, NaN where it has none
+    why: str  # the reason of the skipped ones, where all have the same
 
     @property
     def unknown(self) -> int:
@@ -83,6 +85,12 @@ def _columns(side: Side, along: list[Any]) -> Array:
     if side.along == along:
         return side.values
     return side.values[:, [0] * len(along) if side.along == [None] else [side.along.index(x) for x in along]]
+
+
+def standard_error(measure: str) -> str:
+    """Names the column with the standard error of the measure, a mean over a log; "" without one."""
+    name = measure.replace("relation_", "relation_se_")
+    return name if measure.removeprefix("final_") in ("relation_m", "relation_deg") else ""
 
 
 def parameters(table: CellTable) -> list[str]:
@@ -185,11 +193,15 @@ def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> 
     total = np.bincount(place, value[present], minlength=len(own) * len(xs))
     with np.errstate(invalid="ignore"):
         mean = total / count
-    beside = table.columns.get("timing_alone")
+    beside, spread = table.columns.get("timing_alone"), table.columns.get(standard_error(measure))
+    within = float(spread[rows][done].mean()) if spread is not None and mean.size == 1 and done.any() else np.nan
+    skipped = status == "skipped"
+    reasons = set(table.columns["reason"][rows][skipped].tolist()) if skipped.any() else set[str]()
     return Side(
         measure, xs, own, mean.reshape(shape), (count > 0).reshape(shape), len(rows), int((status == "waiting").sum()),
-        int(failed.sum()), int((status == "skipped").sum()), int((done & ~present).sum()),
+        int(failed.sum()), int(skipped.sum()), int((done & ~present).sum()),
         0 if beside is None else int((beside[rows] == 0).sum()),
+        within, reasons.pop() if len(reasons) == 1 else "",
     )  # fmt: skip
 
 

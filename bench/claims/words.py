@@ -87,7 +87,9 @@ def remarks(sides: Sequence[Side]) -> list[str]:
         said.append(f"{_of(failed, cells)} failed and {'might have had any value' if unknown == failed else worst}")
     skipped, undefined = sum(side.skipped for side in sides), sum(side.undefined for side in sides)
     if skipped:
-        said.append(f"{_of(skipped, cells)} {'was' if skipped == 1 else 'were'} skipped")
+        why = {side.why for side in sides if side.skipped}
+        reason = f": {why.pop()}" if len(why) == 1 else ""
+        said.append(f"{_of(skipped, cells)} {'was' if skipped == 1 else 'were'} skipped{reason.rstrip('.: ')}")
     if undefined:
         said.append(f"{_of(undefined, cells)} had no {listed(list(dict.fromkeys(side.measure for side in sides)))}")
     beside = sum(side.beside for side in sides if about(side.measure).kind.is_time)

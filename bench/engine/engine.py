@@ -135,10 +135,10 @@ class _Engine:
         return list(self.work.cells) if self.work.logs_first else [self.work.cells[place] for place in todo]
 
     def _status(self, place: int) -> str | None:
-        """Returns the cell's status, an error where its log could not be made; None where it has not ended."""
+        """Returns the cell's status, also where its log could not be made; None where it has not ended."""
         key = self.keys[place]
         if key is None:
-            return "error" if self.log_keys[place] in self.logs.unmade else None
+            return self.logs.unmade.get(self.log_keys[place])
         return self.statuses.get(key)
 
     def _ended(self) -> int:
@@ -211,8 +211,8 @@ class _Engine:
                 self.logs.know(cell, finished.log)
             key = self.keys[place] = self._key(place)
             if key is None:
-                self.store.settle(place, None, result.reason)
-                self.logs.know_unmade(cell)
+                self.store.settle(place, None, result.reason, skipped=result.status == "skipped")
+                self.logs.know_unmade(cell, result.status)
             else:
                 row = self._row(cell, finished, self.logs.known[of_log])
                 if self.store.put_result(key, row, result.arrays):

@@ -18,7 +18,7 @@ class KnownLogs:
 
     def __init__(self, store: Store, work: Work) -> None:
         self.known = store.logs(arrays=work.keep)
-        self.unmade = store.logs_unmade()
+        self.unmade = store.logs_unmade()  # by key, the status of its cells
         self.kept: dict[str, KeptLog] = {}  # at hand for whoever is to run on them
         self.lost: dict[str, Finished] = {}  # that should be, but could not be made
         self._made = store.logs_made()
@@ -57,6 +57,8 @@ class KnownLogs:
         if finished.log is None:
             if self.are_kept(cell):
                 self.lost[self.key(cell)] = finished
+            if self.unmade.get(self.key(cell)) != finished.result.status:
+                self.unmade.pop(self.key(cell), None)  # for another reason than before: its cells end anew
         elif self.are_kept(cell):
             return self._keep(cell, finished.log)
         else:
@@ -70,13 +72,13 @@ class KnownLogs:
             truth = log.truth if self._work.keep else {}
             self._store.put_log(key, _name(cell), known, truth, log.sketch, log.remarks)
             self.known[key] = known
-            self.unmade.discard(key)
+            self.unmade.pop(key, None)
 
-    def know_unmade(self, cell: PlannedCell) -> None:
-        """Records that the cell's log could not be made."""
+    def know_unmade(self, cell: PlannedCell, status: str) -> None:
+        """Records that the cell's log could not be made, and the status of its cells."""
         key = self.key(cell)
         self._store.put_unmade(key, _name(cell))
-        self.unmade.add(key)
+        self.unmade[key] = status
 
     def _keep(self, cell: PlannedCell, made_now: LogFacts) -> str:
         """Keeps a new log, or stays with an earlier one that differs by rounding alone."""

@@ -26,6 +26,8 @@ FILE = "results.sqlite"
 VERSION = 2
 APPLICATION = 0x536C6144  # SQLite's application_id: "SlaD"
 
+SKIPPED = "skipped: "  # what begins the trouble of a cell that is skipped as its log is not there
+
 MEASURED = {name: kind for name, kind in KINDS.items() if name not in (*KEY, "status", "reason")}
 
 ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REAL", "traceback": "TEXT"}
@@ -40,7 +42,10 @@ VIEW = f"""
 CREATE VIEW cells AS
     SELECT {_FIRST}, results.status, results.reason, {_LAST} FROM plan JOIN results ON plan.key = results.key
     UNION ALL
-    SELECT {_FIRST}, CASE WHEN plan.trouble IS NULL THEN 'waiting' ELSE 'error' END, plan.trouble, {_LAST}
+    SELECT {_FIRST}, CASE WHEN plan.trouble IS NULL THEN 'waiting' WHEN plan.trouble LIKE '{SKIPPED}%' THEN 'skipped'
+                          ELSE 'error' END,
+           CASE WHEN plan.trouble LIKE '{SKIPPED}%' THEN substr(plan.trouble, {len(SKIPPED) + 1}) ELSE plan.trouble END,
+           {_LAST}
     FROM plan LEFT JOIN results ON plan.key = results.key WHERE results.key IS NULL
     ORDER BY 1;
 """

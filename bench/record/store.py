@@ -20,7 +20,7 @@ from ...frontend.laser_scans import Scans
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
 from .kept_scans import SCANS, kept_scans
-from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, Row, label, packed, unpacked
+from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, SKIPPED, Row, label, packed, unpacked
 from .statuses import FAILED
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
@@ -160,9 +160,11 @@ class Store:
             made.setdefault((of[0], of[1], of[2]), []).append(Known(digest, truth, kind))
         return made
 
-    def logs_unmade(self) -> set[str]:
-        """Reads the keys of the logs that could not be made."""
-        return {key for (key,) in self._all("SELECT key FROM logs WHERE digest IS NULL")}
+    def logs_unmade(self) -> dict[str, str]:
+        """Reads the keys of the logs that could not be made, and the status of their cells."""
+        query = """SELECT logs.key, plan.trouble FROM logs
+                   LEFT JOIN plan ON plan.log = logs.key AND plan.trouble IS NOT NULL WHERE digest IS NULL"""
+        return {key: _status(trouble or "") for key, trouble in self._all(query)}
 
     def put_log(
         self,
@@ -253,8 +255,10 @@ class Store:
             db.execute("DELETE FROM plan WHERE place >= ?", (len(encoded),))
             db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
 
-    def settle(self, place: int, key: str | None, trouble: str | None) -> None:
-        """Writes the key of a cell's result, or why there is none."""
+    def settle(self, place: int, key: str | None, trouble: str | None, *, skipped: bool = False) -> None:
+        """Writes the key of a cell's result, or why there is none: an error, or a log that is not there."""
+        if skipped:
+            trouble = f"{SKIPPED}{trouble}"
         with self._writing() as db:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
@@ -274,8 +278,8 @@ class Store:
         for name in measures:  # an earlier version's record lacks some
             table.setdefault(name, numbers([None] * len(at)))
         trouble, missing = words(troubles), at < 0
-        table["status"][missing] = ["waiting" if said is None else "error" for said in trouble[missing]]
-        table["reason"][missing] = trouble[missing]
+        table["status"][missing] = [_status(said) for said in trouble[missing]]
+        table["reason"][missing] = [said and said.removeprefix(SKIPPED) for said in trouble[missing]]
         return CellTable(table)
 
     def view(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
@@ -334,6 +338,11 @@ class Store:
         finally:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
+
+
+def _status(trouble: str | None) -> str:
+    """Returns the status of a cell without a result."""
+    return "waiting" if trouble is None else "skipped" if trouble.startswith(SKIPPED) else "error"
 
 
 def _of_seeds(remark: str, seeds: Sequence[int], logs: int) -> str:

@@ -58,6 +58,17 @@ def check_figure(figure: Figure, words: TomlTable, cells: Cells) -> None:
     for value in _values(figure.x, there) if "x" in figure.log else []:
         if value <= 0:
             raise words.fault("log", f"no x in it: {figure.x} is {shown(value)} in some cells")
+    for whose, values in figure.printed.items():
+        _check_printed(words.table("printed").table(whose), figure.x, values, _values(figure.x, there))
+
+
+def _check_printed(words: TomlTable, x: str, values: Iterable[Any], known: Sequence[Any]) -> None:
+    """Raises InputError unless published values are of values of x, which are words."""
+    for value in values:
+        if not all(isinstance(one, str) for one in known):
+            raise words.refused(value, f"{x} has values that are no words, expected printed values beside words alone.")
+        if value not in known:
+            raise words.refused(value, f"no cell of the figure has {x} = {shown(value)}, expected one that is drawn.")
 
 
 def _side(words: TomlTable, key: str, selection: Selection, where: Selection, cells: Cells) -> Cells:

@@ -137,7 +137,7 @@ def _done(study: Study, store: Store | None, request: RunRequest) -> list[bool]:
     """Returns for each cell True if it has ended and is not to be run again."""
     if store is None:
         return [False] * len(study.cells)
-    logs, statuses = store.logs(), store.statuses() | dict.fromkeys(store.logs_unmade(), "error")
+    logs, statuses = store.logs(), store.statuses() | store.logs_unmade()
     known: dict[tuple[int, int], str | Known] = {}  # by dataset and seed: several cells share a log
     done: list[bool] = []
     for cell in study.cells:

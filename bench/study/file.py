@@ -42,6 +42,8 @@
     where      { parameter = value, ... }: the cells that are drawn (all)
     log        "x", "y" or "xy": which axes are logarithmic
     title, caption
+    printed    { "whose" = { value = number, ... } }: published values of y by
+               values of x, where these are words, to be drawn beside
 
     [[claim]]  a sentence, and what makes it true
     says       the sentence
@@ -51,7 +53,8 @@
 
     and one of these; {} is such a selection as `where`, bounds are above,
     below or within = [low, high]:
-    of = {}, bounds                      the median
+    of = {}, bounds                      the median; of an error of relations
+                                         on one log, its mean over them
     less = {}, than = {}, factor (1)     on the same logs: smaller, and by
                                          at least that factor
     alike = {}, to = {}, by              on the same logs: equal within a
@@ -166,7 +169,7 @@ def _without_cells(words: TomlTable, text: str, *, full: bool) -> Study:
 
 
 def _figure(words: TomlTable) -> Figure:
-    words.only(("x", "y", "by", "where", "log", "title", "caption"))
+    words.only(("x", "y", "by", "where", "log", "title", "caption", "printed"))
     x = words.text("x")
     return Figure(
         x,
@@ -176,7 +179,14 @@ def _figure(words: TomlTable) -> Figure:
         words.choice("log", "", ("", "x", "y", "xy")),  # pyright: ignore[reportArgumentType] - one of these
         words.text("title", ""),
         words.text("caption", ""),
+        _printed(words.table("printed")),
     )
+
+
+def _printed(words: TomlTable) -> dict[str, dict[Any, float]]:
+    """Reads published values, by whose they are and the value of x."""
+    tables = {whose: words.table(whose) for whose in words.entries}
+    return {whose: {value: table.number(value) for value in table.entries} for whose, table in tables.items()}
 
 
 def _claim(words: TomlTable) -> Claim:

@@ -55,6 +55,8 @@ class Figure:
     log: Literal["", "x", "y", "xy"]
     title: str
     caption: str
+    printed: Mapping[str, Mapping[Any, float]] = field(default_factory=dict[str, Mapping[Any, float]])
+    """published values of y, by whose they are and x"""
 
 
 @dataclass(frozen=True, kw_only=True)

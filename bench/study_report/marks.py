@@ -70,7 +70,8 @@ def marks(found: Medians, answers: Iterable[Answer]) -> Marks:
         if claim.kind == "value":
             of = chosen.get(figure.x), chosen.get(figure.by)
             ends = Bound(claim.low, False, *of), Bound(claim.high, True, *of)
-            bounds += [bound for bound in ends if isfinite(bound.value)]
+            printed = [values.get(of[0]) for values in figure.printed.values()]  # drawn as such
+            bounds += [bound for bound in ends if isfinite(bound.value) and bound.value not in printed]
         if claim.kind == "crosses" and claim.along == figure.x:
             crossings += _crossing(found, answer)
         if claim.kind == "grows" and claim.along == figure.x:

@@ -1,9 +1,11 @@
 """Draws a study's figure where x is a word: one row per x and `by`, with runs, median and interval."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..claims.curves import Medians, Place, names, worded
@@ -14,12 +16,15 @@ from ..words.numerals import TIMES
 from ..words.styles import Look
 from .marks import Marks, draw_upright
 
+MARKERS = ("D", "s", "^", "v", "o", "P")  # of published values, each hollow, by whose they are
+LEGEND = 13  # points of a line of the legend
 MOST_DOTS = 60  # dots of a row; of more runs some, evenly along their order
 
 
 def rows_height(found: Medians) -> float:
     """Returns the height in points."""
-    return height([name for name, _ in _rows(found)])
+    lines = len(found.figure.printed)
+    return height([name for name, _ in _rows(found)]) + LEGEND * (lines + (lines > 0))
 
 
 def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: Marks, measure: str) -> None:
@@ -27,6 +32,7 @@ def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: 
     named = _rows(found)
     axes = rows(figure, [(name, looks[_whose(found, place)]) for name, place in named])
     shown = [value for _, place in named for value in (*_some(place), place.low, place.high, *drawn.values)]
+    shown += [value for values in found.figure.printed.values() for value in values.values()]
     shown = [value for value in shown if np.isfinite(value)]
     if "y" in found.figure.log and min(shown, default=0) > 0:
         fitted("x", axes, shown)
@@ -51,6 +57,18 @@ def draw_rows(figure: Figure, found: Medians, looks: Mapping[Any, Look], drawn: 
         if k and place.x != named[k - 1][1].x and len(found.bys) > 1 and found.figure.x != found.figure.by:
             axes.axhline(k - 0.4, color=INK, linewidth=0.5, alpha=0.4)
     axes.set_xlabel(measure)
+    if found.figure.printed:
+        _draw_printed(axes, found, named)
+        figure.legend(loc="upper left", frameon=False, fontsize=7.5, handletextpad=0.4, borderpad=0)
+
+
+def _draw_printed(axes: Axes, found: Medians, named: Sequence[tuple[str, Place]]) -> None:
+    """Draws published values in their rows, and names the markers for a legend."""
+    axes.plot([], [], "|", color=INK, markersize=10, markeredgewidth=1.6, label="measured here")
+    for (whose, values), marker in zip(found.figure.printed.items(), cycle(MARKERS)):
+        style: dict[str, Any] = {"marker": marker, "markersize": 5, "color": INK, "markerfacecolor": "none"}
+        places = [(values[place.x], k + 0.12) for k, (_, place) in enumerate(named) if place.x in values]
+        axes.plot(*zip(*places, strict=True), linestyle="none", label=whose, **style)
 
 
 def _rows(found: Medians) -> list[tuple[str, Place]]:

@@ -93,16 +93,27 @@ def median_grid(found: Medians) -> Grid:
     caption = f"{measure[:1].upper()}{measure[1:]}: medians, {ENDS}, number of runs"
     if x == by or len(found.bys) == 1:
         places = [found.places[one, by_] for one in found.xs for by_ in found.bys if (one, by_) in found.places]
-        return Grid(caption, [x, "median"], [[Entry(worded(p.x)), _entry(p, found)] for p in places])
+        rows = [[Entry(worded(p.x)), _entry(p, found), *_printed(p.x, found)] for p in places]
+        return Grid(caption, [x, "median", *found.figure.printed], rows)
     if len(found.bys) <= MOST_COLUMNS:
         rows = [
-            [Entry(worded(one)), *(_entry(found.places.get((one, other)), found) for other in found.bys)]
+            [
+                Entry(worded(one)),
+                *(_entry(found.places.get((one, other)), found) for other in found.bys),
+                *_printed(one, found),
+            ]
             for one in found.xs
         ]
-        return Grid(caption, [x, *(found.called[other] for other in found.bys)], rows)
+        return Grid(caption, [x, *(found.called[other] for other in found.bys), *found.figure.printed], rows)
     places = [found.places[one, other] for other in found.bys for one in found.xs if (one, other) in found.places]
-    rows = [[Entry(found.called[p.by]), Entry(worded(p.x)), _entry(p, found)] for p in places]
-    return Grid(caption, [by, x, "median"], rows)
+    rows = [[Entry(found.called[p.by]), Entry(worded(p.x)), _entry(p, found), *_printed(p.x, found)] for p in places]
+    return Grid(caption, [by, x, "median", *found.figure.printed], rows)
+
+
+def _printed(x: Any, found: Medians) -> list[Entry]:
+    """Makes the entries of published values at x."""
+    shown = about(found.figure.y).kind.shown
+    return [Entry(shown(values[x]) if x in values else "") for values in found.figure.printed.values()]
 
 
 def _entry(place: Place | None, found: Medians) -> Entry:

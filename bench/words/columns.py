@@ -139,6 +139,10 @@ ONLINE = (
            "there are 500 of them, else also those at times between two scans. Not aligned.", "error of relations"),
     Column("relation_deg", "rotation of relations", kind.ERROR_DEG, "Likewise, of the turn between the two poses.",
            "error of relations, rotation"),
+    Column("relation_se_m", "se of relations", kind.ERROR_M,
+           "Standard error of the mean of the error in m, from the means of 20 stretches of the log, as neighbouring "
+           "pairs have similar errors. Blank where there are fewer than 40 pairs."),
+    Column("relation_se_deg", "se of their rotation", kind.ERROR_DEG, "Likewise, of the turn."),
     Column("relation_sd_m", "sd of relations", kind.ERROR_M, "Standard deviation of the error in m, over the pairs."),
     Column("relation_max_m", "worst relation", kind.ERROR_M, "The largest error of such a pair."),
     Column("relation_sd_deg", "sd of their rotation", kind.ERROR_DEG, "Likewise, of the turn."),

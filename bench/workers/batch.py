@@ -13,7 +13,7 @@ from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.remarks import remarks
 from ...datasets.truth import digest
-from ...frontend.errors import InputError, SlamduelError
+from ...frontend.errors import Absent, InputError, SlamduelError
 from ...frontend.factors import Dataset, Map, Start
 from ..measure import cell
 from ..measure.cell import Job, Result
@@ -117,6 +117,9 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
     began = time.perf_counter()
     try:
         dataset, facts = logs.get(batch)
+    except Absent as error:
+        yield from unmade(batch, Result("skipped", str(error)), time.perf_counter() - began)
+        return
     except SlamduelError as error:
         seconds = time.perf_counter() - began
         yield from unmade(batch, Result("error", f"the log could not be made: {error}"), seconds)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...frontend.errors import InputError
+from ...frontend.errors import Absent
 from ..cache import folder
 
 
@@ -188,11 +188,11 @@ def place(name: str) -> Path:
 
 
 def fetched(name: str, given: str) -> Path:
-    """The folder of the published log `name`; InputError, with instructions, if it is not on this machine.
+    """The folder of the published log `name`; Absent, with instructions, if it is not on this machine.
 
     `given` is the alternative that names a copy elsewhere: `dlr[path=FOLDER]`.
     """
     found = place(name)
     if not found.is_dir():
-        raise InputError(f"{name} is not on this machine: bench fetch {name} gets it, {given} names a copy.")
+        raise Absent(f"{name} is not on this machine: bench fetch {name} gets it, {given} names a copy.")
     return found

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slamduel.bench.measure.relations import counted_relations, relation_columns
+from slamduel.bench.measure.relations import STRETCHES, counted_relations, relation_columns, standard_error
 from slamduel.frontend.relations import FEWEST_EXACT, Anchors, Relations, as_rows, from_rows
 from slamduel.frontend.se2 import Array, between, compose
 
@@ -76,6 +76,30 @@ def test_exact_ones_alone_are_judged_where_they_are_enough() -> None:
     row, errors = relation_columns(enough, other), enough.errors(other)[:FEWEST_EXACT]
     assert abs(row["relation_m"] - errors[:, 0].mean()) < 1e-12
     assert abs(row["relation_sd_deg"] - np.degrees(errors[:, 1]).std()) < 1e-12
+
+
+def test_a_standard_error_is_that_of_means_over_logs() -> None:
+    logs, n, alike = 2000, 400, 10
+    errors = np.repeat(np.random.default_rng(5).normal(1.0, 0.3, (logs, n // alike)), alike, axis=1)
+    squares = np.array([standard_error(row) for row in errors], float) ** 2
+    true = 0.3**2 * alike / n  # ten neighbours with one error
+    assert abs(squares.mean() / true - 1) < 6 * np.sqrt(2 / (STRETCHES - 1) / logs)
+    assert standard_error(errors[0, : 2 * STRETCHES - 1]) is None
+
+
+def test_a_standard_error_goes_by_time_and_not_by_rows() -> None:
+    path = poses(N)
+    relations = some(FEWEST_EXACT, path)
+    other = path + np.cumsum(RNG.normal(0, 0.01, path.shape), axis=0)
+    shuffled = RNG.permutation(len(relations.delta))
+    ends = relations.first.taken(shuffled), relations.second.taken(shuffled)
+    mixed = Relations(*ends, relations.delta[shuffled], relations.exact[shuffled])
+    assert len(set(relations.first.step.tolist())) < len(relations.delta)  # some begin at one step: in any order
+    row, again = relation_columns(relations, other), relation_columns(mixed, other)
+    assert abs(row["relation_se_m"] / again["relation_se_m"] - 1) < 0.1
+    apart = standard_error(relations.judged().errors(other)[RNG.permutation(FEWEST_EXACT), 0])
+    assert apart is not None
+    assert apart < 0.75 * row["relation_se_m"]
 
 
 def test_a_table_holds_everything() -> None:

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from slamduel.bench.claims.answer import Answer, answer, measures
 from slamduel.bench.claims.conclusion import conclude, document
+from slamduel.bench.measure.relations import STRETCHES
 from slamduel.bench.record.cell_table import CellTable, numbers, words
 from slamduel.bench.study.study import Claim
 from slamduel.bench.verdict.statistics import MOST as MOST_LOGS
@@ -19,7 +21,9 @@ from slamduel.frontend.se2 import Array
 
 EKF, UKF = {"backend": "ekf"}, {"backend": "ukf"}
 SIX = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-NUMBERS = ("ate_m", "final_ate_m", "nees", "growth_steps", "step_us_mean", "timing_alone")
+NUMBERS = (
+    "ate_m", "final_ate_m", "nees", "growth_steps", "step_us_mean", "timing_alone", "relation_m", "relation_se_m",
+)  # fmt: skip
 
 
 def table(cells: Sequence[Mapping[str, Any]]) -> CellTable:
@@ -66,6 +70,31 @@ def both(first: Sequence[float | None] | Array, second: Sequence[float | None] |
 
 def ends(found: Answer) -> tuple[float, float]:
     return found.figures["low"], found.figures["high"]
+
+
+def test_on_one_log_an_error_of_relations_has_the_interval_of_its_mean() -> None:
+    assert measures([value(0, 1, "relation_m")]) == ["relation_m", "relation_se_m"]
+    assert measures([value(0, 1)]) == ["ate_m"]
+    there = table([{"backend": "ekf", "seed": 0, "relation_m": 0.02, "relation_se_m": 0.001}])
+    reach = student.ppf(0.975, STRETCHES - 1) * 0.001
+    found = answer(value(-inf, 0.0229, "relation_m"), there)
+    assert ends(found) == pytest.approx((0.02 - reach, 0.02 + reach), rel=2e-4)
+    assert found.sentence == (
+        "Holds: It is so: mean 0.0200 m (95 % interval 0.0179 to 0.0221; 1 log); claimed: below 0.0229 m."
+    )
+    assert answer(value(-inf, 0.022, "relation_m"), there).verdict == "open"
+    assert answer(value(-inf, 0.0179, "relation_m"), there).verdict == "fails"
+
+
+def test_without_a_standard_error_or_on_several_logs_it_has_not() -> None:
+    one: dict[str, Any] = {"backend": "ekf", "seed": 0, "relation_m": 0.02}
+    found = answer(value(-inf, 1, "relation_m"), table([one]))
+    assert found.verdict == "open"
+    assert found.sentence.endswith("; 6 logs at least are needed.")
+    one["relation_se_m"] = 0.001
+    assert answer(value(-inf, 1, "relation_m"), table([one, {**one, "seed": 1}])).verdict == "open"
+    assert answer(value(-inf, 1, "relation_m"), table([*failing([0]), {**one, "seed": 1}])).verdict == "open"
+    assert answer(value(-inf, 1, "relation_m"), table(failing([0]))).verdict != "holds"
 
 
 def test_a_median_is_held_against_its_bounds_by_its_whole_interval() -> None:

@@ -64,25 +64,31 @@ def test_the_table_is_the_plan_with_its_results(tmp_path: Path) -> None:
                 cell(0, None, tags=tenth, gate="none", robust=False),
                 cell(2, None, tags=12, gate=None, robust=None),
                 cell(3, "nobody ran it", tags=12, gate=None, robust=None),
+                cell(4, None, tags=3, gate=None, robust=None),
             ]
         )
         assert store.put_result("a", result(1, ate_m=tenth, nees=None), {})
         assert store.put_result("of an option that is swept no more", result(9), {})
         store.settle(1, None, "the log could not be made: no such file")
+        store.settle(4, None, "dlr is not on this machine", skipped=True)
     with Store(tmp_path) as store:
         table = store.table(["ate_m", "nees", "seconds", "host", "steps"])
+        ended = {row.columns["seed"]: (row.columns["status"], row.columns["reason"]) for row in store.cells()}
+    assert ended[0] == ("error", "the log could not be made: no such file")
+    assert ended[4] == ("skipped", "dlr is not on this machine")
     columns = {name: column.tolist() for name, column in table.columns.items()}
     assert list(columns)[:6] == ["dataset", "backend", "seed", "tags", "gate", "robust"]
-    assert columns["seed"] == [1, 0, 2, 3]
-    assert columns["tags"] == [6, tenth, 12, 12]
+    assert columns["seed"] == [1, 0, 2, 3, 4]
+    assert columns["tags"] == [6, tenth, 12, 12, 3]
     assert [type(value) for value in columns["tags"][:2]] == [int, float]
-    assert columns["gate"] == [None, "none", None, None]
-    assert columns["robust"] == [True, False, None, None]
-    assert columns["status"] == ["done", "error", "waiting", "waiting"]
-    assert columns["reason"] == ["", "the log could not be made: no such file", None, None]
-    assert columns["digest"] == ["d1", None, None, None]
-    assert columns["host"] == ["here", None, None, None]
-    np.testing.assert_array_equal(table.columns["ate_m"], [tenth, np.nan, np.nan, np.nan])
+    assert columns["gate"] == [None, "none", None, None, None]
+    assert columns["robust"] == [True, False, None, None, None]
+    assert columns["status"] == ["done", "error", "waiting", "waiting", "skipped"]
+    assert columns["reason"][:2] == ["", "the log could not be made: no such file"]
+    assert columns["reason"][2:] == [None, None, "dlr is not on this machine"]
+    assert columns["digest"] == ["d1", None, None, None, None]
+    assert columns["host"] == ["here", None, None, None, None]
+    np.testing.assert_array_equal(table.columns["ate_m"], [tenth, *[np.nan] * 4])
     assert table.columns["nees"].dtype == float
     assert np.isnan(table.columns["nees"]).all()
     assert table.rows({"tags": 12, "gate": None}).tolist() == [2, 3]

@@ -272,6 +272,12 @@ FIGURE_ERRORS = {
     '[[figure]]\nx = "backend"\ny = "nees"\nlog = "x"':
         "line 16: figure.x: found 'backend', expected a parameter whose values",
     "colour = 1": "line 18: figure.colour: there is no such key",
+    "printed.Them = 3": "line 18: figure.printed.Them: found 3, expected a table",
+    '[[figure]]\nx = "backend"\ny = "nees"\nprinted.Them.ekf = "x"':
+        "line 18: figure.printed.Them.ekf: found 'x', expected a number",
+    '[[figure]]\nx = "backend"\ny = "nees"\nprinted.Them.efk = 1.0':
+        "line 18: figure.printed.Them.efk: no cell of the figure has backend = 'efk', expected one that is drawn.",
+    'printed.Them.1 = 1.0': "line 18: figure.printed.Them.1: loops has values that are no words, expected",
 }  # fmt: skip
 
 

@@ -20,12 +20,14 @@ from slamduel.bench.record.store import Known, Store
 from slamduel.bench.study.estimate import estimate
 from slamduel.bench.study.file import made
 from slamduel.bench.study.study import about
+from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.workers import dask_task
 from slamduel.bench.workers.batch import Batch, Finished, facts_of, unmade
 from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.local_executor import Local
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
+from slamduel.datasets.published.catalogue import place
 from slamduel.datasets.worlds import linear as worlds
 from slamduel.datasets.worlds.linear import Options, linear
 from slamduel.frontend.errors import InputError
@@ -174,6 +176,41 @@ def test_a_log_that_cannot_be_made_fails_its_cells_with_the_reason(tmp_path: Pat
     assert workshop.makings == 0
     assert go(tmp_path, wanted=RunRequest(lambda _: True, None, True)) == Asked(6, Tally(6, 6, 0), [])
     assert workshop.makings == 2
+
+
+def test_a_published_log_that_is_not_here_is_skipped_until_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
+    text = """
+[[cells]]
+dataset = ["freiburg", "linear[steps=8]"]
+backend = "dead-reckoning"
+
+[[claim]]
+says = "It is near"
+measure = "ate_m"
+of = { dataset = "freiburg" }
+below = 1.0
+"""
+    folder = tmp_path / "out"
+    assert go(folder, text, lost=True).tally == Tally(2, 2, 2)
+    for again in (True, False):
+        assert go(folder, text, RunRequest(lambda _: True, None, again)).tally == Tally(2, 2, 0)
+        found = evidence(folder)
+        assert dict(found.standing.counts) == {"done": 1, "skipped": 1}
+        assert [group.reason for group in found.standing.told] == [
+            "freiburg is not on this machine: bench fetch freiburg gets it, freiburg[path=FOLDER] names a copy."
+        ]
+        assert found.answers[0].sentence.startswith("Not decided: It is near: no cell has ate_m;")
+        assert "1 of 1 cell was skipped: freiburg is not on this machine" in found.answers[0].sentence
+    here = place("freiburg")
+    here.mkdir(parents=True)
+    (here / "world.dat").write_text("".join(f"{k} {k} {k % 2}\n" for k in range(1, 10)))
+    seen = "SENSOR 1 1.4142135623730951 0.7853981633974483\n"
+    (here / "sensor_data.dat").write_text("".join(f"ODOMETRY 0.0 0.1 0.0\n{seen}" for _ in range(5)))
+    assert go(folder, text).tally.failed == 0
+    assert dict(evidence(folder).standing.counts) == {"done": 2}
 
 
 def test_other_code_makes_it_anew(tmp_path: Path, workshop: Workshop, monkeypatch: pytest.MonkeyPatch) -> None:

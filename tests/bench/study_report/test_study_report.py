@@ -24,8 +24,11 @@ from slamduel.bench.study.study import Figure
 from slamduel.bench.study_report.evidence import evidence, option_words
 from slamduel.bench.study_report.figure import span
 from slamduel.bench.study_report.gallery import gallery, main
+from slamduel.bench.study_report.line_looks import line_looks
 from slamduel.bench.study_report.marks import Bound, Crossing, Marks, draw_across, marks
 from slamduel.bench.study_report.report import again, write
+from slamduel.bench.study_report.rows import draw_rows
+from slamduel.bench.study_report.tables import median_grid
 from slamduel.bench.verdict.statistics import estimate
 from slamduel.bench.words.numerals import number
 from slamduel.frontend.errors import InputError
@@ -163,6 +166,32 @@ def test_a_claim_draws_its_bound_where_it_is_claimed(tmp_path: Path) -> None:
     each = 'of = { backend = "ekf" }\neach = "landmarks"'
     assert drawn(tmp_path / "b", f'measure = "ate_m"\n{each}\nabove = 0.1').bounds == (Bound(0.1, False, None, "ekf"),)
     assert drawn(tmp_path / "c", f'measure = "nees"\n{of}\nabove = 0.1', figure=1) == Marks((), (), {})  # has 6 alone
+
+
+def test_printed_values_stand_in_their_rows_and_tables(tmp_path: Path) -> None:
+    where = "where = { landmarks = 6 }"
+    text = TEXT.replace(where, f"{where}\nprinted.Them = {{ ekf = 3.25, ukf = 1.5 }}")
+    found = evidence(small_study(tmp_path, "s", text, outcomes()))
+    canvas = Canvas()
+    draw_rows(canvas, found.medians[1], line_looks(found.medians[1], ["ekf", "ukf"]), Marks((), (), {}), "NEES")
+    (axes,) = canvas.axes
+    (line,) = [one for one in axes.lines if one.get_label() == "Them"]
+    assert line.get_xydata() == pytest.approx(np.array([(3.25, 0.12), (1.5, 1.12)]))
+    assert axes.get_xlim()[1] > 3.25
+    (legend,) = canvas.legends
+    assert [one.get_text() for one in legend.get_texts()] == ["measured here", "Them"]
+    grid = median_grid(found.medians[1])
+    assert grid.headings[-1] == "Them"
+    assert [row[-1].text for row in grid.rows] == ["3.25", "1.50"]
+    assert "Them" in (write(tmp_path).parent / "report.md").read_text()
+
+
+def test_a_claim_at_a_printed_value_draws_no_bound_beside_it(tmp_path: Path) -> None:
+    claims = '[[claim]]\nsays = "so"\nmeasure = "nees"\nof = { backend = "ekf", landmarks = 6 }\nbelow = '
+    for bound, drawn_bounds in ((3.25, (1.25,)), (3.5, (1.25, 3.5))):
+        text = TEXT.replace("where = { landmarks = 6 }", "where = { landmarks = 6 }\nprinted.Them = { ekf = 3.25 }")
+        found = evidence(small_study(tmp_path / str(bound), "s", f"{text}{claims}{bound}", outcomes()))
+        assert tuple(one.value for one in marks(found.medians[1], found.answers).bounds) == drawn_bounds
 
 
 def test_a_power_is_written_beside_its_line(tmp_path: Path) -> None:
