@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .relations import Anchors
-from .se2 import Array, act
+from .se2 import Array, Ints, act
 
 Ranges = NDArray[np.float32]
 
@@ -19,6 +19,10 @@ class Scans(NamedTuple):
     ranges: Ranges  # (k, b) m; NaN where there is no return
     angles: Array  # (b,) rad, counter-clockwise from straight ahead of the scanner
     scanner: Array  # (3,) its pose on the robot
+
+    def taken(self, rows: NDArray[np.bool] | Ints) -> "Scans":
+        """Some of them."""
+        return self._replace(at=self.at.taken(rows), ranges=self.ranges[rows])
 
     def points(self, k: int) -> Array:
         """The returns of scan k (m, 2), m, in the robot's frame, in the order of the beams."""

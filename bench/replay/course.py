@@ -1,6 +1,12 @@
-"""Drives a backend through its log once more, in a process of its own, and asks for its map on the way."""
+"""Drives a backend through its log once more, in a process of its own, and asks for its map on the way.
+
+Beside laser scans it also asks for the path so far, as a map is drawn along it. Only `finish` tells that, and a backend
+ends there: so it is made again for each of these moments, and driven up to it.
+"""
 
 import time
+from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,11 +17,18 @@ from ...backends.api import Backend, Diverged, Map, WantsTruth
 from ...backends.locating.locating import begin
 from ...datasets import archive
 from ...frontend.errors import SlamduelError
-from ...frontend.factors import Step
+from ...frontend.factors import Log, Step
 from ...frontend.se2 import Array, Ints
 from ..measure import cell as cells
 
 MAP_S = 20.0  # s of CPU time for all maps: a smoother's map is slow where there are thousands of steps
+
+
+MOMENTS = 24
+"""Frames at which a grid of laser scans is drawn, at most."""
+
+REVISED_S = 20.0
+"""s of CPU time for the paths at these moments; where a log takes longer, there are fewer of them."""
 
 
 class ReplayTask(NamedTuple):
@@ -34,6 +47,13 @@ class Landmarks(NamedTuple):
     cov: Array  # (n, 2, 2), NaN where not known
 
 
+class Revised(NamedTuple):
+    """The whole path so far, as it is estimated at a frame."""
+
+    frame: int
+    path: Array  # (k + 1, 3) up to the frame's step k
+
+
 class Course(NamedTuple):
     """The course of a backend, as far as it got."""
 
@@ -43,11 +63,17 @@ class Course(NamedTuple):
     asked: int  # number of frames whose map was asked for; the others repeat the one before
     final: bool  # path and map are those of the end, there are no online ones
     ended: str  # why it stopped, "" where it reached the end
+    revised: list[Revised]  # beside laser scans, of a backend that smooths its path; the last one is that of the end
+
+
+def moments(frames: int, count: int = MOMENTS) -> list[int]:
+    """Returns at most `count` of so many frames, evenly spaced, the last one among them."""
+    return np.unique(np.linspace(0, frames - 1, count + 1).round().astype(np.int64)[1:]).tolist()
 
 
 def run(task: ReplayTask) -> Course:
     """Repeats the run step by step; an exception of the backend ends the course."""
-    cell, course = task.job, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "")
+    cell, course = task.job, Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, False, "", [])
     try:
         log, truth = archive.load(task.log)
         builder = backends.find(cell.name)
@@ -56,21 +82,29 @@ def run(task: ReplayTask) -> Course:
                 return course._replace(ended="the log has loop closures, which this backend does not take")
             log = log.without_loops()
         log = log if builder.associating(cell.options) else log.identified()
-        backend = begin(builder, log.prior, cell.options, cells.generator(cell.seed, cell.backend))
-        if cell.oracle and truth is not None and truth.kind == "truth" and isinstance(backend, WantsTruth):
-            backend.tell(truth)  # as in the run
+
+        def make() -> Backend:
+            made = begin(builder, log.prior, cell.options, cells.generator(cell.seed, cell.backend))
+            if cell.oracle and truth is not None and truth.kind == "truth" and isinstance(made, WantsTruth):
+                made.tell(truth)  # as in the run
+            return made
+
+        backend = make()
     except Exception as error:
         return course._replace(ended=_said(error))
     way = _Way(task.frames)
-    ended = ""
+    start = time.process_time()
     try:
         for step in log:
             way.go(backend, step)
         if not way.path:
             return _whole(backend, task.frames)
     except Exception as error:
-        ended = _said(error)
-    return way.course(ended)
+        return way.course(_said(error))
+    course = way.course("")
+    if log.scans is None:
+        return course
+    return course._replace(revised=_revised(backend, make, log, task.frames, start))
 
 
 class _Way:
@@ -106,7 +140,7 @@ class _Way:
     def course(self, ended: str) -> Course:
         """Returns the course so far."""
         path = np.array(self.path).reshape(-1, 3)
-        return Course(path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended)
+        return Course(path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended, [])
 
     def _due(self, frame: int) -> bool:
         """Returns True for the first frame, the last, and as long as the time lasts, evenly spent."""
@@ -117,10 +151,39 @@ def _whole(backend: Backend, frames: Ints) -> Course:
     """Returns the course of a backend with a final path only: the same map at every frame."""
     solution = backend.finish()
     if solution is None:
-        return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor final")
+        return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor final", [])
     cov = np.full((len(frames), 3, 3), np.nan) if solution.cov is None else np.array(solution.cov[frames])
     known = _split(solution.map)
-    return Course(np.array(solution.path, float), cov, [known] * len(frames), len(frames), True, "")
+    return Course(np.array(solution.path, float), cov, [known] * len(frames), len(frames), True, "", [])
+
+
+def _revised(backend: Backend, make: Callable[[], Backend], log: Log, frames: Ints, start: float) -> list[Revised]:
+    """Asks for the path at several moments; none for a backend without, or one that fails or is not finite there."""
+    found: list[Revised] = []
+    try:
+        last = _finished(backend)
+        if last is None:
+            return []
+        whole = max(time.process_time() - start, 1e-9)
+        some = moments(len(frames), int(np.clip(2 * REVISED_S / whole, 1, MOMENTS)))  # each, on average, half of a log
+        for frame in some[:-1]:
+            again = make()
+            for step in islice(log, int(frames[frame]) + 1):
+                again.step(step)
+            path = _finished(again)
+            if path is None:
+                return []
+            found.append(Revised(frame, path))
+    except Exception:  # the run's own row says what failed at the end of the log
+        return []
+    return [*found, Revised(some[-1], last)]
+
+
+def _finished(backend: Backend) -> Array | None:
+    solution = backend.finish()
+    if solution is None or not np.isfinite(solution.path).all():
+        return None
+    return np.array(solution.path, float)
 
 
 def _landmarks(backend: Backend, way: _Way) -> Landmarks:

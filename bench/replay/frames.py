@@ -7,13 +7,15 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...frontend.laser.occupancy import FREE, WALL
 from ...frontend.se2 import Array
-from .view import Panel, View, ellipses, said, when
+from .view import Panel, View, ellipses, grid_at, said, when
 
 WIDTH = 420  # px, of a panel
 HEAD, FOOT, KEY, GAP = 30, 26, 40, 10  # px above and below a plane, of the line below all, between panels
 
 PAPER, INK, SOFT, RULE = (255, 255, 255), (33, 30, 28), (107, 99, 92), (227, 223, 220)
+FLOOR = (241, 239, 237)  # free cells of a grid, half of RULE; its walls are SOFT
 RECKONED, BAD = (140, 140, 140), (0, 59, 168)  # colours, as blue, green, red: those of the report in light mode
 DASH = 6  # px, of the dashes of a reference
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
@@ -74,10 +76,13 @@ class _Canvas:
         for place in plane.pixels(view.places):
             self._cross(place)
         cv2.rectangle(self._ground, (0, 0), (WIDTH - 1, plane.height - 1), RULE, 1)
+        self._sketched: tuple[int, Any] = (-1, None)  # frame and image of the last grid
 
     def drawn(self, frame: int) -> Any:
         """Draws the panel at that frame; frames are asked for in order."""
         view, panel, canvas = self._view, self._panel, self._ground.copy()
+        if view.cells is not None:
+            self._grid(canvas, frame)
         behind = slice(int(view.at[frame]))
         self._line(canvas, view.reckoned[behind], RECKONED, 1)
         known = view.truth[behind]
@@ -89,6 +94,20 @@ class _Canvas:
         if len(panel.pose):
             self._estimate(canvas, min(frame, len(panel.pose) - 1), stopped=frame >= len(panel.pose))
         return canvas
+
+    def _grid(self, canvas: Any, frame: int) -> None:
+        """Darkens what the grid of the frame has: walls, and a little what is free."""
+        cells, sketch = self._view.cells, grid_at(self._panel, frame)
+        if cells is None or sketch is None:
+            return
+        if self._sketched[0] != sketch.frame:
+            values = np.full((3, 3), 255, np.uint8)
+            values[FREE], values[WALL] = FLOOR, SOFT
+            height = round(cells.shape[1] * cells.size * self._plane.scale)
+            image = cv2.resize(values[sketch.states.T[::-1]], (WIDTH, height), interpolation=cv2.INTER_AREA)
+            self._sketched = sketch.frame, image
+        image = self._sketched[1][-len(canvas) :]
+        np.minimum(canvas[-len(image) :], image, out=canvas[-len(image) :])
 
     def _estimate(self, canvas: Any, frame: int, *, stopped: bool) -> None:
         panel, plane = self._panel, self._plane
@@ -113,6 +132,8 @@ class _Canvas:
                 cv2.LINE_AA,
                 _SHIFT,
             )
+        for hit in plane.pixels(panel.hits[frame]) if panel.hits else ():
+            cv2.circle(canvas, hit.tolist(), 1 << _SHIFT, self._colour, -1, cv2.LINE_AA, _SHIFT)
         self._ellipse(canvas, plane.pixels(panel.pose[frame, :2]), panel.ellipse[frame], 2)
         x, y, heading = panel.pose[frame]
         turned = heading + np.array((0, 2.5, np.pi, -2.5))

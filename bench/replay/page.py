@@ -4,22 +4,27 @@ Every panel is an SVG of UNITS across. The script has whole numbers of these uni
 since the frame before; it draws what `_still` draws here of the last frame.
 """
 
+import base64
 import json
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...frontend.files import write_whole
+from ...frontend.laser.occupancy import FREE, WALL
 from ...frontend.se2 import Array
 from ..drawing.page import rendered
 from ..words.numerals import number
 from ..words.styles import BASELINE
-from .view import Panel, View, ellipses, said, when
+from .grids import Sketch
+from .view import Panel, View, ellipses, grid_at, said, when
 
 UNITS = 1000  # across a panel
 CHART = 150  # units that the chart of errors is high
+WALLS, FLOOR = (85, 255), (128, 34)  # grey and opacity of a grid's walls and free cells, on light and dark paper
 SEEN = 3  # units that an ellipse's longer half axis is at least
 
 
@@ -49,6 +54,7 @@ def write_page(path: Path, view: View) -> None:
         "top": None if top is None else number(top),
         "chart": CHART,
         "curves": [] if top is None else [_curve(view, panel, top) for panel in view.panels],
+        "grids": [_images(view, panel, last) for panel in view.panels],
         "run": json.dumps(run, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
     }
     write_whole(path, rendered("replay.html.jinja", page))
@@ -64,6 +70,10 @@ def _pairs(view: View, xy: Array) -> list[Any]:
 def _panel(view: View, panel: Panel) -> dict[str, Any]:
     pose = _pairs(view, panel.pose[:, :2])
     degrees = np.rint(-np.degrees(panel.pose[:, 2])).astype(int).tolist()
+    scanned = {
+        "grids": [grid.frame for grid in panel.grids],
+        "hits": [_pairs(view, hits) for hits in panel.hits],
+    }
     return {
         "trail": _pairs(view, panel.trail),
         "pose": [[*pose[2 * k : 2 * k + 2], degree] for k, degree in enumerate(degrees)],
@@ -71,7 +81,40 @@ def _panel(view: View, panel: Panel) -> dict[str, Any]:
         "seen": [_pairs(view, np.concatenate((s.origin[None], s.ends))) for s in panel.sighted],
         "maps": list(_changes(view, panel)),
         "said": [said(view, panel, k) for k in range(min(len(panel.pose) + 1, len(view.steps)))],
+        **(scanned if view.cells is not None else {}),
     }
+
+
+def _images(view: View, panel: Panel, last: int) -> list[dict[str, Any]]:
+    """Returns the grids as images in the panel's units, the one of the frame `last` shown."""
+    if view.cells is None:
+        return []
+    (n, m), (low, high) = view.cells.shape, (view.low[1], view.high[1])
+    tall = m * view.cells.size
+    unit = UNITS / (n * view.cells.size)
+    now = grid_at(panel, last)
+    return [
+        {
+            "y": round((high - low - tall) * unit, 2),
+            "height": round(tall * unit, 2),
+            "shown": grid is now,
+            "url": _url(grid),
+        }
+        for grid in panel.grids
+    ]
+
+
+def _url(grid: Sketch) -> str:
+    """Encodes a grid as a PNG of a few colours, what is unknown being transparent."""
+    from PIL import Image
+
+    image = Image.fromarray(np.ascontiguousarray(grid.states.T[::-1]), "P")
+    colours = {FREE: FLOOR, WALL: WALLS}
+    image.putpalette([grey for state in range(3) for grey in 3 * [colours.get(state, (0, 0))[0]]])
+    opacity = bytes(colours.get(state, (0, 0))[1] for state in range(3))
+    content = BytesIO()
+    image.save(content, "PNG", bits=2, transparency=opacity, optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode()}"
 
 
 def _shape(view: View, shape: Array) -> list[int]:
@@ -115,7 +158,7 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
     """Returns the paths of a panel at the last frame, by name; all empty for a backend that has none."""
     names = ("trail", "marks", "dots", "rays", "belief", "robot")
     if not panel["pose"]:
-        return dict.fromkeys(names, "") | {"said": panel["said"][-1]}
+        return dict.fromkeys((*names, "hits"), "") | {"said": panel["said"][-1]}
     marks: dict[int, list[int]] = {}
     for gone, changed in panel["maps"]:
         for slot in gone:
@@ -129,6 +172,7 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
         "marks": "".join(_ring(*mark) for mark in marks.values()),
         "dots": "".join(_dot(mark[:2]) for mark in marks.values()),
         "rays": "".join(f"M{seen[0]} {seen[1]}L{seen[k]} {seen[k + 1]}" for k in range(2, len(seen), 2)),
+        "hits": "" if stopped or "hits" not in panel else _dots(panel["hits"][-1]),
         "belief": "" if stopped else _ring(u, v, *panel["belief"][-1]),
         "robot": _robot(u, v, degree, stopped=stopped),
         "said": panel["said"][-1],
@@ -152,6 +196,10 @@ def _ring(u: int, v: int, a: int, b: int, degree: int) -> str:
 
 def _dot(pair: Sequence[int | None]) -> str:
     return "" if pair[0] is None else f"M{pair[0]} {pair[1]}h0"
+
+
+def _dots(pairs: Sequence[int | None]) -> str:
+    return "".join(_dot(pairs[k : k + 2]) for k in range(0, len(pairs), 2))
 
 
 def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:

@@ -31,7 +31,7 @@ from ..words.reason import reason
 from ..words.styles import Look, looks
 from ..workers.tasks import execute
 from . import course as replay_cell
-from .course import Course, Landmarks
+from .course import Course, Landmarks, moments
 
 V = TypeVar("V", bound=Variant)
 
@@ -161,7 +161,7 @@ def _recorded(store: Store, row: Row | None) -> dict[str, Any]:
 
 
 def _none(why: str) -> Course:
-    return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), list[Landmarks](), 0, False, why)
+    return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), list[Landmarks](), 0, False, why, [])
 
 
 def _remarks(course: Course, row: Row | None, frames: int) -> Iterator[str]:
@@ -172,6 +172,8 @@ def _remarks(course: Course, row: Row | None, frames: int) -> Iterator[str]:
         yield "no online path: the final one is shown"
     if course.asked < len(course.maps):
         yield f"its map was asked for at {course.asked} of {counted(frames, 'frame')}, as it is slow"
+    if course.revised and len(course.revised) < len(moments(frames)):
+        yield f"its grid is drawn at {counted(len(course.revised), 'frame')}, as its smoothed path is slow"
     if row is None:
         yield "not in the record yet, so there is nothing to compare with"
     elif row.columns["status"] != "done" and not course.ended:

@@ -8,7 +8,9 @@ import numpy as np
 
 from ...frontend.errors import InputError
 from ...frontend.files import replaced
+from ...frontend.laser.occupancy import WALL
 from ...frontend.se2 import Array
+from .grids import Raster
 from .view import Panel, View, ellipses
 
 INSTALL = "pip install 'slamduel[replay]'"
@@ -55,10 +57,21 @@ def write_rrd(path: Path, view: View) -> None:
             until = int(view.at[frame])
             recording.log("known/dead-reckoning", rr.LineStrips2D(_strips(view.reckoned[:until]), colors=GREY))
             for panel, name in zip(view.panels, names, strict=True):
+                _grid(rr, recording, panel, name, frame, view.cells)
                 if frame < len(panel.pose):
                     _log(rr, recording, panel, name, frame, until)
         recording.flush()
         recording.disconnect()
+
+
+def _grid(rr: Any, recording: Any, panel: Panel, name: str, frame: int, cells: Raster | None) -> None:
+    """Logs the walls where a new grid begins, and at every frame the newest scan."""
+    for sketch in panel.grids if cells is not None else ():
+        if cells is not None and sketch.frame == frame:
+            walls = cells.origin + cells.size * (np.argwhere(sketch.states == WALL) + 0.5)
+            recording.log(f"{name}/walls", rr.Points2D(_turned(walls), colors=GREY, radii=cells.size / 2))
+    if frame < len(panel.hits):
+        recording.log(f"{name}/scan", rr.Points2D(_turned(panel.hits[frame]), colors=_rgb(panel), radii=-1.5))
 
 
 def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: int) -> None:

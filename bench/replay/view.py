@@ -11,6 +11,7 @@ from ..measure.times import numbered
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look
 from .course import Landmarks
+from .grids import Hits, Raster, Sketch, around, newest, raster, sketches
 from .replay import Part, Replay
 
 ELLIPSE_95 = 2.4477  # half axes of a 95 % ellipse, in standard deviations: root of chi-square's 95 % point
@@ -40,6 +41,8 @@ class Panel(NamedTuple):
     error: Array  # (g,) m from the known path, not aligned
     nees: Array  # (g,) over its 3 degrees of freedom: 1 is consistent
     step_us: Array  # (g,) recorded CPU time of the frame's step
+    grids: Sequence[Sketch]  # of a laser log, in the order of their frames
+    hits: Hits  # (g,) of a laser log, the newest scan's returns (k, 2) at every frame
 
 
 class View(NamedTuple):
@@ -58,6 +61,7 @@ class View(NamedTuple):
     places: Array  # (l, 2) the known landmarks
     reckoned: Array  # (q, 2)
     panels: Sequence[Panel]
+    cells: Raster | None  # of the grids, None without laser scans
 
 
 def view(replay: Replay) -> View:
@@ -72,6 +76,7 @@ def view(replay: Replay) -> View:
     places = np.zeros((0, 2)) if known is None else known.xy
     seconds = log.t - log.t[0]
     low, high = _box(replay, poses, places)
+    cells = None if log.scans is None else raster(low, high)
     return View(
         title=f"{replay.dataset} · seed {replay.seed}",
         known=replay.known,
@@ -85,8 +90,14 @@ def view(replay: Replay) -> View:
         robot=poses[replay.frames],
         places=places,
         reckoned=replay.reckoned[trail][:, :2],
-        panels=[_panel(replay, part, poses, trail) for part in replay.parts],
+        panels=[_panel(replay, part, poses, trail, cells) for part in replay.parts],
+        cells=cells,
     )
+
+
+def grid_at(panel: Panel, frame: int) -> Sketch | None:
+    """Returns the newest grid at a frame; None before the first one, and without any."""
+    return next((grid for grid in reversed(panel.grids) if grid.frame <= frame), None)
 
 
 def ellipses(cov: Array) -> Array:
@@ -120,8 +131,9 @@ def when(view: View, frame: int) -> str:
     return f"{view.t[frame]:,.1f} s  ·  {step}" if view.timed else step
 
 
-def _panel(replay: Replay, part: Part, poses: Array, trail: Ints) -> Panel:
+def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster | None) -> Panel:
     course, log = part.course, replay.log.log
+    scans = log.scans if len(course.maps) else None
     frames = replay.frames[: len(course.maps)]
     path, cov = course.path[frames], course.cov[: len(frames)]
     true = poses[frames]
@@ -141,6 +153,8 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: Ints) -> Panel:
         error=np.hypot(*(path - true)[:, :2].T),
         nees=consistency,
         step_us=part.step_us[frames] if len(part.step_us) == len(log) else np.full(len(frames), np.nan),
+        grids=[] if scans is None or cells is None else sketches(scans, course, replay.frames, cells),
+        hits=[] if scans is None else newest(scans, course.path, frames),
     )
 
 
@@ -165,14 +179,26 @@ def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:
         more = ASTRAY * (high - low).max()
         low = np.maximum(np.minimum(low, replay.reckoned[:, :2].min(axis=0)), low - more)
         high = np.minimum(np.maximum(high, replay.reckoned[:, :2].max(axis=0)), high + more)
+        paths = [poses] if np.isfinite(poses).all() else _smoothed(replay)
     else:
         able = [p for p in replay.parts if p.label != BASELINE] or replay.parts
-        paths = [p.course.path[:, :2] for p in able if len(p.course.path)] or [replay.reckoned[:, :2]]
-        paths += [p.course.maps[-1].xy for p in able if p.course.maps and len(p.course.maps[-1].xy)]
-        ends = np.array([np.percentile(points, (1, 99), axis=0) for points in paths])
+        points = [p.course.path[:, :2] for p in able if len(p.course.path)] or [replay.reckoned[:, :2]]
+        points += [p.course.maps[-1].xy for p in able if p.course.maps and len(p.course.maps[-1].xy)]
+        ends = np.array([np.percentile(some, (1, 99), axis=0) for some in points])
         low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+        paths = _smoothed(replay)
+    if replay.log.log.scans is not None:
+        corners = around(replay.log.log.scans, paths)
+        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
     room = 0.08 * max(*(high - low), 0.5)
     low, high = low - room, high + room
     width, height = high - low
     short = np.maximum(0, (height / TALLEST - width, FLATTEST * width - height)) / 2
     return low - short, high + short
+
+
+def _smoothed(replay: Replay) -> list[Array]:
+    """The paths of the whole log by backends that reached its end, smoothed ones where there are any."""
+    ended = [p for p in replay.parts if p.label != BASELINE and len(p.course.path) == len(replay.log.log)]
+    best = [p.course.revised[-1].path for p in ended if p.course.revised]
+    return best or [p.course.path for p in ended] or [replay.reckoned]

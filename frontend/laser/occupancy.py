@@ -65,16 +65,25 @@ def of_states(origin: Array, size: float, states: NDArray[np.uint8]) -> Occupanc
 
 def occupancy(scans: Scans, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:
     """Draws all scans into one grid, the steps of the log being at `path` (n, 3); at most `most` cells on a side."""
-    poses = scans.at.along(path)
-    points = [scans.points(k) for k in range(len(poses))]
-    hit = np.concatenate([act(pose, found) for pose, found in zip(poses, points, strict=True)])
-    hit = hit if len(hit) else poses[:, :2]
-    low = np.minimum(np.quantile(hit, OUTLIERS, axis=0), poses[:, :2].min(axis=0))
-    high = np.maximum(np.quantile(hit, 1 - OUTLIERS, axis=0), poses[:, :2].max(axis=0))
+    low, high = extent(scans, path)
     size = max(cell, float((high - low).max()) / (most - 2 * BORDER - 2))
     origin = size * (np.floor(low / size) - BORDER)
     n, m = (np.ceil((high - origin) / size).astype(int) + BORDER).tolist()
-    cells: Cells = np.zeros((n, m, 4), np.float32)
-    for pose, found in zip(poses, points, strict=True):
-        insert(cells, origin, size, pose, scans.scanner[:2], found)
+    return inserted(scans, path, origin, size, (n, m))
+
+
+def extent(scans: Scans, path: Array) -> tuple[Array, Array]:
+    """The corners (2,), m, low and high, of the rectangle around all scans along `path` (n, 3), OUTLIERS aside."""
+    poses = scans.at.along(path)
+    hit = np.concatenate([act(pose, scans.points(k)) for k, pose in enumerate(poses)])
+    hit = hit if len(hit) else poses[:, :2]
+    low = np.minimum(np.quantile(hit, OUTLIERS, axis=0), poses[:, :2].min(axis=0))
+    return low, np.maximum(np.quantile(hit, 1 - OUTLIERS, axis=0), poses[:, :2].max(axis=0))
+
+
+def inserted(scans: Scans, path: Array, origin: Array, size: float, shape: tuple[int, int]) -> Occupancy:
+    """Draws the scans along `path` (n, 3) into a grid of that place, cell size (m) and shape, if they are inside."""
+    cells: Cells = np.zeros((*shape, 4), np.float32)
+    for k, pose in enumerate(scans.at.along(path)):
+        insert(cells, origin, size, pose, scans.scanner[:2], scans.points(k))
     return Occupancy(origin, size, cells)

@@ -198,6 +198,7 @@ class Slow(Reckoning):
 
 
 raises = Builder(Raises)
+raises_on_loops = Builder(Raises, loops=True)
 shouts = Builder(Shouts)
 not_a_number = Builder(NotANumber)
 leaves_the_earth = Builder(LeavesTheEarth)

@@ -50,6 +50,9 @@
   const panels = [...document.querySelectorAll(".run")].map((figure, k) => {
     const told = run.panels[k], parts = {};
     for (const path of figure.querySelectorAll("path")) parts[path.getAttribute("class")] = path;
+{% if view.cells %}
+    parts.images = [...figure.querySelectorAll("image")];
+{% endif %}
     return { ...told, parts, words: figure.querySelector(".said"), line: drawn(told.trail), marks: grown(told.maps) };
   });
 
@@ -64,6 +67,13 @@
       set("true", there);
       panel.words.textContent = panel.said[Math.min(frame, panel.said.length - 1)];
       if (k < 0) continue;
+{% if view.cells %}
+      const grid = panel.grids.findLastIndex((from) => from <= frame);
+      panel.parts.images.forEach((image, j) => { image.style.display = j === grid ? "" : "none"; });
+      let hits = "";
+      for (let j = 0; j < panel.hits[k].length && frame <= k; j += 2) hits += "M" + panel.hits[k][j] + " " + panel.hits[k][j + 1] + "h0";
+      set("hits", hits);
+{% endif %}
       const stopped = frame > k, marks = panel.marks[k].filter(Boolean), seen = panel.seen[k], [x, y, degree] = panel.pose[k];
       let rays = "";
       for (let j = 2; j < seen.length && !stopped; j += 2) rays += "M" + seen[0] + " " + seen[1] + "L" + seen[j] + " " + seen[j + 1];
