@@ -109,7 +109,7 @@ def _of_ros(path: Path) -> Occupancy:
     words = _words(path)
     image = _image(path, words)
     size = _number(path, words, "resolution", SMALLEST, LARGEST)
-    origin = words.get("origin")
+    origin = _there(path, words, "origin")
     if not isinstance(origin, list) or len(origin) != 3 or not all(_is_number(one) for one in origin):
         raise InputError(f"{path}: origin is {origin!r}, expected [x, y, yaw] in m and rad.")
     if origin[2] != 0:
@@ -152,10 +152,16 @@ def _words(path: Path) -> dict[str, Any]:
 
 
 def _image(path: Path, words: dict[str, Any]) -> Path:
-    name = words.get("image")
+    name = _there(path, words, "image")
     if not isinstance(name, str) or not name:
         raise InputError(f"{path}: image is {name!r}, expected the name of a picture.")
     return path.parent / name
+
+
+def _there(path: Path, words: dict[str, Any], name: str, default: float | None = None) -> Any:
+    if words.get(name, default) is None:
+        raise InputError(f"{path}: has no {name}, expected image, resolution and origin, as map_server reads them.")
+    return words.get(name, default)
 
 
 def _is_number(value: Any) -> bool:
@@ -165,7 +171,7 @@ def _is_number(value: Any) -> bool:
 def _number(
     path: Path, words: dict[str, Any], name: str, least: float, most: float, default: float | None = None
 ) -> float:
-    value = words.get(name, default)
+    value = _there(path, words, name, default)
     if not _is_number(value) or not least <= value <= most:
         raise InputError(f"{path}: {name} is {value!r}, expected {least:g} to {most:g}.")
     return float(value)

@@ -28,7 +28,7 @@ FEW = 10  # rows below which nothing is odd
 OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
 # median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
-NO_SIGHTING = "there is no sighting in it, so every backend gives dead reckoning"
+NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
 
 
 def remarks(dataset: Dataset) -> list[str]:

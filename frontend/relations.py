@@ -29,7 +29,7 @@ class Anchors(NamedTuple):
 
     def taken(self, rows: NDArray[np.bool] | Ints) -> "Anchors":
         """Some of them."""
-        return Anchors(*(column[rows] for column in self))
+        return Anchors(self.step[rows], self.since[rows], self.until[rows], self.share[rows])
 
     def along(self, path: Array) -> Array:
         """The poses (m, 3) where the steps are those of `path` (n, 3): from one step on, and bent to reach the next."""

@@ -8,6 +8,7 @@ import numpy as np
 from ...datasets.remarks import remarks
 from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.laser.recording import LaserRecording
+from ...frontend.laser_scans import Scans
 from ...frontend.se2 import Array
 from ..words.numerals import counted, listed, number
 
@@ -27,6 +28,12 @@ class LaserFindings(NamedTuple):
     def counts(self) -> Mapping[str, Any]:
         """The front end's counts, as the log's notes have them."""
         return self.log.notes["laser"]
+
+    @property
+    def scans(self) -> Scans:
+        """The scans beside the log."""
+        assert self.log.scans is not None  # the laser front end keeps them
+        return self.log.scans
 
     @property
     def remarks(self) -> list[str]:

@@ -20,7 +20,7 @@ def write_page(folder: Path, out: Path, findings: LaserFindings) -> None:
     """Writes both into `folder`, beside log.toml; the page calls the log by `out`."""
     from .figures import loop_figure, path_figure
 
-    f, picture = findings, map_picture(findings.log.scans, findings.path)
+    f, picture = findings, map_picture(findings.scans, findings.path)
     _, encoded = cv2.imencode(".png", picture.image)
     content = encoded.tobytes()
     figures = [path_figure(f)]

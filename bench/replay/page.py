@@ -222,5 +222,5 @@ def _top(view: View) -> float | None:
 def _curve(view: View, panel: Panel, top: float) -> str:
     u = UNITS * np.arange(len(panel.error)) / max(len(view.steps) - 1, 1)
     v = CHART - 4 - (CHART - 8) * np.minimum(panel.error / top, 2)
-    pairs = np.column_stack((u, v)).ravel().tolist()
+    pairs = np.where(np.isfinite(v)[:, None], np.column_stack((u, v)), np.nan).ravel().tolist()
     return _line([None if np.isnan(c) else round(c) for c in pairs])

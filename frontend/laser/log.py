@@ -96,7 +96,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
                 "submaps": len(front_end.submaps),
                 "wheels": front_end.wheels,
                 "left_out": LEFT_OUT,
-                "settings": asdict(front_end.settings),
+                "settings": {name: value for name, value in asdict(front_end.settings).items() if value is not None},
                 **({} if localiser is None else _told(localiser)),
             },
             **({REMARKS: found.remarks} if found.remarks else {}),
@@ -141,7 +141,7 @@ def _with_loops(recording: LaserRecording, front_end: FrontEnd) -> Factors:
 
 
 def _on_map(recording: LaserRecording, front_end: FrontEnd, localiser: Localiser) -> Factors:
-    """The steps from the one on at which the robot was found on the map; InputError if it never was."""
+    """The steps from the one on at which the robot was found on the map; InputError if none is on it."""
     first, fixes = localiser.first, localiser.fixes
     if first is None:
         why = ", ".join(f"{reason} ({count})" for reason, count in localiser.why.most_common()) or "the drive is short"
@@ -155,6 +155,11 @@ def _on_map(recording: LaserRecording, front_end: FrontEnd, localiser: Localiser
         start, cov, fixes = fixes[0].pose, fixes[0].cov, fixes[1:]
         way = float(np.hypot(*np.array([step.delta for step in front_end.steps[: first + 1]]).T[:2]).sum())
         remarks.append(f"the robot was found on the grid after {first} steps and {way:.3g} m: the log begins there")
+    if localiser.missed == len(steps):
+        raise InputError(
+            f"{recording.name}: none of its {len(steps)} steps matches the grid, from a start at x {start[0]:.3g} m, "
+            f"y {start[1]:.3g} m; expected a drive on it that begins there, or start=unknown."
+        )
     if localiser.missed:
         remarks.append(f"{localiser.missed} of {len(steps)} steps do not match the grid")
     R = rotation(float(start[2]))

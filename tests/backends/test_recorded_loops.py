@@ -8,7 +8,7 @@ import pytest
 
 from driven import final, run
 from slamduel.datasets.formats.carmen import Options, read
-from slamduel.frontend.laser.recording import build_log
+from slamduel.frontend.laser.log import build_log
 from slamduel.frontend.se2 import between
 
 INTEL = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar" / "intel.clf.gz"

@@ -28,7 +28,7 @@ def some(exact: int, path: Array) -> Relations:
         until = between(path[np.minimum(step + 1, N - 1)], compose(path[step], since))
         ends.append(Anchors(step, since, until, RNG.random(M)))
     delta = between(ends[0].along(path), ends[1].along(path))
-    return Relations(*ends, delta, np.arange(M) < exact)
+    return Relations(ends[0], ends[1], delta, np.arange(M) < exact)
 
 
 def test_on_the_path_they_were_made_of_nothing_is_off() -> None:

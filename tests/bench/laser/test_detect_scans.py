@@ -83,7 +83,7 @@ def test_a_bare_bag_runs_and_becomes_the_same_log(
     assert main(["detect", str(path), "--out", str(tmp_path / "log"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["scans"], found["beams"], found["wheels"]) == (169, 181, True)
-    assert found["remarks"] == ["there is no sighting in it, so every backend gives dead reckoning"]  # nor a loop
+    assert found["remarks"] == ["there is no sighting and no loop closure in it, so every backend gives dead reckoning"]
     log = log_folder.read(tmp_path / "log").log
     direct, _ = load(str(path))
     assert log.digest == direct.digest

@@ -20,6 +20,7 @@ from slamduel.bench.replay import course as replay_course
 from slamduel.bench.replay import rerun
 from slamduel.bench.replay.frames import SOFT, WIDTH, pictures
 from slamduel.bench.replay.grids import Raster, Sketch
+from slamduel.bench.replay.page import write_page
 from slamduel.bench.replay.replay import Replay, choose, replay
 from slamduel.bench.replay.view import View, view
 from slamduel.bench.workers.tasks import Ended
@@ -200,6 +201,15 @@ def test_the_page_has_every_grid_as_a_picture_over_its_panel(page: Path, seen: V
         assert (style == "") == any(grid is panel.grids[-1] for panel in seen.panels if panel.grids)
     run = json.loads(re.findall(r'id="run">(.*?)</script>', text)[0])
     assert [told["grids"] for told in run["panels"]] == [[g.frame for g in panel.grids] for panel in seen.panels]
+
+
+def test_the_chart_begins_where_the_error_is_known(seen: View, tmp_path: Path) -> None:
+    panels = [panel._replace(error=np.where(np.arange(len(panel.error)) < 2, np.nan, 0.5)) for panel in seen.panels]
+    write_page(tmp_path / "x.html", seen._replace(known="truth", panels=panels))
+    chart = re.findall(r'id="errors">(.*?)</svg>', (tmp_path / "x.html").read_text(encoding="utf-8"), re.DOTALL)[0]
+    assert "None" not in chart
+    first = f"M{round(2000 / (FRAMES - 1))} "
+    assert [d.startswith(first) for d in re.findall(r'" d="([^"]*)"/>', chart)[:3]] == 3 * [True]
 
 
 @pytest.mark.slow
