@@ -16,11 +16,12 @@ from slamduel.frontend.laser.packed import Packed
 from slamduel.frontend.laser.pose_graph import Edges, optimised
 from slamduel.frontend.laser.recording import matched
 from slamduel.frontend.laser.rows import FIRST, Rows
-from slamduel.frontend.laser.scanner import Scanner
+from slamduel.frontend.laser.scanner import Scan, Scanner
 from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.laser.step import Step
 from slamduel.frontend.laser.submap import Submap
 from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.frontend.small_matrices import inverse
 
 
 def test_rows_are_those_appended_however_many() -> None:
@@ -47,7 +48,10 @@ def test_packed_cells_come_back_bit_for_bit(most: int) -> None:
 
 def test_a_packed_submap_is_searched_as_before() -> None:
     recording, _ = record(Options(laps=0.1, people=0), np.random.default_rng(0))
-    submap = matched(recording, Settings())._active[0]
+    front_end = matched(recording, Settings())
+    submap = Submap(np.zeros(3), Settings(), recording.scanner, 0.0)
+    for pose, ranges in zip(front_end.path, recording.ranges, strict=True):
+        submap.insert(pose, Scan(recording.scanner.points(ranges), 0.04))
     submap.finish(20.0)
     cells, pyramid = submap.cells.copy(), [level.copy() for level in submap.pyramid]
     whole = submap.nbytes
@@ -127,10 +131,11 @@ def test_only_the_submaps_used_last_are_unpacked() -> None:
     finished = Finished(s)
     for number in range(29):
         finished.add(submap_of(10 * number, 20, 5.0 * number + 10), poses)
+    packed = [submap.nbytes for submap in finished.kept]
     for submap in [*finished.kept, *finished.kept[:3]]:
         finished.use(submap)
         assert len(submap.pyramid) > 1
-    unpacked = [submap for submap in finished.kept if submap._cells is not None or submap._pyramid is not None]
+    unpacked = [one for one, before in zip(finished.kept, packed, strict=True) if one.nbytes > before]
     assert set(unpacked) == {*finished.kept[:3], *finished.kept[-(s.opened - 3) :]}
 
 
@@ -184,7 +189,7 @@ def test_the_estimate_of_the_last_steps_alone_is_nearly_that_of_all() -> None:
 
 def _optimum(steps: list[Step], loops: list[Loop], start: Array) -> Array:
     number = np.arange(len(steps) - 1)
-    cov = np.linalg.inv(np.array([step.cov for step in steps[1:]]))
+    cov = inverse(np.array([step.cov for step in steps[1:]]))
     return optimised(
         start,
         Edges(number, number + 1, np.array([step.delta for step in steps[1:]]), cov),
@@ -192,7 +197,7 @@ def _optimum(steps: list[Step], loops: list[Loop], start: Array) -> Array:
             np.array([loop.to for loop in loops]),
             np.array([loop.step for loop in loops]),
             np.array([loop.delta for loop in loops]),
-            np.linalg.inv(np.array([loop.cov for loop in loops])),
+            inverse(np.array([loop.cov for loop in loops])),
         ),
         100,
     )
