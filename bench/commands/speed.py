@@ -1,7 +1,7 @@
 """`bench speed`: times every backend's step as the map grows, and some in turns.
 
-With `--association` it times steps with and without ids, with `--frontend` corner refinements, with `--batch` the batch
-optimum. Each study prints tables, and writes
+With `--association` it times steps with and without ids, with `--frontend` marker detection and laser scan
+matching, with `--batch` the batch optimum. Each study prints tables, and writes
 them as CSV with a picture on request.
 """
 
@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...frontend.errors import InputError
+from ..front_ends import study as frontend
 from ..plan.values import check_file, seed
-from ..speed import association, backends, batch, frontend
+from ..speed import association, backends, batch
 from ..words.console import screen_console
 
 
@@ -19,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     add = parser.add_argument
     add("--association", action="store_true", help="a step without ids beside one with them, by joint compatibility")
-    add("--frontend", action="store_true", help="the marker detector with each of its refinements, not the backends")
+    add("--frontend", action="store_true", help="marker detection and laser scan matching, not the backends")
     add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
     add("--seed", type=seed, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a quick look: little of everything, no reliable figures")
@@ -50,7 +51,7 @@ def main(namespace: argparse.Namespace) -> int:
 TIMED = {
     "": "without --association, --frontend or --batch backends are timed",
     "association": "--association times steps with and without ids",
-    "frontend": "--frontend times the detector",
+    "frontend": "--frontend times marker detection and laser scan matching",
     "batch": "--batch times the batch solvers",
 }
 

@@ -1,1 +1,1 @@
-"""Times steps, corner refinements and the batch optimum, with references timed in the same process."""
+"""Times steps and the batch optimum, with references timed in the same process."""

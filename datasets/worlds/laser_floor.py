@@ -98,7 +98,7 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     ranges = np.where(missing, NO_RETURN, RESOLUTION * np.round(ranges / RESOLUTION))
     prior = Prior(poses[0] + 0.0, START_SD**2 * np.eye(3))
     scanner = Scanner(angles, np.zeros(3))
-    odometry = _wheels(poses, options.slip, rolling)
+    odometry = wheels(poses, options.slip, rolling)
     return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
 
 
@@ -164,7 +164,7 @@ def _legs(plan: Plan, people: Array, t: float, x: float, y: float) -> Array:
     return np.array(discs).reshape(-1, 3)
 
 
-def _wheels(poses: Array, slip: float, rng: np.random.Generator) -> Array:
+def wheels(poses: Array, slip: float, rng: np.random.Generator) -> Array:
     """Odometry's poses (n, 3): scaled by 1 %, pulling to a side, and with noise that grows with the way."""
     motion = between(poses[:-1], poses[1:])
     way, turned = hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])

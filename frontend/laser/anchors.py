@@ -23,7 +23,7 @@ class Placed(NamedTuple):
 
 def anchors(front_end: FrontEnd, times: Array) -> Placed:
     """Places `times` (m,), s, on the matcher's path: at a scan, or linearly between two."""
-    t, path = np.array(front_end.t), np.array(front_end.path)
+    t, path = np.array(front_end.t), front_end.path
     steps = np.array([step.scan for step in front_end.steps])
     after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
     gap = t[after] - t[after - 1]

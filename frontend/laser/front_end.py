@@ -6,7 +6,6 @@ only says where to look for loops.
 """
 
 from collections import Counter, deque
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,11 +13,14 @@ from ..se2 import Array, between, compose, rotation
 from ..small_matrices import inverse
 from ._matching import match
 from ._search import correlated
+from .estimate import Estimate
+from .finished import Finished
 from .localising import Localiser
 from .loops import Loop, Match, Surprises, cloud, loop_of, searched
-from .pose_graph import Edges, optimised
+from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
+from .step import Step
 from .submap import Submap
 
 AT_FIRST, AGAIN = 6, 4
@@ -48,16 +50,6 @@ OFTEN = 0.1
 """s; scans in a burst are taken to be that far apart where a speed is computed."""
 
 
-class Step(NamedTuple):
-    """A step of the log."""
-
-    t: float
-    scan: int  # its number
-    pose: Array  # (3,) on the matcher's path
-    delta: Array  # (3,) from the step before
-    cov: Array  # (3, 3) in the axes of delta
-
-
 class FrontEnd:
     """Takes scans in the order of time."""
 
@@ -69,23 +61,23 @@ class FrontEnd:
         self.steps: list[Step] = []
         self.loops: list[Loop] = []
         self.t: list[float] = []
-        self.path: list[Array] = []  # of every scan, on the matcher's path
-        self.submaps: list[Submap] = []  # finished
-        self.estimate: list[Array] = []  # of the steps, by the pose graph
+        self.finished = Finished(settings)
         self.turned_down: Counter[str] = Counter()
         self.tried = self.lost = self.found_again = self.confirmed = 0
         self._active: list[Submap] = []
         self._way = 0.0  # m, with turning
         self._drawn: deque[tuple[Array, Scan]] = deque(maxlen=settings.cloud)
-        self._poses: list[Array] = []  # of the steps, on the matcher's path
-        self._rates: list[Array] = []  # m/s, rad/s at the steps
+        self._path = Rows(3)
+        self._poses = Rows(3)  # of the steps, on the matcher's path
+        self._rates = Rows(2)  # m/s, rad/s at the steps
+        self._estimate = Estimate(settings)
         self._surprises = Surprises(settings)
         self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
 
     def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
         """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels."""
         scan = Scan(self.scanner.points(ranges), self.settings.spacing)
-        if not self.path:
+        if not self.t:
             self._record(t, np.zeros(3))
             self._draw(np.zeros(3), scan)
             self._new_step(t, np.zeros(3), np.zeros((3, 3)), scan, np.zeros(2))
@@ -97,10 +89,20 @@ class FrontEnd:
         s = self.settings
         if _beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
             self._draw(pose, scan)
-        new = _beyond(between(self._poses[-1], pose), s.step, s.turn)
+        new = _beyond(between(self._poses.array[-1], pose), s.step, s.turn)
         self._record(t, pose)
         if new:
             self._new_step(t, pose, information, scan, rate)
+
+    @property
+    def path(self) -> Array:
+        """(n, 3) of every scan, on the matcher's path."""
+        return self._path.array
+
+    @property
+    def estimate(self) -> Array:
+        """(k, 3) of the steps, by the pose graph."""
+        return self._estimate.poses
 
     @property
     def first(self) -> int:
@@ -115,18 +117,18 @@ class FrontEnd:
     def finish(self) -> None:
         """Optimises the estimate once more."""
         if self.loops:
-            self._optimise(100)
+            self._estimate.move(self.steps, self.loops, 100)
 
     def _record(self, t: float, pose: Array) -> None:
         self.t.append(t)
-        self.path.append(pose)
+        self._path.append(pose)
 
     def _predicted(self, t: float, motion: Array | None) -> tuple[Array, Array]:
         """The motion since the last scan, and its covariance, both in the axes of the last pose."""
         s = self.settings
         if motion is not None:
             return motion, _wheels_cov(motion, s)
-        if len(self.path) < 2:
+        if len(self.t) < 2:
             return np.zeros(3), np.eye(3) * s.blind**2
         before = max(self.t[-1] - self.t[-2], 1e-3)
         return between(self.path[-2], self.path[-1]) * min((t - self.t[-1]) / before, 2.0), np.eye(3) * s.blind**2
@@ -174,7 +176,7 @@ class FrontEnd:
         if len(self._active) > 2:
             done = self._active.pop(0)
             done.finish(self._way)
-            self.submaps.append(done)
+            self.finished.add(done, self.estimate)
 
     def _new_step(self, t: float, pose: Array, information: Array, scan: Scan, rate: Array) -> None:
         """Ends a step: its odometry factor, and its loops."""
@@ -182,15 +184,15 @@ class FrontEnd:
         self._rates.append(rate)
         if k == 0:
             self.steps.append(Step(t, 0, pose, np.zeros(3), np.zeros((3, 3))))
-            self.estimate.append(pose.copy())
+            self._estimate.append(pose, 0)
         else:
-            last = self._poses[-1]
+            last = self._poses.array[-1]
             delta, R = between(last, pose), rotation(float(last[2]))
             fused = R.T @ information @ R + inverse(_wheels_cov(delta, s))
             cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
-            self.steps.append(Step(t, len(self.path) - 1, pose, delta, (cov + cov.T) / 2))
-            self.estimate.append(compose(self.estimate[-1], delta))
+            self.steps.append(Step(t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
+            self._estimate.append(compose(self.estimate[-1], delta), len(self.loops))
         self._poses.append(pose)
         for submap in self._active:
             if not submap.steps or submap.steps[-1] != k:
@@ -201,25 +203,19 @@ class FrontEnd:
         elif s.loops and k % s.loop_every == 0:
             self._close(k, scan)
         if k % s.optimise_every == 0 and len(self.loops) > self._loops_then:
-            self._correct()
+            self._estimate.correct(self.steps, self.loops)
+            self._corrected, self._loops_then = self._way, len(self.loops)
 
     def _stale(self, k: int) -> Array:
         """What a scan that was swept on the move, or a stamp that is off, adds to a covariance."""
-        v, w = self.settings.stamp_sd * self._rates[k]
+        v, w = self.settings.stamp_sd * self._rates.array[k]
         return np.diag([v * v, v * v, w * w])
 
     def _close(self, k: int, scan: Scan) -> None:
         """Looks for step k in the finished submaps nearest to its estimate."""
-        s, estimate = self.settings, self.estimate
+        s, estimate, poses = self.settings, self.estimate, self._poses.array
         here = estimate[k]
-        near = list[tuple[float, int, Submap, int]]()
-        for number, submap in enumerate(self.submaps):
-            if self._way - submap.died < s.loop_path or not submap.steps:
-                continue
-            off = np.array([estimate[i] for i in submap.steps])[:, :2] - here[:2]
-            distance = np.hypot(off[:, 0], off[:, 1])
-            if distance.min() < s.loop_radius:
-                near.append((float(distance.min()), number, submap, submap.steps[int(np.argmin(distance))]))
+        near = self.finished.near(here, estimate, self._way - s.loop_path)
         if not near:
             return
         since = self._way - self._corrected
@@ -227,9 +223,10 @@ class FrontEnd:
         turn = min(s.turn_start + s.turn_by_path * since, s.turn_window)
         seen = self._seen(k)
         matches = list[tuple[float, Match, Submap, Array]]()
-        for _, _, submap, nearest in sorted(near, key=lambda one: one[:2])[: s.loop_submaps]:
-            guess = compose(self._poses[nearest], between(estimate[nearest], here))
+        for _, submap, nearest in near:
+            guess = compose(poses[nearest], between(estimate[nearest], here))
             self.tried += 1
+            self.finished.use(submap)
             found = searched(submap, scan, seen, guess, window, turn, self.turned_down)
             if found is not None:
                 off = between(guess, found.pose)
@@ -239,12 +236,12 @@ class FrontEnd:
             if _beyond(off - matches[0][3], s.alone, s.alone_turn):
                 self.turned_down["submaps disagree"] += 1
                 continue
-            self._take(loop_of(found, submap, k, self._poses, s, self._stale(k)), off, since)
+            self._take(loop_of(found, submap, k, poses, s, self._stale(k)), off, since)
 
     def _seen(self, k: int) -> Array:
         """What the last scans saw, (n, 2), in the frame of step k."""
         poses, scans = [pose for pose, _ in self._drawn], [scan for _, scan in self._drawn]
-        return cloud(self._poses[k], poses, scans, self.settings.cloud_cell)
+        return cloud(self._poses.array[k], poses, scans, self.settings.cloud_cell)
 
     def _take(self, loop: Loop, off: Array, since: float) -> None:
         """Takes a loop that is where it was expected, or that enough others agree with; `off` is how far it is off."""
@@ -256,36 +253,10 @@ class FrontEnd:
         if confirmed:
             self.loops += confirmed
             self.confirmed += len(confirmed)
-            self._correct()
+            self._estimate.move(self.steps, self.loops, 15)
+            self._corrected, self._loops_then = self._way, len(self.loops)
         else:
             self.turned_down["surprises not confirmed"] += 1
-
-    def _correct(self) -> None:
-        self._optimise(15)
-        self._corrected, self._loops_then = self._way, len(self.loops)
-
-    def _optimise(self, iterations: int) -> None:
-        """Moves the estimate to the optimum of steps and loops."""
-        steps = self.steps[1:]
-        number = np.arange(len(steps))
-        self.estimate = list(
-            optimised(
-                np.array(self.estimate),
-                Edges(
-                    number,
-                    number + 1,
-                    np.array([step.delta for step in steps]).reshape(-1, 3),
-                    inverse(np.array([step.cov for step in steps]).reshape(-1, 3, 3)),
-                ),
-                Edges(
-                    np.array([loop.to for loop in self.loops]),
-                    np.array([loop.step for loop in self.loops]),
-                    np.array([loop.delta for loop in self.loops]),
-                    inverse(np.array([loop.cov for loop in self.loops])),
-                ),
-                iterations,
-            )
-        )
 
 
 def _beyond(motion: Array, way: float, turn: float) -> bool:

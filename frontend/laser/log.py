@@ -63,7 +63,7 @@ def build_log(recording: LaserRecording, settings: Settings) -> Log:
 def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
     """The steps and loops of a front end as a log; InputError without two steps."""
     if len(front_end.steps) < 2:
-        way = 0.0 if not front_end.path else float(np.hypot(*front_end.path[-1][:2]))
+        way = 0.0 if not front_end.t else float(np.hypot(*front_end.path[-1][:2]))
         raise InputError(
             f"{recording.name}: the robot moved {way:.3g} m in {len(front_end.t)} scans, expected at least one step of "
             f"{front_end.settings.step:g} m."
@@ -93,7 +93,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
                 "searched": front_end.tried,
                 "turned_down": dict(front_end.turned_down),
                 "confirmed": front_end.confirmed,
-                "submaps": len(front_end.submaps),
+                "submaps": front_end.finished.count,
                 "wheels": front_end.wheels,
                 "left_out": LEFT_OUT,
                 "settings": {name: value for name, value in asdict(front_end.settings).items() if value is not None},

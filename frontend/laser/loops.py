@@ -58,6 +58,29 @@ class Match(NamedTuple):
     score: float
 
 
+class Search(NamedTuple):
+    """The poses that are compared: those of a window, in steps of a cell and of a turn."""
+
+    points: Array  # (k, 2) in the robot's frame
+    centre: Array  # (3,)
+    window: float  # m
+    turn: float  # rad
+    turn_step: float  # rad
+
+    def best_in(self, submap: Submap) -> tuple[Array, float]:
+        """The pose (3,) at which most points are on walls, and its score; the score is 0 where it is too low."""
+        s = submap.settings
+        pose, score, _ = branch_and_bound(submap.pyramid, submap.origin, s.cell, *self, s.score, ANYWHERE)
+        return pose, score
+
+
+def search_of(cloud: Array, guess: Array, window: float, turn: float, settings: Settings) -> Search:
+    """The search for a cloud (k, 2) around `guess`; a turn's step moves all but the farthest points by 1.5 cells."""
+    far = min(float(np.percentile(np.hypot(*cloud.T), 90)), FARTHEST)
+    few = cloud[:: max(1, len(cloud) // settings.searched)]
+    return Search(few, guess, window, turn, 1.5 * settings.cell / far)
+
+
 def searched(
     submap: Submap, scan: Scan, cloud: Array, guess: Array, window: float, turn: float, why: Counter[str]
 ) -> Match | None:
@@ -70,11 +93,7 @@ def searched(
     if len(scan.few) < LEAST_POINTS:
         why["too few points"] += 1
         return None
-    far = min(float(np.percentile(np.hypot(*cloud.T), 90)), FARTHEST)
-    pose, score, _ = branch_and_bound(
-        submap.pyramid, submap.origin, s.cell, cloud[:: max(1, len(cloud) // s.searched)], guess, window, turn,
-        1.5 * s.cell / far, s.score, ANYWHERE,
-    )  # fmt: skip
+    pose, score = search_of(cloud, guess, window, turn, s).best_in(submap)
     if score <= 0:
         why["no place"] += 1
         return None
@@ -108,12 +127,12 @@ def cloud(pose: Array, poses: Sequence[Array], scans: Sequence[Scan], size: floa
     return one_a_cell(np.concatenate(parts), size)
 
 
-def loop_of(found: Match, submap: Submap, step: int, poses: Sequence[Array], settings: Settings, stale: Array) -> Loop:
+def loop_of(found: Match, submap: Submap, step: int, poses: Array, settings: Settings, stale: Array) -> Loop:
     """A match as a loop to the step of the submap nearest to it: least of the submap's own bend enters.
 
     `poses` are those of all steps on the matcher's path; `stale` (3, 3) is the covariance by the scan's age.
     """
-    at = np.array([poses[k] for k in submap.steps])
+    at = poses[submap.steps]
     to = submap.steps[int(np.argmin(np.hypot(*(at[:, :2] - found.pose[:2]).T)))]
     R = rotation(float(poses[to][2]))
     cov = inverse(R.T @ found.information @ R + WEAK)
@@ -140,7 +159,7 @@ class Surprises:
         """Forgets all: a loop where it was expected says that the estimate is right."""
         self._waiting.clear()
 
-    def add(self, loop: Loop, path: float, estimate: Sequence[Array]) -> list[Loop]:
+    def add(self, loop: Loop, path: float, estimate: Array) -> list[Loop]:
         """Adds a loop; returns all that ask for the same correction once they are enough, else none."""
         s = self._settings
         self._waiting = [(one, at) for one, at in self._waiting if path - at < s.confirm_within]
@@ -159,6 +178,6 @@ class Surprises:
         return [one for one, _ in same]
 
 
-def _corrected(loop: Loop, now: Array, estimate: Sequence[Array]) -> Array:
+def _corrected(loop: Loop, now: Array, estimate: Array) -> Array:
     """Where a loop would have the pose `now`."""
     return compose(compose(estimate[loop.to], loop.delta), between(estimate[loop.step], now))

@@ -13,7 +13,7 @@ CAUCHY = 2.0
 """Scale of the loss on loops, in standard deviations."""
 
 ANCHOR = 1e8
-"""Information of the first pose."""
+"""Information of a pose that is held."""
 
 SMALL = 1e-4
 """m and rad; Gauss-Newton ends when no pose moves further."""
@@ -28,8 +28,8 @@ class Edges(NamedTuple):
     information: Array  # (m, 3, 3)
 
 
-def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15) -> Array:
-    """Moves `poses` (n, 3), the first one fixed, to the optimum by Gauss-Newton, with Cauchy's loss on the loops."""
+def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15, held: int = 1) -> Array:
+    """Moves `poses` (n, 3) to the optimum by Gauss-Newton, with Cauchy's loss on the loops; the first `held` stay."""
     poses = poses.copy()
     both = Edges(
         np.concatenate((steps.first, loops.first)),
@@ -39,7 +39,7 @@ def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15) ->
     )
     robust = np.arange(len(both.first)) >= len(steps.first)
     for _ in range(iterations):
-        moved = _solved(poses, both, robust)
+        moved = _solved(poses, both, robust, held)
         poses += moved
         poses[:, 2] = wrap(poses[:, 2])
         if np.abs(moved).max() < SMALL:
@@ -47,7 +47,7 @@ def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15) ->
     return poses
 
 
-def _solved(poses: Array, edges: Edges, robust: NDArray[np.bool_]) -> Array:
+def _solved(poses: Array, edges: Edges, robust: NDArray[np.bool_], held: int) -> Array:
     """One step of Gauss-Newton, (n, 3)."""
     i, j, delta, information = edges
     n = len(poses)
@@ -67,13 +67,13 @@ def _solved(poses: Array, edges: Edges, robust: NDArray[np.bool_]) -> Array:
     At, Bt = by_a.transpose(0, 2, 1), by_b.transpose(0, 2, 1)
     blocks = np.concatenate((At @ WA, At @ WB, Bt @ WA, Bt @ WB))
     rows, columns = np.concatenate((i, i, j, j)), np.concatenate((i, j, i, j))
-    at = np.arange(3)
+    at, fixed = np.arange(3), np.arange(3 * held)
     H = csc_matrix(
         (
-            np.concatenate((blocks.ravel(), np.full(3, ANCHOR))),
+            np.concatenate((blocks.ravel(), np.full(3 * held, ANCHOR))),
             (
-                np.concatenate(((3 * rows[:, None, None] + at[:, None] + 0 * at).ravel(), at)),
-                np.concatenate(((3 * columns[:, None, None] + at + 0 * at[:, None]).ravel(), at)),
+                np.concatenate(((3 * rows[:, None, None] + at[:, None] + 0 * at).ravel(), fixed)),
+                np.concatenate(((3 * columns[:, None, None] + at + 0 * at[:, None]).ravel(), fixed)),
             ),
         ),
         shape=(3 * n, 3 * n),

@@ -1,6 +1,6 @@
 """A recording of laser scans with odometry, and the way of a front end through it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,13 @@ class LaserRecording:
     map: Occupancy | None = None  # the drive is localised on it; the prior's pose is then one on the map
     start: Start = "known"  # unknown: the robot may be anywhere on the map
 
+    def scans(self) -> Iterator[tuple[float, Array | None, Array]]:
+        """Time (s), the wheels' motion since the scan before (3,), if it is known, and ranges (b,) of each scan."""
+        motions: Any = [None] * len(self.t)
+        if self.odometry is not None:
+            motions[1:] = between(self.odometry[:-1], self.odometry[1:])
+        return zip(self.t.tolist(), motions, self.ranges, strict=True)
+
 
 def jump(odometry: Array) -> tuple[int, float] | None:
     """The row of `odometry` (n, 3) farthest from the one before it and how far, m, if the front end cannot bear it."""
@@ -50,10 +57,7 @@ def matched(
         start = (recording.prior.pose, recording.prior.cov) if recording.start == "known" else None
         localiser = Localiser(recording.map, recording.scanner, settings, start)
     front_end = FrontEnd(recording.scanner, settings, recording.odometry is not None, localiser)
-    motions: Any = [None] * len(recording.t)
-    if recording.odometry is not None:
-        motions[1:] = between(recording.odometry[:-1], recording.odometry[1:])
-    for t, motion, ranges in zip(recording.t.tolist(), motions, recording.ranges, strict=True):
+    for t, motion, ranges in recording.scans():
         front_end.scan(t, motion, ranges)
         if observe is not None:
             observe(front_end)
@@ -63,5 +67,5 @@ def matched(
 
 def placed(recording: LaserRecording, front_end: FrontEnd) -> Array:
     """The front end's own estimate (n, 3) of every scan, from the prior's pose on."""
-    path = anchors(front_end, recording.t).anchors.along(np.array(front_end.estimate))
+    path = anchors(front_end, recording.t).anchors.along(front_end.estimate)
     return compose(recording.prior.pose, between(path[0], path))

@@ -29,6 +29,10 @@ class Settings:
     share = 0.25  # of the beams that come to a wall, those that it reflects
     first_half, growth = 16.0, 8.0  # half side of a new grid, and by how much more than needed it grows
 
+    ground, ground_turn, replaced = 1.0, 0.8, 0.9  # around a step; share of a submap's steps that others have to cover
+    newer = 4  # submaps of the same ground that replace an older one
+    opened = 16  # submaps that are searched without being unpacked first
+
     # scan matching
     sd = 0.03  # of a point from its line
     spacing = 0.04  # between points that are matched
@@ -56,4 +60,5 @@ class Settings:
     expected_turn, expected_turn_by_path = 0.08, 0.001
     confirm, confirm_path, confirm_within = 4, 2.0, 20.0  # steps that ask for the same correction
     same, same_turn = 0.3, 0.05
-    optimise_every = 60  # steps
+    optimise_every, optimise_last = 60, 300  # steps; how many of the last are optimised then
+    optimise_all = 0.1  # of all steps, as new ones, from which on all are optimised again

@@ -1,13 +1,12 @@
 """A submap: some metres of path drawn into a grid, which scans are matched with."""
 
-from functools import cached_property
-
 import cv2
 import numpy as np
 
 from ..se2 import Array
 from ._grid import Cells, Mask, insert, walls
 from ._search import FULL, LEVELS, Bytes, coarser
+from .packed import Packed
 from .scanner import Scan, Scanner
 from .settings import Settings
 
@@ -22,7 +21,9 @@ class Submap:
         self.settings, self.scanner = settings, scanner
         half = int(np.ceil(settings.first_half / settings.cell))
         self.origin = settings.cell * (np.floor(pose[:2] / settings.cell) - half)
-        self.cells: Cells = np.zeros((2 * half, 2 * half, 4), np.float32)
+        self._cells: Cells | None = np.zeros((2 * half, 2 * half, 4), np.float32)
+        self._packed: Packed | None = None
+        self._pyramid: tuple[Bytes, ...] | None = None
         self.born = born  # m of path
         self.died = np.inf
         self.steps: list[int] = []  # of the log, while it was drawn
@@ -31,7 +32,7 @@ class Submap:
     def finished(cls, cells: Cells, origin: Array, settings: Settings, scanner: Scanner) -> "Submap":
         """A whole map, of cells (n, m, 4) of the size in `settings`, whose corner is at `origin` (2,)."""
         submap = cls(np.zeros(3), settings, scanner, 0.0)
-        submap.cells, submap.origin, submap.died = cells, origin, 0.0
+        submap._cells, submap.origin, submap.died = cells, origin, 0.0
         return submap
 
     def insert(self, pose: Array, scan: Scan) -> None:
@@ -46,24 +47,45 @@ class Submap:
         rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
         self.died = path
         if not len(rows):
-            self.cells = self.cells[:1, :1].copy()
+            self._cells = self.cells[:1, :1].copy()
             return
         first = np.maximum((rows[0] - BORDER, columns[0] - BORDER), 0)
-        self.cells = self.cells[first[0] : rows[-1] + BORDER + 1, first[1] : columns[-1] + BORDER + 1].copy()
+        self._cells = self.cells[first[0] : rows[-1] + BORDER + 1, first[1] : columns[-1] + BORDER + 1].copy()
         self.origin = self.origin + self.settings.cell * first
+
+    def pack(self) -> None:
+        """Packs a finished submap's cells, and forgets its pyramid; both are made again when they are asked for."""
+        if self._packed is None:
+            self._packed = Packed(self.cells)
+        self._cells = self._pyramid = None
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of what it keeps."""
+        return sum(part.nbytes for part in (self._cells, self._packed, *(self._pyramid or ())) if part is not None)
+
+    @property
+    def cells(self) -> Cells:
+        """(n, m, 4) the grid; see `_grid`."""
+        if self._cells is None:
+            assert self._packed is not None
+            self._cells = self._packed.cells()
+        return self._cells
 
     @property
     def walls(self) -> Mask:
         """(n, m) which cells are walls."""
         return walls(self.cells, self.settings.share)
 
-    @cached_property
+    @property
     def pyramid(self) -> tuple[Bytes, ...]:
         """The field of likelihoods and its maxima over ever larger squares, of a finished submap; see `_search`."""
-        levels = [likelihoods(self.walls, self.settings.cell, self.settings.field_sd)]
-        for level in range(1, LEVELS):
-            levels.append(coarser(levels[-1], 1 << (level - 1)))
-        return tuple(levels)
+        if self._pyramid is None:
+            levels = [likelihoods(self.walls, self.settings.cell, self.settings.field_sd)]
+            for level in range(1, LEVELS):
+                levels.append(coarser(levels[-1], 1 << (level - 1)))
+            self._pyramid = tuple(levels)
+        return self._pyramid
 
     def field_around(self, pose: Array, reach: float, sd: float) -> tuple[Bytes, Array]:
         """The field within `reach` (m) of a pose, and its origin (2,)."""
@@ -86,7 +108,7 @@ class Submap:
         if before.any() or after.any():
             spare = int(self.settings.growth / size)
             before, after = np.where(before, before + spare, 0), np.where(after, after + spare, 0)
-            self.cells = np.pad(self.cells, [*zip(before, after, strict=True), (0, 0)])
+            self._cells = np.pad(self.cells, [*zip(before, after, strict=True), (0, 0)])
             self.origin = self.origin - size * before
 
 

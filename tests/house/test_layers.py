@@ -75,12 +75,13 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "laser": {"camera", "drawing", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
         "speed": {"workers", "plan", "measure", "drawing", "words"},
+        "front_ends": {"drawing", "words"},
         "study": {"engine", "workers", "plan", "record", "measure", "words"},
         "claims": {"study", "verdict", "record", "measure", "words"},
         "study_report": {"claims", "study", "run", "engine", "workers", "verdict", "drawing", "record", "words"},
         "commands": {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
-            "camera", "laser", "replay", "speed", "engine", "study", "claims", "study_report",
+            "camera", "laser", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
         },
         TOP: {"words"},  # cli.py loads one command, by its name
     },

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.bench.speed.corners import errors_in
+from slamduel.bench.front_ends.corners import errors_in
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.marker_shots import placements
 from slamduel.frontend.camera.camera import Camera

@@ -1,7 +1,5 @@
-"""Writes the front end's study as tables for the terminal, and as CSV."""
+"""Writes the study of corner refinements as tables for the terminal, and as rows of the CSV."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 
@@ -10,7 +8,7 @@ from rich.table import Table
 
 from .corners import CROWD, REFINEMENTS, Accuracy, Cost, Misreadings
 
-COLUMNS = (
+CORNER_COLUMNS = (
     *("study", "refinement", "width", "height", "distance_m", "streak_px", "frames", "sightings", "wrong"),
     *("cpu_ms", "bias_m", "sd_m", "bearing_bias_rad", "nees", "nees_half"),
 )
@@ -75,16 +73,8 @@ def misreading_table(rows: Sequence[Misreadings]) -> Table:
     return table
 
 
-def as_csv(rows: Sequence[Row]) -> str:
-    """Writes one line per row, in COLUMNS; blank where a study has no such figure."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(map(_record, rows))
-    return text.getvalue()
-
-
-def _record(row: Row) -> dict[str, str | int | float]:
+def record(row: Row) -> dict[str, str | int | float]:
+    """The columns of a row."""
     if isinstance(row, Cost):
         size = {"width": row.camera.width, "height": row.camera.height}
         return {"study": "cost", "refinement": row.refinement, **size, "frames": row.frames, "cpu_ms": row.ms}

@@ -1,4 +1,4 @@
-"""`bench speed --frontend`: what it measures, and what it writes."""
+"""`bench speed --frontend --only markers`: what it measures, and what it writes."""
 
 import csv
 from pathlib import Path
@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
-from slamduel.bench.speed import frontend
-from slamduel.bench.speed.corner_tables import COLUMNS
-from slamduel.bench.speed.corners import Accuracy, Cost, Extent, Misreadings, Study, errors_in, steps
+from slamduel.bench.front_ends import study as frontend
+from slamduel.bench.front_ends.corners import Accuracy, Cost, Extent, Misreadings, Study, errors_in, steps
+from slamduel.bench.front_ends.study import COLUMNS
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.marker_shots import Placement, placements
 from slamduel.frontend.markers.aruco import Detector
@@ -89,7 +89,7 @@ def test_the_command_prints_and_writes(
 
     monkeypatch.setattr(frontend, "Study", Little)
     out, table = tmp_path / "out", tmp_path / "t.csv"
-    arguments = ["--frontend", "--quick", "--clutter", "7", "--csv", str(table), "--out", str(out)]
+    arguments = ["--frontend", "--only", "markers", "--quick", "--clutter", "7", "--csv", str(table), "--out", str(out)]
     assert main(["speed", *arguments]) == 0
     said = capsys.readouterr().out
     for words in ("640x480, ms", "1.50", "83", "+2.000", "2.10 ± 0.20", "a camera that moves", "wrong ids", "wrote: "):

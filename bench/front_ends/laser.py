@@ -1,0 +1,283 @@
+"""Measures the laser front end: CPU time of a scan and of a search, and errors beside what is stated of them."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...datasets.formats import carmen
+from ...datasets.published.catalogue import place
+from ...datasets.published.installed import here
+from ...datasets.published.laser_logs import log_file
+from ...datasets.worlds.laser_floor import Options, record
+from ...frontend.factors import Truth
+from ...frontend.laser.estimate import Estimate
+from ...frontend.laser.front_end import FrontEnd
+from ...frontend.laser.loops import Loop, Search, cloud, search_of
+from ...frontend.laser.recording import LaserRecording
+from ...frontend.laser.scanner import Scan
+from ...frontend.laser.settings import Settings
+from ...frontend.laser.step import Step
+from ...frontend.laser.submap import Submap
+from ...frontend.se2 import Array, between, wrap
+from .laser_references import icp, tried
+
+PARTS = ("match", "insert", "loop search", "optimise")
+
+NAMED = "intel-lab"
+"""The published log that is timed where it was fetched."""
+
+BETWEEN = 20
+"""Scans between two that the reference aligns."""
+
+
+class Extent(NamedTuple):
+    """The extent of the study."""
+
+    drives: int  # on made-up floors, one each
+    laps: float
+    scans: int  # of a recorded log, at most
+    searches: int
+    exhaustive: int  # of those, as many as the reference makes, too
+
+
+QUICK, FULL = Extent(1, 1.3, 2_000, 6, 1), Extent(3, 2.0, 100_000, 60, 8)
+
+
+class ScanCost(NamedTuple):
+    """ms of CPU that the scans of a log take."""
+
+    log: str
+    scans: int
+    median: float
+    mean: float
+    p99: float
+    parts: tuple[float, ...]  # means of PARTS
+    icp: float  # the reference's median, of one pair of scans
+
+
+class SearchCost(NamedTuple):
+    """ms of CPU that searches of a window take."""
+
+    searches: int
+    window: float  # m
+    turn: float  # rad
+    poses: int  # in the window, the median
+    median: float
+    p99: float
+    exhaustive: float  # the reference's median
+    ratio: float  # the median of reference by search, of the same searches
+    compared: int  # searches that the reference made, too
+    same: int  # of those, with the same score
+
+
+class Honesty(NamedTuple):
+    """Errors of steps or loops of drives with known truth, beside their covariances."""
+
+    kind: str  # step | loop
+    factors: int
+    true: tuple[float, float, float]  # m, m, rad: root of the mean squared error, in the axes of the motion
+    stated: tuple[float, float, float]  # the same of the mean covariance
+    nees: float  # mean over three degrees of freedom; 1 is exact
+
+
+class _TimedEstimate(Estimate):
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.ns = 0
+
+    def _move(self, first: int, steps: Sequence[Step], loops: Sequence[Loop], iterations: int) -> None:
+        start = time.thread_time_ns()
+        super()._move(first, steps, loops, iterations)
+        self.ns += time.thread_time_ns() - start
+
+
+class Timed(FrontEnd):
+    """A front end with the ns of CPU that its parts took."""
+
+    def __init__(self, recording: LaserRecording, settings: Settings) -> None:
+        super().__init__(recording.scanner, settings, recording.odometry is not None)
+        self.ns: dict[str, int] = dict.fromkeys(PARTS, 0)
+        self.scan_ns: list[int] = []  # of each scan
+        self._estimate = self._moving = _TimedEstimate(settings)
+
+    def drive(self, recording: LaserRecording, progress: Callable[[], None]) -> None:
+        """Takes all scans."""
+        for one in recording.scans():
+            start = time.thread_time_ns()
+            self.scan(*one)
+            self.scan_ns.append(time.thread_time_ns() - start)
+            progress()
+        self.ns["optimise"] = self._moving.ns  # without the last one, which no scan waits for
+        self.finish()
+
+    def _matched(self, scan: Scan, delta: Array, cov: Array) -> tuple[Array, Array]:
+        return self._timed("match", super()._matched, scan, delta, cov)
+
+    def _draw(self, pose: Array, scan: Scan) -> None:
+        self._timed("insert", super()._draw, pose, scan)
+
+    def _close(self, k: int, scan: Scan) -> None:
+        moving = self._moving.ns
+        self._timed("loop search", super()._close, k, scan)
+        self.ns["loop search"] -= self._moving.ns - moving
+
+    def _timed(self, part: str, do: Callable[..., Any], *given: Any) -> Any:
+        start = time.thread_time_ns()
+        found = do(*given)
+        self.ns[part] += time.thread_time_ns() - start
+        return found
+
+
+class Drive(NamedTuple):
+    """A recording and its front end, at the end."""
+
+    recording: LaserRecording
+    front_end: Timed
+    truth: Truth | None
+
+
+@dataclass(frozen=True, eq=False)
+class LaserStudy:
+    """Drives on made-up floors, and a recorded log."""
+
+    seed: int = 0
+    extent: Extent = FULL
+    log: Path | None = None  # in CARMEN's format; None: NAMED, if it was fetched
+
+    def warm_up(self) -> None:
+        """Loads all kernels, on a short drive that closes loops."""
+        _driven(*record(Options(laps=1.2, people=0), self._rng(2)), lambda: None)
+
+    def drives(self, progress: Callable[[], None]) -> list[Drive]:
+        """Takes the front end over the made-up floors."""
+        options = Options(laps=self.extent.laps)
+        return [_driven(*record(options, self._rng(0, number)), progress) for number in range(self.extent.drives)]
+
+    def recorded(self, progress: Callable[[], None]) -> Drive | None:
+        """Takes it over the recorded log; None where there is none."""
+        path = self.recorded_log
+        if path is None:
+            return None
+        recording, _ = carmen.read(path, carmen.Options())
+        n = self.extent.scans
+        odometry = None if recording.odometry is None else recording.odometry[:n]
+        return _driven(
+            replace(recording, t=recording.t[:n], ranges=recording.ranges[:n], odometry=odometry), None, progress
+        )
+
+    @cached_property
+    def recorded_log(self) -> Path | None:
+        """The recorded log's file, if there is one."""
+        return self.log or (place(NAMED) / log_file(NAMED) if here(NAMED) else None)
+
+    def searches(self, drives: Sequence[Drive], progress: Callable[[], None]) -> SearchCost:
+        """Times searches of the largest window for steps of a drive, in submaps of the same place."""
+        spent, others, ratios, poses, same = list[float](), list[float](), list[float](), list[int](), 0
+        for number in range(self.extent.searches):
+            submap, search = search_case(drives[number % len(drives)], self._rng(1, number))
+            submap.pyramid  # noqa: B018 - made before the clock starts
+            start = time.thread_time_ns()
+            _, score = search.best_in(submap)
+            spent.append(1e-6 * (time.thread_time_ns() - start))
+            poses.append(_poses(search, submap.settings.cell))
+            if number < self.extent.exhaustive:
+                start = time.thread_time_ns()
+                best = tried(search, submap)
+                others.append(1e-6 * (time.thread_time_ns() - start))
+                ratios.append(others[-1] / spent[-1])
+                same += score == (best if best > submap.settings.score else 0.0)
+            progress()
+        s = Settings()
+        return SearchCost(
+            len(spent), s.window, s.turn_window, int(np.median(poses)), float(np.median(spent)),
+            float(np.percentile(spent, 99)), float(np.median(others)), float(np.median(ratios)), len(others), same,
+        )  # fmt: skip
+
+    def _rng(self, *stream: int) -> np.random.Generator:
+        return np.random.default_rng([self.seed, *stream])
+
+
+def scan_cost(drives: Sequence[Drive], progress: Callable[[], None]) -> ScanCost:
+    """Summarises the CPU time of all scans of some drives, and times the reference on pairs of them."""
+    ms = np.concatenate([1e-6 * np.array(one.front_end.scan_ns) for one in drives])
+    parts = tuple(1e-6 * sum(one.front_end.ns[part] for one in drives) / len(ms) for part in PARTS)
+    theirs = list[float]()
+    for one in drives:
+        points = [_scan(one, k).few for k in range(0, len(one.recording.t) - 1, BETWEEN)]
+        after = [_scan(one, k + 1).few for k in range(0, len(one.recording.t) - 1, BETWEEN)]
+        for before, now in zip(points, after, strict=True):
+            if len(before) and len(now):
+                start = time.thread_time_ns()
+                icp(before, now)
+                theirs.append(1e-6 * (time.thread_time_ns() - start))
+        progress()
+    name = drives[0].recording.name
+    median, p99 = np.percentile(ms, (50, 99)).tolist()
+    return ScanCost(name, len(ms), median, float(ms.mean()), p99, parts, float(np.median(theirs)))
+
+
+def honesty(drives: Sequence[Drive]) -> list[Honesty]:
+    """Compares the errors of steps and loops with their covariances."""
+    errors: dict[str, list[Array]] = {"step": [], "loop": []}
+    covs: dict[str, list[Array]] = {"step": [], "loop": []}
+    for drive in drives:
+        assert drive.truth is not None
+        steps, loops = drive.front_end.steps, drive.front_end.loops
+        true = drive.truth.poses[[step.scan for step in steps]]
+        errors["step"].append(_off(np.array([step.delta for step in steps[1:]]), true[:-1], true[1:]))
+        covs["step"].append(np.array([step.cov for step in steps[1:]]))
+        if loops:
+            to, at = ([getattr(loop, end) for loop in loops] for end in ("to", "step"))
+            errors["loop"].append(_off(np.array([loop.delta for loop in loops]), true[to], true[at]))
+            covs["loop"].append(np.array([loop.cov for loop in loops]))
+    return [_honest(kind, np.concatenate(off), np.concatenate(covs[kind])) for kind, off in errors.items() if off]
+
+
+def _honest(kind: str, off: Array, cov: Array) -> Honesty:
+    true = np.sqrt((off**2).mean(axis=0)).tolist()
+    stated = np.sqrt(np.diag(cov.mean(axis=0))).tolist()
+    squares = np.einsum("ni,ni->n", off, np.linalg.solve(cov, off[:, :, None])[:, :, 0])
+    return Honesty(kind, len(off), tuple(true), tuple(stated), float(squares.mean() / 3))
+
+
+def _off(delta: Array, first: Array, second: Array) -> Array:
+    off = delta - between(first, second)
+    off[:, 2] = wrap(off[:, 2])
+    return off
+
+
+def _driven(recording: LaserRecording, truth: Truth | None, progress: Callable[[], None]) -> Drive:
+    front_end = Timed(recording, Settings())
+    front_end.drive(recording, progress)
+    return Drive(recording, front_end, truth)
+
+
+def _scan(drive: Drive, k: int) -> Scan:
+    front_end, recording = drive.front_end, drive.recording
+    return Scan(recording.scanner.points(recording.ranges[k]), front_end.settings.spacing)
+
+
+def search_case(drive: Drive, rng: np.random.Generator) -> tuple[Submap, Search]:
+    """A step that was drawn into a finished submap, to be searched for there from anywhere in the window."""
+    front_end, s = drive.front_end, drive.front_end.settings
+    submap = front_end.finished.kept[rng.integers(len(front_end.finished.kept))]
+    step = front_end.steps[submap.steps[rng.integers(len(submap.steps))]]
+    path, last = front_end.path, step.scan
+    drawn = [last]
+    while len(drawn) < s.cloud and last > 0:  # the last scans that were drawn
+        last -= 1
+        off = between(path[drawn[-1]], path[last])
+        if np.hypot(off[0], off[1]) > s.insert_step or abs(off[2]) > s.insert_turn:
+            drawn.append(last)
+    seen = cloud(step.pose, [path[k] for k in drawn], [_scan(drive, k) for k in drawn], s.cloud_cell)
+    share = rng.uniform(-0.5, 0.5, 3)
+    return submap, search_of(seen, step.pose + share * (s.window, s.window, s.turn_window), s.window, s.turn_window, s)
+
+
+def _poses(search: Search, cell: float) -> int:
+    return int((2 * np.ceil(search.turn / search.turn_step) + 1) * (2 * np.ceil(search.window / cell) + 1) ** 2)

@@ -1,0 +1,131 @@
+"""`bench speed --frontend --only laser`: its figures, against others worked out here."""
+
+import csv
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import carmen_files
+from slamduel.bench.cli import main
+from slamduel.bench.front_ends import laser
+from slamduel.bench.front_ends.laser import PARTS, Drive, Extent, LaserStudy, honesty, scan_cost
+from slamduel.bench.front_ends.laser_references import icp, tried
+from slamduel.datasets.worlds.laser_floor import Options, laser_floor
+from slamduel.frontend.laser._search import ANYWHERE, branch_and_bound
+from slamduel.frontend.laser.submap import Submap
+
+SHORT, CLOSED = 0.3, 1.3
+"""Laps: without a loop, and with some."""
+
+
+@cache
+def study(laps: float) -> LaserStudy:
+    return LaserStudy(3, Extent(1, laps, 200, 3, 1))
+
+
+@cache
+def drives(laps: float) -> list[Drive]:
+    return study(laps).drives(lambda: None)
+
+
+def matrix(pose: Any) -> Any:
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return np.array([[c, -s, pose[0]], [s, c, pose[1]], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("laps", [SHORT, pytest.param(CLOSED, marks=pytest.mark.slow)])
+def test_errors_and_nees_are_those_of_the_log_that_a_run_gets(laps: float) -> None:
+    """By homogeneous matrices, one factor after another, from the dataset of the same drive."""
+    made = laser_floor(Options(laps=laps), np.random.default_rng([3, 0, 0]))
+    log, truth = made.log, made.truth
+    assert truth is not None
+    assert truth.poses is not None
+    frames = [matrix(pose) for pose in truth.poses]
+    at = np.repeat(np.arange(len(log)), np.diff(log.loop_first))
+    factors = {
+        "step": [(k - 1, k, log.delta[k], log.delta_cov[k]) for k in range(1, len(log))],
+        "loop": list(zip(log.loop_to, at, log.loop_delta, log.loop_cov, strict=True)),
+    }
+    found = {row.kind: row for row in honesty(drives(laps))}
+    factors = {kind: of_kind for kind, of_kind in factors.items() if len(of_kind)}
+    assert list(found) == list(factors)
+    assert laps == SHORT or "loop" in factors
+    for kind, of_kind in factors.items():
+        squares, errors = 0.0, np.zeros(3)
+        for first, second, delta, cov in of_kind:
+            true = np.linalg.inv(frames[first]) @ frames[second]
+            turn = np.arctan2(true[1, 0], true[0, 0])
+            off = np.array([*(delta[:2] - true[:2, 2]), np.angle(np.exp(1j * (delta[2] - turn)))])
+            squares += off @ np.linalg.inv(cov) @ off
+            errors += off**2
+        row, n = found[kind], len(of_kind)
+        assert row.factors == n
+        assert row.nees == pytest.approx(squares / n / 3, rel=1e-6)
+        assert row.true == pytest.approx(np.sqrt(errors / n).tolist(), rel=1e-6)
+        assert row.stated == pytest.approx(np.sqrt([np.mean([f[3][i, i] for f in of_kind]) for i in range(3)]).tolist())
+
+
+@pytest.mark.slow
+def test_parts_are_within_the_whole_and_none_is_free() -> None:
+    row = scan_cost(drives(CLOSED), lambda: None)
+    assert row.log == "laser-floor"
+    assert row.scans == sum(len(drive.recording.t) for drive in drives(CLOSED))
+    assert all(part > 0 for part in row.parts)
+    assert len(row.parts) == len(PARTS)
+    assert sum(row.parts) < row.mean
+    assert row.median <= row.p99
+    assert row.icp > 0
+
+
+def test_a_search_finds_what_trying_every_pose_does() -> None:
+    row = study(SHORT).searches(drives(SHORT), lambda: None)
+    assert (row.searches, row.compared, row.same) == (3, 1, 1)
+    assert row.ratio > 1
+    submap, search = laser.search_case(drives(SHORT)[0], np.random.default_rng(5))
+    small = search._replace(window=0.4, turn=0.06)
+    _, score, _ = branch_and_bound(submap.pyramid, submap.origin, submap.settings.cell, *small, 0.0, ANYWHERE)
+    assert 0 < score == tried(small, submap)
+    assert isinstance(submap, Submap)
+
+
+def test_the_reference_lays_a_scan_on_the_one_before() -> None:
+    before = np.random.default_rng(0).uniform(-5, 5, (100, 2))
+    c, s = np.cos(0.03), np.sin(0.03)
+    now = (before - (0.05, -0.04)) @ np.array([[c, -s], [s, c]])
+    assert icp(before, now) == pytest.approx([0.05, -0.04, 0.03], abs=1e-9)
+
+
+def test_the_command_prints_and_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = carmen_files.written(tmp_path / "corridor.clf", drives(SHORT)[0].recording)
+    monkeypatch.setattr(laser, "QUICK", Extent(1, 0.3, 150, 2, 1))
+    monkeypatch.setattr(LaserStudy, "warm_up", lambda _: None)
+    table = tmp_path / "t.csv"
+    arguments = ["--frontend", "--only", "laser", "--quick", "--scans", str(log), "--csv", str(table)]
+    assert main(["speed", *arguments]) == 0
+    said = capsys.readouterr().out
+    for words in ("CPU time of a laser scan", "corridor", "150", "loop search", "±7 m", "true | stated", "step"):
+        assert words in said
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["study"] for row in rows] == ["laser scan"] * 2 + ["laser search", "laser step"]
+    assert [row["log"] for row in rows[:2]] == ["laser-floor", "corridor"]
+    assert rows[1]["count"] == "150"
+    assert float(rows[0]["ratio"]) == pytest.approx(float(rows[0]["mean_ms"]) / float(rows[0]["reference_ms"]))
+    assert float(rows[3]["nees"]) > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--scans", "nowhere.clf"], "--scans nowhere.clf: found no such file, expected a log of laser scans"),
+        (["--only", "markers", "--scans", "a.clf"], "--scans a.clf: found --only markers, expected no log of laser"),
+    ],
+)
+def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["speed", "--frontend", *arguments]) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
