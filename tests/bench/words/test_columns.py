@@ -5,7 +5,7 @@ import pytest
 from slamduel.bench.words.column import CPU_S, ERROR_M, INSIDE_95, NEES, Column
 from slamduel.bench.words.columns import CELLS, COLUMNS, FINAL, METRICS, REPORT, about
 
-UNITS = {"_m": "m", "_rad": "rad", "_us": "µs", "_ms": "ms", "_s": "s", "_mb": "MB"}
+UNITS = {"_m": "m", "_rad": "rad", "_us": "µs", "_ms": "ms", "_s": "s", "_mb": "MB", "_deg": "degrees"}
 
 
 def test_the_columns_of_cells_csv_stay_as_they_are() -> None:
@@ -43,9 +43,9 @@ def test_a_final_column_is_of_the_kind_of_the_online_one() -> None:
 def test_a_failure_counts_in_errors_alone() -> None:
     errors = {column.name.removeprefix("final_") for column in COLUMNS.values() if column.kind.is_error}
     lengths = {f"rpe_{stretch}_m" for stretch in ("10m", "100m", "1s", "10s")}
-    assert (
-        errors == {"ate_m", "ate_origin_m", "ate_median_m", "heading_rad", "map_rmse_m", "rpe_m", "rpe_rad"} | lengths
-    )
+    paths = {"ate_m", "ate_origin_m", "ate_median_m", "heading_rad", "map_rmse_m", "rpe_m", "rpe_rad"}
+    relations = {f"relation{what}_{unit}" for what in ("", "_se", "_sd", "_max") for unit in ("m", "deg")}
+    assert errors == paths | lengths | relations
 
 
 @pytest.mark.parametrize(
