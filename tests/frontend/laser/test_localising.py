@@ -131,10 +131,11 @@ def test_where_all_places_look_alike_none_is_taken() -> None:
         build_log(replace(later(recording, 0, 150), map=twice, start="unknown"), Settings())
 
 
-def test_a_far_start_is_not_taken_for_a_match() -> None:
-    """The prior is 8 m off: no match near it counts, and the log says so."""
+def test_a_start_far_off_is_a_sentence() -> None:
+    """The prior is 8 m off: nothing near it matches."""
     recording, _ = again(0)
     prior = recording.prior._replace(pose=recording.prior.pose + np.array((0.0, 8.0, 0.0)))
-    log = build_log(replace(later(recording, 0, 100), map=mapped(0), prior=prior), Settings())
-    assert len(log.loop_to) < 0.5 * len(log)
-    assert any("do not match the grid" in remark for remark in log.remarks)
+    with pytest.raises(
+        InputError, match=r"none of its \d+ steps matches the grid, from a start at x .*; expected a drive"
+    ):
+        build_log(replace(later(recording, 0, 100), map=mapped(0), prior=prior), Settings())
