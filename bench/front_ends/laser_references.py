@@ -26,7 +26,7 @@ def icp(before: Array, now: Array) -> Array:
         close = distance < CLOSE
         if close.sum() < 3:
             break
-        a, b = now[close], before[nearest[close]]
+        a, b = now[close], before[np.asarray(nearest)[close]]
         U, _, Vt = np.linalg.svd((b - b.mean(axis=0)).T @ (a - a.mean(axis=0)))
         turn = U @ np.diag([1.0, np.linalg.det(U @ Vt)]) @ Vt
         shift = b.mean(axis=0) - turn @ a.mean(axis=0)

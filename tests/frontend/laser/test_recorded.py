@@ -115,7 +115,7 @@ def test_freiburgs_building_79_without_odometry() -> None:
 def test_killian_court_with_made_up_wheels(tmp_path: Path) -> None:
     """1.9 km, a scan every half metre; Cartographer has 0.0395 m and 0.352 degrees on all scans with the real wheels.
 
-    The scanner sees to 50 m: of corridors as long as these, 25 m show no end, and matches slide along them.
+    The scanner sees to 50 m. With 25 m, the default, 19 of 1,259 loops are violated, most of them along a corridor.
     """
     with zipfile.ZipFile(recorded("killian.g2o.zip")) as archive:
         archive.extract("killian.g2o", tmp_path)
