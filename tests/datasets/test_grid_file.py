@@ -55,7 +55,10 @@ def test_a_map_from_elsewhere_is_read_as_map_server_does(tmp_path: Path) -> None
     [
         (("image: grid.pgm", "image: other.pgm"), "is not there, expected that of the map"),
         (("image: grid.pgm", "image: grid.yaml"), "is no picture that can be read, expected that of the map"),
-        (("image: grid.pgm", "picture: grid.pgm"), "image is None, expected the name of a picture"),
+        (
+            ("image: grid.pgm", "picture: grid.pgm"),
+            "has no image, expected image, resolution and origin, as map_server reads them",
+        ),
         (("resolution: 0.05", "resolution: 5"), "resolution is 5, expected 0.005 to 1"),
         (("resolution: 0.05", "resolution: fine"), "resolution is 'fine', expected 0.005 to 1"),
         ((", 0.0]", ", 0.5]"), "origin is turned by 0.5 rad, expected a map that is not"),

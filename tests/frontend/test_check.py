@@ -161,7 +161,7 @@ BAD_TRUTH: dict[str, tuple[dict[str, Any], str]] = {
     "a pose that is NaN": ({"poses": POSES + np.array([0, NAN, 0])}, r"row 0: the pose is \[0.0, nan, 0.0\]"),
     "times that are no steps": ({"t": T + 1e-3}, "row 0: t is .*, expected only times of the log's steps"),
     "a time twice": ({"t": T[[0, 1, 1]]}, "row 2: t is .*, expected later than"),
-    "another kind": ({"kind": "bogus"}, "kind is 'bogus', expected 'truth' or 'reference'"),
+    "another kind": ({"kind": "bogus"}, "kind is 'bogus', expected 'truth', 'reference' or 'relations'"),
     "other places": ({"places": "bogus"}, "places is 'bogus'"),
     "too few assigned": ({"assigned": np.array([3])}, r"assigned has shape \(1,\), expected \(6,\)"),
     "assigned fractions": ({"assigned": np.zeros(6)}, "assigned has entries of type float64, expected whole numbers"),

@@ -42,7 +42,7 @@ def test_what_contradicts_it_is_refused(folder: Path) -> None:
         plan(f"laser-floor[grid={folder}]", folder)
     with pytest.raises(InputError, match="has the option start, expected --start unknown"):
         plan("laser-floor[start=unknown]", folder)
-    with pytest.raises(InputError, match="circle has no laser scans to match with it"):
+    with pytest.raises(InputError, match="circle takes none; expected a laser log"):
         plan("laser-floor,circle", folder)
     with pytest.raises(InputError, match=r"has 2 \*, expected one: it is the seed of each log"):
         plan("laser-floor", f"{folder.parent.parent}/*/gr*")

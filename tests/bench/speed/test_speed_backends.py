@@ -347,8 +347,11 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
             ["--crowded", "3"],
             "--crowded: without --association, --frontend or --batch backends are timed, which has no such option",
         ),
-        (["--frontend", "--sizes", "10"], "--sizes: --frontend times the detector, which has no such option"),
-        (["--frontend", "--scattered"], "--scattered: --frontend times the detector"),
+        (
+            ["--frontend", "--sizes", "10"],
+            "--sizes: --frontend times marker detection and laser scan matching, which has no such option",
+        ),
+        (["--frontend", "--scattered"], "--scattered: --frontend times marker detection and laser scan matching"),
     ],
 )
 def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
