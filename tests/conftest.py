@@ -2,7 +2,9 @@
 
 import contextlib
 import gc
+import gzip
 import os
+import shutil
 import signal
 from pathlib import Path
 
@@ -31,11 +33,21 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     patch = pytest.MonkeyPatch()
     cache = tmp_path_factory.getbasetemp().parent / "cache"
     patch.setenv("SLAMDUEL_CACHE", str(cache))
-    at_hand = Path(os.environ.get("SLAMDUEL_DATA", "")) / "victoria_park_raw"
-    if "SLAMDUEL_DATA" in os.environ and at_hand.is_dir():
-        (cache / "published").mkdir(parents=True, exist_ok=True)
-        with contextlib.suppress(FileExistsError):  # another worker was first
-            (cache / "published" / "victoria-park-raw").symlink_to(at_hand.resolve())
+    if "SLAMDUEL_DATA" in os.environ:
+        at_hand, published = Path(os.environ["SLAMDUEL_DATA"]), cache / "published"
+        published.mkdir(parents=True, exist_ok=True)
+        if (at_hand / "victoria_park_raw").is_dir():
+            with contextlib.suppress(FileExistsError):  # another worker was first
+                (published / "victoria-park-raw").symlink_to((at_hand / "victoria_park_raw").resolve())
+        for name, recording in (("intel-lab", "intel"), ("fr079", "fr079")):
+            if (at_hand / "lidar" / f"{recording}.clf.gz").is_file():
+                made = tmp_path_factory.mktemp(name)
+                (made / f"{recording}.clf").write_bytes(
+                    gzip.decompress((at_hand / "lidar" / f"{recording}.clf.gz").read_bytes())
+                )
+                shutil.copy(at_hand / "lidar" / f"{recording}.relations", made)
+                with contextlib.suppress(FileExistsError):
+                    (published / name).symlink_to(made)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """The studies that come along: each says what it asks and whom it follows, and its cells run to what it measures."""
 
-import gzip
-import os
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,33 +15,12 @@ from slamduel.bench.study.study import about
 from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.workers.local_executor import Local
 from slamduel.datasets.published.catalogue import PUBLISHED, place
-from slamduel.datasets.published.laser_logs import log_file
 
 STUDIES = study_file.packaged()
 
 
 @pytest.fixture(scope="module")
-def recordings(tmp_path_factory: pytest.TempPathFactory) -> Generator[None]:
-    """Recordings at hand, where `bench fetch` puts them, in a cache of their own."""
-    with pytest.MonkeyPatch.context() as patch:
-        at_hand, cache = place("victoria-park-raw"), tmp_path_factory.mktemp("recordings")
-        patch.setenv("SLAMDUEL_CACHE", str(cache))
-        (cache / "published").mkdir()
-        if at_hand.is_dir():
-            place("victoria-park-raw").symlink_to(at_hand.resolve())
-        data = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
-        for name in ("intel-lab", "fr079"):
-            scans = log_file(name)
-            if "SLAMDUEL_DATA" in os.environ and (data / f"{scans}.gz").is_file():
-                place(name).mkdir()
-                (place(name) / scans).write_bytes(gzip.decompress((data / f"{scans}.gz").read_bytes()))
-                relations = f"{scans.removesuffix('.clf')}.relations"
-                (place(name) / relations).write_bytes((data / relations).read_bytes())
-        yield
-
-
-@pytest.fixture(scope="module")
-def pool(recordings: None) -> Generator[Local]:
+def pool() -> Generator[Local]:
     found = Local(1)  # a second process would load all of it, and make each log, once more
     yield found
     found.close()
