@@ -16,7 +16,7 @@ from ._search import correlated
 from .estimate import Estimate
 from .finished import Finished
 from .localising import Localiser
-from .loops import Loop, Match, Surprises, cloud, loop_of, searched
+from .loops import Loop, Match, Surprises, cloud, contradicted, loop_of, searched
 from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
@@ -122,9 +122,14 @@ class FrontEnd:
         return 0 if self.localiser is None else 1 - self.first
 
     def finish(self) -> None:
-        """Optimises the estimate once more."""
-        if self.loops:
+        """Optimises the estimate once more, and leaves out the loops that all others contradict."""
+        while self.loops:
             self._estimate.move(self.steps, self.loops, 100)
+            wrong = contradicted(self.loops, self.estimate)
+            if not wrong.any():
+                break
+            self.turned_down["the others contradict it"] += int(wrong.sum())
+            self.loops = [loop for loop, out in zip(self.loops, wrong.tolist(), strict=True) if not out]
 
     def _record(self, t: float, pose: Array) -> None:
         self.t.append(t)

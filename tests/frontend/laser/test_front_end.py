@@ -13,7 +13,7 @@ from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import build_log, log_of
-from slamduel.frontend.laser.loops import Loop, Surprises
+from slamduel.frontend.laser.loops import Loop, Surprises, contradicted
 from slamduel.frontend.laser.pose_graph import Edges, optimised
 from slamduel.frontend.laser.recording import LaserRecording, matched, placed
 from slamduel.frontend.laser.scanner import Scanner, evenly
@@ -131,6 +131,26 @@ def test_wheels_that_jump_are_caught_by_a_search() -> None:
     errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
     assert np.abs(errors[:, 2]).max() < 0.03
     assert found[-1].lost > 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_loops_that_the_others_contradict_are_told(seed: int) -> None:
+    """Around a square, all true but two: their squared distance is chi-squared with three degrees of freedom."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0, 2 * np.pi, 41)
+    poses = np.stack((5 * np.cos(angle), 5 * np.sin(angle), wrap(angle + np.pi / 2)), axis=-1)
+    sd = np.array([0.02, 0.01, 0.005])
+    loops = list[Loop]()
+    for step in range(20, 41):
+        delta = between(poses[step - 20], poses[step]) + sd * rng.uniform(-1, 1, 3)
+        loops.append(Loop(step - 20, step, delta, np.diag(sd**2), 0.9))
+    for number, off in ((4, (0.0, 0.046, 0.0)), (11, (0.0, 0.0, 0.023 + 2 * np.pi))):
+        loops[number] = loops[number]._replace(delta=between(poses[number], poses[number + 20]) + off)
+    assert np.flatnonzero(contradicted(loops, poses)).tolist() == [4, 11]
+    loops[4] = loops[4]._replace(
+        delta=between(poses[4], poses[24]) + 0.0458 * np.array([0, 1, 0])
+    )  # 4.58 sd; 4.59 are too many
+    assert np.flatnonzero(contradicted(loops, poses)).tolist() == [11]
 
 
 def first(scans: int, seed: int, **options: Any) -> tuple[LaserRecording, Array]:
