@@ -1,0 +1,1 @@
+"""A depth camera: frames one after another become steps with landmarks or loop closures."""
