@@ -1,1 +1,1 @@
-"""A depth camera: frames one after another become steps with landmarks or loop closures."""
+"""From the frames of a depth camera and wheel odometry to odometry, landmarks and loop closures."""

@@ -37,6 +37,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
         "laser": {TOP},
+        "depth": {TOP, "wheels", "camera"},
     },
     "backends": {
         TOP: set(),
