@@ -1,15 +1,13 @@
-"""The motion between two frames from matched points, with its covariance, and on the floor.
+"""The motion between two frames from matched points, with its covariance.
 
 RANSAC as in RGBD-SLAM (Endres, Hess, Sturm, Cremers and Burgard, T-RO 2014), scored by MSAC on rays and depths, then
-Gauss-Newton with the points' own covariances. On the floor the motion is that of the robot's origin, for which x, y and
-heading are marginalised over height, pitch and roll.
+Gauss-Newton with the points' own covariances.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..elementary import arctan2
 from ..se2 import Array, Ints
 from ._registration import msac, refined
 from .points import Points
@@ -56,47 +54,3 @@ def _triples(n: int, count: int, rng: np.random.Generator) -> Ints:
     c = (a + rng.integers(1, n, count)) % n
     return np.column_stack((a, b, c))[c != b]
 
-
-class Planar(NamedTuple):
-    """The motion of the robot on the floor."""
-
-    delta: Array  # (3,) x, y (m) and heading (rad) of the second pose in the first
-    cov: Array  # (3, 3)
-
-
-def planar(found: Registration, first: Array, second: Array) -> Planar:
-    """The motion on the floor; `first` and `second` (4, 4) take points of the two frames to their levelled robots."""
-    F, f = first[:3, :3], first[:3, 3]
-    R = F @ found.R @ second[:3, :3].T
-    t = F @ found.t + f - R @ second[:3, 3]
-    by_error = _adjoint(F, f)
-    J = np.zeros((3, 6))
-    J[0, 0] = J[1, 1] = 1.0
-    J[:2, 3:] = -_skew(t)[:2]
-    x, y, z = R[:, 0]
-    J[2, 3:] = np.array([-z * x, -z * y, x * x + y * y]) / (x * x + y * y)
-    J = J @ by_error
-    delta = np.array([t[0], t[1], float(arctan2(y, x))])
-    cov = J @ found.cov @ J.T
-    return Planar(delta, (cov + cov.T) / 2)
-
-
-def guess_of(delta: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """The motion R (3, 3), t (3,) between two frames of a robot that moves by `delta` (3,) on the floor."""
-    c, s = np.cos(delta[2]), np.sin(delta[2])
-    T = np.array([[c, -s, 0, delta[0]], [s, c, 0, delta[1]], [0, 0, 1, 0], [0, 0, 0, 1.0]])
-    F, S = first[:3, :3], second
-    moved = T @ S
-    return F.T @ moved[:3, :3], F.T @ (moved[:3, 3] - first[:3, 3])
-
-
-def _adjoint(R: Array, t: Array) -> Array:
-    """(6, 6) from errors in a frame to those in the frame that R, t takes it to."""
-    out = np.zeros((6, 6))
-    out[:3, :3] = out[3:, 3:] = R
-    out[:3, 3:] = _skew(t) @ R
-    return out
-
-
-def _skew(v: Array) -> Array:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

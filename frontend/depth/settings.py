@@ -29,8 +29,10 @@ class Settings:
     far: float = option(4.5, "depths above, m, are left out", minimum=0.5, maximum=100.0)
     level: bool = option(True, "level every frame by the floor in its depth image")
     sway: float = option(0.02, "sd of pitch and roll, rad, where no floor is found", minimum=0.0, maximum=0.3)
-    floor: float = option(0.002, "sd, m, that every motion has at least", minimum=1e-5, maximum=1.0)
-    turn_floor: float = option(0.0005, "sd, rad, that every motion has at least", minimum=1e-6, maximum=1.0)
+    floor: float = option(0.0005, "sd, m, that every motion has at least", minimum=1e-5, maximum=1.0)
+    turn_floor: float = option(0.0002, "sd, rad, that every motion has at least", minimum=1e-6, maximum=1.0)
+    surfaces: bool = option(True, "refuse a motion where one frame sees through the other's surfaces")
+    wheels_check: bool = option(True, "refuse a motion that contradicts the wheels, and look for another without it")
     sightings: int = option(30, "most sightings of a step", minimum=1, maximum=1000)
 
     # features
