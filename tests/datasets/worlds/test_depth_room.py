@@ -93,14 +93,15 @@ def _warped_error(
 ) -> float:
     """Grey levels, rms difference of the first frame's pixels and those of the second that show the same points."""
     camera, rows = shots.renderer.camera, rows_of(shots, k)
-    at = np.broadcast_to(240, first.grey.shape)
+    at = np.full(first.grey.shape, 240)
+    pixels, inside, front = np.zeros((480, 640, 2)), points, first.depth > 0
     for _ in range(3):  # the row that a point is seen in says from where it is seen
         pose = rows[np.clip(at, 0, 479)]
         inside = np.einsum("vuji,vuj->vui", pose[..., :3, :3], points - pose[..., :3, 3])
         front = inside[..., 2] > 0.1
         pixels = camera.project(np.where(front[..., None], inside, [0, 0, 1]).reshape(-1, 3)).reshape(480, 640, 2)
         at = np.rint(pixels[..., 1]).astype(int)
-    u, v = np.float32(pixels[..., 0] + shift[0]), np.float32(pixels[..., 1] + shift[1])
+    u, v = ((pixels[..., axis] + shift[axis]).astype(np.float32) for axis in (0, 1))
     first_light, second_light = (frame.grey / shots.renderer.lens.transmission(0.4) for frame in (first, second))
     seen = cv2.remap(second_light, u, v, cv2.INTER_LINEAR).astype(float)
     there = np.asarray(cv2.remap(second.depth, u, v, cv2.INTER_NEAREST))
@@ -184,7 +185,8 @@ def test_a_mover_is_drawn_where_it_is_near() -> None:
     nearer = (frame.depth < without.depth - 0.1) & (frame.depth > 0)
     assert nearer.mean() > 0.3
     assert (np.abs(frame.grey.astype(int) - without.grey)[nearer] > 12).mean() > 0.5
-    far = cv2.erode(np.uint8(shots.exact_depth(k) == replace(shots, visitors=()).exact_depth(k)), np.ones((9, 9))) > 0
+    unchanged = (shots.exact_depth(k) == replace(shots, visitors=()).exact_depth(k)).astype(np.uint8)
+    far = np.asarray(cv2.erode(unchanged, np.ones((9, 9)))) > 0
     assert np.abs(frame.grey.astype(int) - without.grey)[far].max() <= 1
 
 
@@ -208,7 +210,7 @@ def test_one_poster_may_hang_everywhere() -> None:
     copies = {}
     for name, image in (("alike", walls), ("different", different)):
         bare = shots_of(replace(SHORT, posters=0)).renderer.surfaces.image[surfaces.wall_row :]
-        _, _, boxes, _ = cv2.connectedComponentsWithStats(np.uint8(image != bare))
+        _, _, boxes, _ = cv2.connectedComponentsWithStats((image != bare).astype(np.uint8))
         left, top, width, height, _ = boxes[1 + int(np.argmax(boxes[1:, 4]))]
         piece = image[top + height // 4 : top + 3 * height // 4, left + width // 4 : left + 3 * width // 4]
         like = cv2.matchTemplate(image, piece, cv2.TM_CCOEFF_NORMED)
