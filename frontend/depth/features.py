@@ -1,0 +1,60 @@
+"""Features of a grey image that have a depth."""
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera.camera import Camera
+from ..se2 import Array
+from ._points import depths_at
+from .points import Points, points_of
+from .settings import Settings
+
+LENGTHS = {"orb": 32, "sift": 128}
+"""Columns of a descriptor: bytes of bits, or numbers."""
+
+
+class Features(NamedTuple):
+    """n features of one frame."""
+
+    pixels: Array  # (n, 2) px
+    points: Points
+    descriptors: NDArray[Any]  # (n, 32) uint8 of bits, or (n, 128) float32
+
+    def taken(self, rows: object) -> "Features":
+        """Those of `rows`."""
+        return Features(self.pixels[rows], self.points.taken(rows), self.descriptors[rows])
+
+    def __len__(self) -> int:
+        """The number of features, not of columns."""
+        return len(self.pixels)
+
+
+class Finder:
+    """Finds features: ORB (Rublee et al., ICCV 2011) or SIFT (Lowe, IJCV 2004), by OpenCV."""
+
+    def __init__(self, camera: Camera, settings: Settings) -> None:
+        self._camera, self._settings = camera, settings
+
+    @cached_property
+    def _detector(self) -> Any:
+        if self._settings.features == "sift":
+            return cv2.SIFT_create(nfeatures=self._settings.most, contrastThreshold=0.01)
+        return cv2.ORB_create(nfeatures=self._settings.most, scaleFactor=1.2, nlevels=8, fastThreshold=10)
+
+    def find(self, grey: NDArray[np.uint8], depth: NDArray[np.float32]) -> Features:
+        """Finds the features of `grey` (h, w) on surfaces that `depth` (h, w), m, knows."""
+        s = self._settings
+        keypoints, descriptors = self._detector.detectAndCompute(grey, None)
+        if not keypoints:
+            kind = np.uint8 if s.features == "orb" else np.float32
+            descriptors = np.zeros((0, LENGTHS[s.features]), kind)
+        pixels = np.array([one.pt for one in keypoints], float).reshape(-1, 2)
+        z = depths_at(depth, pixels, s.near, s.far, s.jump, s.jump_by_depth)
+        kept = np.flatnonzero(np.isfinite(z))
+        points = points_of(self._camera, pixels[kept], z[kept], np.full(len(kept), s.pixel_sd), s)
+        seen = np.isfinite(points.rays).all(axis=1)
+        return Features(pixels[kept], points, descriptors[kept]).taken(seen)
