@@ -19,10 +19,10 @@ from ...frontend.errors import InputError
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks
+from ..bags import images
 from ..bags.bag import Bag, Message, Topic
 from ..bags.columns import columns, of_untimed, poses
-from ..bags.topics import choose, found, plain, shown
-from . import rosimage
+from ..bags.topics import beside, choose, found, plain, shown
 from .streams import Streams
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -80,7 +80,7 @@ class _Frames:
     remarks: list[str]  # grows at the end
 
     def __iter__(self) -> Iterator[Frame]:
-        decode = rosimage.raw if self.topic.type == IMAGE else rosimage.compressed
+        decode = images.raw if self.topic.type == IMAGE else images.compressed
         count, untimed, decoded, example, latest = 0, 0, False, None, None
         for message in _in_order(self.bag.messages(self.topic.name)):
             if latest is not None and message.nanoseconds == latest.nanoseconds and _alike(message, latest):
@@ -93,7 +93,7 @@ class _Frames:
         self.remarks.extend(of_untimed(self.bag, self.topic, untimed))
         if count and not decoded:
             kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))
-            expected = "a format that OpenCV reads" if decode is rosimage.compressed else ", ".join(rosimage.ENCODINGS)
+            expected = "a format that OpenCV reads" if decode is images.compressed else ", ".join(images.ENCODINGS)
             raise InputError(
                 f"{self.bag.path}: none of the {count} images of topic {self.topic.name} can be decoded; found "
                 f"{kind!r}, expected {expected}."
@@ -151,15 +151,8 @@ def _camera_info(path: Path, listed: Sequence[Topic], named: str | None, image: 
     """The topic of the camera's calibration: of several, the one beside the images."""
     if named is None:
         known = {topic.name for topic in listed if topic.type == CAMERA_INFO and topic.messages}
-        beside = (f"{folder}/camera_info" for folder in _folders(image.name))
-        named = next((name for name in beside if name in known), None)
+        named = beside(image.name, "camera_info", known)
     return choose(path, listed, named, "[topics] camera_info", (CAMERA_INFO,))
-
-
-def _folders(name: str) -> list[str]:
-    """/a/b of /a/b/image, then /a: image_transport puts images one level deeper."""
-    parts = name.split("/")[:-1]
-    return ["/".join(parts[:length]) for length in range(len(parts), 0, -1)]
 
 
 def _camera(bag: Bag, topic: Topic) -> Camera | None:
