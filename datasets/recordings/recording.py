@@ -25,13 +25,13 @@ from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.options import option
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
+from ..readings import ODOMETRY, TICKS
 from ..registry import Source
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from ..scans.robot import ROBOT
 from ..truth import with_truth
 from .open import is_live, read_streams
-from .readings import ODOMETRY, TICKS
 from .robot import Robot, read_robot
 
 OTHER_LENS = 0.02

@@ -15,7 +15,9 @@ from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
 from ...frontend.se2 import Array
 from ...frontend.wheels.motion import Motion, Track, Wheels
-from .rosbag import CAMERA_INFO, ENCODER, IMAGE, ODOMETRY, Topics
+from ..bags.cameras import CAMERA_INFO, IMAGE
+from ..bags.odometry import ODOMETRY
+from .rosbag import ENCODER, Topics
 
 Kind = Literal["ros1", "ros2", "mcap"]
 
