@@ -40,7 +40,7 @@ class Settings:
     hypotheses = 200
     gate = 11.34  # squared distance of an inlier: chi2 of 3 degrees of freedom, 99 %
     inliers = 12  # least number
-    weak, weak_turn = 0.15, 0.05  # sd, m and rad, beyond which a view is degenerate
+    weak, weak_turn = 0.05, 0.02  # sd, m and rad, beyond which a view is degenerate
 
     # wheels
     wheels_gate = 16.27  # squared distance of a motion from the wheels': chi2 of 3 degrees of freedom, 99.9 %
@@ -54,7 +54,7 @@ class Settings:
 
     # loops
     loop_after = 5.0  # s
-    loop_inliers, loop_inliers_alone = 15, 30  # least number; without wheels
+    loop_inliers, loop_inliers_alone = 20, 30  # least number; without wheels
     loops_a_step = 2
     by_words, candidates = 300, 5  # keyframes from which on words choose, and how many they choose
     place_step, place_turn = 0.3, 0.3  # m and rad between keyframes that loops are searched in
