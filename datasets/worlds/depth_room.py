@@ -45,7 +45,7 @@ class Drive:
     mover: float = option(
         0.0, "width of a box that crosses the view again and again, m; 0: none", minimum=0.0, maximum=1.2
     )
-    sway: float = option(
+    rocking: float = option(
         0.02, "rocking of the body, standard deviation of pitch and roll, rad", minimum=0.0, maximum=0.2
     )
     readout: float = option(0.0, "rolling shutter: time from the first row to the last, s", minimum=0.0, maximum=0.1)
@@ -83,7 +83,7 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         Renderer(room, camera, DICTIONARY, painted, grain=options.grain),
         lambda at: drive(LOOP, options.speed, at)[0],
         t,
-        options.sway,
+        options.rocking,
         np.random.SeedSequence(int(sensor.integers(2**63))),
         visitors,
         options.readout,
