@@ -1,6 +1,7 @@
 """Registers depth to another camera: the depth of that camera's pixels, from where it is."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from ...frontend.depth.frame import Depth
 from ...frontend.se2 import Array
 from ._registering import draw
 
-MORE = 1.05
+MORE = 1.1
 """Times a pixel's own size that it covers in the other image: neighbours on a slanted surface leave no gaps."""
 
 
@@ -27,14 +28,23 @@ class Registration:
         Each depth is a point that moves into the target's frame and covers its pixel's size there, the nearest in front
         of the others.
         """
-        rays, z = self.source.rays, depth.astype(np.float64)
-        some = (z > 0) & np.isfinite(rays[..., 0])
-        rays, z = rays[some], z[some]
+        z = depth.astype(np.float64)
+        some = (z > 0) & np.isfinite(self._apart)
+        rays, apart, z = self.source.rays[some], self._apart[some], z[some]
         points = np.column_stack((rays * z[:, None], z)) @ self.pose[:3, :3].T + self.pose[:3, 3]
         seen = points[:, 2] > 0
         seen[seen] = np.hypot(*(points[seen, :2] / points[seen, 2:]).T) < self.target.reach
-        points, z = points[seen], z[seen]
-        half = 0.5 * MORE * sum(self.target.focal) / sum(self.source.focal) * z / points[:, 2]
+        points, apart, z = points[seen], apart[seen], z[seen]
+        # A fisheye's pixels are of equal angles, another lens's of equal lengths in a plane.
+        away = np.linalg.norm(points, axis=1) if self.target.model == "fisheye" else points[:, 2]
+        half = 0.5 * MORE * apart * z / away * sum(self.target.focal) / 2
         out = np.zeros((self.target.height, self.target.width), np.float32)
         draw(self.target.project(points), points[:, 2].copy(), half, out)
+        out[np.isnan(self.target.rays[..., 0])] = 0
         return out
+
+    @cached_property
+    def _apart(self) -> Array:
+        """(h, w) how far the rays of neighbouring pixels of the source are apart; NaN where one has none."""
+        steps = [np.linalg.norm(np.asarray(np.gradient(self.source.rays, axis=axis)), axis=-1) for axis in (0, 1)]
+        return np.maximum(*steps)

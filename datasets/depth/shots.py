@@ -57,8 +57,9 @@ def pairs(
         else:
             left_out[UNUSED] += 1
             depth, later = later, next(following, None)
-    left_out[UNPAIRED] += (image is not None) + (coming is not None) + sum(1 for _ in waiting)
-    left_out[UNUSED] += (depth is not None) + (later is not None) + sum(1 for _ in following)
+    for reason, ends, rest in ((UNPAIRED, (image, coming), waiting), (UNUSED, (depth, later), following)):
+        if count := sum(one is not None for one in ends) + sum(1 for _ in rest):
+            left_out[reason] += count
 
 
 def in_metres(pixels: Pixels, units: float) -> NDArray[np.float32] | Flaw:

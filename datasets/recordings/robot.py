@@ -12,7 +12,8 @@
     [topics]     image, encoder, odometry, camera_info
     [frames]     source, fps, start
 
-Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in rad, times in s.
+Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
+rad, times in s.
 """
 
 import shutil

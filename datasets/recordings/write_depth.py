@@ -158,11 +158,11 @@ def _write_cameras(path: Path, t: Array, cameras: Array) -> None:
     """groundtruth.txt: t x y z qx qy qz qw of the camera."""
     lines = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
     for time, pose in zip(t.tolist(), cameras, strict=True):
-        lines.append(" ".join(map(repr, [time, *pose[:3, 3].tolist(), *_quaternion(pose[:3, :3]).tolist()])))
+        lines.append(" ".join(map(repr, [time, *pose[:3, 3].tolist(), *quaternion(pose[:3, :3]).tolist()])))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _quaternion(turn: Array) -> Array:
+def quaternion(turn: Array) -> Array:
     """x, y, z, w of a rotation (3, 3): the eigenvector of its largest eigenvalue (Bar-Itzhack, 2000)."""
     (a, b, c), (d, e, f), (g, h, i) = turn
     whole = np.array([
