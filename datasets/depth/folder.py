@@ -101,7 +101,9 @@ def read_camera_truth(path: Path, mounting: Array) -> Truth | None:
     if not rows:
         raise InputError(f"{file}: found no poses, expected at least one.")
     columns = np.array(rows)
-    world = _matrices(columns[:, 1:]) @ np.linalg.solve(mounting, np.eye(4))
+    back = np.eye(4)  # T_camera_robot
+    back[:3, :3], back[:3, 3] = mounting[:3, :3].T, -mounting[:3, :3].T @ mounting[:3, 3]
+    world = _matrices(columns[:, 1:]) @ back
     if (world[:, 2, 2] < UPRIGHT).any():
         row = int(np.argmax(world[:, 2, 2] < UPRIGHT))
         raise InputError(

@@ -145,4 +145,4 @@ def write_depth_robot(path: Path, recording: DepthRecording, topics: Topics | No
 def _in_camera(pose: Array) -> Array:
     """T_camera_depth of a camera placed at `pose` on another one's body, which looks along its own x axis."""
     body = ahead(0, 0, 0, 0)  # T_body_camera of the first camera
-    return np.linalg.solve(body, pose)
+    return body.T @ pose

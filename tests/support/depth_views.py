@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -121,7 +122,7 @@ def compressed_depth(k: int, topic: str, content: bytes, form: str, frame: str =
 def info_message(topic: str, camera: Camera = CAMERA, frame: str = "camera_optical") -> Said:
     matrix = camera.matrix
 
-    def build(new: object) -> dict[str, object]:
+    def build(new: Any) -> dict[str, Any]:
         content = bags.camera_info(0, matrix.ravel(), np.pad(camera.distortion, (0, 5 - len(camera.distortion)))).build(
             new
         )

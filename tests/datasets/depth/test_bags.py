@@ -175,7 +175,7 @@ def test_a_camera_that_nobody_places_is_refused(tmp_path: Path) -> None:
 
 
 BODY = mounting(0, 0, 0, 0)
-BESIDE = np.linalg.solve(BODY, from_rpy((0.0, 0.025, 0.0), (0.0, 0.0, 0.01)))
+BESIDE = BODY.T @ from_rpy((0.0, 0.025, 0.0), (0.0, 0.0, 0.01))
 IR = Camera(80, 60, (73.0, 73.0), (39.5, 29.5), (), np.eye(4))
 IR_INFO = "/camera/depth/camera_info"
 

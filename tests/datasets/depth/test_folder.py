@@ -203,7 +203,7 @@ def test_bad_pictures_are_left_out_and_counted(tmp_path: Path) -> None:
 
 def test_pictures_of_16_bits_are_read_as_8(tmp_path: Path) -> None:
     folder = tum_folder(tmp_path / "drive", frames=2)
-    spoil(folder, 0, png(grey_at(0).astype(np.uint16) << 8), "rgb")
+    spoil(folder, 0, png((256 * grey_at(0).astype(np.uint16)).astype(np.uint16)), "rgb")
     np.testing.assert_array_equal(frames_of(folder)[0].grey, grey_at(0))
 
 

@@ -19,7 +19,7 @@ from slamduel.frontend.se2 import Array
 
 BODY = mounting(0, 0, 0, 0)
 
-BESIDE = np.linalg.solve(BODY, from_rpy((-0.002, 0.025, 0.001), (0.004, -0.003, 0.008)))
+BESIDE = BODY.T @ from_rpy((-0.002, 0.025, 0.001), (0.004, -0.003, 0.008))
 """T_camera_depth of a Kinect's kind."""
 
 SOURCES = {
@@ -66,7 +66,7 @@ def test_the_nearest_of_two_surfaces_wins() -> None:
     """A near square hides the wall behind it, from a camera to the side as well."""
     wall = np.full(SIZE[::-1], 3.0, np.float32)
     wall[40:80, 60:100] = 1.0
-    found = Registration(CAMERA, CAMERA, np.linalg.solve(BODY, from_rpy((0, 0.1, 0), (0, 0, 0)))).registered(wall)
+    found = Registration(CAMERA, CAMERA, BODY.T @ from_rpy((0, 0.1, 0), (0, 0, 0))).registered(wall)
     # Moved by 0.1 m, the square is seen 14.4 px to the left of where it was, and the wall 4.8 px.
     assert np.abs(found[60, 48:83] - 1.0).max() < 1e-6
     assert found[60, 60 - 18] == pytest.approx(3.0)
@@ -92,7 +92,7 @@ def test_beyond_a_lens_nothing_is_drawn() -> None:
     """Points outside of the field of view of a lens that turns back there would fall into its image."""
     target = CAMERAS["fisheye"]
     source = Camera(*SIZE, (30.0, 30.0), (79.5, 59.5), (), np.eye(4))
-    turned = np.linalg.solve(BODY, from_rpy((0, 0, 0), (0, 0, np.pi / 2)))
+    turned = BODY.T @ from_rpy((0, 0, 0), (0, 0, np.pi / 2))
     found = Registration(source, target, turned).registered(np.full(SIZE[::-1], 2.0, np.float32))
     rays = target.rays
     drawn = found > 0
