@@ -44,6 +44,7 @@ BUILTIN = {
     "circle": ".worlds.circle:source",
     "city": ".worlds.city:source",
     "csv": ".formats.csv_tables:source",
+    "depth-room": ".worlds.depth_room:source",
     "dlr": ".published.dlr:source",
     "fr079": ".published.laser_logs:fr079",
     "freiburg": ".published.freiburg:source",

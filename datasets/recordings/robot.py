@@ -12,7 +12,8 @@
     [topics]     image, encoder, odometry, camera_info
     [frames]     source, fps, start
 
-Only [markers] is required. [laser] in its place is read by `scans`. Lengths are in m, angles in rad, times in s.
+Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
+rad, times in s.
 """
 
 import shutil
@@ -82,9 +83,11 @@ class Robot:
 def read_robot(path: Path) -> Robot:
     """Reads the robot in `path`, a robot.toml; InputError names the file, line and key of a fault."""
     tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
-    file = TomlTable.read(path).only(("name", *tables, "laser"))
+    file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
     if file.has("laser"):
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
+    if file.has("depth"):
+        raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
     markers = file.table("markers").only(("dictionary", "side", "sides", "max_range"))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))

@@ -8,13 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...frontend.camera.camera import Camera
+from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.settings import Settings
 from ...frontend.elementary import hypot
 from ...frontend.errors import InputError
-from ...frontend.factors import Prior, Truth
+from ...frontend.factors import Dataset, Prior, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, between, compose
 from ...frontend.wheels.motion import Track, TrackNoise
+from ..hidden_ids import HiddenIds
+from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
 from ..rendering.depth_shots import DepthShots
@@ -45,7 +49,7 @@ class Drive:
     mover: float = option(
         0.0, "width of a box that crosses the view again and again, m; 0: none", minimum=0.0, maximum=1.2
     )
-    sway: float = option(
+    rocking: float = option(
         0.02, "rocking of the body, standard deviation of pitch and roll, rad", minimum=0.0, maximum=0.2
     )
     readout: float = option(0.0, "rolling shutter: time from the first row to the last, s", minimum=0.0, maximum=0.1)
@@ -57,6 +61,19 @@ class Drive:
         maximum=2.0,
     )
     slip: float = option(1.0, "noise of the odometry, of the one stated for it", minimum=0.0, maximum=20.0)
+
+
+@dataclass(frozen=True)
+class Options(HiddenIds, Settings, Drive):
+    """The drive and the front end."""
+
+
+def depth_room(options: Options, rng: np.random.Generator) -> Dataset:
+    """Rendered frames of a depth camera in a room with posters, rugs and boxes, and odometry; one room per seed."""
+    recording, truth = record(options, rng)
+    log = build_log(recording, options)
+    rows = np.searchsorted(truth.t, log.t)
+    return Dataset(log, Truth(truth.t[rows], truth.poses[rows]))
 
 
 def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Truth]:
@@ -83,7 +100,7 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         Renderer(room, camera, DICTIONARY, painted, grain=options.grain),
         lambda at: drive(LOOP, options.speed, at)[0],
         t,
-        options.sway,
+        options.rocking,
         np.random.SeedSequence(int(sensor.integers(2**63))),
         visitors,
         options.readout,
@@ -117,3 +134,6 @@ def integrated(poses: Array, noise: TrackNoise, times: float, rng: np.random.Gen
 def _half_view(camera: Camera) -> float:
     """The tangent of the angle from the axis to the farther side of the view."""
     return float(np.abs(camera.rays[camera.height // 2, [0, -1], 0]).max())
+
+
+source = Source(depth_room, options=Options, seeded=True, costly=True, portable=False)  # OpenCV's arithmetic

@@ -57,7 +57,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "published": {TOP, "formats"},
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
-        "recordings": {TOP, "bags", "scans"},
+        "depth": {TOP, "bags"},
+        "recordings": {TOP, "bags", "scans", "depth"},
     },
     "bench": {
         "words": set(),

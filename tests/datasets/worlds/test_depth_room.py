@@ -127,12 +127,12 @@ def test_frames_are_the_same_whenever_they_are_read() -> None:
 
 
 def test_the_body_rocks_as_much_as_it_is_told_to() -> None:
-    shots = shots_of(Drive(laps=6.0, sway=0.03))
+    shots = shots_of(Drive(laps=6.0, rocking=0.03))
     assert shots.tilts.std(axis=0) == pytest.approx(0.03, rel=4 / np.sqrt(2 * len(shots)))
     up = shots.poses @ np.linalg.inv(shots.renderer.camera.mounting)  # T_world_robot
     lean = np.arccos(up[:, 2, 2])
     np.testing.assert_allclose(lean**2, (shots.tilts**2).sum(axis=1), rtol=0.01, atol=1e-9)
-    assert not shots_of(replace(SHORT, sway=0.0)).tilts.any()
+    assert not shots_of(replace(SHORT, rocking=0.0)).tilts.any()
 
 
 def test_odometry_errs_as_stated() -> None:
