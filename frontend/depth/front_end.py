@@ -35,13 +35,21 @@ class Step(NamedTuple):
     motion: Planar | None  # since the step before; None at first
 
 
+class Loop(NamedTuple):
+    """A loop closure of the log."""
+
+    to: int  # the earlier step
+    step: int
+    motion: Planar  # the pose of `step` in that of `to`
+
+
 class FrontEnd:
     """Takes frames in the order of time."""
 
     def __init__(self, camera: Camera, settings: Settings, motion: Motion | None) -> None:
         self.settings, self.camera = settings, camera
         self.steps: list[Step] = []
-        self.loops: list[Pair] = []
+        self.loops: list[Loop] = []
         self.counts, self.turned_down = Counter[str](), Counter[str]()
         self.tracks, self._ways = Tracks(settings), Ways()
         self._motion = motion
@@ -172,7 +180,7 @@ class FrontEnd:
         for pair in found:
             self._ways.join(pair.first.step, pair.second.step, pair.motion)
             if self.settings.loops:
-                self.loops.append(pair)
+                self.loops.append(Loop(pair.first.step, pair.second.step, pair.motion))
             else:
                 self.tracks.link(pair)
         self.search.remember(frame, found)

@@ -58,7 +58,7 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
     nothing = np.full(3, np.nan), np.full((3, 3), np.nan)
     motions = [nothing if step.motion is None else step.motion for step in steps]
     seen = front_end.tracks.chosen()
-    loops = sorted(front_end.loops, key=lambda pair: (pair.second.step, pair.first.step))
+    loops = sorted(front_end.loops, key=lambda loop: (loop.step, loop.to))
     log = Log.from_arrays(
         recording.name,
         recording.prior,
@@ -69,10 +69,10 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
         ids=seen.ids,
         z=seen.z,
         z_cov=seen.cov,
-        loop_step=np.array([pair.second.step for pair in loops], np.int64),
-        loop_to=np.array([pair.first.step for pair in loops], np.int64),
-        loop_delta=np.array([pair.motion.delta for pair in loops]).reshape(-1, 3),
-        loop_cov=np.array([pair.motion.cov for pair in loops]).reshape(-1, 3, 3),
+        loop_step=np.array([loop.step for loop in loops], np.int64),
+        loop_to=np.array([loop.to for loop in loops], np.int64),
+        loop_delta=np.array([loop.motion.delta for loop in loops]).reshape(-1, 3),
+        loop_cov=np.array([loop.motion.cov for loop in loops]).reshape(-1, 3, 3),
         notes=_notes(recording, front_end),
     )
     check(log, recording.name)

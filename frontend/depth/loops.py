@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from .gate import chained, distance
+from .gate import distance
 from .keyframe import Keyframe
 from .pairs import Pair, Pairs
 from .planar import Planar
 from .settings import Settings
-from .ways import Ways
+from .ways import Ways, joined
 from .words import Words
 
 LOOSE, LOOSE_TURN = 0.3, 0.2
@@ -85,10 +85,5 @@ class Loops:
 
     def _around(self, pair: Pair, other: Pair) -> Planar:
         """The motion that a loop should have by another: to the other's place, along it, and back on the last steps."""
-        ways = self._ways
-        parts = [
-            ways.motion(pair.first.step, other.first.step),
-            other.motion,
-            ways.motion(other.second.step, pair.second.step),
-        ]
-        return chained(np.array([one.delta for one in parts]), np.array([one.cov for one in parts]))
+        before = self._ways.motion(pair.first.step, other.first.step)
+        return joined([before, other.motion, self._ways.motion(other.second.step, pair.second.step)])

@@ -1,16 +1,11 @@
 """Settings of the front end for depth cameras, each measured in a rendered room and on a recorded sequence."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 from ..errors import InputError
 from ..options import option
 
-Kind = Literal["orb", "sift"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
-
-Odometer = Literal["wheels", "visual"]
-ODOMETERS: tuple[Odometer, ...] = get_args(Odometer)
+KINDS, ODOMETERS = ("orb", "sift"), ("wheels", "visual")
 
 
 @dataclass(frozen=True)
@@ -19,11 +14,11 @@ class Settings:
 
     step: float = option(0.15, "metres between steps of the log", minimum=0.02, maximum=10.0)
     turn: float = option(0.15, "turn, rad, that ends a step, too", minimum=0.02, maximum=3.0)
-    features: Kind = option("orb", "kind of features", choices=KINDS)
+    features: str = option("orb", "kind of features", choices=KINDS)
     most: int = option(1000, "features looked for in a frame", minimum=50, maximum=20_000)
     landmarks: bool = option(True, "features that are seen again become landmarks, with ids")
     loops: bool = option(False, "search for loop closures")
-    odometry: Odometer = option("wheels", "what the motion between steps is taken from", choices=ODOMETERS)
+    odometry: str = option("wheels", "what the motion between steps is taken from", choices=ODOMETERS)
     depth_sd: float = option(0.003, "sd of a depth of z m is this times z^2, and 1 mm", minimum=1e-5, maximum=0.1)
     near: float = option(0.4, "depths below, m, are left out", minimum=0.0, maximum=10.0)
     far: float = option(4.5, "depths above, m, are left out", minimum=0.5, maximum=100.0)
@@ -45,7 +40,7 @@ class Settings:
     hypotheses = 200
     gate = 11.34  # squared distance of an inlier: chi2 of 3 degrees of freedom, 99 %
     inliers = 12  # least number
-    weak, weak_turn = 0.15, 0.05  # sd, m and rad, beyond which a view is degenerate
+    weak, weak_turn = 0.05, 0.02  # sd, m and rad, beyond which a view is degenerate
 
     # wheels
     wheels_gate = 16.27  # squared distance of a motion from the wheels': chi2 of 3 degrees of freedom, 99.9 %
@@ -59,7 +54,7 @@ class Settings:
 
     # loops
     loop_after = 5.0  # s
-    loop_inliers, loop_inliers_alone = 30, 40  # least number; without wheels
+    loop_inliers, loop_inliers_alone = 20, 30  # least number; without wheels
     loops_a_step = 2
     by_words, candidates = 300, 5  # keyframes from which on words choose, and how many they choose
     place_step, place_turn = 0.3, 0.3  # m and rad between keyframes that loops are searched in

@@ -1,53 +1,76 @@
 """The motion between any two steps, as well as it is known: along the way of least variance, over steps and loops."""
 
-from heapq import heappop, heappush
-
 import numpy as np
 
+from ..se2 import Ints
+from ._ways import ways_to
 from .gate import back, chained
 from .planar import Planar
 
+ROOM = 256
+"""Nodes, and edges, that there is room for at first; then always for twice as many."""
+
 
 class Ways:
-    """Motions between the steps, as edges of a graph."""
+    """Motions between steps, as edges of a graph that begins with step 0."""
 
     def __init__(self) -> None:
-        self._edges: list[list[tuple[int, float, Planar]]] = [[]]  # of each step: to, variance, motion
-
-    def __len__(self) -> int:
-        return len(self._edges)
+        self._steps, self._edges = 1, 0
+        self._first = np.full(ROOM, -1)  # of the edges that lead to each step
+        self._next, self._other = np.full(ROOM, -1), np.full(ROOM, -1)  # of each edge: the one after it; its start
+        self._variance, self._motions = np.zeros(ROOM), np.zeros((ROOM, 12))  # and delta with covariance
+        self._to, self._came = -1, np.zeros(0, np.int64)  # the ways to the step last asked for
 
     def step(self, motion: Planar) -> None:
         """Adds a step, with the motion since the one before."""
-        self._edges.append([])
-        self.join(len(self._edges) - 2, len(self._edges) - 1, motion)
+        self._steps += 1
+        if self._steps > len(self._first):
+            self._first = np.concatenate((self._first, np.full_like(self._first, -1)))
+        self.join(self._steps - 2, self._steps - 1, motion)
 
     def join(self, first: int, second: int, motion: Planar) -> None:
-        """Adds the motion from one step to another."""
-        variance = float(np.trace(motion.cov))  # a radian moves what is a metre away by a metre
-        self._edges[first].append((second, variance, motion))
-        self._edges[second].append((first, variance, back(motion)))
+        """Adds the motion from one step to another; a radian counts as the metre by which it moves what is that far."""
+        self._add(first, second, motion)
+        self._add(second, first, back(motion))
+        self._to = -1
 
     def motion(self, first: int, second: int) -> Planar:
-        """The motion from one step to another. Dijkstra's algorithm; no edge is on the way twice."""
-        least, came = {first: 0.0}, dict[int, tuple[int, Planar]]()
-        waiting, done = [(0.0, first)], set[int]()
-        while waiting:
-            variance, at = heappop(waiting)
-            if at == second:
-                break
-            if at in done:
-                continue
-            done.add(at)
-            for to, more, edge in self._edges[at]:
-                if variance + more < least.get(to, np.inf):
-                    least[to], came[to] = variance + more, (at, edge)
-                    heappush(waiting, (variance + more, to))
-        way = list[Planar]()
-        while second != first:
-            second, edge = came[second]
+        """The motion from one step to another."""
+        if self._to != second:
+            self._to, self._came = second, self._ways_to(second)
+        way = list[int]()
+        while first != second:
+            edge = int(self._came[first])
             way.append(edge)
-        way.reverse()
-        return chained(
-            np.array([edge.delta for edge in way]).reshape(-1, 3), np.array([edge.cov for edge in way]).reshape(-1, 3, 3)
-        )
+            first = int(self._target(edge))
+        rows = self._motions[way]
+        return chained(rows[:, :3], rows[:, 3:].reshape(-1, 3, 3))
+
+    def _add(self, first: int, second: int, motion: Planar) -> None:
+        """Adds an edge; those there and back are neighbours, as even and odd rows."""
+        e = self._edges
+        if e == len(self._next):
+            self._next, self._other, self._variance, self._motions = (
+                np.concatenate((part, np.zeros_like(part)))
+                for part in (self._next, self._other, self._variance, self._motions)
+            )
+        self._next[e], self._first[second], self._other[e] = self._first[second], e, first
+        self._variance[e] = np.trace(motion.cov)
+        self._motions[e, :3], self._motions[e, 3:] = motion.delta, motion.cov.ravel()
+        self._edges += 1
+
+    def _target(self, edge: int) -> int:
+        """The step that an edge leads to: where the one back starts."""
+        return self._other[edge ^ 1]
+
+    def _ways_to(self, end: int) -> Ints:
+        """(n,) the edge on which the way from each step to `end` begins."""
+        n, e = self._steps, self._edges
+        came = np.empty(n, np.int64)
+        ways_to(end, self._first[:n], self._next[:e], self._other[:e], self._variance[:e], np.empty(n), came)
+        return came
+
+
+def joined(way: list[Planar]) -> Planar:
+    """Motions one after another, as one."""
+    return chained(np.array([one.delta for one in way]), np.array([one.cov for one in way]))

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..se2 import Array
-from ._words import Bits, moved, nearest
+from ._bits import Bits, moved, nearest
 from .keyframe import Keyframe
+from .matching import bits_of
 from .settings import Settings
 
 WORDS, ROUNDS, SAMPLE = 512, 6, 12_000
@@ -72,4 +73,4 @@ class Words:
         """(n, w) descriptors as bits; one of numbers has a bit set where it is above the median."""
         if self._middle is not None:
             descriptors = np.packbits(descriptors > self._middle, axis=1)
-        return np.ascontiguousarray(descriptors).view(np.uint64)
+        return bits_of(descriptors)

@@ -1,4 +1,4 @@
-"""Inner loops of a bag of words: the nearest words of descriptors by their bits, and words from descriptors."""
+"""Inner loops on descriptors of bits: the two nearest ones of another frame, and words of many."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,9 @@ from ..compiled import compiled
 from ..se2 import Ints
 
 Bits = NDArray[np.uint64]
-"""(n, w) the bits of n descriptors, 64 a word."""
+"""(n, w) the bits of n descriptors, 64 in a column."""
+
+FARTHEST = 1 << 30
 
 
 @compiled
@@ -21,10 +23,30 @@ def differing(a: np.uint64, b: np.uint64) -> int:
 
 
 @compiled
+def two_nearest(first: Bits, second: Bits, distances: Ints, at: Ints) -> None:
+    """Writes the distances (n, 2) of the two of `second` (m, 4) nearest to each of `first` (n, 4), and the row of one.
+
+    The first one of several that are as near.
+    """
+    for k in range(len(first)):
+        a, b, c, d = first[k, 0], first[k, 1], first[k, 2], first[k, 3]
+        best, next_, row = FARTHEST, FARTHEST, 0
+        for j in range(len(second)):
+            total = differing(a, second[j, 0]) + differing(b, second[j, 1])
+            total += differing(c, second[j, 2]) + differing(d, second[j, 3])
+            if total < next_:
+                if total < best:
+                    best, next_, row = total, best, j
+                else:
+                    next_ = total
+        distances[k, 0], distances[k, 1], at[k] = best, next_, row
+
+
+@compiled
 def nearest(bits: Bits, words: Bits, out: Ints) -> None:
     """Writes the row of the nearest of `words` (m, w) for each of `bits` (n, w); the first one of several."""
     for k in range(len(bits)):
-        best = 1 << 30
+        best = FARTHEST
         for j in range(len(words)):
             total = 0
             for i in range(bits.shape[1]):
