@@ -25,7 +25,7 @@ WORLD = "world"
 
 
 @dataclass(frozen=True)
-class Options(Settings):
+class Placed(Settings):
     """Which file, where the camera is, and the front end."""
 
     path: str | None = option(None, "the file of the bag; not given: the copy from bench fetch")
@@ -34,6 +34,11 @@ class Options(Settings):
         None, "how high it sits above the floor, m; not given: as tf has it", minimum=0.05, maximum=3.0
     )
     tilt: float = option(0.0, "how far it looks down, rad", minimum=-1.5, maximum=1.5)
+
+
+@dataclass(frozen=True)
+class Options(Placed):
+    """The same for all drives."""
 
 
 def bag_file(name: str) -> str:
