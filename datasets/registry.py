@@ -60,6 +60,10 @@ BUILTIN = {
     "mrclam": ".published.mrclam:source",
     "recording": ".recordings.recording:source",
     "toro": ".formats.toro:source",
+    "tum-pioneer-360": ".published.tum_pioneer:pioneer_360",
+    "tum-pioneer-slam": ".published.tum_pioneer:pioneer_slam",
+    "tum-pioneer-slam2": ".published.tum_pioneer:pioneer_slam2",
+    "tum-pioneer-slam3": ".published.tum_pioneer:pioneer_slam3",
     "victoria-park": ".published.victoria_park:source",
     "victoria-park-raw": ".published.victoria_park_raw:source",
 }

@@ -17,6 +17,7 @@ from ..bags.odometry import find_odometry
 from ..bags.topics import found, plain
 from ..bags.transforms import Transforms
 from .bag_images import chosen, frame_of, measured, picture, shots
+from .folder import robot_truth
 from .registering import Registration
 from .robot import ROBOT, DepthRobot
 from .sources import Sources
@@ -56,11 +57,17 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
     readings: Poses | None = None if odometry is None else odometry.readings
     camera = robot.camera or _camera(bag, listed, topics.camera_info, "camera_info", image.topic)
     base = None if odometry is None else odometry.base
-    camera = replace(camera, mounting=_mounting(path, transforms, image.frame, base, robot.mounting, remarks))
+    camera = replace(camera, mounting=_mounting(path, transforms, image.frame, base, robot, remarks))
     registration = None
     if not _registered(image, depth, robot):
         source = robot.depth_camera or _camera(bag, listed, topics.depth_info, "depth_info", depth.topic)
         registration = Registration(source, camera, _beside(path, transforms, image.frame, depth.frame, robot))
+    tracked = None if robot.truth_frame is None else transforms.tracked(robot.truth_frame, image.frame)
+    if tracked is None and robot.truth_frame is not None:
+        raise InputError(
+            f"{path}: tf has no transform from {robot.truth_frame!r} that moves {image.frame}, expected the camera's "
+            "true poses."
+        )
     used = {"image": image.topic.name, "depth": depth.topic.name}
     return Sources(
         images=lambda: shots(bag, image.topic, picture(image.topic)),
@@ -71,6 +78,7 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
         topics=used | ({} if odometry is None else {"odometry": odometry.source}),
         length=image.topic.messages,
         remarks=remarks,
+        truth=None if tracked is None else robot_truth(str(path), *tracked, camera.mounting),
     )
 
 
@@ -95,16 +103,16 @@ def _camera(bag: Bag, listed: Sequence[Topic], named: str | None, key: str, imag
 
 
 def _mounting(
-    path: Path, transforms: Transforms, frame: str, base: str | None, given: Array | None, remarks: list[str]
+    path: Path, transforms: Transforms, frame: str, base: str | None, robot: DepthRobot, remarks: list[str]
 ) -> Array:
-    """T_robot_camera, to the robot's origin on the floor where tf knows it; `given`, that of robot.toml, counts."""
+    """T_robot_camera, to the robot's origin on the floor where tf knows it; that of robot.toml counts."""
+    given = robot.mounting
     pose = transforms.fixed(FOOTPRINT, frame) if transforms.knows(FOOTPRINT) else None
     base = base or next((name for name in BASES if transforms.knows(name)), BASES[0])
     pose = transforms.fixed(base, frame) if pose is None else pose
     if given is None and pose is None:
         raise InputError(
-            f"{path}: tf does not tell where {frame or 'the camera'} is on {base}, expected [camera] mounting in "
-            f"{ROBOT}."
+            f"{path}: tf does not tell where {frame or 'the camera'} is on {base}, expected {robot.placing}."
         )
     if given is None:
         assert pose is not None

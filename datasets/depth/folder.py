@@ -19,6 +19,7 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Truth
 from ...frontend.se2 import Array
 from ...frontend.table import text
+from ..bags.transforms import matrix
 from ..quiet_decoders import silenced
 from .shots import Flaw, Pixels, Shot, in_metres
 
@@ -101,18 +102,22 @@ def read_camera_truth(path: Path, mounting: Array) -> Truth | None:
     if not rows:
         raise InputError(f"{file}: found no poses, expected at least one.")
     columns = np.array(rows)
+    return robot_truth(str(file), columns[:, 0], np.array([matrix(row) for row in columns[:, 1:]]), mounting)
+
+
+def robot_truth(where: str, t: Array, cameras: Array, mounting: Array) -> Truth:
+    """The robot's path by the camera's poses (n, 4, 4) at `t` (n,), s; InputError, after `where`, if z is not up."""
     back = np.eye(4)  # T_camera_robot
     back[:3, :3], back[:3, 3] = mounting[:3, :3].T, -mounting[:3, :3].T @ mounting[:3, 3]
-    world = _matrices(columns[:, 1:]) @ back
-    if (world[:, 2, 2] < UPRIGHT).any():
-        row = int(np.argmax(world[:, 2, 2] < UPRIGHT))
+    world = cameras @ back
+    for row in np.flatnonzero(world[:, 2, 2] < UPRIGHT):
+        lean = np.rad2deg(np.arccos(np.clip(world[row, 2, 2], -1, 1)))
         raise InputError(
-            f"{file}: at {columns[row, 0]} s the robot would lean by "
-            f"{np.rad2deg(np.arccos(np.clip(world[row, 2, 2], -1, 1))):.0f} degrees, expected a world whose z axis "
-            "points up, and the camera's mounting in [camera]."
+            f"{where}: at {t[row]} s the robot would lean by {lean:.0f} degrees, expected a world whose z axis points "
+            "up, and the camera's mounting in [camera]."
         )
     heading = np.arctan2(world[:, 1, 0], world[:, 0, 0])
-    return Truth(columns[:, 0], np.column_stack((world[:, :2, 3], heading)))
+    return Truth(t, np.column_stack((world[:, :2, 3], heading)))
 
 
 def _is_ours(path: Path) -> bool:
@@ -217,20 +222,3 @@ def _whole(content: Pixels) -> bool:
     start, end = content[:8].tobytes(), content[-64:].tobytes()
     ends = {b"\x89PNG": b"IEND", b"\xff\xd8\xff\xe0": b"\xff\xd9", b"\xff\xd8\xff\xe1": b"\xff\xd9"}
     return ends.get(start[:4], b"") in end
-
-
-def _matrices(rows: Array) -> Array:
-    """(n, 4, 4) of x, y, z, qx, qy, qz, qw (n, 7)."""
-    x, y, z, w = rows[:, 3:].T / np.linalg.norm(rows[:, 3:], axis=1)
-    poses = np.zeros((len(rows), 4, 4))
-    poses[:, :3, :3] = np.moveaxis(
-        np.array([
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]),
-        -1,
-        0,
-    )  # fmt: skip
-    poses[:, :3, 3], poses[:, 3, 3] = rows[:, :3], 1
-    return poses

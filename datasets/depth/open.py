@@ -58,20 +58,29 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
     if not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
     found = _source(path, robot)
-    home = path if path.is_dir() and not is_bag(path) else found.absolute().parent
+    return _opened(found, robot, path if path.is_dir() and not is_bag(path) else found.absolute().parent)
+
+
+def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
+    """Opens the bag at `path` of a known robot; InputError as for `open_depth`."""
+    return _opened(path, robot, path.absolute().parent)
+
+
+def build(opened: OpenedDepth) -> Dataset:
+    """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
+    return with_truth(build_log(opened.recording, opened.settings), opened.truth)
+
+
+def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:
+    """Opens a bag or folder; the readings and the truth of a folder lie in `home`."""
     if is_bag(found):
         check_regular(found)
         sources = read_bag(found, robot)
     else:
         sources = _of_folder(found, robot)
     recording = _recording(found, sources, robot, home)
-    truth = read_truth(home) or read_camera_truth(home, sources.camera.mounting)
+    truth = sources.truth or read_truth(home) or read_camera_truth(home, sources.camera.mounting)
     return OpenedDepth(recording, robot.settings, truth, sources.length)
-
-
-def build(opened: OpenedDepth) -> Dataset:
-    """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
-    return with_truth(build_log(opened.recording, opened.settings), opened.truth)
 
 
 def _is_depth(path: Path) -> bool:

@@ -3,6 +3,7 @@
     name = "my robot"
     [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure
     [depth]      source, units, within, calibration, size, pose = {xyz, rpy} or {matrix}, registered, odom_frame,
+                 truth_frame,
                  step, turn, features, landmarks, loops, odometry ...      as the options of the dataset depth-room
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
     [prior]      pose, sd
@@ -39,7 +40,7 @@ from .frames import WITHIN
 
 ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
 
-_OWN = ("source", "units", "within", "calibration", "size", "pose", "registered", "odom_frame")
+_OWN = ("source", "units", "within", "calibration", "size", "pose", "registered", "odom_frame", "truth_frame")
 
 
 class Topics(NamedTuple):
@@ -59,6 +60,7 @@ class DepthRobot:
     name: str | None = None  # None: that of the recording
     camera: Camera | None = None  # of the images; None: from the recording
     mounting: Array | None = None  # (4, 4) T_robot_camera; None: as tf has it
+    placing: str = f"[camera] mounting in {ROBOT}"  # what places the camera where tf does not
     time_offset: float = 0.0  # s, added to the images' stamps to get the odometry's clock
     exposure: float = 0.0  # s; images are stamped at its start
     source: str | None = None  # the recording, relative to its folder; None: the only one there
@@ -68,6 +70,7 @@ class DepthRobot:
     pose: Array | None = None  # (4, 4) T_camera_depth; None: as tf has it
     registered: bool | None = None  # None: as the recording says
     odom_frame: str = FRAME  # tf's frame of the odometry, where no topic has it
+    truth_frame: str | None = None  # tf's frame in which the camera's true poses are; None: no truth in the bag
     max_speed: float = MAX_SPEED  # m/s; a faster robot is a misreading
     noise: TrackNoise = field(default_factory=TrackNoise)
     topics: Topics = field(default_factory=Topics)
@@ -105,6 +108,7 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         pose=beside,
         registered=depth.switch("registered", False) if depth.has("registered") else None,
         odom_frame=depth.text("odom_frame") if depth.has("odom_frame") else FRAME,
+        truth_frame=depth.text("truth_frame") if depth.has("truth_frame") else None,
         max_speed=odometry.number("max_speed", MAX_SPEED, above=0),
         noise=track_noise(odometry),
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from ...frontend.camera.camera import Camera
+from ...frontend.factors import Truth
 from ...frontend.wheels.motion import Poses
 from .registering import Registration
 from .shots import Shot
@@ -20,3 +21,4 @@ class Sources(NamedTuple):
     topics: dict[str, str]  # what was read, for the notes
     length: int | None  # number of images
     remarks: list[str]
+    truth: Truth | None = None  # of the recording itself

@@ -79,8 +79,8 @@ def depth_room(options: Options, rng: np.random.Generator) -> Dataset:
 def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Truth]:
     """The robot's frames, rendered on demand, and odometry; and the true poses at the times of the frames.
 
-    The recording's frames are `DepthShots`, which know the true poses of the camera. InputError for a shutter slower
-    than the frames, and for boxes without room.
+    `shots_of` has the true poses of the camera. InputError for a shutter slower than the frames, and for boxes without
+    room.
     """
     if options.readout * options.frame_rate > 1:
         raise InputError(
@@ -116,6 +116,12 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         notes={"source": SOURCE},
     )
     return recording, Truth(t, poses)
+
+
+def shots_of(recording: DepthRecording) -> DepthShots:
+    """The frames of a recording that is made here: they know the true poses of the camera and the exact depth."""
+    assert isinstance(recording.frames, DepthShots)
+    return recording.frames
 
 
 def integrated(poses: Array, noise: TrackNoise, times: float, rng: np.random.Generator) -> Array:

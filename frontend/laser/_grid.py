@@ -15,15 +15,21 @@ from ..se2 import Array
 
 Cells = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Box = tuple[int, int, int, int]
+"""Of cells: the first row and the one after the last, the first column and the one after the last."""
 
 HIT, THROUGH, DX, DY = 0, 1, 2, 3
 """Columns of a cell."""
 
 
 @compiled
-def insert(cells: Cells, origin: Array, size: float, pose: Array, scanner: Array, points: Array) -> None:
-    """Inserts the points (k, 2) of a scan, m in the robot's frame at `pose`, that a scanner at `scanner` (2,) saw."""
+def insert(cells: Cells, origin: Array, size: float, pose: Array, scanner: Array, points: Array) -> Box:
+    """Inserts the points (k, 2) of a scan, m in the robot's frame at `pose`, that a scanner at `scanner` (2,) saw.
+
+    Returns the box of the cells that were hit: the first and the one after the last row, and the same of the columns.
+    """
     rows, columns = cells.shape[0], cells.shape[1]
+    top, bottom, left, right = rows, 0, columns, 0
     c, s = cos(pose[2]), sin(pose[2])
     start_i = (pose[0] + c * scanner[0] - s * scanner[1] - origin[0]) / size
     start_j = (pose[1] + s * scanner[0] + c * scanner[1] - origin[1]) / size
@@ -43,6 +49,8 @@ def insert(cells: Cells, origin: Array, size: float, pose: Array, scanner: Array
             cells[i, j, HIT] += 1
             cells[i, j, DX] += size * (u - i)
             cells[i, j, DY] += size * (v - j)
+            top, bottom, left, right = min(top, i), max(bottom, i + 1), min(left, j), max(right, j + 1)
+    return top, bottom, left, right
 
 
 @compiled
@@ -60,6 +68,17 @@ def walls(cells: Cells, share: float) -> Mask:
         for j in range(cells.shape[1]):
             out[i, j] = is_wall(cells, i, j, share)
     return out
+
+
+@compiled
+def walls_within(cells: Cells, box: Box, share: float) -> Box:
+    """The smallest box of all walls in a box; one without rows where there is none."""
+    top, bottom, left, right = box[1], box[0], box[3], box[2]
+    for i in range(box[0], box[1]):
+        for j in range(box[2], box[3]):
+            if (i < top or i >= bottom or j < left or j >= right) and is_wall(cells, i, j, share):
+                top, bottom, left, right = min(top, i), max(bottom, i + 1), min(left, j), max(right, j + 1)
+    return top, bottom, left, right
 
 
 @compiled

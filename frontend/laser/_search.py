@@ -21,6 +21,9 @@ LEVELS = 7
 FULL = 255
 """The field on a wall."""
 
+BLOCK = 16
+"""Points between two looks at whether a sum can still be large enough."""
+
 ANYWHERE = np.zeros(5)
 """No pose is left out of a search."""
 
@@ -46,13 +49,42 @@ def coarser(finer: Bytes, width: int) -> Bytes:
 @compiled
 def total(level: Bytes, width: int, at_i: NDArray[np.int32], at_j: NDArray[np.int32], di: int, dj: int) -> int:
     """Sum, over cells moved by the squares from (di, dj) on, of the maximum in the square."""
-    rows, columns = level.shape
+    rows, columns = np.uint64(level.shape[0]), np.uint64(level.shape[1])
     value = 0
     for k in range(len(at_i)):
-        i, j = at_i[k] + di + width - 1, at_j[k] + dj + width - 1
-        if 0 <= i < rows and 0 <= j < columns:
+        i, j = np.uint64(at_i[k] + di + width - 1), np.uint64(at_j[k] + dj + width - 1)  # huge where it is negative
+        if i < rows and j < columns:
             value += int(level[i, j])
     return value
+
+
+@compiled
+def totals(
+    level: Bytes, width: int, at_i: NDArray[np.int32], at_j: NDArray[np.int32], di: int, dj: int, limit: int
+) -> tuple[int, int, int, int]:
+    """The totals of a square's four quarters, `width` cells wide each; zeros as soon as none can be above `limit`."""
+    rows, columns = np.uint64(level.shape[0]), np.uint64(level.shape[1])
+    n, di, dj = len(at_i), di + width - 1, dj + width - 1
+    a, b, c, d = 0, 0, 0, 0
+    for start in range(0, n, BLOCK):
+        end = min(start + BLOCK, n)
+        for k in range(start, end):
+            top, left = at_i[k] + di, at_j[k] + dj
+            i, j = np.uint64(top), np.uint64(left)
+            below, right = np.uint64(top + width), np.uint64(left + width)
+            if i < rows:
+                if j < columns:
+                    a += int(level[i, j])
+                if right < columns:
+                    b += int(level[i, right])
+            if below < rows:
+                if j < columns:
+                    c += int(level[below, j])
+                if right < columns:
+                    d += int(level[below, right])
+        if max(a, b, c, d) + FULL * (n - end) <= limit:
+            return 0, 0, 0, 0
+    return a, b, c, d
 
 
 @compiled
@@ -121,9 +153,10 @@ def branch_and_bound(
                 limit, best_a, best_i, best_j, found = value, a, di, dj, True
                 continue
             width = 1 << (level - 1)
+            quarters = totals(pyramid[level - 1], width, at_i[a], at_j[a], di, dj, limit)
             for p in range(4):
                 i, j = di + (p >> 1) * width, dj + (p & 1) * width
-                value = total(pyramid[level - 1], width, at_i[a], at_j[a], i, j) if i <= half and j <= half else 0
+                value = quarters[p] if i <= half and j <= half else 0
                 q = p  # the best is pushed last, and looked at first
                 while q > 0 and child[q - 1, 0] > value:
                     child[q, 0], child[q, 1], child[q, 2] = child[q - 1, 0], child[q - 1, 1], child[q - 1, 2]

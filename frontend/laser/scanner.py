@@ -21,6 +21,11 @@ class Scanner:
     least: float = 0.15  # m; nearer returns are of the robot itself
     most: float = 25.0  # m; what is farther says nothing, not even that the way is free
 
+    @property
+    def farthest(self) -> float:
+        """m from the robot's origin to a point at most."""
+        return self.most + float(np.hypot(self.pose[0], self.pose[1]))
+
     def points(self, ranges: Array) -> Array:
         """The returns among `ranges` (b,), m, as points (k, 2) in the robot's frame, in the order of the beams."""
         valid = (ranges > self.least) & (ranges < self.most)  # false for NaN, too

@@ -27,7 +27,6 @@ class Settings:
     submap_path = 5.0  # between starts of submaps; each lives for two of these
     turn_path = 0.5  # m of path that a radian of turning counts for
     share = 0.25  # of the beams that come to a wall, those that it reflects
-    first_half, growth = 16.0, 8.0  # half side of a new grid, and by how much more than needed it grows
 
     ground, ground_turn, replaced = 1.0, 0.8, 0.9  # around a step; share of a submap's steps that others have to cover
     newer = 4  # submaps of the same ground that replace an older one

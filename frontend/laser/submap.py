@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from ..se2 import Array
-from ._grid import Cells, Mask, insert, walls
+from ._grid import Box, Cells, Mask, insert, walls, walls_within
 from ._search import FULL, LEVELS, Bytes, coarser
 from .packed import Packed
 from .scanner import Scan, Scanner
@@ -15,13 +15,17 @@ BORDER = 8
 
 
 class Submap:
-    """A grid in the axes of the scan matcher's path; it grows as scans come in."""
+    """A grid in the axes of the scan matcher's path, as large as what is seen from the path that it lives for.
+
+    Memory that nothing is drawn into costs nothing: the system provides it when it is written to.
+    """
 
     def __init__(self, pose: Array, settings: Settings, scanner: Scanner, born: float) -> None:
         self.settings, self.scanner = settings, scanner
-        half = int(np.ceil(settings.first_half / settings.cell))
+        half = int(np.ceil((scanner.farthest + 2 * settings.submap_path) / settings.cell)) + BORDER
         self.origin = settings.cell * (np.floor(pose[:2] / settings.cell) - half)
         self._cells: Cells | None = np.zeros((2 * half, 2 * half, 4), np.float32)
+        self._hit: Box = 2 * half, 0, 2 * half, 0
         self._packed: Packed | None = None
         self._pyramid: tuple[Bytes, ...] | None = None
         self.born = born  # m of path
@@ -38,20 +42,22 @@ class Submap:
     def insert(self, pose: Array, scan: Scan) -> None:
         """Draws a scan taken at `pose` (3,)."""
         if len(scan.points):
-            self._reach(pose, float(np.abs(scan.points).max()) * np.sqrt(2))
-            insert(self.cells, self.origin, self.settings.cell, pose, self.scanner.pose[:2], scan.points)
+            hit = insert(self.cells, self.origin, self.settings.cell, pose, self.scanner.pose[:2], scan.points)
+            before = self._hit
+            self._hit = (
+                min(hit[0], before[0]), max(hit[1], before[1]), min(hit[2], before[2]), max(hit[3], before[3]),
+            )  # fmt: skip
 
     def finish(self, path: float) -> None:
         """Keeps the part of the grid in which something was hit."""
-        hit = self.walls
-        rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+        top, bottom, left, right = walls_within(self.cells, self._hit, self.settings.share)
         self.died = path
-        if not len(rows):
+        if top >= bottom:
             self._cells = self.cells[:1, :1].copy()
             return
-        first = np.maximum((rows[0] - BORDER, columns[0] - BORDER), 0)
-        self._cells = self.cells[first[0] : rows[-1] + BORDER + 1, first[1] : columns[-1] + BORDER + 1].copy()
-        self.origin = self.origin + self.settings.cell * first
+        top, left = max(top - BORDER, 0), max(left - BORDER, 0)
+        self._cells = self.cells[top : bottom + BORDER, left : right + BORDER].copy()
+        self.origin = self.origin + self.settings.cell * np.array([top, left])
 
     def pack(self) -> None:
         """Packs a finished submap's cells, and forgets its pyramid; both are made again when they are asked for."""
@@ -97,19 +103,6 @@ class Submap:
         return likelihoods(walls(part, self.settings.share), self.settings.cell, sd), (
             self.origin + self.settings.cell * first
         )
-
-    def _reach(self, pose: Array, far: float) -> None:
-        """Grows the grid so that it has what is within `far` (m) of a pose."""
-        size, shape = self.settings.cell, np.array(self.cells.shape[:2])
-        first = np.floor((pose[:2] - far - self.origin) / size).astype(int)
-        last = np.ceil((pose[:2] + far - self.origin) / size).astype(int)
-        before = np.maximum(-first, 0)
-        after = np.maximum(last - shape, 0)
-        if before.any() or after.any():
-            spare = int(self.settings.growth / size)
-            before, after = np.where(before, before + spare, 0), np.where(after, after + spare, 0)
-            self._cells = np.pad(self.cells, [*zip(before, after, strict=True), (0, 0)])
-            self.origin = self.origin - size * before
 
 
 def likelihoods(wall: Mask, size: float, sd: float) -> Bytes:

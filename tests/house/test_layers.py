@@ -54,7 +54,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "rendering": {TOP},
         "worlds": {TOP, "rendering"},
         "formats": {TOP},
-        "published": {TOP, "formats"},
+        "published": {TOP, "formats", "bags", "depth"},
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
         "depth": {TOP, "bags"},

@@ -8,8 +8,7 @@ import pytest
 
 from slamduel.datasets.depth.open import OpenedDepth, build, open_depth
 from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
-from slamduel.datasets.rendering.depth_shots import DepthShots
-from slamduel.datasets.worlds.depth_room import Drive, record
+from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
 from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.log import build_log
 from slamduel.frontend.depth.recording import DepthRecording
@@ -25,8 +24,7 @@ DRIVE = Drive(laps=0.12, boxes=2)
 @pytest.fixture(scope="module")
 def drive() -> tuple[DepthRecording, Truth, Array]:
     recording, truth = record(DRIVE, np.random.default_rng(5))
-    shots = recording.frames
-    assert isinstance(shots, DepthShots)
+    shots = shots_of(recording)
     frames = [frame if k % 2 else frame._replace(colour=_tinted(frame)) for k, frame in enumerate(shots)]
     return replace(recording, frames=frames), truth, shots.poses
 

@@ -6,21 +6,23 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.bench.plan.load import load
 from slamduel.datasets.rendering.depth_shots import LINES, DepthShots
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.datasets.rendering.posters import FINEST, poster
+from slamduel.datasets.worlds import depth_room
 from slamduel.datasets.worlds.depth_room import WHEELS, Drive, integrated, record
 from slamduel.datasets.worlds.mover import ASIDE
+from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import UNKNOWN
 from slamduel.frontend.se2 import Array, between
 from slamduel.frontend.wheels.motion import Track
 
 
 def shots_of(options: Drive, seed: int = 1) -> DepthShots:
-    frames = record(options, np.random.default_rng(seed))[0].frames
-    assert isinstance(frames, DepthShots)
-    return frames
+    return depth_room.shots_of(record(options, np.random.default_rng(seed))[0])
 
 
 SHORT = Drive(laps=0.3)
@@ -230,3 +232,26 @@ def test_a_poster_has_corners_at_every_scale() -> None:
 def test_a_shutter_slower_than_the_frames_is_refused() -> None:
     with pytest.raises(InputError, match=r"readout=0.1: expected at most the time between frames, 0.05 s"):
         record(Drive(readout=0.1, frame_rate=20.0), np.random.default_rng(0))
+
+
+def test_one_log_for_each_seed_with_its_truth() -> None:
+    short = "depth-room[laps=0.15,boxes=1]"
+    log, truth = load(short, seed=3)
+    again, _ = load(short, seed=3)
+    other, _ = load(short, seed=4)
+    assert log.digest == again.digest != other.digest
+    assert truth is not None
+    np.testing.assert_array_equal(truth.t, log.t)
+    assert len(log.ids) > 50
+    # The wheels alone are within a few of their standard deviations over a metre and a half.
+    off = between(truth.poses[0], truth.poses[-1]) - between(dead_reckoned(log)[0], dead_reckoned(log)[-1])
+    assert np.hypot(*off[:2]) < 0.2
+    assert "slamduel's own world" in log.notes["source"]
+
+
+def test_ids_may_be_hidden() -> None:
+    log, truth = load("depth-room[laps=0.1,boxes=1,ids=hidden]", seed=3)
+    assert truth is not None
+    assert truth.assigned is not None
+    assert (log.ids == UNKNOWN).all()
+    assert (truth.assigned >= 0).all()

@@ -46,6 +46,17 @@ def test_packed_cells_come_back_bit_for_bit(most: int) -> None:
     assert packed.nbytes < cells.nbytes * (0.3 if most < 256 else 0.65 if most < 65_536 else 0.9)
 
 
+def test_a_submap_has_room_for_all_that_is_seen_while_it_is_drawn() -> None:
+    s, scanner = Settings(), Scanner(np.array([-3.0, 0.0, 3.0]), np.array([0.2, 0.1, 0.0]), most=60.0)
+    start = np.array([3.01, -7.02, 0.3])
+    submap = Submap(start, s, scanner, 0.0)
+    for way in np.linspace(0, 2 * s.submap_path + s.insert_step, 9):
+        for heading in (0.3, 0.3 + np.pi):
+            pose = np.array([start[0] + way * np.cos(heading), start[1] + way * np.sin(heading), heading])
+            submap.insert(pose, Scan(scanner.points(np.full(3, 59.99)), s.spacing))
+    assert submap.cells[:, :, HIT].sum() == 9 * 2 * 3
+
+
 def test_a_packed_submap_is_searched_as_before() -> None:
     recording, _ = record(Options(laps=0.1, people=0), np.random.default_rng(0))
     front_end = matched(recording, Settings())

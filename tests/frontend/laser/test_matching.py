@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from slamduel.frontend.laser._grid import Cells, insert, one_a_cell, seen_through, thinned, walls
+from slamduel.frontend.laser._grid import HIT, Cells, insert, one_a_cell, seen_through, thinned, walls, walls_within
 from slamduel.frontend.laser._matching import line, match, nearest, normal_equations, solved
 from slamduel.frontend.se2 import Array, act, between, compose, inverse
 
@@ -31,6 +32,25 @@ def drawn(points: Array, poses: list[Array]) -> Cells:
 
 
 POSES = [np.array([0.1 * k, 0.05 * k, 0.2 * k]) for k in range(-3, 4)]
+
+
+def box_of(cells: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    i, j = np.nonzero(cells)
+    return int(i.min()), int(i.max()) + 1, int(j.min()), int(j.max()) + 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_boxes_of_hits_and_walls(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells: Cells = np.zeros((200, 160, 4), np.float32)
+    hit = insert(cells, ORIGIN, CELL, np.zeros(3), HERE, rng.uniform(-6, 6, (40, 2)))  # some of them outside
+    assert hit == box_of(cells[:, :, HIT] > 0)
+    assert walls_within(cells, hit, SHARE) == box_of(walls(cells, SHARE))
+    cells[rng.random((200, 160)) < 0.5, HIT] = 0
+    assert walls_within(cells, hit, SHARE) == box_of(walls(cells, SHARE))
+    cells[:, :, HIT] = 0
+    first, last, _, _ = walls_within(cells, hit, SHARE)
+    assert first >= last
 
 
 @pytest.mark.parametrize("seed", range(20))
