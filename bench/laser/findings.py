@@ -60,6 +60,11 @@ def headline(f: LaserFindings) -> list[str]:
         )
     else:
         said.append("Every scan matched the last metres.")
+    if f.counts["by_wheels"]:
+        said.append(
+            f"{counted(f.counts['by_wheels'], 'scan')} were placed by the wheels: what they were matched to moved "
+            "along with the robot."
+        )
     if f.counts["searched"]:
         confirmed = f.counts["confirmed"]
         far = f", {confirmed:,} of them far from the estimate and confirmed," if confirmed else ""
@@ -117,6 +122,7 @@ def as_json(f: LaserFindings, out: str) -> dict[str, Any]:
         "loops": len(f.log.loop_to),
         "lost": f.counts["lost"],
         "relocated": f.counts["relocated"],
+        "by_wheels": f.counts["by_wheels"],
         "submaps": f.counts["submaps"],
         "searched": f.counts["searched"],
         "confirmed": f.counts["confirmed"],

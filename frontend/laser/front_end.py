@@ -16,12 +16,13 @@ from ._search import correlated
 from .estimate import Estimate
 from .finished import Finished
 from .localising import Localiser
-from .loops import Loop, Match, Surprises, cloud, loop_of, searched
+from .loops import Loop, Match, Surprises, cloud, contradicted, loop_of, searched
 from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .step import Step
 from .submap import Submap
+from .wheels_check import WheelsCheck, contradicts
 
 AT_FIRST, AGAIN = 6, 4
 """Cells around a point in which its wall is looked for at first: from the prediction, and after a search."""
@@ -46,6 +47,9 @@ TRUST, TRUST_TURN = 0.6, 0.6
 COST, BETTER = 0.02, 0.03
 """Share of points that a unit of squared distance from the odometry costs; by how much a search has to be better."""
 
+HELD = 25.0
+"""Times the information of the wheels' motion with which a scan is held where they say that it is."""
+
 OFTEN = 0.1
 """s; scans in a burst are taken to be that far apart where a speed is computed."""
 
@@ -63,7 +67,7 @@ class FrontEnd:
         self.t: list[float] = []
         self.finished = Finished(settings)
         self.turned_down: Counter[str] = Counter()
-        self.tried = self.lost = self.found_again = self.confirmed = 0
+        self.tried = self.lost = self.found_again = self.by_wheels = self.confirmed = 0
         self._active: list[Submap] = []
         self._way = 0.0  # m, with turning
         self._drawn: deque[tuple[Array, Scan]] = deque(maxlen=settings.cloud)
@@ -72,6 +76,7 @@ class FrontEnd:
         self._rates = Rows(2)  # m/s, rad/s at the steps
         self._estimate = Estimate(settings)
         self._surprises = Surprises(settings)
+        self._wheels_check, self._led_astray = WheelsCheck(), False  # since the last step: no scan tells how far it is
         self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
 
     def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
@@ -84,6 +89,8 @@ class FrontEnd:
             return
         delta, cov = self._predicted(t, motion)
         pose, information = self._matched(scan, delta, cov)
+        if motion is not None:
+            pose = self._checked(scan, pose, motion)
         moved = between(self.path[-1], pose) / max(t - self.t[-1], OFTEN)
         rate = np.array([np.hypot(moved[0], moved[1]), abs(moved[2])])
         s = self.settings
@@ -115,9 +122,14 @@ class FrontEnd:
         return 0 if self.localiser is None else 1 - self.first
 
     def finish(self) -> None:
-        """Optimises the estimate once more."""
-        if self.loops:
+        """Optimises the estimate once more, and leaves out the loops that all others contradict."""
+        while self.loops:
             self._estimate.move(self.steps, self.loops, 100)
+            wrong = contradicted(self.loops, self.estimate)
+            if not wrong.any():
+                break
+            self.turned_down["the others contradict it"] += int(wrong.sum())
+            self.loops = [loop for loop, out in zip(self.loops, wrong.tolist(), strict=True) if not out]
 
     def _record(self, t: float, pose: Array) -> None:
         self.t.append(t)
@@ -161,6 +173,23 @@ class FrontEnd:
             return other, its
         return pose, information
 
+    def _checked(self, scan: Scan, pose: Array, motion: Array) -> Array:
+        """The pose of a scan, by the wheels from half a metre back where they contradict it and explain more points."""
+        s, submap = self.settings, self._active[0]
+        start, moved = self._wheels_check.motion(self.path[-1], motion)
+        information = inverse(_wheels_cov(moved, s))
+        if not contradicts(between(start, pose), moved, information) or not len(scan.few):
+            return pose
+        grid = (submap.cells, submap.origin, s.cell, s.share, scan.few)
+        by_wheels, R = compose(start, moved), rotation(float(start[2]))
+        other, _, explained = match(*grid, by_wheels, by_wheels, HELD * R @ information @ R.T, s.sd, AGAIN, ITERATIONS)
+        if explained < match(*grid, pose, pose, np.zeros((3, 3)), s.sd, AGAIN, ITERATIONS)[2] + BETTER:
+            return pose
+        self._wheels_check.forget()
+        self.by_wheels += 1
+        self._led_astray = True
+        return other
+
     def _draw(self, pose: Array, scan: Scan) -> None:
         """Draws a scan into the active submaps, and starts and ends them."""
         s = self.settings
@@ -188,7 +217,8 @@ class FrontEnd:
         else:
             last = self._poses.array[-1]
             delta, R = between(last, pose), rotation(float(last[2]))
-            fused = R.T @ information @ R + inverse(_wheels_cov(delta, s))
+            fused = inverse(_wheels_cov(delta, s)) + (0 if self._led_astray else R.T @ information @ R)
+            self._led_astray = False
             cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
             self.steps.append(Step(t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))

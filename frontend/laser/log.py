@@ -90,6 +90,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
                 "scans": len(front_end.t),
                 "lost": front_end.lost,
                 "relocated": front_end.found_again,
+                "by_wheels": front_end.by_wheels,
                 "searched": front_end.tried,
                 "turned_down": dict(front_end.turned_down),
                 "confirmed": front_end.confirmed,

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..se2 import Array, between, compose, rotation
+from ..se2 import Array, between, compose, rotation, wrap
 from ..small_matrices import inverse
 from ._grid import one_a_cell, seen_through
 from ._matching import match
@@ -35,6 +36,9 @@ HOLD = np.diag([100.0, 100.0, 400.0])
 """Information with which the single scan is held where the cloud was matched."""
 
 NOTHING = np.zeros((3, 3))
+
+CONTRADICTED = 21.1
+"""Squared distance from the optimum, in its own covariance, of a loop that is left out: 1 in 10,000 right ones."""
 
 FARTHEST = 12.0
 """m; how far a point may be at most to set the step of the search in heading."""
@@ -138,6 +142,15 @@ def loop_of(found: Match, submap: Submap, step: int, poses: Array, settings: Set
     cov = inverse(R.T @ found.information @ R + WEAK)
     cov += np.diag([settings.loop_floor**2, settings.loop_floor**2, settings.loop_turn_floor**2]) + stale
     return Loop(to, step, between(poses[to], found.pose), cov, found.score)
+
+
+def contradicted(loops: Sequence[Loop], estimate: Array) -> NDArray[np.bool_]:
+    """Which loops all others and the odometry contradict, at their optimum `estimate` (k, 3)."""
+    to, step = (np.array([getattr(loop, name) for loop in loops], np.int64) for name in ("to", "step"))
+    off = np.array([loop.delta for loop in loops]).reshape(-1, 3) - between(estimate[to], estimate[step])
+    off[:, 2] = wrap(off[:, 2])
+    information = inverse(np.array([loop.cov for loop in loops]).reshape(-1, 3, 3))
+    return np.einsum("ni,nij,nj->n", off, information, off) > CONTRADICTED
 
 
 class Surprises:

@@ -199,7 +199,16 @@ def findings(**counts: Any) -> LaserFindings:
     recording = square_room()
     assert recording.odometry is not None
     n = len(recording.t)
-    notes = {"scans": n, "lost": 0, "relocated": 0, "searched": 0, "confirmed": 0, "submaps": 2, "wheels": True}
+    notes = {
+        "scans": n,
+        "lost": 0,
+        "relocated": 0,
+        "by_wheels": 0,
+        "searched": 0,
+        "confirmed": 0,
+        "submaps": 2,
+        "wheels": True,
+    }
     notes |= {"turned_down": {}, "settings": {"loops": True}, "left_out": "nothing"} | counts
     rows = np.arange(1, n)
     motion = np.tile([0.125, 0.0, 0.0], (n, 1))
@@ -220,11 +229,17 @@ def test_what_was_matched_is_told_in_numbers() -> None:
     ]
     assert advice(plain) == []
     found = findings(
-        lost=3, relocated=2, searched=1234, confirmed=4, turned_down={"no place": 1200, "beams through walls": 31}
+        lost=3,
+        relocated=2,
+        by_wheels=2,
+        searched=1234,
+        confirmed=4,
+        turned_down={"no place": 1200, "beams through walls": 31},
     )
     assert headline(found) == [
         "9 scans of 720 beams in 8.00 s, with wheels: 9 steps over 1.00 m, 3 loop closures.",
         "3 scans did not match the last metres (33 %); the search placed 2 of them elsewhere.",
+        "2 scans were placed by the wheels: what they were matched to moved along with the robot.",
         (
             "Steps were searched for in earlier submaps 1,234 times: 3 loop closures, 4 of them far from the estimate "
             "and confirmed, and 1,231 turned down."

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.laser_floor import Options, record
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import build_log, log_of
-from slamduel.frontend.laser.loops import Loop, Surprises
+from slamduel.frontend.laser.loops import Loop, Surprises, contradicted
 from slamduel.frontend.laser.pose_graph import Edges, optimised
 from slamduel.frontend.laser.recording import LaserRecording, matched, placed
 from slamduel.frontend.laser.scanner import Scanner, evenly
@@ -130,6 +131,56 @@ def test_wheels_that_jump_are_caught_by_a_search() -> None:
     errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
     assert np.abs(errors[:, 2]).max() < 0.03
     assert found[-1].lost > 0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_loops_that_the_others_contradict_are_told(seed: int) -> None:
+    """Around a square, all true but two: their squared distance is chi-squared with three degrees of freedom."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0, 2 * np.pi, 41)
+    poses = np.stack((5 * np.cos(angle), 5 * np.sin(angle), wrap(angle + np.pi / 2)), axis=-1)
+    sd = np.array([0.02, 0.01, 0.005])
+    loops = list[Loop]()
+    for step in range(20, 41):
+        delta = between(poses[step - 20], poses[step]) + sd * rng.uniform(-1, 1, 3)
+        loops.append(Loop(step - 20, step, delta, np.diag(sd**2), 0.9))
+    for number, off in ((4, (0.0, 0.046, 0.0)), (11, (0.0, 0.0, 0.023 + 2 * np.pi))):
+        loops[number] = loops[number]._replace(delta=between(poses[number], poses[number + 20]) + off)
+    assert np.flatnonzero(contradicted(loops, poses)).tolist() == [4, 11]
+    loops[4] = loops[4]._replace(
+        delta=between(poses[4], poses[24]) + 0.0458 * np.array([0, 1, 0])
+    )  # 4.58 sd; 4.59 are too many
+    assert np.flatnonzero(contradicted(loops, poses)).tolist() == [11]
+
+
+def first(scans: int, seed: int, **options: Any) -> tuple[LaserRecording, Array]:
+    """The first scans of the log with that seed, and their true poses."""
+    recording, truth = record(Options(**options), generator("laser-floor", seed))
+    odometry = None if recording.odometry is None else recording.odometry[:scans]
+    return replace(recording, t=recording.t[:scans], ranges=recording.ranges[:scans], odometry=odometry), truth.poses
+
+
+def test_somebody_who_walks_ahead_does_not_hold_the_robot_back() -> None:
+    """In the corridor, at its speed: the few points that tell how far the robot came are on that person."""
+    recording, true = first(60, 1003, laps=3)
+    front_end = matched(recording, Settings())
+    off = between(between(true[0], true[59]), front_end.path[-1])
+    assert np.hypot(off[0], off[1]) < 0.1
+    assert front_end.by_wheels == 1
+
+
+def test_wheels_that_spin_are_not_believed() -> None:
+    recording, true = first(60, 1001, laps=0.2, people=0)
+    assert recording.odometry is not None
+    motion = between(recording.odometry[:-1], recording.odometry[1:])
+    motion[30:36, 0] += 0.1  # 0.6 m, as much as the person above
+    odometry = [recording.odometry[0]]
+    for one in motion:
+        odometry.append(compose(odometry[-1], one))
+    front_end = matched(replace(recording, odometry=np.array(odometry)), Settings())
+    off = between(between(true[0], true[59]), front_end.path[-1])
+    assert np.hypot(off[0], off[1]) < 0.05
+    assert front_end.by_wheels == 0
 
 
 def test_a_scan_without_a_return_leaves_the_odometry() -> None:
