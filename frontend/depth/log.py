@@ -9,6 +9,7 @@ import numpy as np
 from ..check import check
 from ..errors import InputError
 from ..factors import REMARKS, Log
+from ..wheels.holes import outside
 from .front_end import FrontEnd
 from .recording import DepthRecording
 from .settings import Settings
@@ -83,14 +84,20 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
 
 def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
     """The recording's notes, with the settings and what was left out."""
-    motion, camera, steps = recording.motion, recording.camera, front_end.steps
-    remarks = [*recording.remarks, *(motion.remarks(steps[0].t, steps[-1].t) if motion is not None else ())]
+    motion, camera, steps, counts = recording.motion, recording.camera, front_end.steps, front_end.counts
+    remarks = list(recording.remarks)
+    if motion is not None:
+        first, last = motion.t[[0, -1]]
+        name, lost = motion.readings, counts[f"frames without {motion.readings}"]
+        remarks += motion.remarks(steps[0].t, steps[-1].t)
+        clock = f"before or after the {name}, {first:.10g} to {last:.10g} s"
+        remarks += outside(recording.name, lost, counts["frames"], "frame", clock)
     return {
         **recording.notes,
         **(motion.settings if motion is not None else {}),
         "camera": {**asdict(camera), "mounting": camera.mounting.tolist()},
         "depth": {
-            "counts": {**front_end.counts, **recording.left_out},
+            "counts": {**counts, **recording.left_out},
             "turned_down": dict(front_end.turned_down),
             "loops": {
                 "searched": front_end.search.searched,

@@ -14,7 +14,7 @@ from slamduel.frontend.depth.log import build_log, log_of, looked_at
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log
+from slamduel.frontend.factors import REMARKS, Log
 from slamduel.frontend.se2 import Array, between, wrap
 
 LOOPS = Settings(landmarks=False, loops=True)
@@ -106,6 +106,7 @@ def test_frames_outside_the_time_of_the_wheels_are_counted() -> None:
     early = [frame._replace(seconds=frame.seconds - 100) for frame in recording.frames]
     log = build_log(replace(recording, frames=[*early[:3], *recording.frames]), Settings())
     assert log.notes["depth"]["counts"]["frames without odometry"] == 3
+    assert any("3 of 19 frames" in remark for remark in log.notes[REMARKS])
     assert log.t[0] == early[0].seconds + 100
 
 
