@@ -15,10 +15,9 @@ from ..se2 import Array
 from ..wheels.motion import Motion
 from .features import Finder
 from .frame import DepthFrame
-from .keyframe import Keyframe, without_ids
 from .level import Leveller
 from .loops import Loops
-from .pairs import Pair, Pairs
+from .pairs import Keyframe, Pair, Pairs, without_ids
 from .planar import Planar
 from .settings import Settings
 from .tracks import Tracks

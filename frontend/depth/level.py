@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..camera.camera import Camera
 from ..se2 import Array
-from ._level import floor_plane
+from ._depth_image import floor_plane
 from .settings import Settings
 
 EVERY = 8

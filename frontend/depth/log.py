@@ -29,8 +29,8 @@ def looked_at(recording: DepthRecording, settings: Settings, observe: Observer |
     """Takes a front end through all frames; InputError for frames out of order or without the wheels asked for."""
     if recording.motion is None and settings.odometry == "wheels":
         raise InputError(
-            f"{recording.name}: option odometry: found wheels, but no readings of wheels; expected odometry=visual with "
-            "landmarks=false."
+            f"{recording.name}: option odometry: found wheels, but no readings of wheels; expected "
+            "odometry=visual with landmarks=false."
         )
     if recording.motion is not None:
         recording.motion.check()
@@ -38,7 +38,9 @@ def looked_at(recording: DepthRecording, settings: Settings, observe: Observer |
     latest = -np.inf
     for number, frame in enumerate(recording.frames):
         if not frame.seconds > latest:
-            raise InputError(f"{recording.name}: frame {number} is at {frame.seconds} s, expected later than {latest} s.")
+            raise InputError(
+                f"{recording.name}: frame {number} is at {frame.seconds} s, expected later than {latest} s."
+            )
         latest = frame.seconds
         front_end.frame(frame)
         if observe is not None:
@@ -52,8 +54,8 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
     steps, settings = front_end.steps, front_end.settings
     if len(steps) < 2:
         raise InputError(
-            f"{recording.name}: found {front_end.counts['frames']} frames and {len(steps)} steps, expected a drive of at "
-            f"least one step of {settings.step:g} m or {settings.turn:g} rad."
+            f"{recording.name}: found {front_end.counts['frames']} frames and {len(steps)} steps, expected a drive "
+            f"of at least one step of {settings.step:g} m or {settings.turn:g} rad."
         )
     nothing = np.full(3, np.nan), np.full((3, 3), np.nan)
     motions = [nothing if step.motion is None else step.motion for step in steps]

@@ -6,10 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from .gate import distance
-from .keyframe import Keyframe
-from .pairs import Pair, Pairs
-from .planar import Planar
+from .pairs import Keyframe, Pair, Pairs
+from .planar import Planar, distance
 from .settings import Settings
 from .ways import Ways, joined
 from .words import Words

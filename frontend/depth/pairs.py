@@ -1,4 +1,4 @@
-"""The motion between two keyframes, from their features to what passes all checks.
+"""Keyframes, and the motion between two of them, from their features to what passes all checks.
 
 Where a check fails, most of the matches are of something that moves, or of another place that looks alike: they are
 dropped, and the others are registered once more.
@@ -6,21 +6,38 @@ dropped, and the others are registered once more.
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..camera.camera import Camera
 from ..se2 import Ints
-from .gate import distance
-from .keyframe import Keyframe
-from .matching import matched
-from .planar import Planar, camera_motion, planar
+from .features import Features, matched
+from .level import Level
+from .planar import Planar, camera_motion, distance, planar
 from .registration import registered
 from .settings import Settings
-from .surfaces import Surfaces
+from .surfaces import Coarse, Surfaces
 
 TRIES = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """A frame as it is kept."""
+
+    step: int
+    t: float  # s
+    features: Features  # n of them
+    level: Level
+    coarse: Coarse
+    ids: Ints  # (n,) of the features' landmarks, -1 without one; `Tracks` writes them
+
+
+def without_ids(features: Features) -> Ints:
+    """(n,) the ids of features that are no landmarks yet."""
+    return np.full(len(features), -1, np.int64)
 
 
 class Pair(NamedTuple):

@@ -1,6 +1,6 @@
 """Points that a depth camera measures, with their noise: rays and depths."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Points(NamedTuple):
     z_sd: Array  # (n,) m
     ray_sd: Array  # (n,) of both parts of a ray
 
-    def taken(self, rows: object) -> "Points":
+    def taken(self, rows: Any) -> "Points":
         """Those of `rows`."""
         return Points(*(column[rows] for column in self))
 

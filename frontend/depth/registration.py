@@ -25,9 +25,13 @@ class Registration(NamedTuple):
 
 
 def registered(
-    first: Points, second: Points, settings: Settings, rng: np.random.Generator, guess: tuple[Array, Array] | None = None
+    first: Points,
+    second: Points,
+    settings: Settings,
+    rng: np.random.Generator,
+    guess: tuple[Array, Array] | None = None,
 ) -> Registration | None:
-    """Registers matched points: row k of `first` is row k of `second`. None where too few agree or a view is degenerate.
+    """Registers matched points: row k of `first` is row k of `second`. None where too few agree or leave a turn open.
 
     `guess` is a motion R, t that is tried first. A covariance that the residuals contradict is scaled by `chi`.
     """
@@ -53,4 +57,3 @@ def _triples(n: int, count: int, rng: np.random.Generator) -> Ints:
     b = (a + rng.integers(1, n, count)) % n
     c = (a + rng.integers(1, n, count)) % n
     return np.column_stack((a, b, c))[c != b]
-

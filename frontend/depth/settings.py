@@ -66,13 +66,13 @@ class Settings:
         """Refuses what would use one feature for two factors; InputError."""
         if self.landmarks and self.loops:
             raise InputError(
-                "options landmarks and loops: found both true, expected one of them: the same features would be counted "
-                "twice."
+                "options landmarks and loops: found both true, expected one of them: the same features would be "
+                "counted twice."
             )
         if self.landmarks and self.odometry == "visual":
             raise InputError(
-                "options landmarks and odometry: found landmarks=true with odometry=visual, expected landmarks=false or "
-                "odometry=wheels: the same features would be counted twice."
+                "options landmarks and odometry: found landmarks=true with odometry=visual, expected landmarks=false "
+                "or odometry=wheels: the same features would be counted twice."
             )
         if self.near >= self.far:
             raise InputError(f"options near and far: found {self.near:g} and {self.far:g} m, expected near below far.")

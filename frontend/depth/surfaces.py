@@ -1,8 +1,8 @@
 """Comparison of two frames' surfaces: does one see through what the other has measured?
 
-The environment measurement model of RGBD-SLAM (Endres, Hess, Sturm, Cremers and Burgard, T-RO 2014): points of one frame
-are projected into the other. A point that is where the other has a surface agrees; one in front of it is contradicted,
-as it would have been seen; one behind it is hidden and says nothing.
+The environment measurement model of RGBD-SLAM (Endres, Hess, Sturm, Cremers and Burgard, T-RO 2014): points of one
+frame are projected into the other. A point that is where the other has a surface agrees; one in front of it is
+contradicted, as it would have been seen; one behind it is hidden and says nothing.
 """
 
 from functools import cached_property
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..camera.camera import Camera
 from ..se2 import Array
-from ._surfaces import AGAINST, AGREE, compared
+from ._depth_image import AGAINST, AGREE, compared
 from .settings import Settings
 
 EVERY = 8

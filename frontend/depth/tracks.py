@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..elementary import arctan2, hypot
 from ..se2 import Array, Ints
-from .keyframe import Keyframe, sightings
-from .pairs import Pair
+from ..small_matrices import propagated
+from .pairs import Keyframe, Pair
 from .settings import Settings
 
 
@@ -43,14 +44,38 @@ class Tracks:
         s = self._settings
         if not self._parts:
             return Sighted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-        all_ = Sighted(*(np.concatenate(parts) for parts in zip(*self._parts, strict=True)))
+        parts = self._parts
+        all_ = Sighted(
+            np.concatenate([part.step for part in parts]),
+            np.concatenate([part.ids for part in parts]),
+            np.concatenate([part.z for part in parts]),
+            np.concatenate([part.cov for part in parts]),
+        )
         times = np.bincount(all_.ids)[all_.ids]
         order = np.lexsort((all_.ids, -times, all_.step))
         order = order[times[order] >= s.seen_often]
         step = all_.step[order]
         rank = np.arange(len(step)) - np.searchsorted(step, step)
-        return Sighted(*(column[order[rank < s.sightings]] for column in all_))
+        kept = order[rank < s.sightings]
+        return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
 
     def _add(self, frame: Keyframe, rows: Ints) -> None:
         z, cov = sightings(frame, rows, self._settings)
         self._parts.append(Sighted(np.full(len(rows), frame.step), frame.ids[rows], z, cov))
+
+
+def sightings(frame: Keyframe, rows: Ints, settings: Settings) -> tuple[Array, Array]:
+    """Ranges (m) and bearings (rad), (k, 2), of the features `rows` from the robot, and their covariances (k, 2, 2).
+
+    The error of the level, which the features of a frame share, is part of each covariance.
+    """
+    points, (R, t) = frame.features.points.taken(rows), (frame.level.T[:3, :3], frame.level.T[:3, 3])
+    x, y, up = (points.xyz @ R.T + t).T
+    cov = propagated(R[:2], points.cov)
+    by_level = np.zeros((len(rows), 2, 2))  # of x and y by turns about x and y
+    by_level[:, 0, 1], by_level[:, 1, 0] = up, -up
+    cov += propagated(by_level, frame.level.cov[:2, :2])
+    away = hypot(x, y)
+    J = np.stack((x / away, y / away, -y / away**2, x / away**2), axis=-1).reshape(-1, 2, 2)
+    cov = propagated(J, cov) + np.diag([settings.floor**2, settings.turn_floor**2])
+    return np.column_stack((away, arctan2(y, x))), (cov + cov.swapaxes(1, 2)) / 2

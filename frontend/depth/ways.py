@@ -1,11 +1,12 @@
 """The motion between any two steps, as well as it is known: along the way of least variance, over steps and loops."""
 
+from typing import Any
+
 import numpy as np
 
-from ..se2 import Ints
+from ..se2 import Array, Ints
 from ._ways import ways_to
-from .gate import back, chained
-from .planar import Planar
+from .planar import Planar, back, chained
 
 ROOM = 256
 """Nodes, and edges, that there is room for at first; then always for twice as many."""
@@ -19,13 +20,13 @@ class Ways:
         self._first = np.full(ROOM, -1)  # of the edges that lead to each step
         self._next, self._other = np.full(ROOM, -1), np.full(ROOM, -1)  # of each edge: the one after it; its start
         self._variance, self._motions = np.zeros(ROOM), np.zeros((ROOM, 12))  # and delta with covariance
-        self._to, self._came = -1, np.zeros(0, np.int64)  # the ways to the step last asked for
+        self._to, self._came, self._least = -1, np.zeros(0, np.int64), np.zeros(0)  # ways to the step last asked for
 
     def step(self, motion: Planar) -> None:
         """Adds a step, with the motion since the one before."""
         self._steps += 1
         if self._steps > len(self._first):
-            self._first = np.concatenate((self._first, np.full_like(self._first, -1)))
+            self._first = np.concatenate((self._first, np.full(len(self._first), -1)))
         self.join(self._steps - 2, self._steps - 1, motion)
 
     def join(self, first: int, second: int, motion: Planar) -> None:
@@ -37,7 +38,7 @@ class Ways:
     def motion(self, first: int, second: int) -> Planar:
         """The motion from one step to another."""
         if self._to != second:
-            self._to, self._came = second, self._ways_to(second)
+            self._to, (self._came, self._least) = second, self._ways_to(second)
         way = list[int]()
         while first != second:
             edge = int(self._came[first])
@@ -46,14 +47,17 @@ class Ways:
         rows = self._motions[way]
         return chained(rows[:, :3], rows[:, 3:].reshape(-1, 3, 3))
 
+    def variance(self, first: int, second: int) -> float:
+        """The sum of the variances on the way from one step to another."""
+        self.motion(first, second)
+        return float(self._least[first])
+
     def _add(self, first: int, second: int, motion: Planar) -> None:
         """Adds an edge; those there and back are neighbours, as even and odd rows."""
         e = self._edges
         if e == len(self._next):
-            self._next, self._other, self._variance, self._motions = (
-                np.concatenate((part, np.zeros_like(part)))
-                for part in (self._next, self._other, self._variance, self._motions)
-            )
+            self._next, self._other = _doubled(self._next), _doubled(self._other)
+            self._variance, self._motions = _doubled(self._variance), _doubled(self._motions)
         self._next[e], self._first[second], self._other[e] = self._first[second], e, first
         self._variance[e] = np.trace(motion.cov)
         self._motions[e, :3], self._motions[e, 3:] = motion.delta, motion.cov.ravel()
@@ -63,12 +67,17 @@ class Ways:
         """The step that an edge leads to: where the one back starts."""
         return self._other[edge ^ 1]
 
-    def _ways_to(self, end: int) -> Ints:
-        """(n,) the edge on which the way from each step to `end` begins."""
+    def _ways_to(self, end: int) -> tuple[Ints, Array]:
+        """(n,) the edge on which the way from each step to `end` begins, and its variance."""
         n, e = self._steps, self._edges
-        came = np.empty(n, np.int64)
-        ways_to(end, self._first[:n], self._next[:e], self._other[:e], self._variance[:e], np.empty(n), came)
-        return came
+        came, least = np.empty(n, np.int64), np.empty(n)
+        ways_to(end, self._first[:n], self._next[:e], self._other[:e], self._variance[:e], least, came)
+        return came, least
+
+
+def _doubled(part: Any) -> Any:
+    """The same rows, and as many more."""
+    return np.concatenate((part, np.zeros_like(part)))
 
 
 def joined(way: list[Planar]) -> Planar:

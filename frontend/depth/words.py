@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..se2 import Array
 from ._bits import Bits, moved, nearest
-from .keyframe import Keyframe
-from .matching import bits_of
+from .features import bits_of
+from .pairs import Keyframe
 from .settings import Settings
 
 WORDS, ROUNDS, SAMPLE = 512, 6, 12_000

@@ -42,7 +42,7 @@ def moved_by(found: Registration, x: Array) -> Registration:
 
 def test_a_body_that_rocks_about_its_origin_moves_as_its_origin_does() -> None:
     bodies = on_floor(np.zeros(3)) @ rocked(0.03, -0.02), on_floor(MOVED) @ rocked(-0.02, 0.04)
-    found = registration_of(*(body @ CAMERA.mounting for body in bodies), some_cov())
+    found = registration_of(bodies[0] @ CAMERA.mounting, bodies[1] @ CAMERA.mounting, some_cov())
     first, second = (Level(rocked(*by) @ CAMERA.mounting, UNKNOWN, True) for by in ((0.03, -0.02), (-0.02, 0.04)))
     np.testing.assert_allclose(planar(found, first, second, NO_FLOORS).delta, MOVED, atol=1e-12)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from depth_scenes import CAMERA, on_planes
-from slamduel.frontend.depth._points import depths_at
+from slamduel.frontend.depth._depth_image import depths_at
 from slamduel.frontend.depth.points import points_of
 from slamduel.frontend.depth.settings import Settings
 

@@ -1,15 +1,16 @@
 """Matches and words of descriptors, against plain counts of bits and numbers."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from slamduel.frontend.depth._bits import moved, nearest
-from slamduel.frontend.depth.features import Features
-from slamduel.frontend.depth.keyframe import Keyframe
+from slamduel.frontend.depth.features import Features, bits_of, matched
 from slamduel.frontend.depth.level import Level
-from slamduel.frontend.depth.matching import bits_of, matched
+from slamduel.frontend.depth.pairs import Keyframe
 from slamduel.frontend.depth.points import Points
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.depth.words import Words
@@ -26,7 +27,7 @@ def noisy(rng: np.random.Generator, descriptors: Bytes, share: float) -> Bytes:
     return descriptors ^ np.packbits(rng.random((len(descriptors), 256)) < share, axis=1)
 
 
-def by_opencv(first: NDArray[np.generic], second: NDArray[np.generic], norm: int, ratio: float) -> list[list[int]]:
+def by_opencv(first: NDArray[Any], second: NDArray[Any], norm: int, ratio: float) -> list[list[int]]:
     """Lowe's ratio by OpenCV's matcher, then one to one."""
     pairs = cv2.BFMatcher(norm).knnMatch(first, second, k=2)
     clear = [(a.queryIdx, a.trainIdx) for a, b in pairs if a.distance < ratio * b.distance]
@@ -47,7 +48,9 @@ def test_matches_of_bits_are_those_of_opencv() -> None:
 def test_matches_of_numbers_are_those_of_opencv() -> None:
     rng = np.random.default_rng(2)
     first = rng.uniform(0, 100, (60, 128)).astype(np.float32)
-    second = np.concatenate((first[:40] + rng.normal(0, 3, (40, 128)), rng.uniform(0, 100, (20, 128)))).astype(np.float32)
+    second = np.concatenate((first[:40] + rng.normal(0, 3, (40, 128)), rng.uniform(0, 100, (20, 128)))).astype(
+        np.float32
+    )
     assert matched(first, second, 0.8).tolist() == by_opencv(first, second, cv2.NORM_L2, 0.8)
 
 
@@ -100,7 +103,7 @@ def _few(settings: Settings, count: int) -> Settings:
     return settings
 
 
-def _keyframe(step: int, descriptors: NDArray[np.generic]) -> Keyframe:
+def _keyframe(step: int, descriptors: NDArray[Any]) -> Keyframe:
     n = len(descriptors)
     points = Points(np.zeros((n, 2)), np.ones(n), np.ones(n), np.ones(n))
     features = Features(np.zeros((n, 2)), points, descriptors)

@@ -1,4 +1,4 @@
-"""Inner loop of levelling: the plane of the floor in a depth image."""
+"""Inner loops over depth images: features' depths, the plane of the floor, and two frames' surfaces."""
 
 from math import sqrt
 
@@ -6,10 +6,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled import compiled
-from ..se2 import Array
+from ..se2 import Array, Ints
+
+AGREE, AGAINST, HIDDEN = range(3)
 
 ROUNDS, WIDEST, NARROWER = 14, 0.08, 0.75
 """Of robust least squares; m, the width of the first one's loss, and of the next one's by this one's."""
+
+
+@compiled
+def depths_at(
+    depth: NDArray[np.float32], pixels: Array, near: float, far: float, jump: float, jump_by_depth: float
+) -> Array:
+    """The depths (n,), m, at `pixels` (n, 2); NaN where the nine pixels around one are not all of one surface.
+
+    The inverse depth of a plane is linear in the pixel: nine of them, by least squares, give it between pixels.
+    """
+    height, width = depth.shape
+    out = np.full(len(pixels), np.nan)
+    for k in range(len(pixels)):
+        u, v = int(np.rint(pixels[k, 0])), int(np.rint(pixels[k, 1]))
+        if u < 1 or v < 1 or u > width - 2 or v > height - 2:
+            continue
+        least, most, total, by_u, by_v = np.inf, 0.0, 0.0, 0.0, 0.0
+        for i in range(-1, 2):
+            for j in range(-1, 2):
+                z = float(depth[v + i, u + j])
+                least, most = min(least, z), max(most, z)
+                if z > 0.0:
+                    total += 1.0 / z
+                    by_u += j / z
+                    by_v += i / z
+        if not (least > near and most < far and most - least < jump + jump_by_depth * least):
+            continue
+        out[k] = 1.0 / (total / 9.0 + by_u / 6.0 * (pixels[k, 0] - u) + by_v / 6.0 * (pixels[k, 1] - v))
+    return out
 
 
 @compiled
@@ -98,3 +129,55 @@ def inverse(S: Array, W: Array) -> bool:
             W[i, j] /= det
             W[j, i] = W[i, j]
     return True
+
+
+@compiled
+def compared(
+    seen: NDArray[np.float32],
+    other: NDArray[np.float32],
+    left: float,
+    top: float,
+    step: float,
+    R: Array,
+    t: Array,
+    constant_sd: float,
+    sd: float,
+    gate: float,
+    jump: float,
+    counts: Ints,
+) -> None:
+    """Counts the points of `other` (h, w) that `seen` (h, w) shows, contradicts and hides, in `counts` (3,).
+
+    Both are depths, m, on a grid of rays from (`left`, `top`) on, `step` apart; R, t takes points of `other` to `seen`.
+    """
+    rows, columns = seen.shape
+    counts[:] = 0
+    for v in range(rows):
+        for u in range(columns):
+            d = float(other[v, u])
+            if not d > 0.0:
+                continue
+            a, b = (left + u * step) * d, (top + v * step) * d
+            z = R[2, 0] * a + R[2, 1] * b + R[2, 2] * d + t[2]
+            if not z > 0.1:
+                continue
+            x = ((R[0, 0] * a + R[0, 1] * b + R[0, 2] * d + t[0]) / z - left) / step
+            y = ((R[1, 0] * a + R[1, 1] * b + R[1, 2] * d + t[1]) / z - top) / step
+            if not (x >= 0.0 and y >= 0.0 and x < columns - 1 and y < rows - 1):
+                continue
+            i, j = int(y), int(x)
+            p, q, r, s = float(seen[i, j]), float(seen[i, j + 1]), float(seen[i + 1, j]), float(seen[i + 1, j + 1])
+            least, most = min(p, q, r, s), max(p, q, r, s)
+            if not (least > 0.0 and most - least < jump * least):
+                continue
+            y, x = y - i, x - j
+            # inverse depth is linear on a plane
+            there = 1.0 / ((1 - y) * ((1 - x) / p + x / q) + y * ((1 - x) / r + x / s))
+            one, two = constant_sd + sd * d * d, constant_sd + sd * there * there
+            off = (z - there) / np.sqrt(one * one + two * two)
+            if abs(off) < gate:
+                counts[AGREE] += 1
+            elif off < 0.0:
+                counts[AGAINST] += 1
+            else:
+                counts[HIDDEN] += 1
