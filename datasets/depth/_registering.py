@@ -28,8 +28,8 @@ def draw_through_lens(
     """Draws `depth` (h, w), m, of a camera whose pixels have `rays` (h, w, 2), into another's image `out`.
 
     `apart` (h, w) is how far the rays of neighbours are apart, times a margin, NaN without a ray. `pose` (4, 4) moves
-    points to the other camera, which has `matrix` (3, 3) and OpenCV's coefficients `lens` (8,), k1 k2 p1 p2 k3 k4 k5 k6,
-    and sees no ray longer than `widest`.
+    points to the other camera, which has `matrix` (3, 3) and OpenCV's coefficients `lens` (8,), k1 k2 p1 p2 k3 k4 k5
+    k6, and sees no ray longer than `widest`.
     """
     fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     for v in range(depth.shape[0]):

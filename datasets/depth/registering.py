@@ -40,12 +40,12 @@ class Registration:
             depth = np.ascontiguousarray(depth)
             draw_through_lens(depth, self.source.rays, self._apart, pose, matrix, lens, reach, out)
         else:
-            self._draw(depth, out)
+            self.draw_by_opencv(depth, out)
         out[self._blind] = 0
         return out
 
-    def _draw(self, depth: Depth, out: Depth) -> None:
-        """The same for any lens."""
+    def draw_by_opencv(self, depth: Depth, out: Depth) -> None:
+        """Draws `depth` into `out`, of the target and zeros, for a target of any lens; OpenCV projects the points."""
         z = depth.astype(np.float64)
         some = (z > 0) & np.isfinite(self._apart)
         rays, apart, z = self.source.rays[some], self._apart[some], z[some]

@@ -144,7 +144,7 @@ def test_the_compiled_projection_is_opencvs(coefficients: int) -> None:
         assert 1 <= len(at) <= 4
         np.testing.assert_allclose(found[found > 0], point[2], rtol=1e-6)
         general = np.zeros_like(found)
-        registration._draw(depth, general)
+        registration.draw_by_opencv(depth, general)
         np.testing.assert_array_equal(general, found)
         checked += 1
     assert checked > 25
