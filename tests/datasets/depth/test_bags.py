@@ -350,3 +350,25 @@ def test_the_dataset_recording_reads_a_bag_by_itself(tmp_path: Path) -> None:
     assert log.name == "drive"
     assert len(log) >= 2
     assert truth is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_bag_is_read_or_refused_with_a_sentence(tmp_path: Path, kind: str) -> None:
+    path = bags.write(tmp_path, kind, drive(frames=3, colour="bgr8"))
+    file = next(one for one in [path, *path.glob("*.db3"), *path.glob("*.mcap")] if one.is_file())
+    whole = file.read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        content = bytearray(whole)
+        for at in rng.integers(len(content), size=8):
+            content[at] = rng.integers(256)
+        file.write_bytes(content)
+        try:
+            found = open_depth(path)
+            frames = [] if found is None else frames_of(found)
+        except InputError:
+            continue
+        for frame in frames:
+            assert frame.grey.shape == frame.depth.shape == SIZE[::-1]
+            assert np.isfinite(frame.depth).all()
+            assert (frame.depth >= 0).all()

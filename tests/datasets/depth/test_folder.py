@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from depth_views import CAMERA, RATE, START, depth_at, grey_at, odometry_csv, png, robot_toml, tum_folder
+from fuzzing import damaged
 from slamduel.datasets.depth.folder import read_camera_truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.rendering.disturbances import raised, rocked
@@ -294,3 +295,23 @@ def test_what_is_of_another_kind_is_left_to_others(tmp_path: Path) -> None:
     (folder / "robot.toml").write_text(f'{text}\n[markers]\ndictionary = "4X4_50"\nside = 0.1\n')
     assert "depth: is given beside [markers], expected one robot.toml for each front end." in refused(folder)
     write_opencv(folder / "calibration.yaml", CAMERA)
+
+
+@pytest.mark.parametrize("name", ["rgb.txt", "depth.txt", "groundtruth.txt", "odometry.csv", "robot.toml"])
+def test_a_damaged_file_is_read_or_refused_with_a_sentence(tmp_path: Path, name: str) -> None:
+    folder = tum_folder(tmp_path / "drive", frames=3)
+    odometry_csv(folder, START - 0.2, START + 0.5)
+    poses = [f"{START + k / RATE} 0 0 0.75 -0.57 0.57 -0.41 0.41" for k in range(3)]
+    (folder / "groundtruth.txt").write_text("\n".join(["# truth", *poses]) + "\n")
+    file = folder / name
+    whole = file.read_bytes()
+    for content in damaged(whole, 60, seed=1):
+        file.write_bytes(content)
+        try:
+            found = open_depth(folder)
+            frames = [] if found is None else list(found.recording.frames)
+        except InputError:
+            continue
+        for frame in frames:
+            assert frame.grey.shape == frame.depth.shape
+            assert np.isfinite(frame.depth).all()

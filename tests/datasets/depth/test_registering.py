@@ -120,3 +120,31 @@ def test_a_folder_of_unregistered_depth_is_registered_on_reading(tmp_path: Path)
     assert (frame.depth == expected).mean() > 0.98
     assert found.recording.depth_camera is not None
     assert found.recording.notes["depth_registered"] == "on reading"
+
+
+@pytest.mark.parametrize("coefficients", [0, 4, 5, 8])
+def test_the_compiled_projection_is_opencvs(coefficients: int) -> None:
+    """One depth at a time, at random places: it covers the pixel that OpenCV projects it to."""
+    rng = np.random.default_rng(coefficients)
+    lens = (-0.21, 0.06, 0.002, -0.003, 0.01, 0.02, -0.01, 0.005)[:coefficients]
+    target = Camera(*SIZE, (140.0, 150.0), (81.0, 57.0), lens, MOUNTING)
+    registration = Registration(CAMERA, target, BESIDE)
+    checked = 0
+    for u, v in rng.integers([10, 10], [SIZE[0] - 10, SIZE[1] - 10], (40, 2)):
+        z = rng.uniform(0.6, 4.0)
+        depth = np.zeros(SIZE[::-1], np.float32)
+        depth[v, u] = z
+        point = BESIDE[:3, :3] @ ([*(CAMERA.rays[v, u] * z), z]) + BESIDE[:3, 3]
+        ((column, row),) = target.project(point[None])
+        found = registration.registered(depth)
+        at = np.argwhere(found > 0)
+        if not (3 < column < SIZE[0] - 4 and 3 < row < SIZE[1] - 4):
+            continue
+        assert (np.abs(at - [row, column]) <= 0.5 * 1.1 * 150 / 144 * 1.1).all()
+        assert 1 <= len(at) <= 4
+        np.testing.assert_allclose(found[found > 0], point[2], rtol=1e-6)
+        general = np.zeros_like(found)
+        registration.draw_by_opencv(depth, general)
+        np.testing.assert_array_equal(general, found)
+        checked += 1
+    assert checked > 25
