@@ -25,6 +25,7 @@ class Loops:
     def __init__(self, pairs: Pairs, ways: Ways, settings: Settings, wheels: bool) -> None:
         self._pairs, self._ways, self._settings = pairs, ways, settings
         self._least = settings.loop_inliers if wheels else settings.loop_inliers_alone
+        self._shared = np.diag([settings.loop_floor**2, settings.loop_floor**2, settings.loop_turn_floor**2])
         self._places: list[Keyframe] = []
         self._words = Words(settings)
         self._waiting: list[Pair] = []
@@ -43,7 +44,7 @@ class Loops:
             known = partial(self._ways.motion, place.step, frame.step)
             pair = self._pairs.register(place, frame, self._least, self.why, known)
             if pair is not None:
-                found.append(pair)
+                found.append(pair._replace(motion=pair.motion._replace(cov=pair.motion.cov + self._shared)))
         found.sort(key=lambda pair: -len(pair.rows))
         return [closed for pair in found[: self._settings.loops_a_step] for closed in self._confirmed(pair)]
 

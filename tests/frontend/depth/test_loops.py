@@ -102,6 +102,18 @@ def test_where_the_steps_cannot_tell_two_loops_have_to_agree() -> None:
     assert closed(Known(true_loops([(0, 32), (25, 57)])), 60, 0.1) == []  # too late
 
 
+def test_a_loop_is_less_certain_than_its_features_say_by_what_they_share() -> None:
+    ways, poses, found = Ways(), square(33), list[Pair]()
+    loops = Loops(Known(true_loops([(0, 32)])), ways, SETTINGS, True)
+    for k in range(33):
+        if k:
+            ways.step(Planar(between(poses[k - 1], poses[k]), SHARP))
+        found = loops.search(frame(k, float(k)))
+        loops.remember(frame(k, float(k)), found)
+    assert [pair.first.step for pair in found] == [0]
+    np.testing.assert_allclose(found[0].motion.cov, SHARP + np.diag([0.003**2, 0.003**2, 0.002**2]), rtol=1e-12)
+
+
 def test_a_keyframe_near_a_place_is_no_place_of_its_own() -> None:
     ways = Ways()
     loops = Loops(Known({}), ways, SETTINGS, True)
