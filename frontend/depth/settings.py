@@ -55,7 +55,7 @@ class Settings:
     # loops
     loop_after = 5.0  # s
     loop_inliers, loop_inliers_alone = 20, 30  # least number; without wheels
-    loop_floor, loop_turn_floor = 0.003, 0.002  # sd that features of one surface share, m and rad: seen from elsewhere
+    loop_floor, loop_turn_floor = 0.002, 0.0012  # sd that features of one surface share, m and rad: seen from elsewhere
     # the steps of its depths and its foreshortened features err alike, which those of neighbouring frames cancel
     loops_a_step = 2
     by_words, candidates = 300, 5  # keyframes from which on words choose, and how many they choose

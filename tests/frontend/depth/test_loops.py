@@ -111,7 +111,7 @@ def test_a_loop_is_less_certain_than_its_features_say_by_what_they_share() -> No
         found = loops.search(frame(k, float(k)))
         loops.remember(frame(k, float(k)), found)
     assert [pair.first.step for pair in found] == [0]
-    np.testing.assert_allclose(found[0].motion.cov, SHARP + np.diag([0.003**2, 0.003**2, 0.002**2]), rtol=1e-12)
+    np.testing.assert_allclose(found[0].motion.cov, SHARP + np.diag([0.002**2, 0.002**2, 0.0012**2]), rtol=1e-12)
 
 
 def test_a_keyframe_near_a_place_is_no_place_of_its_own() -> None:
