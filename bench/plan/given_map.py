@@ -119,6 +119,9 @@ def localising(log: Log, known: Map, where: str, start: Start = "known") -> Log:
     return replace(log, prior=log.prior._replace(map=known, start=start))
 
 
+GRIDS = "bench map writes the grids of a run on laser logs"
+
+
 class _Known(NamedTuple):
     map: Map
     kind: str
@@ -160,8 +163,8 @@ def _from_record(source: str, fixed: bool, folder: Path, path: Path) -> GivenMap
                 if _covers(path, folder / place):
                     found[place] = row
         if not found:
-            have = f"expected {_named(with_map)}" if with_map else f"and no other cell of {folder} has one"
-            raise InputError(f"--map {source}: found no cell with a map, {have}.")
+            have = f"expected {_named(with_map)}." if with_map else f"and no other cell of {folder} has one; {GRIDS}."
+            raise InputError(f"--map {source}: found no cell with a map, {have}")
         first = next(iter(found.values())).columns
         world = first["dataset"] if datasets.seeded(first["dataset"]) else ""
         if len(found) > 1 and (not world or len({row.key[:4] for row in found.values()}) > 1):
