@@ -44,6 +44,7 @@ BUILTIN = {
     "circle": ".worlds.circle:source",
     "city": ".worlds.city:source",
     "csv": ".formats.csv_tables:source",
+    "depth-room": ".worlds.depth_room:source",
     "dlr": ".published.dlr:source",
     "fr079": ".published.laser_logs:fr079",
     "freiburg": ".published.freiburg:source",
@@ -59,6 +60,10 @@ BUILTIN = {
     "mrclam": ".published.mrclam:source",
     "recording": ".recordings.recording:source",
     "toro": ".formats.toro:source",
+    "tum-pioneer-360": ".published.tum_pioneer:pioneer_360",
+    "tum-pioneer-slam": ".published.tum_pioneer:pioneer_slam",
+    "tum-pioneer-slam2": ".published.tum_pioneer:pioneer_slam2",
+    "tum-pioneer-slam3": ".published.tum_pioneer:pioneer_slam3",
     "victoria-park": ".published.victoria_park:source",
     "victoria-park-raw": ".published.victoria_park_raw:source",
 }

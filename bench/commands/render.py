@@ -1,10 +1,10 @@
 """`bench render DATASET --as FORMATS --out FOLDER`: writes a rendered drive as recordings, with its truth."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from rich.console import Console
 
@@ -14,7 +14,9 @@ from ..plan.spec import DatasetVariant, dataset_variants
 from ..plan.values import seed
 from ..words.console import ProgressBar
 
-RENDERED = "aruco-room"
+MARKERS, DEPTH = RENDERED = ("aruco-room", "depth-room")
+
+Frame = TypeVar("Frame")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,13 +25,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "dataset",
         nargs="?",
-        default=RENDERED,
+        default=MARKERS,
         help="the drive, options in brackets as in bench run (default: %(default)s)",
     )
     add("--seed", type=seed, default=0, help="which drive, as bench run numbers them (default: %(default)s)")
     add(
         "--as", dest="formats", default="frames", metavar="FORMATS",
-        help="frames, video (lossless), mp4, ros1, ros2, mcap, separated by commas (default: %(default)s)",
+        help="frames, ros1, ros2, mcap; of aruco-room video (lossless) and mp4, of depth-room tum (TUM's layout); "
+        "separated by commas (default: %(default)s)",
     )  # fmt: skip
     add("--out", type=Path, required=True, help="a new folder; of several formats, each gets its own inside")
     add("--quiet", action="store_true", help="no progress, and nothing printed")
@@ -38,37 +41,65 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(namespace: argparse.Namespace) -> int:
     """Renders the drive once and writes it in every format; 0."""
     variant = _variant(namespace.dataset)
-    if variant.options.outliers > 0:
-        raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
-
-    from ...datasets.recordings.write import FORMATS, write
-    from ...datasets.worlds.aruco_room import record
-
+    known = _formats(variant.name)
     formats = [name.strip() for name in namespace.formats.split(",")]
     for name in formats:
-        if name not in FORMATS:
-            raise InputError(f"--as: found {name!r}, expected one of {', '.join(FORMATS)}.")
+        if name not in known:
+            raise InputError(f"--as: found {name!r}, expected one of {', '.join(known)} for {variant.name}.")
     if len(set(formats)) < len(formats):
         raise InputError(f"--as {namespace.formats}: a format is named twice, expected once.")
     out: Path = namespace.out
     places = {out: formats[0]} if len(formats) == 1 else {out / name: name for name in formats}
     console = Console(emoji=False, highlight=False, soft_wrap=True, quiet=namespace.quiet)
-    recording, truth = record(variant.options, generator(variant.name, namespace.seed))
-    with ProgressBar(console, "rendering", len(truth.t)) as bar:
-
-        def frames() -> Iterator[Any]:
-            for frame in recording.frames:
-                yield frame
-                bar.update(advance=1)
-
-        write(places, replace(recording, frames=frames()), truth)
+    (_depth if variant.name == DEPTH else _markers)(variant, namespace.seed, places, console)
     for folder, name in places.items():
-        console.print(f"{FORMATS[name]}: {folder}", markup=False)
+        console.print(f"{known[name]}: {folder}", markup=False)
     return 0
+
+
+def _formats(name: str) -> Mapping[str, str]:
+    """The formats of a dataset's recordings, with what they are."""
+    if name == DEPTH:
+        from ...datasets.recordings.write_depth import FORMATS
+    else:
+        from ...datasets.recordings.write import FORMATS
+    return FORMATS
+
+
+def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:
+    """Writes the frames of a camera among markers."""
+    if variant.options.outliers > 0:
+        raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
+
+    from ...datasets.recordings.write import write
+    from ...datasets.worlds.aruco_room import record
+
+    recording, truth = record(variant.options, generator(variant.name, number))
+    with ProgressBar(console, "rendering", len(truth.t)) as bar:
+        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth)
+
+
+def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:
+    """Writes the frames of a depth camera."""
+    from ...datasets.recordings.write_depth import write_depth
+    from ...datasets.worlds.depth_room import record, shots_of
+
+    recording, truth = record(variant.options, generator(variant.name, number))
+    cameras = shots_of(recording).poses
+    with ProgressBar(console, "rendering", len(truth.t)) as bar:
+        write_depth(places, replace(recording, frames=_watched(recording.frames, bar)), truth, cameras)
+
+
+def _watched(frames: Iterable[Frame], bar: ProgressBar) -> Iterator[Frame]:
+    """The frames, each with a step of the progress bar."""
+    for frame in frames:
+        yield frame
+        bar.update(advance=1)
 
 
 def _variant(text: str) -> DatasetVariant:
     variants = dataset_variants(text, "bench render")
-    if len(variants) != 1 or variants[0].name != RENDERED:
-        raise InputError(f"bench render: found {text!r}, expected {RENDERED}, the dataset whose frames are rendered.")
+    if len(variants) != 1 or variants[0].name not in RENDERED:
+        expected = " or ".join(RENDERED)
+        raise InputError(f"bench render: found {text!r}, expected {expected}, whose frames are rendered.")
     return variants[0]

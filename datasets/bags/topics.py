@@ -1,6 +1,6 @@
 """Chooses a bag's topics: the one that is named, else the only one of its type."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from ...frontend.errors import InputError
@@ -28,6 +28,16 @@ def choose(
         choices = ", ".join(map(shown, fitting))
         raise InputError(f"{path}: has {choices}, expected {setting} to name the one to use.")
     return fitting[0] if fitting else None
+
+
+def beside(name: str, other: str, known: Collection[str]) -> str | None:
+    """The topic `other` in the folder of the topic `name`, or above: image_transport puts images a level deeper.
+
+    None if there is none among the topics `known`.
+    """
+    parts = name.split("/")[:-1]
+    candidates = ("/".join([*parts[:length], other]) for length in range(len(parts), 0, -1))
+    return next((one for one in candidates if one in known), None)
 
 
 def found(listed: Sequence[Topic]) -> str:

@@ -92,6 +92,17 @@ class Transforms:
             raise InputError(f"{where} is at {stamp} s after {before} s, expected one clock that goes forward.")
         return pair[1], planar(where, t, rows[:, [0, 1, 3, 4, 5, 6]])
 
+    def tracked(self, frame: str, other: str) -> tuple[Array, Array] | None:
+        """Times (m,), s, and poses (m, 4, 4) of `other` in `frame`, by one transform that moves and by fixed ones.
+
+        None if there is no such way. InputError for a transform that is not one.
+        """
+        root, rest = self._from_root(other.strip("/"))
+        moves = self._moves.get((frame.strip("/"), root))
+        if moves is None:
+            return None
+        return moves.t, np.array([matrix(row) for row in moves.rows]) @ rest
+
     def knows(self, frame: str) -> bool:
         """Tells if there is a transform to or from a frame."""
         return any(frame.strip("/") in pair for pair in self._moves)

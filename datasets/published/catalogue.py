@@ -24,7 +24,7 @@ class Published:
     names that must be found, each with its sha256, or None if unknown. `archive` is the sha256 of the download as
     reported by others, which is shown but not enforced. `by_hand` ends the sentence "open `page` and ...". `goes_by` is
     a regular expression for names of its archive and of the folder in it, for logs whose files have the same names as
-    another's.
+    another's. A download of more than `largest` bytes is something else.
     """
 
     title: str
@@ -38,6 +38,7 @@ class Published:
     link: str = ""
     archive: str | None = None
     goes_by: str = ""
+    largest: int = 2**30
 
 
 FILE = "{file}"
@@ -112,6 +113,23 @@ def _laser(stem: str, title: str, recorded_by: str) -> Published:
     )
 
 
+def _pioneer(run: str, about: str) -> Published:
+    """A drive of TUM's robot with a Kinect; only the bag has the wheels."""
+    stem = f"rgbd_dataset_freiburg2_pioneer_{run}"
+    return Published(
+        title=f"TUM RGB-D, fr2/pioneer_{run}: a robot with a depth camera, {about}, motion-capture truth",
+        citation="Sturm, Engelhard, Endres, Burgard and Cremers, A benchmark for the evaluation of RGB-D SLAM systems, "
+        "IROS 2012",
+        licence="CC BY 4.0",
+        page="https://cvg.cit.tum.de/data/datasets/rgbd-dataset/download",
+        urls=(f"https://cvg.cit.tum.de/rgbd/dataset/freiburg2/{stem}.bag",),
+        addresses="this is where the benchmark's page has the bags",
+        by_hand=f"download {stem}.bag, of several gigabytes",
+        files={f"{stem}.bag": None},
+        largest=2**35,
+    )
+
+
 PUBLISHED: dict[str, Published] = {
     "aces": _laser("aces", "ACES building, Austin: laser scans and odometry, relations", "P. Beeson"),
     "dlr": Published(
@@ -152,6 +170,10 @@ PUBLISHED: dict[str, Published] = {
     ),
     "mit-csail": _laser("mit-csail", "MIT, CSAIL building: laser scans and odometry, relations", "C. Stachniss"),
     **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},
+    "tum-pioneer-360": _pioneer("360", "turning in a hall"),
+    "tum-pioneer-slam": _pioneer("slam", "through a hall of tables and partitions"),
+    "tum-pioneer-slam2": _pioneer("slam2", "through the same hall"),
+    "tum-pioneer-slam3": _pioneer("slam3", "through the same hall again"),
     "victoria-park-raw": Published(
         title="Victoria Park as recorded: a car, trees found by a laser, without ids; GPS as truth",
         citation="Guivant and Nebot, Optimization of the simultaneous localization and map-building algorithm for "

@@ -22,9 +22,6 @@ RETRIES = 4
 TIMEOUT = 30.0
 """Timeout, in seconds, of a connection and of each read."""
 
-LARGEST = 2**30
-"""Bytes: larger than all of the published logs."""
-
 BLOCK = 2**13
 
 HEADERS = {"User-Agent": "slamduel", "Accept-Encoding": "identity"}
@@ -40,8 +37,8 @@ Watch = Callable[[str, int, int | None], object]
 """Called with an address, the number of bytes received, and the total (None: unknown)."""
 
 
-def downloaded(url: str, folder: Path, watch: Watch) -> Path:
-    """Downloads the file at `url` into the folder, replacing the previous download.
+def downloaded(url: str, folder: Path, watch: Watch, largest: int) -> Path:
+    """Downloads the file at `url`, of at most `largest` bytes, into the folder, replacing the previous download.
 
     Raises NotFound if it is not available there, and InputError if it cannot be written.
     """
@@ -51,19 +48,19 @@ def downloaded(url: str, folder: Path, watch: Watch) -> Path:
     pooch.get_logger().setLevel("ERROR")
     registry, urls = {"download": None}, {"download": url}
     files: Any = pooch.create(folder, "", registry=registry, urls=urls, retry_if_failed=RETRIES)
-    return Path(files.fetch("download", downloader=partial(_transfer, watch=watch)))
+    return Path(files.fetch("download", downloader=partial(_transfer, watch=watch, largest=largest)))
 
 
 class _Failed(NotFound, ValueError):
     """A failure to be retried: pooch does so after a ValueError."""
 
 
-def _transfer(url: str, target: str, _: object, *, watch: Watch) -> None:
+def _transfer(url: str, target: str, _: object, *, watch: Watch, largest: int) -> None:
     """Writes the file at `url` to `target`; pooch calls this for each try."""
     from pooch import FTPDownloader, HTTPDownloader
 
     with FileIO(target, "w") as file:
-        sink: Any = _Sink(file, url, watch)  # pooch says that a progress bar is a bool
+        sink: Any = _Sink(file, url, watch, largest)  # pooch says that a progress bar is a bool
         try:
             parts = urlsplit(url)
             if parts.scheme == "ftp":
@@ -97,15 +94,15 @@ def _refusal(error: Exception, url: str, at: int) -> SlamduelError:
 class _Sink:
     """A file that reports the bytes written, and the progress bar that pooch reports the total to."""
 
-    def __init__(self, file: FileIO, url: str, watch: Watch) -> None:
-        self._file, self._url, self._watch = file, url, watch
+    def __init__(self, file: FileIO, url: str, watch: Watch, largest: int) -> None:
+        self._file, self._url, self._watch, self._largest = file, url, watch, largest
         self.at, self.total = 0, 0
 
     def write(self, block: bytes) -> None:
         """Writes some bytes; InputError if the disk is full."""
         self.at += len(block)
-        if self.at > LARGEST:
-            raise NotFound(f"{self._url}: more than {LARGEST:,} bytes received: not the published file.")
+        if self.at > self._largest:
+            raise NotFound(f"{self._url}: more than {self._largest:,} bytes received: not the published file.")
         try:
             while block:  # a nearly full disk may accept a part
                 block = block[self._file.write(block) :]

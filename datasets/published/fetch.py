@@ -44,12 +44,12 @@ def fetch(name: str, watch: Watch, *, url: str | None = None, again: bool = Fals
 def _arrived(name: str, address: str, folder: Path, watch: Watch) -> Path:
     """Downloads the archive at an address, or each file by itself, into the folder; returns it, or a folder of them."""
     if FILE not in address:
-        return downloaded(address, folder, watch)
+        return downloaded(address, folder, watch, PUBLISHED[name].largest)
     parts = folder / "parts"
     parts.mkdir(exist_ok=True)
     for file in PUBLISHED[name].files:
         url = address.replace(FILE, file)
-        part = downloaded(url, folder, watch)
+        part = downloaded(url, folder, watch, PUBLISHED[name].largest)
         check_page(part, url)
         os.replace(part, parts / file)
     return parts
@@ -74,7 +74,7 @@ def _addresses(name: str, folder: Path, watch: Watch, answers: list[str]) -> Ite
         return
     for page in log.urls:
         try:
-            text = downloaded(page, folder, watch).read_text(encoding="utf-8", errors="replace")
+            text = downloaded(page, folder, watch, log.largest).read_text(encoding="utf-8", errors="replace")
         except NotFound as error:
             answers.append(str(error))
             continue

@@ -5,6 +5,7 @@ A log is a folder with its files and with `SHA256SUMS`, in the format that `sha2
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -55,7 +56,10 @@ def install(name: str, source: Path, called: str) -> Arrival:
         with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=folder) as beside:
             (new := Path(beside, "new")).mkdir()
             for file, content in contents.items():
-                (new / file).write_bytes(content)
+                if isinstance(content, bytes):
+                    (new / file).write_bytes(content)
+                else:
+                    shutil.copyfile(content, new / file)
             with contextlib.suppress(FileNotFoundError):
                 os.replace(place(name), Path(beside, "old"))
             os.replace(new, place(name))
@@ -76,7 +80,7 @@ def faults(name: str) -> list[str]:
         path = place(name) / file
         expected = published or recorded.get(file)
         try:
-            digest = digests[file] = sha256(path.read_bytes())
+            digest = digests[file] = sha256(path)
         except OSError as error:
             found.append(f"{path}: {error.strerror}.")
             continue

@@ -13,22 +13,26 @@ from ...frontend.errors import InputError, SlamduelError
 from .catalogue import PUBLISHED, named_in
 
 LARGEST = 2**28
-"""Bytes: larger than any file of the published logs."""
+"""Bytes: larger than any file in an archive of the published logs."""
 
 
 class NotFound(InputError):
     """The published log is not available at an address or path; the message names it and the reason."""
 
 
-def unpacked(log: str, source: Path, called: str) -> dict[str, bytes]:
-    """Reads the files of the published `log` in `source`, name -> content; messages call the source `called`.
+Content = bytes | Path
+"""Of a file: read, or where it lies."""
+
+
+def unpacked(log: str, source: Path, called: str) -> dict[str, Content]:
+    """Finds the files of the published `log` in `source`, name -> content; messages call the source `called`.
 
     Of several files of one name the one with the right sha256 is taken; if none is known, files under the name of
     another log are excluded. Raises NotFound if a file is missing or is not the right one, or if `source` is damaged or
     something else; and OSError.
     """
     wanted = PUBLISHED[log].files
-    copies: dict[str, dict[str, bytes]] = {}  # name -> sha256 -> content
+    copies: dict[str, dict[str, Content]] = {}  # name -> sha256 -> content
     passed_over = ""
     try:
         for path, content in _contents(source, wanted, called):
@@ -67,18 +71,21 @@ def check_page(source: Path, called: str) -> bytes:
     return start
 
 
-def sha256(content: bytes) -> str:
-    """The sha256 of some bytes, in hexadecimal."""
-    return hashlib.sha256(content).hexdigest()
+def sha256(content: Content) -> str:
+    """The sha256 of some bytes, or of a file, in hexadecimal."""
+    if isinstance(content, bytes):
+        return hashlib.sha256(content).hexdigest()
+    with content.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tuple[str, bytes]]:
+def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tuple[str, Content]]:
     """Yields path and content of each requested file in `source`."""
     if source.is_dir():
         for file in sorted(file for name in wanted for file in source.rglob(name) if not file.is_dir()):
             if not file.is_file():  # opening a pipe would block
                 raise NotFound(f"{file}: expected a regular file; found a pipe, a device or a dangling link.")
-            yield file.relative_to(source).as_posix(), file.read_bytes()
+            yield file.relative_to(source).as_posix(), file
     elif zipfile.is_zipfile(source):
         with zipfile.ZipFile(source) as archive:
             for member in archive.infolist():
@@ -96,7 +103,7 @@ def _contents(source: Path, wanted: Collection[str], called: str) -> Iterator[tu
             raise NotFound(f"{called}: a truncated or damaged zip archive.")
         if source.name not in wanted and len(wanted) > 1:
             raise NotFound(f"{called}: expected a zip or tar archive, or a folder; found something else.")
-        yield source.name if source.name in wanted else next(iter(wanted)), source.read_bytes()
+        yield source.name if source.name in wanted else next(iter(wanted)), source
 
 
 def _wanted(path: str, size: int, wanted: Collection[str], called: str) -> bool:

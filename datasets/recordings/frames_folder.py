@@ -24,7 +24,7 @@ from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
 from ...frontend.table import text
-from .quiet_decoders import silenced
+from ..quiet_decoders import silenced
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")
 FRAMES = "frames.csv"

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...frontend.errors import InputError
 from ...frontend.markers.pipeline import Frame
-from .quiet_decoders import silenced
+from ..quiet_decoders import silenced
 
 PREFIX = "camera:"
 

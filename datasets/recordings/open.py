@@ -5,11 +5,11 @@ from pathlib import Path
 from ...frontend.errors import InputError
 from ...frontend.files import check_regular
 from ..bags.bag import is_bag
+from ..readings import ODOMETRY, TICKS, read_readings
 from ..scans.robot import ROBOT
 from ..truth import PLACES, POSES, read_truth
 from . import frames_folder, live, rosbag, video
 from .frames_folder import FRAMES, pictures
-from .readings import ODOMETRY, TICKS, read_readings
 from .robot import Robot
 from .streams import Streams
 from .video import VIDEOS

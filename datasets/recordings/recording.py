@@ -25,13 +25,15 @@ from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.options import option
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
+from ..depth.open import build as build_depth
+from ..depth.open import open_depth
+from ..readings import ODOMETRY, TICKS
 from ..registry import Source
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from ..scans.robot import ROBOT
 from ..truth import with_truth
 from .open import is_live, read_streams
-from .readings import ODOMETRY, TICKS
 from .robot import Robot, read_robot
 
 OTHER_LENS = 0.02
@@ -57,7 +59,7 @@ class Options:
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
-    """A recording of your own, of a camera or a laser scanner, in files or a ROS bag: recording[path=FOLDER]."""
+    """A recording of your own, of a camera, with or without depth, or a laser scanner: recording[path=FOLDER]."""
     if options.path is None:
         raise InputError("option path of dataset recording is not given, expected its folder: recording[path=FOLDER].")
     if is_live(Path(options.path)):
@@ -66,6 +68,9 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     scans = open_scans(Path(options.path), file, ScanTopics(options.scan, options.odometry))
     if scans is not None:
         return build_scans(scans)
+    depth = open_depth(Path(options.path), file)
+    if depth is not None:
+        return build_depth(depth)
     return build(open_recording(Path(options.path), None if file is None else read_robot(file)))
 
 

@@ -12,21 +12,21 @@
     [topics]     image, encoder, odometry, camera_info
     [frames]     source, fps, start
 
-Only [markers] is required. [laser] in its place is read by `scans`. Lengths are in m, angles in rad, times in s.
+Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
+rad, times in s.
 """
 
 import shutil
-from collections.abc import Collection
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomli_w
 
-from ...frontend.camera.calibration import read, write_opencv
+from ...frontend.camera.calibration import write_opencv
 from ...frontend.camera.camera import Camera
-from ...frontend.camera.mounting import from_matrix, from_rpy, mounting
+from ...frontend.camera.mounting import mounting
 from ...frontend.errors import InputError
 from ...frontend.factors import Prior
 from ...frontend.files import write_whole
@@ -35,9 +35,10 @@ from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.se2 import Array
 from ...frontend.toml.table import TomlTable
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
-from ...frontend.wheels.encoder import Encoder, Floors
+from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise
 from ..prior import START_SD, read_prior
+from ..robot_tables import TRACK, calibrated, floors_in, names_of, numbers_in, pose_in, track_noise, without_none
 from .rosbag import Topics
 
 CALIBRATION = "calibration.yaml"
@@ -45,8 +46,6 @@ CALIBRATION = "calibration.yaml"
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
-
-_TRACK = ("forward", "turning", "turning_by_turn")
 
 
 @dataclass(frozen=True)
@@ -84,20 +83,22 @@ class Robot:
 def read_robot(path: Path) -> Robot:
     """Reads the robot in `path`, a robot.toml; InputError names the file, line and key of a fault."""
     tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
-    file = TomlTable.read(path).only(("name", *tables, "laser"))
+    file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
     if file.has("laser"):
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
+    if file.has("depth"):
+        raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
     markers = file.table("markers").only(("dictionary", "side", "sides", "max_range"))
-    odometry = file.table("odometry").only((*_TRACK, "floors", "max_speed"))
-    encoder = file.table("encoder").only((*_names(Encoder), "counter_bits", "max_speed"))
-    frames = file.table("frames").only(_names(FrameSource))
+    odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
+    encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
+    frames = file.table("frames").only(names_of(FrameSource))
     topics = file.table("topics").only(Topics._fields)
-    placed = _placed(camera)
+    placed = pose_in(camera, "mounting")
     return Robot(
         name=file.text("name") if file.has("name") else path.absolute().parent.name,
         markers=_markers(markers),
-        camera=_camera(camera, placed),
+        camera=calibrated(camera, placed),
         mounting=placed,
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
@@ -105,8 +106,8 @@ def read_robot(path: Path) -> Robot:
         encoder=_encoder(encoder) if file.has("encoder") else None,
         counter_bits=encoder.choice("counter_bits", None, COUNTER_BITS),
         max_speed=_max_speed(encoder, odometry),
-        track_noise=_track_noise(odometry),
-        drift=_drift(file.table("drift").only(_names(Drift))) if file.has("drift") else None,
+        track_noise=track_noise(odometry),
+        drift=_drift(file.table("drift").only(names_of(Drift))) if file.has("drift") else None,
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")),
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
@@ -156,30 +157,9 @@ def write_robot(path: Path, robot: Robot) -> None:
             write_opencv(path.with_name(CALIBRATION), robot.camera)
         if dictionary.is_file() and not path.with_name(dictionary.name).exists():
             shutil.copyfile(dictionary, path.with_name(dictionary.name))
-        write_whole(path, tomli_w.dumps(_without_none(words)))
+        write_whole(path, tomli_w.dumps(without_none(words)))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
-
-
-def _placed(camera: TomlTable) -> Array:
-    given = camera.table("mounting").only(("xyz", "rpy", "matrix"))
-    if given.has("matrix"):
-        if given.has("xyz") or given.has("rpy"):
-            raise given.refused("matrix", "is given beside xyz or rpy, expected one or the other.")
-        return from_matrix(given.numbers("matrix", 4, 4), given.where("matrix"))
-    return from_rpy(*(given.numbers(key, 3, default=(0, 0, 0)).tolist() for key in ("xyz", "rpy")))
-
-
-def _camera(camera: TomlTable, placed: Array) -> Camera | None:
-    if not camera.has("calibration"):
-        return None
-    file = Path(camera.file).parent / camera.text("calibration")
-    if not file.is_file():
-        raise camera.refused("calibration", f"there is no file {file}, expected a camera's calibration.")
-    size = camera.numbers("size", 2) if camera.has("size") else None
-    if size is not None and not all(side >= 1 and side == int(side) for side in size):
-        raise camera.fault("size", "width and height in whole px")
-    return read(file, placed, None if size is None else (int(size[0]), int(size[1])))
 
 
 def _markers(markers: TomlTable) -> Markers:
@@ -209,13 +189,8 @@ def _encoder(encoder: TomlTable) -> Encoder:
     for key, choices in {"noise": ("proportional", "distance"), "curve": ("midpoint", "arc")}.items():
         if encoder.has(key):
             rolls[key] = encoder.choice(key, None, choices)
-    rolls |= _given(encoder, ("interval",), above=0) | _floors(encoder)
+    rolls |= numbers_in(encoder, ("interval",), above=0) | floors_in(encoder)
     return Encoder(**rolls, base=encoder.number("base", above=0), k=encoder.number("k", least=0))
-
-
-def _track_noise(odometry: TomlTable) -> TrackNoise:
-    given: dict[str, Any] = _given(odometry, _TRACK, least=0)
-    return TrackNoise(**given, **_floors(odometry))
 
 
 def _max_speed(encoder: TomlTable, odometry: TomlTable) -> float:
@@ -226,31 +201,9 @@ def _max_speed(encoder: TomlTable, odometry: TomlTable) -> float:
 
 
 def _drift(drift: TomlTable) -> Drift:
-    return Drift(drift.number("position", above=0), drift.number("turning", above=0), **_floors(drift))
+    return Drift(drift.number("position", above=0), drift.number("turning", above=0), **floors_in(drift))
 
 
 def _noise(noise: TomlTable) -> Noise:
     model: Any = NOISES[noise.choice("model", "proportional", tuple(NOISES))]
-    return model(**_given(noise.only(("model", *_names(model))), _names(model), least=0))
-
-
-def _floors(table: TomlTable) -> dict[str, Any]:
-    if not table.has("floors"):
-        return {}
-    floors = table.table("floors").only(_names(Floors))
-    return {"floors": Floors(**_given(floors, _names(Floors), above=0))}
-
-
-def _given(table: TomlTable, keys: Collection[str], **bounds: float) -> dict[str, Any]:
-    """The given numbers among `keys`; the others keep the receiver's defaults."""
-    return {key: table.number(key, **bounds) for key in keys if table.has(key)}
-
-
-def _names(cls: Any) -> tuple[str, ...]:
-    return tuple(one.name for one in fields(cls))
-
-
-def _without_none(words: dict[str, Any]) -> dict[str, Any]:
-    """`words` without None and without empty tables, recursively."""
-    kept = {key: _without_none(value) if isinstance(value, dict) else value for key, value in words.items()}
-    return {key: value for key, value in kept.items() if value is not None and value != {}}
+    return model(**numbers_in(noise.only(("model", *names_of(model))), names_of(model), least=0))

@@ -6,7 +6,6 @@ right, averaged per side), or a nav_msgs/Odometry. Times are those of the messag
 are zero.
 """
 
-import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,26 +13,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.camera.camera import Camera
 from ...frontend.errors import InputError
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks
-from ..bags.bag import Bag, Message, Topic
+from ..bags import images
+from ..bags.bag import Bag, Topic
+from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside
 from ..bags.columns import columns, of_untimed, poses
+from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
-from . import rosimage
 from .streams import Streams
 
-IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
-ENCODER, ODOMETRY, CAMERA_INFO = (
-    "geometry_msgs/msg/QuaternionStamped",
-    "nav_msgs/msg/Odometry",
-    "sensor_msgs/msg/CameraInfo",
-)
-
-WAITING = 4
-"""Most images held back for one received late."""
+ENCODER = "geometry_msgs/msg/QuaternionStamped"
 
 
 class Topics(NamedTuple):
@@ -59,13 +51,13 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     image = choose(path, listed, topics.image, "[topics] image", (IMAGE, COMPRESSED))
     if image is None:
         raise InputError(f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage); {found(listed)}")
-    info = _camera_info(path, listed, topics.camera_info, image)
+    info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
     remarks = list[str]()
     return Streams(
         frames=_Frames(bag, image, remarks),
         length=image.messages,
         readings=_readings(bag, listed, topics, counter_bits, remarks),
-        camera=None if info is None else _camera(bag, info),
+        camera=None if info is None else camera_of(bag, info),
         truth=None,
         remarks=remarks,
     )
@@ -80,12 +72,9 @@ class _Frames:
     remarks: list[str]  # grows at the end
 
     def __iter__(self) -> Iterator[Frame]:
-        decode = rosimage.raw if self.topic.type == IMAGE else rosimage.compressed
-        count, untimed, decoded, example, latest = 0, 0, False, None, None
-        for message in _in_order(self.bag.messages(self.topic.name)):
-            if latest is not None and message.nanoseconds == latest.nanoseconds and _alike(message, latest):
-                continue  # recorded twice
-            latest = message
+        decode = images.raw if self.topic.type == IMAGE else images.compressed
+        count, untimed, decoded, example = 0, 0, False, None
+        for message in in_order(self.bag.messages(self.topic.name)):
             image = None if message.content is None else decode(message.content)
             untimed += message.untimed
             count, decoded, example = count + 1, decoded or image is not None, example or message.content
@@ -93,27 +82,11 @@ class _Frames:
         self.remarks.extend(of_untimed(self.bag, self.topic, untimed))
         if count and not decoded:
             kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))
-            expected = "a format that OpenCV reads" if decode is rosimage.compressed else ", ".join(rosimage.ENCODINGS)
+            expected = "a format that OpenCV reads" if decode is images.compressed else ", ".join(images.ENCODINGS)
             raise InputError(
                 f"{self.bag.path}: none of the {count} images of topic {self.topic.name} can be decoded; found "
                 f"{kind!r}, expected {expected}."
             )
-
-
-def _in_order(messages: Iterator[Message]) -> Iterator[Message]:
-    """Sorts messages by their own times, as long as each arrives before `WAITING` later ones."""
-    waiting = list[tuple[int, int, Message]]()
-    for number, message in enumerate(messages):
-        heapq.heappush(waiting, (message.nanoseconds, number, message))
-        if len(waiting) > WAITING:
-            yield heapq.heappop(waiting)[2]
-    while waiting:
-        yield heapq.heappop(waiting)[2]
-
-
-def _alike(one: Message, other: Message) -> bool:
-    a, b = one.content, other.content
-    return a is not None and b is not None and np.array_equal(a.data, b.data)
 
 
 def _readings(
@@ -145,35 +118,3 @@ def _readings(
 def _turned(message: Any) -> tuple[float, ...]:
     counts = message.quaternion
     return counts.x, counts.y, counts.z, counts.w
-
-
-def _camera_info(path: Path, listed: Sequence[Topic], named: str | None, image: Topic) -> Topic | None:
-    """The topic of the camera's calibration: of several, the one beside the images."""
-    if named is None:
-        known = {topic.name for topic in listed if topic.type == CAMERA_INFO and topic.messages}
-        beside = (f"{folder}/camera_info" for folder in _folders(image.name))
-        named = next((name for name in beside if name in known), None)
-    return choose(path, listed, named, "[topics] camera_info", (CAMERA_INFO,))
-
-
-def _folders(name: str) -> list[str]:
-    """/a/b of /a/b/image, then /a: image_transport puts images one level deeper."""
-    parts = name.split("/")[:-1]
-    return ["/".join(parts[:length]) for length in range(len(parts), 0, -1)]
-
-
-def _camera(bag: Bag, topic: Topic) -> Camera | None:
-    """The camera, mounted at the robot's origin; None if the messages are of an uncalibrated one."""
-    from ...frontend.camera.calibration import from_camera_info
-
-    message = next(bag.messages(topic.name)).content
-    if message is None:
-        raise InputError(f"{bag.path}: message 1 of topic {topic.name} cannot be read.")
-    old = hasattr(message, "K")
-    matrix, coefficients = (message.K, message.D) if old else (message.k, message.d)
-    if matrix[0] == 0:
-        return None
-    where = f"{bag.path}: topic {topic.name}"
-    return from_camera_info(
-        where, message.width, message.height, message.distortion_model, matrix, coefficients, np.eye(4)
-    )

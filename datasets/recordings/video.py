@@ -16,8 +16,8 @@ from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
 from ...frontend.table import read_csv
+from ..quiet_decoders import silenced
 from .frames_folder import FRAMES
-from .quiet_decoders import silenced
 
 VIDEOS = (".mkv", ".avi", ".mp4", ".mov", ".m4v", ".webm", ".mpg", ".mpeg")
 

@@ -4,8 +4,6 @@ PNG files, the video with the FFV1 codec and the bags preserve every pixel; MP4 
 beside it, to truth.tum and landmarks.csv. Frames without an image are left out.
 """
 
-import os
-import shutil
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
@@ -20,6 +18,7 @@ from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift, Track, Wheels
 from ..truth import write_truth
+from .new_folders import new_folders
 from .robot import Robot, write_robot
 from .write_bag import BagWriter, Kind
 
@@ -47,37 +46,22 @@ def write(
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
     recording has no image.
     """
-    beside = {folder: folder.absolute().parent / f".{folder.absolute().name}.{os.getpid()}.part" for folder in places}
-    place = next(iter(places))
-    try:
-        for place in places:
-            if place.exists() and (not place.is_dir() or any(place.iterdir())):
-                raise InputError(f"{place}: exists and is not an empty folder; expected a new place for the recording.")
-            beside[place].mkdir(parents=True)
-        with ExitStack() as stack:
-            writers = [stack.enter_context(_writer(beside[folder], kind, recording)) for folder, kind in places.items()]
-            latest = -np.inf
-            for number, frame in enumerate(recording.frames):
-                if frame.image is None:
-                    continue
-                if not frame.t > latest:
-                    raise InputError(
-                        f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s."
-                    )
-                latest = frame.t
-                for add in writers:
-                    add(frame.t, frame.image)
-            if latest == -np.inf:
-                raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
+    with new_folders(places) as beside, ExitStack() as stack:
+        writers = [stack.enter_context(_writer(beside[folder], kind, recording)) for folder, kind in places.items()]
+        latest = -np.inf
+        for number, frame in enumerate(recording.frames):
+            if frame.image is None:
+                continue
+            if not frame.t > latest:
+                raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s.")
+            latest = frame.t
+            for add in writers:
+                add(frame.t, frame.image)
+        if latest == -np.inf:
+            raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
+        stack.close()
         for place in places:
             _write_words(beside[place], recording, truth)
-        for place in places:
-            os.replace(beside[place], place)
-    except OSError as error:
-        raise InputError(f"{place}: cannot be written ({error.strerror or error}).") from error
-    finally:
-        for part in beside.values():
-            shutil.rmtree(part, ignore_errors=True)
 
 
 def _writer(folder: Path, kind: str, recording: Recording) -> AbstractContextManager[_Add]:
@@ -147,37 +131,33 @@ def _video(folder: Path, recording: Recording, name: str, codec: str) -> Generat
 @contextmanager
 def _bag(folder: Path, recording: Recording, kind: Kind) -> Generator[_Add]:
     """A bag, with readings and frames in order of time."""
-    motion, camera = recording.motion, recording.detector.camera
-    times = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
-    written = 0
+    camera = recording.detector.camera
+    with BagWriter(folder, kind, recording.motion) as bag:
 
-    def catch_up(t: float) -> None:
-        nonlocal written
-        upto = int(np.searchsorted(times, t, "right"))
-        for row in range(written, upto):
-            bag.reading(motion, row)
-        written = upto
+        def add(t: float, image: Image) -> None:
+            bag.readings(t)
+            bag.camera_info(t, camera)
+            bag.image(t, image)
 
-    def add(t: float, image: Image) -> None:
-        catch_up(t)
-        bag.camera_info(t, camera)
-        bag.image(t, image)
-
-    with BagWriter(folder, kind) as bag:
         yield add
-        catch_up(np.inf)
+        bag.readings(np.inf)
 
 
 def _write_tables(folder: Path, times: Sequence[tuple[object, float]], recording: Recording) -> None:
     """frames.csv, and ticks.csv or odometry.csv."""
-    _write_rows(folder / "frames.csv", "frame,t", times)
+    write_rows(folder / "frames.csv", "frame,t", times)
     motion = recording.motion
     if isinstance(motion, Wheels):
         rows = zip(motion.t.tolist(), *motion.ticks.counts.T.tolist(), strict=True)
-        _write_rows(folder / "ticks.csv", "t,left,right", rows)
+        write_rows(folder / "ticks.csv", "t,left,right", rows)
     if isinstance(motion, Track):
-        rows = zip(motion.t.tolist(), *motion.poses.T.tolist(), strict=True)
-        _write_rows(folder / "odometry.csv", "t,x,y,heading", rows)
+        write_track(folder, motion)
+
+
+def write_track(folder: Path, track: Track) -> None:
+    """odometry.csv."""
+    rows = zip(track.t.tolist(), *track.poses.T.tolist(), strict=True)
+    write_rows(folder / "odometry.csv", "t,x,y,heading", rows)
 
 
 def _write_words(folder: Path, recording: Recording, truth: Truth | None) -> None:
@@ -208,7 +188,8 @@ def _robot(recording: Recording) -> Robot:
     raise InputError(f"{recording.name}: found {type(motion).__name__} readings, expected Wheels, Track or Drift.")
 
 
-def _write_rows(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
+def write_rows(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
+    """A CSV file."""
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(header + "\n")
         file.writelines(",".join(map(str, row)) + "\n" for row in rows)

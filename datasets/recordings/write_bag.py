@@ -8,14 +8,18 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ...frontend.camera.camera import Camera
 from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
 from ...frontend.se2 import Array
 from ...frontend.wheels.motion import Motion, Track, Wheels
-from .rosbag import CAMERA_INFO, ENCODER, IMAGE, ODOMETRY, Topics
+from ..bags.cameras import CAMERA_INFO, COMPRESSED, IMAGE
+from ..bags.odometry import ODOMETRY
+from .rosbag import ENCODER, Topics
 
 Kind = Literal["ros1", "ros2", "mcap"]
 
@@ -25,16 +29,24 @@ NAMES: dict[Kind, str] = {"ros1": "drive.bag", "ros2": "drive", "mcap": "drive.m
 TOPICS = Topics(image="/camera/image_raw", encoder="/encoder", odometry="/odom", camera_info="/camera/camera_info")
 
 
+DEPTH, DEPTH_INFO = "/camera/depth_registered/image_raw", "/camera/depth_registered/camera_info"
+"""Topics of depth images and their camera."""
+
+Encoding = Literal["16UC1", "32FC1", "compressedDepth"]
+
+
 class BagWriter:
     """Writes one bag; a context manager. Times are s; messages must be written in order."""
 
-    def __init__(self, folder: Path, kind: Kind) -> None:
+    def __init__(self, folder: Path, kind: Kind, motion: Motion | None) -> None:
         from rosbags.rosbag1 import Writer as Writer1
         from rosbags.rosbag2 import StoragePlugin
         from rosbags.rosbag2 import Writer as Writer2
         from rosbags.typesys import Stores, get_typestore
 
-        self._folder, self._kind = folder, kind
+        self._folder, self._kind, self._motion = folder, kind, motion
+        self._times = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
+        self._written = 0  # readings
         self._types = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
         self._connections = dict[str, Any]()
         self._writer: Any
@@ -60,16 +72,31 @@ class BagWriter:
 
     def image(self, t: float, image: Image) -> None:
         """A frame, grey or BGR."""
+        self._image(t, TOPICS.image, image, "mono8" if image.ndim == 2 else "bgr8")
+
+    def depth(self, t: float, depth: NDArray[np.float32], encoding: Encoding) -> None:
+        """A depth image (h, w), m; as integers, in whole mm."""
+        if encoding == "32FC1":
+            self._image(t, DEPTH, depth, encoding)
+            return
+        mm = np.rint(1000 * depth.astype(np.float64)).astype("<u2")
+        if encoding == "16UC1":
+            self._image(t, DEPTH, mm, encoding)
+            return
+        _, png = cv2.imencode(".png", mm, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        content = np.concatenate((np.zeros(12, np.uint8), png.ravel()))
+        self._write(t, f"{DEPTH}/compressedDepth", COMPRESSED, format="16UC1; compressedDepth png", data=content)
+
+    def _image(self, t: float, topic: str | None, image: NDArray[Any], encoding: str) -> None:
         height, width = image.shape[:2]
-        encoding = "mono8" if image.ndim == 2 else "bgr8"
-        pixels = np.ascontiguousarray(image).ravel()
+        pixels = np.frombuffer(np.ascontiguousarray(image).tobytes(), np.uint8)
         self._write(
-            t, TOPICS.image, IMAGE, height=height, width=width, encoding=encoding, is_bigendian=0,
+            t, topic, IMAGE, height=height, width=width, encoding=encoding, is_bigendian=0,
             step=pixels.size // height, data=pixels,
         )  # fmt: skip
 
-    def camera_info(self, t: float, camera: Camera) -> None:
-        """The camera's calibration."""
+    def camera_info(self, t: float, camera: Camera, topic: str | None = TOPICS.camera_info) -> None:
+        """A camera's calibration."""
         name, coefficients = _distortion(camera)
         projection = np.column_stack((camera.matrix, np.zeros(3)))
         numbers = {"d": coefficients, "k": camera.matrix.ravel(), "r": np.eye(3).ravel(), "p": projection.ravel()}
@@ -77,12 +104,19 @@ class BagWriter:
             numbers = {letter.upper(): value for letter, value in numbers.items()}
         whole = self._message("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
         self._write(
-            t, TOPICS.camera_info, CAMERA_INFO, height=camera.height, width=camera.width, distortion_model=name,
+            t, topic, CAMERA_INFO, height=camera.height, width=camera.width, distortion_model=name,
             binning_x=0, binning_y=0, roi=whole, **numbers,
         )  # fmt: skip
 
-    def reading(self, motion: Motion, row: int) -> None:
-        """One reading of wheel counters or integrated poses."""
+    def readings(self, t: float) -> None:
+        """The readings of wheel counters or integrated poses up to `t`, from those written before."""
+        upto = int(np.searchsorted(self._times, t, "right"))
+        for row in range(self._written, upto):
+            self._reading(row)
+        self._written = upto
+
+    def _reading(self, row: int) -> None:
+        motion = self._motion
         if isinstance(motion, Wheels):
             left, right = motion.ticks.counts[row].tolist()
             counts = self._message("geometry_msgs/msg/Quaternion", left, left, right, right)
@@ -114,7 +148,13 @@ class BagWriter:
         nanoseconds = round(t * 1e9)
         stamp = self._message("builtin_interfaces/msg/Time", *divmod(nanoseconds, 10**9))
         count = {"seq": 0} if self._kind == "ros1" else {}
-        frame = "odom" if type_name == ODOMETRY else "camera" if type_name in (IMAGE, CAMERA_INFO) else "base_link"
+        frame = (
+            "odom"
+            if type_name == ODOMETRY
+            else "camera"
+            if type_name in (IMAGE, COMPRESSED, CAMERA_INFO)
+            else "base_link"
+        )
         header = self._types.types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame, **count)
         message = self._types.types[type_name](header=header, **content)
         self._writer.write(self._connections[topic], nanoseconds, self._encode(message, type_name))

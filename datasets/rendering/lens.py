@@ -138,7 +138,7 @@ class Lens:
         return np.moveaxis(np.array(least), -1, 0), np.moveaxis(np.array(most), -1, 0)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)
 def through(camera: Camera) -> Lens:
     """The camera's lens, cached."""
     return Lens(camera)

@@ -79,6 +79,10 @@ class Renderer:
             image += self.scene(other)
         if others:
             image /= 1 + len(others)
+        return self.exposed(image, rng, conditions)
+
+    def exposed(self, image: Singles, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
+        """The picture of `image` (height, width), a scene's grey levels, which are overwritten, by lens and sensor."""
         image *= self._transmission
         image *= conditions.light
         if conditions.cover is not None:

@@ -11,22 +11,13 @@ from ...frontend.errors import InputError
 from ...frontend.se2 import Array, between, compose
 from ...frontend.wheels.motion import Poses
 from ..bags.bag import Bag, Topic
-from ..bags.columns import BACK, poses
-from ..bags.topics import choose, found, plain
+from ..bags.odometry import ODOMETRY, Odometry, find_odometry
+from ..bags.topics import found as topics
+from ..bags.topics import plain
 from ..bags.transforms import Transforms
 from .robot import LaserRobot
 
-ODOMETRY = "nav_msgs/msg/Odometry"
-
 UNMOVED = "its odometry never moves: the front end goes by the scans alone"
-
-
-class Odometry(NamedTuple):
-    """Poses that the robot integrated itself."""
-
-    source: str  # the topic, or the transform
-    base: str | None  # the frame whose poses they are, if named
-    readings: Poses
 
 
 class Covered(NamedTuple):
@@ -45,16 +36,12 @@ def read_odometry(
     """
     if robot.odometry == "none":
         return None
-    topic = choose(bag.path, listed, robot.odometry_topic, "[topics] odometry or the option odometry", (ODOMETRY,))
-    if topic is not None:
-        readings = poses(bag, topic, remarks, BACK)
-        return Odometry(topic.name, next(bag.messages(topic.name)).content.child_frame_id.strip("/") or None, readings)
-    by_tf = transforms.odometry(robot.odom_frame)
-    if by_tf is not None:
-        return Odometry(f"tf from {robot.odom_frame} to {by_tf[0]}", *by_tf)
+    found = find_odometry(bag, listed, transforms, robot.odometry_topic, robot.odom_frame, remarks)
+    if found is not None:
+        return found
     missing = f"has no odometry, neither {plain(ODOMETRY)} nor a transform of tf from {robot.odom_frame!r}"
     if robot.odometry == "wheels":
-        raise InputError(f'{bag.path}: {missing}, expected it for [laser] odometry = "wheels"; {found(listed)}')
+        raise InputError(f'{bag.path}: {missing}, expected it for [laser] odometry = "wheels"; {topics(listed)}')
     remarks.append(f"{bag.path}: {missing}: the front end goes by the scans alone")
     return None
 

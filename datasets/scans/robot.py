@@ -9,9 +9,8 @@
 Only [laser] is required. Lengths are in m, angles in rad, times in s.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from ...frontend.laser.settings import Settings
 from ...frontend.se2 import Array
 from ...frontend.toml.table import TomlTable
 from ..prior import read_prior
+from ..robot_tables import names_of, settings_in
 
 ROBOT = "robot.toml"
 
@@ -56,8 +56,7 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
     if file.has("markers"):
         raise file.refused("laser", "is given beside [markers], expected one robot.toml for each front end.")
     file = file.only(("name", "laser", "topics", "prior"))
-    settings = {one.name: one for one in fields(Settings)}
-    laser = file.table("laser").only((*_OWN, *settings))
+    laser = file.table("laser").only((*_OWN, *names_of(Settings)))
     topics = file.table("topics").only(("odometry",))
     least = laser.number("min_range", Scanner.least, least=0)
     most = laser.number("max_range", Scanner.most, above=0)
@@ -81,25 +80,6 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text("odom_frame") if laser.has("odom_frame") else LaserRobot.odom_frame,
-        settings=Settings(
-            **{name: _setting(laser, one, path.parent) for name, one in settings.items() if laser.has(name)}
-        ),
+        settings=settings_in(laser, Settings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
     )
-
-
-def _setting(laser: TomlTable, one: Any, home: Path) -> Any:
-    """The value of a field of the front end's settings, within its range; a grid is beside robot.toml."""
-    if one.metadata["choices"]:
-        return laser.choice(one.name, one.default, one.metadata["choices"])
-    if one.default is None:
-        return str(home / laser.text(one.name))
-    low, high = one.metadata["minimum"], one.metadata["maximum"]
-    if isinstance(one.default, bool):
-        return laser.switch(one.name, one.default)
-    if isinstance(one.default, int):
-        return laser.whole(one.name, one.default, int(low))
-    value = laser.number(one.name, least=low)
-    if value > high:
-        raise laser.fault(one.name, f"a number from {low:g} to {high:g}")
-    return value

@@ -19,6 +19,9 @@ SLIP, SLIP_TAIL, SLIP_MOST = 0.01, 1.5, 0.2
 An exponent below 2 would have no variance.
 """
 
+TABLE = np.linspace(0.0, 2 * np.pi, 4097)
+"""Angles of a lap at which its length is computed."""
+
 SPIN = 0.3
 """s, duration of a spin."""
 
@@ -37,6 +40,16 @@ class Loop(NamedTuple):
         points = product(c, self.cos) + product(s, self.sin)
         return points, product(-s * order, self.cos) + product(c * order, self.sin)
 
+    @property
+    def lap(self) -> float:
+        """The length of a lap, m."""
+        return float(self.ways(TABLE)[-1])
+
+    def ways(self, angles: Array) -> Array:
+        """(n,) m, the way to each of the `angles` (n,), evenly spaced, from the first."""
+        pace = np.linalg.norm(self.at(angles)[1], axis=1)
+        return np.concatenate(([0.0], np.cumsum((pace[1:] + pace[:-1]) / 2) * (angles[1] - angles[0])))
+
 
 def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
     """The true poses (n, 3) at the times `t` (n,), s, and the distance driven, (n,) m.
@@ -45,10 +58,8 @@ def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
     """
     t = np.maximum(t, 0.0)
     way = speed * (t - RISE * (1 - exp(-t / RISE)))
-    table = np.linspace(0.0, 2 * np.pi, 4097)
-    pace = np.linalg.norm(loop.at(table)[1], axis=1)
-    lengths = np.concatenate(([0.0], np.cumsum((pace[1:] + pace[:-1]) / 2) * (table[1] - table[0])))
-    points, tangents = loop.at(np.interp(np.mod(way, lengths[-1]), lengths, table))
+    lengths = loop.ways(TABLE)
+    points, tangents = loop.at(np.interp(np.mod(way, lengths[-1]), lengths, TABLE))
     return np.column_stack((points, wrap(arctan2(tangents[:, 1], tangents[:, 0])))), way
 
 

@@ -37,6 +37,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
         "laser": {TOP},
+        "depth": {TOP, "wheels", "camera"},
     },
     "backends": {
         TOP: set(),
@@ -53,10 +54,11 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "rendering": {TOP},
         "worlds": {TOP, "rendering"},
         "formats": {TOP},
-        "published": {TOP, "formats"},
+        "published": {TOP, "formats", "bags", "depth"},
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
-        "recordings": {TOP, "bags", "scans"},
+        "depth": {TOP, "bags"},
+        "recordings": {TOP, "bags", "scans", "depth"},
     },
     "bench": {
         "words": set(),

@@ -8,8 +8,10 @@ import pytest
 
 from slamduel.bench.commands import render as command_render
 from slamduel.datasets.cache import generator
+from slamduel.datasets.depth.open import open_depth
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room
+from slamduel.datasets.worlds.depth_room import Drive, record
 from slamduel.frontend.errors import InputError
 
 SHORT = "aruco-room[seconds=1,frame_rate=2]"
@@ -42,12 +44,25 @@ def test_several_formats_get_a_folder_each(tmp_path: Path) -> None:
         np.testing.assert_allclose(log.z, logs[0].z, rtol=0, atol=1e-9)
 
 
+def test_a_drive_of_a_depth_camera_is_the_one_that_bench_run_sees(tmp_path: Path) -> None:
+    short = "depth-room[laps=0.05,frame_rate=2,readout=0.01]"
+    assert render(short, "--seed", "4", "--out", str(tmp_path / "drive"), "--as", "tum,mcap", "--quiet") == 0
+    drive, _ = record(Drive(laps=0.05, frame_rate=2.0, readout=0.01), generator("depth-room", 4))
+    for name in ("tum", "mcap"):
+        found = open_depth(tmp_path / "drive" / name)
+        assert found is not None
+        for one, ours in zip(found.recording.frames, drive.frames, strict=True):
+            np.testing.assert_array_equal(one.grey, ours.grey)
+            np.testing.assert_array_equal(one.depth, ours.depth)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["aruco-rom"], "no dataset 'aruco-rom'"),
-        (["victoria-park"], "found 'victoria-park', expected aruco-room"),
+        (["victoria-park"], "found 'victoria-park', expected aruco-room or depth-room, whose"),
         (["aruco-room,aruco-room[seconds=2]"], "expected aruco-room"),
+        (["depth-room[laps=0.05]", "--as", "mp4"], "found 'mp4', expected one of tum, frames, ros1, ros2, mcap for depth-room"),
         (["aruco-room[seconds=0]"], "option seconds=0 is out of range"),
         ([SHORT, "--as", "gif"], "--as: found 'gif', expected one of frames, video, mp4, ros1, ros2, mcap"),
         ([SHORT, "--as", "frames,frames"], "--as frames,frames: a format is named twice"),

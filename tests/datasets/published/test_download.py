@@ -1,6 +1,7 @@
 """A download comes whole, or ends with a sentence, whatever the server does."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -9,6 +10,7 @@ import toy_log
 from publishers import Behaviour, Ftp, Http, running
 from slamduel.bench.cli import main
 from slamduel.datasets.published import download
+from slamduel.datasets.published.catalogue import PUBLISHED
 from toy_log import LOG, assert_in_place, beside, refusal
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)
@@ -105,7 +107,7 @@ def test_a_file_that_an_ftp_server_does_not_have(capsys: pytest.CaptureFixture[s
 def test_a_download_without_end(
     serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(download, "LARGEST", 100_000)
+    monkeypatch.setitem(PUBLISHED, "toy", replace(PUBLISHED["toy"], largest=100_000))
     server = serve()
     assert "more than 100,000 bytes" in refusal(capsys, "toy", "--url", server.url)
     assert len(server.paths) == 1

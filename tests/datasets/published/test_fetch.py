@@ -215,6 +215,10 @@ def test_the_catalogue_is_complete() -> None:
         "killian",
         "mit-csail",
         *(f"mrclam-{n}" for n in range(1, 10)),
+        "tum-pioneer-360",
+        "tum-pioneer-slam",
+        "tum-pioneer-slam2",
+        "tum-pioneer-slam3",
         "victoria-park-raw",
     ]
     for name, log in PUBLISHED.items():

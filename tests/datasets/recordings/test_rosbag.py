@@ -12,7 +12,7 @@ import pytest
 from rosbags.rosbag1 import Writer as Writer1
 
 import bags
-from slamduel.datasets.recordings import rosimage
+from slamduel.datasets.bags import images
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.datasets.recordings.streams import Streams
 from slamduel.frontend.errors import InputError
@@ -47,7 +47,7 @@ def raw(encoding: str, pixels: Any, step: int | None = None, bigendian: int = 0,
     padded = np.full((height, stride), 99, np.uint8)
     padded[:, : rows.shape[1]] = rows
     content = {"height": height, "width": width, "encoding": encoding, "step": stride, "is_bigendian": bigendian}
-    return rosimage.raw(SimpleNamespace(**(content | {"data": padded.ravel()} | other)))
+    return images.raw(SimpleNamespace(**(content | {"data": padded.ravel()} | other)))
 
 
 BGR = np.random.default_rng(0).integers(0, 256, (4, 6, 3), np.uint8)
@@ -85,7 +85,7 @@ def test_bayer_patterns_are_told_apart(pattern: str) -> None:
         assert image.shape == (8, 10, 3)
         assert (image == [30, 120, 210]).all()
     content = cv2.imencode(".png", mosaic)[1]
-    as_png = rosimage.compressed(SimpleNamespace(format=f"bayer_{pattern}8; png compressed", data=content))
+    as_png = images.compressed(SimpleNamespace(format=f"bayer_{pattern}8; png compressed", data=content))
     assert as_png is not None
     assert (as_png == [30, 120, 210]).all()
 
@@ -118,14 +118,14 @@ def test_yuv(encoding: str, order: str) -> None:
 )
 def test_images_that_cannot_be(fault: dict[str, Any]) -> None:
     good = {"height": 4, "width": 6, "encoding": "mono8", "step": 6, "is_bigendian": 0, "data": np.zeros(24, np.uint8)}
-    assert rosimage.raw(SimpleNamespace(**good)) is not None
-    image = rosimage.raw(SimpleNamespace(**(good | fault)))
+    assert images.raw(SimpleNamespace(**good)) is not None
+    image = images.raw(SimpleNamespace(**(good | fault)))
     assert image is None or image.shape[:2] == (1, 1)
 
 
 def test_compressed_images(capfd: pytest.CaptureFixture[str]) -> None:
     def decoded(content: Any, form: str = "") -> Any:
-        return rosimage.compressed(SimpleNamespace(format=form, data=np.frombuffer(bytes(content), np.uint8)))
+        return images.compressed(SimpleNamespace(format=form, data=np.frombuffer(bytes(content), np.uint8)))
 
     smooth = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (40, 60), np.uint8), (0, 0), 4)
     png, jpeg = (cv2.imencode(kind, smooth)[1] for kind in (".png", ".jpg"))
@@ -228,8 +228,8 @@ def test_times_since_1970_are_rounded_once(tmp_path: Path) -> None:
 def test_images_are_decoded_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bags.write(tmp_path, "mcap", drive(frames=8))
     decoded = list[int]()
-    plain = rosimage.raw
-    monkeypatch.setattr(rosimage, "raw", lambda message: decoded.append(1) or plain(message))
+    plain = images.raw
+    monkeypatch.setattr(images, "raw", lambda message: decoded.append(1) or plain(message))
     walk = iter(read(path, NAMELESS).frames)
     for number in range(1, 4):
         next(walk)

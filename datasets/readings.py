@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.table import Table, read_csv
-from ...frontend.wheels.counters import unwrap
-from ...frontend.wheels.motion import Poses, Ticks
+from ..frontend.errors import InputError
+from ..frontend.table import Table, read_csv
+from ..frontend.wheels.counters import unwrap
+from ..frontend.wheels.motion import Poses, Ticks
 
 TICKS = "ticks.csv"
 ODOMETRY = "odometry.csv"

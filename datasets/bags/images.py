@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ...frontend.markers.aruco import Image
-from .quiet_decoders import silenced
+from ..quiet_decoders import silenced
 
 
 class _Layout(NamedTuple):

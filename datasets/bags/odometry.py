@@ -1,0 +1,39 @@
+"""The odometry that a robot integrated itself: a bag's nav_msgs/Odometry, or tf's transform of the robot."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ...frontend.wheels.motion import Poses
+from .bag import Bag, Topic
+from .columns import BACK, poses
+from .topics import choose
+from .transforms import Transforms
+
+ODOMETRY = "nav_msgs/msg/Odometry"
+
+FRAME = "odom"
+"""tf's frame of the odometry, unless another one is named."""
+
+
+class Odometry(NamedTuple):
+    """Poses that the robot integrated itself."""
+
+    source: str  # the topic, or the transform
+    base: str | None  # the frame whose poses they are, if named
+    readings: Poses
+
+
+def find_odometry(
+    bag: Bag, listed: Sequence[Topic], transforms: Transforms, topic: str | None, frame: str, remarks: list[str]
+) -> Odometry | None:
+    """The odometry of the `topic`, else of the only one of its type, else of tf from `frame`; None if there is none.
+
+    `remarks` grows. InputError for a topic that is ambiguous or has other contents.
+    """
+    chosen = choose(bag.path, listed, topic, "[topics] odometry or the option odometry", (ODOMETRY,))
+    if chosen is not None:
+        readings = poses(bag, chosen, remarks, BACK)
+        base = next(bag.messages(chosen.name)).content.child_frame_id.strip("/") or None
+        return Odometry(chosen.name, base, readings)
+    by_tf = transforms.odometry(frame)
+    return None if by_tf is None else Odometry(f"tf from {frame} to {by_tf[0]}", *by_tf)

@@ -1,0 +1,175 @@
+"""Opens a recording of a depth camera: a folder of images or a ROS bag, with the robot's robot.toml.
+
+A folder has lists of images as `folder` reads them, or a bag, with robot.toml, and odometry.csv (t,x,y,heading) beside
+images. Ground truth is truth.tum, of the robot, or groundtruth.txt, of the camera.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.depth.log import build_log
+from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.settings import Settings
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Prior, Truth
+from ...frontend.files import check_regular
+from ...frontend.wheels.motion import Poses, Track
+from ..bags.bag import Bag, is_bag
+from ..bags.cameras import COMPRESSED, IMAGE
+from ..prior import START_SD
+from ..readings import ODOMETRY, read_readings
+from ..truth import read_truth, with_truth
+from .bag_frames import read_bag
+from .bag_images import is_depth
+from .folder import Folder, is_folder, read_camera_truth, read_folder
+from .frames import Frames
+from .registering import Registration
+from .robot import ROBOT, DepthRobot, read_depth_robot
+from .sources import Sources
+
+_KINDS = (
+    "a folder with rgb.txt and depth.txt or with frames.csv, or a ROS bag (.bag, .mcap, or a folder with metadata.yaml)"
+)
+
+
+class OpenedDepth(NamedTuple):
+    """A recording of a depth camera, ready for `build`."""
+
+    recording: DepthRecording
+    settings: Settings
+    truth: Truth | None  # at the times of its measurement
+    length: int | None  # number of images
+
+
+def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None:
+    """Opens the recording at `path`, with that robot.toml, or the one in its folder or beside it; None for another.
+
+    Without a robot.toml a folder of images is read if it has lists of both kinds, and a bag if it has depth images.
+    InputError for what is missing, ambiguous or cannot be used; for images, as they are read.
+    """
+    file = robot_file or next((one for one in (path / ROBOT, path.absolute().parent / ROBOT) if one.is_file()), None)
+    robot = None if file is None else read_depth_robot(file)
+    if robot is None:
+        if file is not None or not _is_depth(path):
+            return None
+        robot = DepthRobot()
+    if not path.exists():
+        raise InputError(f"{path}: there is no such file or folder, expected a recording.")
+    found = _source(path, robot)
+    return _opened(found, robot, path if path.is_dir() and not is_bag(path) else found.absolute().parent)
+
+
+def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
+    """Opens the bag at `path` of a known robot; InputError as for `open_depth`."""
+    return _opened(path, robot, path.absolute().parent)
+
+
+def build(opened: OpenedDepth) -> Dataset:
+    """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
+    return with_truth(build_log(opened.recording, opened.settings), opened.truth)
+
+
+def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:
+    """Opens a bag or folder; the readings and the truth of a folder lie in `home`."""
+    if is_bag(found):
+        check_regular(found)
+        sources = read_bag(found, robot)
+    else:
+        sources = _of_folder(found, robot)
+    recording = _recording(found, sources, robot, home)
+    truth = sources.truth or read_truth(home) or read_camera_truth(home, sources.camera.mounting)
+    return OpenedDepth(recording, robot.settings, truth, sources.length)
+
+
+def _is_depth(path: Path) -> bool:
+    """Tells if there are depth images at `path`."""
+    if is_bag(path):
+        if not path.exists():
+            return False
+        bag = Bag(path)
+        images = (topic for topic in bag.listed() if topic.type in (IMAGE, COMPRESSED) and topic.messages)
+        return any(is_depth(bag, topic) for topic in images)
+    return is_folder(path)
+
+
+def _source(path: Path, robot: DepthRobot) -> Path:
+    """The bag or folder that `path` is or contains; of several the one that robot.toml names."""
+    if robot.source is not None and path.is_dir() and not is_bag(path):
+        if not (path / robot.source).exists():
+            raise InputError(f"{path}: there is no {path / robot.source}, which is the [depth] source in {ROBOT}.")
+        return path / robot.source
+    if is_bag(path) or is_folder(path):
+        return path
+    if not path.is_dir():
+        raise InputError(f"{path}: found a file of an unknown kind, expected {_KINDS}.")
+    inside = sorted(one for one in path.iterdir() if is_bag(one))
+    if len(inside) != 1:
+        names = ", ".join(one.name for one in inside) or "none"
+        raise InputError(
+            f"{path}: found {names}, expected one recording: {_KINDS}. [depth] source in {ROBOT} selects one."
+        )
+    return inside[0]
+
+
+def _of_folder(path: Path, robot: DepthRobot) -> Sources:
+    """The images of a folder, with what only robot.toml knows of their cameras."""
+    if robot.camera is None or robot.mounting is None:
+        missing = 'calibration = "calibration.yaml"' if robot.camera is None else "mounting"
+        raise InputError(f"{path}: images in files have no camera_info, expected [camera] {missing} in {ROBOT}.")
+    folder: Folder = read_folder(path, robot.units)
+    registration = None
+    if robot.depth_camera is not None:
+        if robot.pose is None:
+            raise InputError(f"{path}: [depth] has a calibration, expected its pose, in the images' camera, as well.")
+        registration = Registration(robot.depth_camera, robot.camera, robot.pose)
+    elif robot.registered is False:
+        raise InputError(
+            f"{path}: [depth] registered is false, expected calibration and pose of its camera in {ROBOT}."
+        )
+    return Sources(
+        folder.pictures, folder.measured, robot.camera, registration, None, {}, len(folder.images), list[str]()
+    )
+
+
+def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> DepthRecording:
+    """Joins images and odometry."""
+    readings = sources.readings or read_readings(home, None)
+    if readings is not None and not isinstance(readings, Poses):
+        raise InputError(f"{home}: has counts of wheels, expected {ODOMETRY} (t,x,y,heading) beside a depth camera.")
+    motion, span = None, (-np.inf, np.inf)
+    if readings is not None:
+        motion = Track(readings.t, readings.poses, robot.noise, robot.max_speed, f"{path}: odometry")
+        motion.check()
+        span = float(readings.t[0]), float(readings.t[-1])
+    start = np.zeros(3) if readings is None else readings.poses[0]
+    shift = robot.time_offset + robot.exposure / 2
+    frames = Frames(
+        str(path),
+        sources.images,
+        sources.depths,
+        sources.camera,
+        sources.registration,
+        robot.within,
+        shift,
+        span,
+        remarks=sources.remarks,
+    )
+    notes: dict[str, Any] = {
+        "source": path.name.encode("utf-8", "replace").decode(),
+        "depth_registered": "by the recording" if sources.registration is None else "on reading",
+    }
+    if sources.topics:
+        notes |= {"topics": sources.topics}
+    return DepthRecording(
+        name=robot.name or path.name.partition(".")[0],
+        camera=sources.camera,
+        frames=frames,
+        motion=motion,
+        prior=robot.prior or Prior(start, START_SD**2 * np.eye(3)),
+        notes=notes,
+        depth_camera=None if sources.registration is None else sources.registration.source,
+        left_out=frames.left_out,
+        remarks=frames.remarks,
+    )

@@ -1,0 +1,152 @@
+"""Reads the robot.toml of a robot with a depth camera.
+
+    name = "my robot"
+    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure
+    [depth]      source, units, within, calibration, size, pose = {xyz, rpy} or {matrix}, registered, odom_frame,
+                 truth_frame,
+                 step, turn, features, landmarks, loops, odometry ...      as the options of the dataset depth-room
+    [odometry]   forward, turning, turning_by_turn, floors, max_speed
+    [prior]      pose, sd
+    [topics]     image, depth, camera_info, depth_info, odometry
+
+Only [depth] is required, where the recording has the rest. [camera] is the camera of the images; `calibration` in
+[depth] is of a second camera, which measures depth, and `pose` is its mounting on the first one, whose x axis is where
+it looks, y left and z up: {} is at the same place. Lengths are in m, angles in rad, times in s.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import tomli_w
+
+from ...frontend.camera.calibration import write_opencv
+from ...frontend.camera.camera import Camera
+from ...frontend.camera.mounting import mounting as ahead
+from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.settings import Settings
+from ...frontend.errors import InputError
+from ...frontend.factors import Prior
+from ...frontend.files import write_whole
+from ...frontend.se2 import Array
+from ...frontend.toml.table import TomlTable
+from ...frontend.wheels.counters import MAX_SPEED
+from ...frontend.wheels.motion import Track, TrackNoise
+from ..bags.odometry import FRAME
+from ..prior import read_prior
+from ..robot_tables import TRACK, calibrated, names_of, pose_in, settings_in, track_noise, without_none
+from .frames import WITHIN
+
+ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
+
+_OWN = ("source", "units", "within", "calibration", "size", "pose", "registered", "odom_frame", "truth_frame")
+
+
+class Topics(NamedTuple):
+    """Topics of a bag; None: the only one of a fitting type."""
+
+    image: str | None = None
+    depth: str | None = None
+    camera_info: str | None = None
+    depth_info: str | None = None
+    odometry: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DepthRobot:
+    """A robot with a depth camera, and the settings of its front end."""
+
+    name: str | None = None  # None: that of the recording
+    camera: Camera | None = None  # of the images; None: from the recording
+    mounting: Array | None = None  # (4, 4) T_robot_camera; None: as tf has it
+    placing: str = f"[camera] mounting in {ROBOT}"  # what places the camera where tf does not
+    time_offset: float = 0.0  # s, added to the images' stamps to get the odometry's clock
+    exposure: float = 0.0  # s; images are stamped at its start
+    source: str | None = None  # the recording, relative to its folder; None: the only one there
+    units: float | None = None  # of a depth image of integers that are a metre; None: as its kind of recording has them
+    within: float = WITHIN  # s between an image and its depth image
+    depth_camera: Camera | None = None  # None: from the recording, where the depth is not registered
+    pose: Array | None = None  # (4, 4) T_camera_depth; None: as tf has it
+    registered: bool | None = None  # None: as the recording says
+    odom_frame: str = FRAME  # tf's frame of the odometry, where no topic has it
+    truth_frame: str | None = None  # tf's frame in which the camera's true poses are; None: no truth in the bag
+    max_speed: float = MAX_SPEED  # m/s; a faster robot is a misreading
+    noise: TrackNoise = field(default_factory=TrackNoise)
+    topics: Topics = field(default_factory=Topics)
+    settings: Settings = field(default_factory=Settings)
+    prior: Prior | None = None  # None: the first pose of the odometry
+
+
+def read_depth_robot(path: Path) -> DepthRobot | None:
+    """Reads the robot in `path`, a robot.toml; None if it has no [depth]. InputError names a fault's line and key."""
+    file = TomlTable.read(path)
+    if not file.has("depth"):
+        return None
+    for other in ("markers", "laser"):
+        if file.has(other):
+            raise file.refused("depth", f"is given beside [{other}], expected one robot.toml for each front end.")
+    file = file.only(("name", "camera", "depth", "odometry", "prior", "topics"))
+    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
+    depth = file.table("depth").only((*_OWN, *names_of(Settings)))
+    odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
+    topics = file.table("topics").only(Topics._fields)
+    placed = pose_in(camera, "mounting") if camera.has("mounting") else None
+    beside = _in_camera(pose_in(depth, "pose")) if depth.has("pose") else None
+    if depth.has("calibration") and depth.has("registered") and depth.switch("registered", False):
+        raise depth.refused("registered", "is true beside a calibration, expected one or the other.")
+    return DepthRobot(
+        name=file.text("name") if file.has("name") else None,
+        camera=calibrated(camera, ahead(0, 0, 0, 0) if placed is None else placed),
+        mounting=placed,
+        time_offset=camera.number("time_offset", 0.0),
+        exposure=camera.number("exposure", 0.0, least=0),
+        source=depth.text("source") if depth.has("source") else None,
+        units=depth.number("units", above=0) if depth.has("units") else None,
+        within=depth.number("within", WITHIN, least=0),
+        depth_camera=calibrated(depth, np.eye(4)),
+        pose=beside,
+        registered=depth.switch("registered", False) if depth.has("registered") else None,
+        odom_frame=depth.text("odom_frame") if depth.has("odom_frame") else FRAME,
+        truth_frame=depth.text("truth_frame") if depth.has("truth_frame") else None,
+        max_speed=odometry.number("max_speed", MAX_SPEED, above=0),
+        noise=track_noise(odometry),
+        topics=Topics(**{key: topics.text(key) for key in topics.entries}),
+        settings=settings_in(depth, Settings, path.parent),
+        prior=read_prior(file.table("prior")) if file.has("prior") else None,
+    )
+
+
+def write_depth_robot(path: Path, recording: DepthRecording, topics: Topics | None = None) -> None:
+    """Writes a robot.toml for `recording`, whose depth is registered, with its camera's calibration beside it.
+
+    InputError if it cannot be written, and for a motion that is not a `Track`.
+    """
+    motion, odometry = recording.motion, dict[str, Any]()
+    if isinstance(motion, Track):
+        noise = motion.noise
+        odometry = {key: getattr(noise, key) for key in TRACK}
+        odometry |= {"floors": {"position": noise.floors.position, "heading": noise.floors.heading}}
+        odometry |= {"max_speed": motion.max_speed}
+    elif motion is not None:
+        raise InputError(f"{recording.name}: found {type(motion).__name__} readings, expected a Track, or none.")
+    prior = recording.prior
+    words: dict[str, Any] = {
+        "name": recording.name,
+        "camera": {"calibration": CALIBRATION, "mounting": {"matrix": recording.camera.mounting.tolist()}},
+        "depth": {"registered": True},
+        "odometry": odometry,
+        "prior": {"pose": prior.pose.tolist(), "sd": np.sqrt(np.diag(prior.cov)).tolist()},
+        "topics": {} if topics is None else topics._asdict(),
+    }
+    try:
+        write_opencv(path.with_name(CALIBRATION), recording.camera)
+        write_whole(path, tomli_w.dumps(without_none(words)))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
+
+
+def _in_camera(pose: Array) -> Array:
+    """T_camera_depth of a camera placed at `pose` on another one's body, which looks along its own x axis."""
+    body = ahead(0, 0, 0, 0)  # T_body_camera of the first camera
+    return body.T @ pose

@@ -1,0 +1,174 @@
+"""Writes a depth camera's drive as the kinds of recording that `depth` reads, each a folder with robot.toml.
+
+All keep every pixel, and depths in whole millimetres; "tum" and "frames" are folders of PNG files. Known ground truth
+is written beside it: truth.tum, and in TUM's layout groundtruth.txt, of the camera.
+"""
+
+from collections.abc import Callable, Generator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...frontend.depth.frame import DepthFrame
+from ...frontend.depth.recording import DepthRecording
+from ...frontend.errors import InputError
+from ...frontend.factors import Truth
+from ...frontend.se2 import Array
+from ...frontend.wheels.motion import Track
+from ..depth.folder import MM, TRUTH, TUM_UNITS
+from ..depth.robot import Topics, write_depth_robot
+from ..truth import write_truth
+from .new_folders import new_folders
+from .write import write_rows, write_track
+from .write_bag import DEPTH_INFO, TOPICS, BagWriter, Encoding, Kind
+
+FORMATS = {
+    "tum": "PNG files in the layout of TUM's benchmark",
+    "frames": "PNG files",
+    "ros1": "a ROS 1 bag",
+    "ros2": "a ROS 2 bag (sqlite3)",
+    "mcap": "an MCAP bag (ROS 2)",
+}
+"""Formats of a drive."""
+
+ENCODINGS: dict[Kind, Encoding] = {"ros1": "32FC1", "ros2": "16UC1", "mcap": "compressedDepth"}
+"""How depth images are written to a kind of bag: a different way in each."""
+
+_Add = Callable[[DepthFrame], None]
+
+
+def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Truth | None, cameras: Array) -> None:
+    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`.
+
+    `cameras` (n, 4, 4) are the true T_world_camera at the times of `truth`. A folder must not exist or be empty, and
+    appears complete or not at all. InputError if one cannot be written, or the recording has no frame.
+    """
+    with new_folders(places) as beside, ExitStack() as stack:
+        writers = [stack.enter_context(_writer(beside[place], kind, recording)) for place, kind in places.items()]
+        latest = -np.inf
+        for number, frame in enumerate(recording.frames):
+            if not frame.seconds > latest:
+                raise InputError(
+                    f"{recording.name}: frame {number} is at {frame.seconds} s, expected later than {latest} s."
+                )
+            latest = frame.seconds
+            for add in writers:
+                add(frame)
+        if latest == -np.inf:
+            raise InputError(f"{recording.name}: found no frame, expected at least one.")
+        stack.close()
+        for place, kind in places.items():
+            folder = beside[place]
+            bag = kind not in ("tum", "frames")
+            topics = (
+                Topics(odometry=TOPICS.odometry, image=TOPICS.image, camera_info=TOPICS.camera_info) if bag else None
+            )
+            write_depth_robot(folder / "robot.toml", recording, topics)
+            if isinstance(recording.motion, Track) and not bag:
+                write_track(folder, recording.motion)
+            if truth is not None and kind == "tum":
+                _write_cameras(folder / TRUTH, truth.t, cameras)
+            elif truth is not None:
+                write_truth(folder, truth)
+
+
+def _writer(folder: Path, kind: str, recording: DepthRecording) -> AbstractContextManager[_Add]:
+    match kind:
+        case "tum":
+            return _tum(folder)
+        case "frames":
+            return _files(folder)
+        case "ros1" | "ros2" | "mcap":
+            return _bag(folder, recording, kind)
+        case _:
+            raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
+
+
+@contextmanager
+def _tum(folder: Path) -> Generator[_Add]:
+    """Files named by their times, in two folders, and a list of each."""
+    stamps = list[str]()
+
+    def add(frame: DepthFrame) -> None:
+        stamp = f"{frame.seconds:.6f}"
+        _png(folder / "rgb" / f"{stamp}.png", _pixels(frame))
+        _png(folder / "depth" / f"{stamp}.png", _units(frame, TUM_UNITS))
+        stamps.append(stamp)
+
+    for name in ("rgb", "depth"):
+        (folder / name).mkdir()
+    yield add
+    for name, what in (("rgb", "color images"), ("depth", "depth maps")):
+        lines = [f"# {what}", "# timestamp filename", *(f"{stamp} {name}/{stamp}.png" for stamp in stamps)]
+        (folder / f"{name}.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def _files(folder: Path) -> Generator[_Add]:
+    """Two files for each frame, and their table."""
+    rows = list[tuple[str, str, float]]()
+
+    def add(frame: DepthFrame) -> None:
+        names = f"frames/{len(rows):06}.png", f"frames/{len(rows):06}-depth.png"
+        _png(folder / names[0], _pixels(frame))
+        _png(folder / names[1], _units(frame, MM))
+        rows.append((*names, frame.seconds))
+
+    (folder / "frames").mkdir()
+    yield add
+    write_rows(folder / "frames.csv", "image,depth,t", rows)
+
+
+@contextmanager
+def _bag(folder: Path, recording: DepthRecording, kind: Kind) -> Generator[_Add]:
+    """A bag, with odometry and images in order of time."""
+    with BagWriter(folder, kind, recording.motion) as bag:
+
+        def add(frame: DepthFrame) -> None:
+            t = frame.seconds
+            bag.readings(t)
+            bag.camera_info(t, recording.camera)
+            bag.camera_info(t, recording.camera, DEPTH_INFO)
+            bag.image(t, _pixels(frame))
+            bag.depth(t, frame.depth, ENCODINGS[kind])
+
+        yield add
+        bag.readings(np.inf)
+
+
+def _pixels(frame: DepthFrame) -> NDArray[np.uint8]:
+    return frame.grey if frame.colour is None else frame.colour
+
+
+def _units(frame: DepthFrame, units: float) -> NDArray[np.uint16]:
+    """The depth in units, rounded to whole millimetres."""
+    mm = np.rint(1000 * frame.depth.astype(np.float64))
+    return (mm * (units / 1000)).astype(np.uint16)
+
+
+def _png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    _, content = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    path.write_bytes(content.tobytes())
+
+
+def _write_cameras(path: Path, t: Array, cameras: Array) -> None:
+    """groundtruth.txt: t x y z qx qy qz qw of the camera."""
+    lines = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
+    for time, pose in zip(t.tolist(), cameras, strict=True):
+        lines.append(" ".join(map(repr, [time, *pose[:3, 3].tolist(), *quaternion(pose[:3, :3]).tolist()])))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def quaternion(turn: Array) -> Array:
+    """x, y, z, w of a rotation (3, 3): the eigenvector of its largest eigenvalue (Bar-Itzhack, 2000)."""
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    whole = np.array([
+        [a - e - i, d + b, g + c, h - f],
+        [d + b, e - a - i, h + f, c - g],
+        [g + c, h + f, i - a - e, d - b],
+        [h - f, c - g, d - b, a + e + i],
+    ])  # fmt: skip
+    return np.linalg.eigh(whole)[1][:, -1]

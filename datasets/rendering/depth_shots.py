@@ -1,0 +1,109 @@
+"""The frames of a depth camera on a robot that rocks as it drives, rendered as they are asked for."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.depth.frame import DepthFrame
+from ...frontend.markers.aruco import Image
+from ...frontend.se2 import Array
+from .boxes import Box
+from .depth import NOISE_SD, kinect, true_depth
+from .disturbances import raised, rocked
+from .lens import Singles
+from .render import Renderer
+
+LINES = 10
+"""Rows of a frame that a rolling shutter is taken to read at once."""
+
+
+class Visitor(NamedTuple):
+    """A box that is not always there. Its circle is disjoint from those of the room's boxes."""
+
+    box: Box
+    textures: tuple[Image, ...]  # of its faces, upright
+
+
+@dataclass(frozen=True, eq=False)
+class DepthShots:
+    """Frames, the same ones whenever they are iterated."""
+
+    renderer: Renderer
+    path: Callable[[Array], Array]  # the robot's poses (m, 3) at any times (m,), s
+    t: Array  # (n,) s, the middles of the exposures
+    sway: float  # rad, standard deviation of the body's pitch and of its roll, both of each frame
+    seeds: np.random.SeedSequence
+    visitors: Sequence[Visitor | None] = ()  # of each frame; none: nobody ever comes
+    readout: float = 0.0  # s from the first row's exposure to the last's
+    noise: float = NOISE_SD  # px, of a disparity
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        return (self.shot(k) for k in range(len(self.t)))
+
+    def shot(self, k: int) -> DepthFrame:
+        """The k-th frame."""
+        rng = np.random.default_rng(np.random.SeedSequence(self.seeds.entropy, spawn_key=(*self.seeds.spawn_key, k)))
+        visitor = self.visitors[k] if self.visitors else None
+        bands = [_with(band, visitor) for band in self._bands]
+        poses = self._poses(k, len(bands))
+        light = np.vstack([band.scene(pose) for band, pose in zip(bands, poses, strict=True)])
+        pairs = zip(bands, poses, strict=True)
+        depth = np.vstack([true_depth(band.room, band.lens, pose) for band, pose in pairs])
+        grey = self.renderer.exposed(light, rng)
+        return DepthFrame(float(self.t[k]), grey, kinect(depth, rng, self.noise))
+
+    def exact_depth(self, k: int) -> Singles:
+        """(height, width) m, the k-th frame's depth without noise, steps and holes."""
+        visitor = self.visitors[k] if self.visitors else None
+        bands = [_with(band, visitor) for band in self._bands]
+        pairs = zip(bands, self._poses(k, len(bands)), strict=True)
+        return np.vstack([true_depth(band.room, band.lens, pose) for band, pose in pairs])
+
+    @cached_property
+    def poses(self) -> Array:
+        """(n, 4, 4) T_world_camera at the times of the frames."""
+        return raised(self.path(self.t)) @ self._mountings
+
+    @cached_property
+    def tilts(self) -> Array:
+        """(n, 2) rad, the body's pitch, forward, and roll, to the right, in each frame."""
+        first = np.random.default_rng(self.seeds)
+        return self.sway * first.standard_normal((len(self.t), 2))
+
+    @cached_property
+    def _mountings(self) -> Array:
+        """(n, 4, 4) of the camera on a level robot."""
+        return np.array([rocked(*tilt) @ self.renderer.camera.mounting for tilt in self.tilts])
+
+    def _poses(self, k: int, bands: int) -> Array:
+        """(bands, 4, 4) T_world_camera when the middle of each band of rows is exposed."""
+        later = self.readout * ((np.arange(bands) + 0.5) / bands - 0.5)
+        return raised(self.path(self.t[k] + later)) @ self._mountings[k]
+
+    @cached_property
+    def _bands(self) -> list[Renderer]:
+        """A renderer of the whole frame, or one for each band of rows that have a pose of their own."""
+        camera = self.renderer.camera
+        if not self.readout:
+            return [self.renderer]
+        (cx, cy), rows = camera.centre, range(0, camera.height, LINES)
+        bands = (replace(camera, height=min(LINES, camera.height - row), centre=(cx, cy - row)) for row in rows)
+        return [replace(self.renderer, camera=band) for band in bands]
+
+
+def _with(renderer: Renderer, visitor: Visitor | None) -> Renderer:
+    """The renderer of the room with the visitor in it."""
+    if visitor is None:
+        return renderer
+    room, surfaces = renderer.room, renderer.surfaces
+    return replace(
+        renderer,
+        room=replace(room, boxes=(*room.boxes, visitor.box)),
+        surfaces=surfaces._replace(boxes=(*surfaces.boxes, visitor.textures)),
+    )

@@ -1,0 +1,183 @@
+"""Inner loops over depth images: features' depths, the plane of the floor, and two frames' surfaces."""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import compiled
+from ..se2 import Array, Ints
+
+AGREE, AGAINST, HIDDEN = range(3)
+
+ROUNDS, WIDEST, NARROWER = 14, 0.08, 0.75
+"""Of robust least squares; m, the width of the first one's loss, and of the next one's by this one's."""
+
+
+@compiled
+def depths_at(
+    depth: NDArray[np.float32], pixels: Array, near: float, far: float, jump: float, jump_by_depth: float
+) -> Array:
+    """The depths (n,), m, at `pixels` (n, 2); NaN where the nine pixels around one are not all of one surface.
+
+    The inverse depth of a plane is linear in the pixel: nine of them, by least squares, give it between pixels.
+    """
+    height, width = depth.shape
+    out = np.full(len(pixels), np.nan)
+    for k in range(len(pixels)):
+        u, v = int(np.rint(pixels[k, 0])), int(np.rint(pixels[k, 1]))
+        if u < 1 or v < 1 or u > width - 2 or v > height - 2:
+            continue
+        least, most, total, by_u, by_v = np.inf, 0.0, 0.0, 0.0, 0.0
+        for i in range(-1, 2):
+            for j in range(-1, 2):
+                z = float(depth[v + i, u + j])
+                least, most = min(least, z), max(most, z)
+                if z > 0.0:
+                    total += 1.0 / z
+                    by_u += j / z
+                    by_v += i / z
+        if not (least > near and most < far and most - least < jump + jump_by_depth * least):
+            continue
+        out[k] = 1.0 / (total / 9.0 + by_u / 6.0 * (pixels[k, 0] - u) + by_v / 6.0 * (pixels[k, 1] - v))
+    return out
+
+
+@compiled
+def floor_plane(
+    depth: NDArray[np.float32],
+    rays: Array,
+    mounting: Array,
+    every: int,
+    near: float,
+    far: float,
+    constant_sd: float,
+    sd: float,
+    height: float,
+    slope: float,
+    least: int,
+    plane: Array,
+    cov: Array,
+) -> int:
+    """Fits z = a x + b y + c to the points of the floor in the robot's frame; the number of points, 0 for too few.
+
+    `rays` (h, w, 2) and `mounting` (4, 4) lift every `every`-th pixel. Points further than `height` (m) and `slope`
+    times their distance from z = 0 are of something else, and so are those far from the plane. Writes `plane` (3,) and
+    its covariance `cov` (3, 3).
+    """
+    rows, columns = depth.shape
+    most = ((rows + every - 1) // every) * ((columns + every - 1) // every)
+    x, count = np.empty((most, 4)), 0
+    for v in range(every // 2, rows, every):
+        for u in range(every // 2, columns, every):
+            z = float(depth[v, u])
+            a, b = rays[v, u, 0], rays[v, u, 1]
+            if not (z > near and z < far and a == a):
+                continue
+            for i in range(3):
+                x[count, i] = (mounting[i, 0] * a + mounting[i, 1] * b + mounting[i, 2]) * z + mounting[i, 3]
+            away = sqrt(x[count, 0] ** 2 + x[count, 1] ** 2)
+            if abs(x[count, 2]) < height + slope * away:
+                # along the ray; its part across the floor
+                down = mounting[2, 0] * a + mounting[2, 1] * b + mounting[2, 2]
+                x[count, 3] = (constant_sd + sd * z * z) * abs(down)
+                count += 1
+    plane[:] = 0.0
+    A, g, inside, width = np.empty((3, 3)), np.empty(3), 0, WIDEST
+    for turn in range(ROUNDS):
+        A[:], g[:], inside = 0.0, 0.0, 0
+        hard = turn >= ROUNDS - 3
+        for k in range(count):
+            off = x[k, 2] - plane[0] * x[k, 0] - plane[1] * x[k, 1] - plane[2]
+            most_off = max(3.0 * x[k, 3], 0.01)
+            if hard and abs(off) > most_off:
+                continue
+            inside += 1
+            w = 1.0 / max(x[k, 3], 0.002) ** 2
+            if not hard:
+                w /= (1.0 + (off / max(width, most_off)) ** 2) ** 2
+            row = (x[k, 0], x[k, 1], 1.0)
+            for i in range(3):
+                g[i] += w * row[i] * x[k, 2]
+                for j in range(3):
+                    A[i, j] += w * row[i] * row[j]
+        if inside < least:
+            return 0
+        # held at first, as whatever stands on the floor is still among the points
+        A[0, 0] += 1.0 / slope**2
+        A[1, 1] += 1.0 / slope**2
+        A[2, 2] += 1.0 / height**2
+        if not inverse(A, cov):
+            return 0
+        width *= NARROWER
+        for i in range(3):
+            plane[i] = cov[i, 0] * g[0] + cov[i, 1] * g[1] + cov[i, 2] * g[2]
+    return inside
+
+
+@compiled
+def inverse(S: Array, W: Array) -> bool:
+    """Writes the inverse of a symmetric (3, 3); False where it has none."""
+    a, b, c, d, e, f = S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2]
+    W[0, 0], W[0, 1], W[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
+    W[1, 1], W[1, 2], W[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * W[0, 0] + b * W[0, 1] + c * W[0, 2]
+    if not det > 0.0:
+        return False
+    for i in range(3):
+        for j in range(i, 3):
+            W[i, j] /= det
+            W[j, i] = W[i, j]
+    return True
+
+
+@compiled
+def compared(
+    seen: NDArray[np.float32],
+    other: NDArray[np.float32],
+    left: float,
+    top: float,
+    step: float,
+    R: Array,
+    t: Array,
+    constant_sd: float,
+    sd: float,
+    gate: float,
+    jump: float,
+    counts: Ints,
+) -> None:
+    """Counts the points of `other` (h, w) that `seen` (h, w) shows, contradicts and hides, in `counts` (3,).
+
+    Both are depths, m, on a grid of rays from (`left`, `top`) on, `step` apart; R, t takes points of `other` to `seen`.
+    """
+    rows, columns = seen.shape
+    counts[:] = 0
+    for v in range(rows):
+        for u in range(columns):
+            d = float(other[v, u])
+            if not d > 0.0:
+                continue
+            a, b = (left + u * step) * d, (top + v * step) * d
+            z = R[2, 0] * a + R[2, 1] * b + R[2, 2] * d + t[2]
+            if not z > 0.1:
+                continue
+            x = ((R[0, 0] * a + R[0, 1] * b + R[0, 2] * d + t[0]) / z - left) / step
+            y = ((R[1, 0] * a + R[1, 1] * b + R[1, 2] * d + t[1]) / z - top) / step
+            if not (x >= 0.0 and y >= 0.0 and x < columns - 1 and y < rows - 1):
+                continue
+            i, j = int(y), int(x)
+            p, q, r, s = float(seen[i, j]), float(seen[i, j + 1]), float(seen[i + 1, j]), float(seen[i + 1, j + 1])
+            least, most = min(p, q, r, s), max(p, q, r, s)
+            if not (least > 0.0 and most - least < jump * least):
+                continue
+            y, x = y - i, x - j
+            # inverse depth is linear on a plane
+            there = 1.0 / ((1 - y) * ((1 - x) / p + x / q) + y * ((1 - x) / r + x / s))
+            one, two = constant_sd + sd * d * d, constant_sd + sd * there * there
+            off = (z - there) / np.sqrt(one * one + two * two)
+            if abs(off) < gate:
+                counts[AGREE] += 1
+            elif off < 0.0:
+                counts[AGAINST] += 1
+            else:
+                counts[HIDDEN] += 1

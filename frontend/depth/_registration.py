@@ -1,0 +1,294 @@
+"""Inner loops of registration: the motion between two frames from matched points, by MSAC and Gauss-Newton.
+
+A motion takes points q of the second frame to those of the first: p = R q + t. Its errors are small turns and shifts on
+the left, p = exp(turn) (R q + t) + shift, in the order shift (m), turn (rad).
+"""
+
+from math import cos, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import compiled
+from ..se2 import Array, Ints
+
+ITERATIONS = 12
+"""Of Gauss-Newton, at most."""
+
+SMALL = 1e-8
+"""m and rad; Gauss-Newton ends when no part moves further."""
+
+FLAT = 1e-9
+"""m^2; three points on a line span less than that."""
+
+
+@compiled
+def axes_of(points: Array, rows: Ints, axes: Array) -> bool:
+    """Writes three axes (3, 3), as rows, that three of `points` (n, 3) span; False where they lie on a line."""
+    a, b, c = rows[0], rows[1], rows[2]
+    length = 0.0
+    for i in range(3):
+        axes[0, i] = points[b, i] - points[a, i]
+        axes[1, i] = points[c, i] - points[a, i]
+        length += axes[0, i] ** 2
+    if length < FLAT:
+        return False
+    for i in range(3):
+        axes[0, i] /= sqrt(length)
+    cross(axes, 0, 1, 2)
+    length = axes[2, 0] ** 2 + axes[2, 1] ** 2 + axes[2, 2] ** 2
+    if length < FLAT:
+        return False
+    for i in range(3):
+        axes[2, i] /= sqrt(length)
+    cross(axes, 2, 0, 1)
+    return True
+
+
+@compiled
+def cross(axes: Array, a: int, b: int, out: int) -> None:
+    """Writes the cross product of rows `a` and `b` into row `out` of (3, 3)."""
+    x = axes[a, 1] * axes[b, 2] - axes[a, 2] * axes[b, 1]
+    y = axes[a, 2] * axes[b, 0] - axes[a, 0] * axes[b, 2]
+    z = axes[a, 0] * axes[b, 1] - axes[a, 1] * axes[b, 0]
+    axes[out, 0], axes[out, 1], axes[out, 2] = x, y, z
+
+
+@compiled
+def motion_of(p: Array, q: Array, rows: Ints, a: Array, b: Array, R: Array, t: Array) -> bool:
+    """Writes the motion that lays the triangle of three rows of `q` (n, 3) on that of `p`; False for a line."""
+    if not axes_of(p, rows, a) or not axes_of(q, rows, b):
+        return False
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = a[0, i] * b[0, j] + a[1, i] * b[1, j] + a[2, i] * b[2, j]
+    for i in range(3):
+        total = 0.0
+        for k in range(3):
+            row = rows[k]
+            total += p[row, i] - R[i, 0] * q[row, 0] - R[i, 1] * q[row, 1] - R[i, 2] * q[row, 2]
+        t[i] = total / 3.0
+    return True
+
+
+@compiled
+def misfit(p: Array, p_sd: Array, q: Array, q_sd: Array, R: Array, t: Array, gate: float, most: float) -> float:
+    """The sum of squared errors, each `gate` at most, of rays and depths of `q` in the first frame; ends above `most`.
+
+    MSAC: Torr and Zisserman, CVIU 2000. The columns of `p_sd` and `q_sd` (n, 2) are of depth (m) and ray.
+    """
+    total = 0.0
+    for k in range(len(p)):
+        x = R[0, 0] * q[k, 0] + R[0, 1] * q[k, 1] + R[0, 2] * q[k, 2] + t[0]
+        y = R[1, 0] * q[k, 0] + R[1, 1] * q[k, 1] + R[1, 2] * q[k, 2] + t[1]
+        z = R[2, 0] * q[k, 0] + R[2, 1] * q[k, 1] + R[2, 2] * q[k, 2] + t[2]
+        error = gate
+        if z > 0.1:
+            du, dv = x / z - p[k, 0] / p[k, 2], y / z - p[k, 1] / p[k, 2]
+            error = (du * du + dv * dv) / (p_sd[k, 1] ** 2 + q_sd[k, 1] ** 2)
+            error += (z - p[k, 2]) ** 2 / (p_sd[k, 0] ** 2 + q_sd[k, 0] ** 2)
+        total += min(error, gate)
+        if total > most:
+            break
+    return total
+
+
+@compiled
+def msac(
+    p: Array, p_sd: Array, q: Array, q_sd: Array, triples: Ints, gate: float, best_R: Array, best_t: Array
+) -> float:
+    """Improves the motion in `best_R` (3, 3) and `best_t` (3,) by those of `triples` (h, 3); returns its misfit."""
+    R, t, a, b = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    best = misfit(p, p_sd, q, q_sd, best_R, best_t, gate, np.inf)
+    for k in range(len(triples)):
+        if not motion_of(p, q, triples[k], a, b, R, t):
+            continue
+        found = misfit(p, p_sd, q, q_sd, R, t, gate, best)
+        if found < best:
+            best = found
+            for i in range(3):
+                best_t[i] = t[i]
+                for j in range(3):
+                    best_R[i, j] = R[i, j]
+    return best
+
+
+@compiled
+def cov_of(x: Array, sd: Array, out: Array) -> None:
+    """Writes the covariance (3, 3) of a point `x` (3,) with `sd` (2,) of depth and ray."""
+    z = x[2]
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = x[i] * x[j] / (z * z) * sd[0] ** 2
+    out[0, 0] += (z * sd[1]) ** 2
+    out[1, 1] += (z * sd[1]) ** 2
+
+
+@compiled
+def inverted(S: Array, W: Array) -> None:
+    """Writes the inverse of a symmetric (3, 3)."""
+    a, b, c, d, e, f = S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2]
+    W[0, 0], W[0, 1], W[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
+    W[1, 1], W[1, 2], W[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * W[0, 0] + b * W[0, 1] + c * W[0, 2]
+    for i in range(3):
+        for j in range(i, 3):
+            W[i, j] /= det
+            W[j, i] = W[i, j]
+
+
+@compiled
+def normal_equations(
+    p: Array,
+    p_sd: Array,
+    q: Array,
+    q_sd: Array,
+    R: Array,
+    t: Array,
+    gate: float,
+    inside: NDArray[np.bool_],
+    A: Array,
+    g: Array,
+) -> float:
+    """Sums up A (6, 6) and g (6,) over the points within `gate`, marks them, and returns their squared distance.
+
+    A residual r = p - (R q + t) has the covariance Cp + R Cq R'.
+    """
+    Cp, Cq, S, W, w, r, J, WJ = (
+        np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3),
+        np.zeros((3, 6)), np.empty((3, 6)),
+    )  # fmt: skip
+    A[:], g[:] = 0.0, 0.0
+    J[0, 0], J[1, 1], J[2, 2] = 1.0, 1.0, 1.0
+    total = 0.0
+    for k in range(len(p)):
+        for i in range(3):
+            w[i] = R[i, 0] * q[k, 0] + R[i, 1] * q[k, 1] + R[i, 2] * q[k, 2] + t[i]
+            r[i] = p[k, i] - w[i]
+        cov_of(p[k], p_sd[k], Cp)
+        cov_of(q[k], q_sd[k], Cq)
+        for i in range(3):
+            for j in range(3):
+                turned = 0.0
+                for m in range(3):
+                    for n in range(3):
+                        turned += R[i, m] * Cq[m, n] * R[j, n]
+                S[i, j] = Cp[i, j] + turned
+        inverted(S, W)
+        squared = 0.0
+        for i in range(3):
+            for j in range(3):
+                squared += r[i] * W[i, j] * r[j]
+        inside[k] = squared < gate
+        if not inside[k]:
+            continue
+        total += squared
+        J[0, 4], J[0, 5], J[1, 3], J[1, 5], J[2, 3], J[2, 4] = w[2], -w[1], -w[2], w[0], w[1], -w[0]
+        for i in range(3):
+            for j in range(6):
+                WJ[i, j] = W[i, 0] * J[0, j] + W[i, 1] * J[1, j] + W[i, 2] * J[2, j]
+        for i in range(6):
+            for j in range(i, 6):
+                A[i, j] += J[0, i] * WJ[0, j] + J[1, i] * WJ[1, j] + J[2, i] * WJ[2, j]
+                A[j, i] = A[i, j]
+            g[i] += WJ[0, i] * r[0] + WJ[1, i] * r[1] + WJ[2, i] * r[2]
+    return total
+
+
+@compiled
+def factored(A: Array, L: Array) -> bool:
+    """Writes the lower triangular L (6, 6) with L L' = A; False where A is singular up to rounding."""
+    for j in range(6):
+        for i in range(j, 6):
+            rest = A[i, j]
+            for k in range(j):
+                rest -= L[i, k] * L[j, k]
+            if i == j:
+                if not rest > 1e-10 * A[j, j]:
+                    return False
+                L[i, j] = sqrt(rest)
+            else:
+                L[i, j] = rest / L[j, j]
+    return True
+
+
+@compiled
+def solved(L: Array, g: Array, x: Array) -> None:
+    """Writes the solution x (6,) of L L' x = g."""
+    for i in range(6):
+        total = g[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(5, -1, -1):
+        total = x[i]
+        for k in range(i + 1, 6):
+            total -= L[k, i] * x[k]
+        x[i] = total / L[i, i]
+
+
+@compiled
+def turn_by(x: Array, R: Array, t: Array) -> None:
+    """Moves a motion by the error x (6,), shift and turn: exp(turn) (R, t) + shift."""
+    a = sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2)
+    one = 1.0 - a * a / 6.0 if a < 1e-4 else sin(a) / a
+    two = 0.5 - a * a / 24.0 if a < 1e-4 else (1.0 - cos(a)) / (a * a)
+    E, old = np.empty((3, 3)), np.empty((3, 4))
+    for i in range(3):
+        old[i, 3] = t[i]
+        for j in range(3):
+            old[i, j] = R[i, j]
+            E[i, j] = two * x[3 + i] * x[3 + j]
+        E[i, i] += 1.0 - two * a * a
+    E[0, 1] -= one * x[5]
+    E[0, 2] += one * x[4]
+    E[1, 0] += one * x[5]
+    E[1, 2] -= one * x[3]
+    E[2, 0] -= one * x[4]
+    E[2, 1] += one * x[3]
+    for i in range(3):
+        t[i] = E[i, 0] * old[0, 3] + E[i, 1] * old[1, 3] + E[i, 2] * old[2, 3] + x[i]
+        for j in range(3):
+            R[i, j] = E[i, 0] * old[0, j] + E[i, 1] * old[1, j] + E[i, 2] * old[2, j]
+
+
+@compiled
+def refined(
+    p: Array,
+    p_sd: Array,
+    q: Array,
+    q_sd: Array,
+    R: Array,
+    t: Array,
+    gate: float,
+    least: int,
+    inside: NDArray[np.bool_],
+    cov: Array,
+) -> float:
+    """Moves the motion `R`, `t` to the optimum of its inliers by Gauss-Newton, and writes these and its covariance.
+
+    Returns their squared distance; negative where fewer than `least` are inliers or where they leave a direction open.
+    """
+    A, g, L, x = np.empty((6, 6)), np.empty(6), np.zeros((6, 6)), np.empty(6)
+    total = -1.0
+    for _ in range(ITERATIONS):
+        total = normal_equations(p, p_sd, q, q_sd, R, t, gate, inside, A, g)
+        count = 0
+        for k in range(len(p)):
+            count += inside[k]
+        if count < least or not factored(A, L):
+            return -1.0
+        solved(L, g, x)
+        turn_by(x, R, t)
+        furthest = 0.0
+        for i in range(6):
+            furthest = max(furthest, abs(x[i]))
+        if furthest < SMALL:
+            break
+    for j in range(6):
+        for i in range(6):
+            g[i] = 1.0 if i == j else 0.0
+        solved(L, g, x)
+        for i in range(6):
+            cov[i, j] = x[i]
+    return total

@@ -1,0 +1,85 @@
+"""Features of a grey image that have a depth, and matches of them by descriptors."""
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera.camera import Camera
+from ..se2 import Array, Ints
+from ._bits import Bits, two_nearest
+from ._depth_image import depths_at
+from .points import Points, points_of
+from .settings import Settings
+
+LENGTHS = {"orb": 32, "sift": 128}
+"""Columns of a descriptor: bytes of bits, or numbers."""
+
+
+class Features(NamedTuple):
+    """n features of one frame."""
+
+    pixels: Array  # (n, 2) px
+    points: Points
+    descriptors: NDArray[Any]  # (n, 32) uint8 of bits, or (n, 128) float32
+
+    def taken(self, rows: Any) -> "Features":
+        """Those of `rows`."""
+        return Features(self.pixels[rows], self.points.taken(rows), self.descriptors[rows])
+
+    def __len__(self) -> int:
+        """The number of features, not of columns."""
+        return len(self.pixels)
+
+
+class Finder:
+    """Finds features: ORB (Rublee et al., ICCV 2011) or SIFT (Lowe, IJCV 2004), by OpenCV."""
+
+    def __init__(self, camera: Camera, settings: Settings) -> None:
+        self._camera, self._settings = camera, settings
+
+    @cached_property
+    def _detector(self) -> Any:
+        if self._settings.features == "sift":
+            return cv2.SIFT.create(nfeatures=self._settings.most, contrastThreshold=0.01)
+        return cv2.ORB.create(nfeatures=self._settings.most, scaleFactor=1.2, nlevels=8, fastThreshold=10)
+
+    def find(self, grey: NDArray[np.uint8], depth: NDArray[np.float32]) -> Features:
+        """Finds the features of `grey` (h, w) on surfaces that `depth` (h, w), m, knows."""
+        s = self._settings
+        keypoints, descriptors = self._detector.detectAndCompute(grey, None)
+        if not keypoints:
+            kind = np.uint8 if s.features == "orb" else np.float32
+            descriptors = np.zeros((0, LENGTHS[s.features]), kind)
+        pixels = np.array([one.pt for one in keypoints], float).reshape(-1, 2)
+        z = depths_at(depth, pixels, s.near, s.far, s.jump, s.jump_by_depth)
+        kept = np.flatnonzero(np.isfinite(z))
+        points = points_of(self._camera, pixels[kept], z[kept], np.full(len(kept), s.pixel_sd), s)
+        seen = np.isfinite(points.rays).all(axis=1)
+        return Features(pixels[kept], points, descriptors[kept]).taken(seen)
+
+
+def matched(first: NDArray[Any], second: NDArray[Any], ratio: float) -> Ints:
+    """(m, 2) rows of descriptors (n, d) of two frames that belong together; a row is in one pair at most.
+
+    The best in `second` has to be nearer than `ratio` times the next one (Lowe, IJCV 2004), and best to no other row.
+    """
+    if len(first) == 0 or len(second) < 2:
+        return np.zeros((0, 2), np.int64)
+    if first.dtype == np.uint8:
+        distance, best = np.empty((len(first), 2), np.int64), np.empty(len(first), np.int64)
+        two_nearest(bits_of(first), bits_of(second), distance, best)
+    else:
+        distance, nearest = cv2.batchDistance(first, second, cv2.CV_32F, normType=cv2.NORM_L2, K=2)
+        best = nearest[:, 0].astype(np.int64)
+    clear = np.flatnonzero(distance[:, 0] < ratio * distance[:, 1])
+    to = best[clear]
+    alone = np.bincount(to, minlength=len(second))[to] == 1
+    return np.column_stack((clear[alone], to[alone]))
+
+
+def bits_of(descriptors: NDArray[np.uint8]) -> Bits:
+    """(n, d / 8) the bits of descriptors (n, d) of bytes, 64 in a column."""
+    return np.ascontiguousarray(descriptors).view(np.uint64)

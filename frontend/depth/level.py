@@ -1,0 +1,73 @@
+"""The floor in a depth image: pitch, roll and height of a body that rocks, and with them a levelled frame."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera.camera import Camera
+from ..se2 import Array
+from ._depth_image import floor_plane
+from .settings import Settings
+
+EVERY = 8
+"""Pixels from one that is looked at to the next, in rows and columns."""
+
+FAR = 3.0
+"""m; floors farther away are measured too badly to help."""
+
+HEIGHT, SLOPE = 0.08, 0.06
+"""m, and m a metre, around the floor that the mounting tells, in which its points are."""
+
+LEAST = 80
+"""Points of a floor."""
+
+
+KNOWN, UP_KNOWN = 3e-4, 5e-4
+"""rad and m; sd of what a fitted floor tells that the noise of its points does not know."""
+
+
+class Level(NamedTuple):
+    """The transform from a camera's frame to the robot's, upright on the floor."""
+
+    T: Array  # (4, 4)
+    cov: Array  # (3, 3) of the turns about x and y (rad) and of the height (m), which a frame's points share
+    found: bool  # False: the mounting as it is stated
+
+
+class Leveller:
+    """Levels the frames of one camera."""
+
+    def __init__(self, camera: Camera, settings: Settings) -> None:
+        self._camera, self._settings = camera, settings
+
+    def level(self, depth: NDArray[np.float32]) -> Level:
+        """Levels a frame by its `depth` (h, w), m."""
+        s, camera = self._settings, self._camera
+        plane, cov = np.empty(3), np.empty((3, 3))
+        if s.level and floor_plane(
+            depth, camera.rays, camera.mounting, EVERY, s.near, min(s.far, FAR), s.constant_sd, s.depth_sd, HEIGHT,
+            SLOPE, LEAST, plane, cov,
+        ):  # fmt: skip
+            T = levelling(plane) @ camera.mounting
+            # z = a x + b y + c: a turn about y by t tilts by a = -t, one about x by b = t
+            J = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+            return Level(T, J @ cov @ J.T + np.diag([KNOWN**2, KNOWN**2, UP_KNOWN**2]), True)
+        up = s.sway * 0.1
+        return Level(camera.mounting, np.diag([s.sway**2, s.sway**2, up**2]), False)
+
+
+def levelling(plane: Array) -> Array:
+    """(4, 4) the shortest turn and the shift that take the plane z = a x + b y + c, `plane` (3,), to z = 0."""
+    normal = np.array([-plane[0], -plane[1], 1.0])
+    normal /= np.sqrt(normal @ normal)
+    x, y, z = normal
+    T = np.eye(4)
+    # Rodrigues for the turn from the normal onto z; its axis is (y, -x, 0)
+    T[:3, :3] = [
+        [1 - x * x / (1 + z), -x * y / (1 + z), -x],
+        [-x * y / (1 + z), 1 - y * y / (1 + z), -y],
+        [x, y, z],
+    ]
+    T[2, 3] = -plane[2] * z
+    return T

@@ -1,0 +1,47 @@
+"""Points that a depth camera measures, with their noise: rays and depths."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..camera.camera import Camera
+from ..se2 import Array
+from .settings import Settings
+
+
+class Points(NamedTuple):
+    """n points in the camera's frame.
+
+    The error of a point is along its ray, in proportion to its depth's, and across it by its pixel's.
+    """
+
+    rays: Array  # (n, 2) where the ray meets the plane z = 1
+    z: Array  # (n,) depth, m
+    z_sd: Array  # (n,) m
+    ray_sd: Array  # (n,) of both parts of a ray
+
+    def taken(self, rows: Any) -> "Points":
+        """Those of `rows`."""
+        return Points(*(column[rows] for column in self))
+
+    @property
+    def xyz(self) -> Array:
+        """(n, 3) m."""
+        return np.column_stack((self.rays * self.z[:, None], self.z))
+
+    @property
+    def cov(self) -> Array:
+        """(n, 3, 3) m^2."""
+        along = np.column_stack((self.rays, np.ones(len(self.z)))) * self.z_sd[:, None]
+        cov = along[:, :, None] * along[:, None, :]
+        across = (self.z * self.ray_sd) ** 2
+        cov[:, 0, 0] += across
+        cov[:, 1, 1] += across
+        return cov
+
+
+def points_of(camera: Camera, pixels: Array, z: Array, pixel_sd: Array, settings: Settings) -> Points:
+    """Points at `pixels` (n, 2) and depths `z` (n,), m, with the pixels' sd (n,)."""
+    rays = camera.undistort(pixels)
+    ray_sd = pixel_sd / np.mean(camera.focal)
+    return Points(rays, z, settings.constant_sd + settings.depth_sd * z**2, ray_sd)

@@ -1,0 +1,30 @@
+"""A recording of a depth camera's frames with the wheels' motion."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..camera.camera import Camera
+from ..factors import Prior
+from ..wheels.motion import Motion
+from .frame import DepthFrame
+
+
+@dataclass(frozen=True, eq=False)
+class DepthRecording:
+    """Frames in the order of time, and what is needed to make use of them.
+
+    `frames` may be iterated any number of times and loads one frame at a time.
+    """
+
+    name: str
+    camera: Camera  # of the grey images, and so of the registered depth; with its mounting on the robot
+    frames: Iterable[DepthFrame]
+    motion: Motion | None  # the wheels' readings; None without wheels
+    prior: Prior
+    notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # the source and what its reader has done
+    depth_camera: Camera | None = None  # the one that measured the depth, where it was registered by the reader
+    left_out: Counter[str] = field(default_factory=Counter[str])  # frames that `frames` left out when it was last
+    # iterated, by their reasons: "frames without depth"
+    remarks: list[str] = field(default_factory=list[str])  # what is odd; grows while the frames are read

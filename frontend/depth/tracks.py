@@ -1,0 +1,81 @@
+"""Landmarks: features that are seen again get an id, by descriptor and by the motion that they agree with."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..elementary import arctan2, hypot
+from ..se2 import Array, Ints
+from ..small_matrices import propagated
+from .pairs import Keyframe, Pair
+from .settings import Settings
+
+
+class Sighted(NamedTuple):
+    """The columns of a log's sightings, in the order of their steps."""
+
+    step: Ints  # (s,)
+    ids: Ints  # (s,)
+    z: Array  # (s, 2)
+    cov: Array  # (s, 2, 2)
+
+
+class Tracks:
+    """The ids of features, and their sightings."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings, self._parts, self._next = settings, list[Sighted](), 0
+
+    def link(self, pair: Pair) -> None:
+        """Makes the features of two keyframes that agree the same landmarks; an id is in a frame once."""
+        first, second = pair.first, pair.second
+        free = pair.rows[second.ids[pair.rows[:, 1]] < 0]
+        known = first.ids[free[:, 0]]
+        free = free[(known < 0) | ~np.isin(known, second.ids)]
+        new = free[first.ids[free[:, 0]] < 0, 0]
+        first.ids[new] = self._next + np.arange(len(new))
+        self._next += len(new)
+        second.ids[free[:, 1]] = first.ids[free[:, 0]]
+        self._add(first, new)
+        self._add(second, free[:, 1])
+
+    def chosen(self) -> Sighted:
+        """The sightings of landmarks that are seen often enough; those seen most often where a step has too many."""
+        s = self._settings
+        if not self._parts:
+            return Sighted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+        parts = self._parts
+        all_ = Sighted(
+            np.concatenate([part.step for part in parts]),
+            np.concatenate([part.ids for part in parts]),
+            np.concatenate([part.z for part in parts]),
+            np.concatenate([part.cov for part in parts]),
+        )
+        times = np.bincount(all_.ids)[all_.ids]
+        order = np.lexsort((all_.ids, -times, all_.step))
+        order = order[times[order] >= s.seen_often]
+        step = all_.step[order]
+        rank = np.arange(len(step)) - np.searchsorted(step, step)
+        kept = order[rank < s.sightings]
+        return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
+
+    def _add(self, frame: Keyframe, rows: Ints) -> None:
+        z, cov = sightings(frame, rows, self._settings)
+        self._parts.append(Sighted(np.full(len(rows), frame.step), frame.ids[rows], z, cov))
+
+
+def sightings(frame: Keyframe, rows: Ints, settings: Settings) -> tuple[Array, Array]:
+    """Ranges (m) and bearings (rad), (k, 2), of the features `rows` from the robot, and their covariances (k, 2, 2).
+
+    The error of the level, which the features of a frame share, is part of each covariance.
+    """
+    points, (R, t) = frame.features.points.taken(rows), (frame.level.T[:3, :3], frame.level.T[:3, 3])
+    x, y, up = (points.xyz @ R.T + t).T
+    cov = propagated(R[:2], points.cov)
+    by_level = np.zeros((len(rows), 2, 2))  # of x and y by turns about x and y
+    by_level[:, 0, 1], by_level[:, 1, 0] = up, -up
+    cov += propagated(by_level, frame.level.cov[:2, :2])
+    away = hypot(x, y)
+    J = np.stack((x / away, y / away, -y / away**2, x / away**2), axis=-1).reshape(-1, 2, 2)
+    cov = propagated(J, cov) + np.diag([settings.floor**2, settings.turn_floor**2])
+    return np.column_stack((away, arctan2(y, x))), (cov + cov.swapaxes(1, 2)) / 2

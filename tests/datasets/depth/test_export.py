@@ -1,0 +1,112 @@
+"""One drive of a depth camera, written as every kind of recording and read back: the same frames and factors."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamduel.datasets.depth.open import OpenedDepth, build, open_depth
+from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
+from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
+from slamduel.frontend.depth.frame import DepthFrame
+from slamduel.frontend.depth.log import build_log
+from slamduel.frontend.depth.recording import DepthRecording
+from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Log, Truth
+from slamduel.frontend.se2 import Array, wrap
+from slamduel.frontend.wheels.motion import Track
+
+DRIVE = Drive(laps=0.12, boxes=2)
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[DepthRecording, Truth, Array]:
+    recording, truth = record(DRIVE, np.random.default_rng(5))
+    shots = shots_of(recording)
+    frames = [frame if k % 2 else frame._replace(colour=_tinted(frame)) for k, frame in enumerate(shots)]
+    return replace(recording, frames=frames), truth, shots.poses
+
+
+def _tinted(frame: DepthFrame) -> np.ndarray:
+    """Three values that differ and are the frame's grey again."""
+    return np.dstack((frame.grey, frame.grey, frame.grey)).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def log(drive: tuple[DepthRecording, Truth, Array]) -> Log:
+    return build_log(drive[0], Settings())
+
+
+@pytest.fixture(scope="module")
+def folders(drive: tuple[DepthRecording, Truth, Array], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    home = tmp_path_factory.mktemp("exports")
+    write_depth({home / name: name for name in FORMATS}, *drive)
+    return {name: home / name for name in FORMATS}
+
+
+def opened(path: Path) -> OpenedDepth:
+    found = open_depth(path)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_gives_the_same_frames_and_factors(
+    name: str, drive: tuple[DepthRecording, Truth, Array], log: Log, folders: dict[str, Path]
+) -> None:
+    recording, truth, _ = drive
+    found = opened(folders[name])
+    frames = list(recording.frames)
+    for _ in range(2):  # any number of times
+        again = list(found.recording.frames)
+        assert found.length == len(again) == len(frames) > 15
+        for one, ours in zip(again, frames, strict=True):
+            assert one.seconds == pytest.approx(ours.seconds, abs=1e-9)
+            np.testing.assert_array_equal(one.grey, ours.grey)
+            np.testing.assert_array_equal(one.depth, ours.depth)
+            assert one.depth.dtype == np.float32
+            assert (one.colour is None) == (ours.colour is None)
+    assert not found.recording.left_out.total()
+    assert found.recording.remarks == []
+    motion, written = found.recording.motion, recording.motion
+    assert isinstance(motion, Track)
+    assert isinstance(written, Track)
+    assert motion.noise == written.noise
+    np.testing.assert_allclose(motion.poses[:, :2], written.poses[:, :2], atol=1e-12)
+    np.testing.assert_allclose(wrap(motion.poses[:, 2] - written.poses[:, 2]), 0, atol=1e-12)
+    made, known = build(found)
+    assert len(made.ids) == len(log.ids) > 100
+    assert made.name == log.name
+    np.testing.assert_array_equal(made.ids, log.ids)
+    np.testing.assert_array_equal(made.sighting_step, log.sighting_step)
+    for column in ("t", "z", "z_cov"):
+        np.testing.assert_allclose(getattr(made, column), getattr(log, column), rtol=0, atol=1e-9)
+    for column in ("delta", "delta_cov"):  # of step 0 there is none
+        np.testing.assert_allclose(getattr(made, column)[1:], getattr(log, column)[1:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(made.prior.pose, log.prior.pose, atol=1e-12)
+    np.testing.assert_allclose(made.prior.cov, log.prior.cov, rtol=1e-12)
+    assert known is not None
+    rows = np.searchsorted(truth.t, made.t - 1e-6)
+    np.testing.assert_allclose(known.t, made.t, atol=1e-12)
+    np.testing.assert_allclose(known.poses[:, :2], truth.poses[rows, :2], atol=1e-9)
+    np.testing.assert_allclose(wrap(known.poses[:, 2] - truth.poses[rows, 2]), 0, atol=1e-9)
+
+
+def test_what_is_in_the_way_is_refused_and_nothing_is_left(
+    drive: tuple[DepthRecording, Truth, Array], tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=r"format: found 'avi', expected one of tum, frames, ros1, ros2, mcap"):
+        write_depth({tmp_path / "a": "avi"}, *drive)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "mine").write_text("here")
+    with pytest.raises(InputError, match=r"b: exists and is not an empty folder"):
+        write_depth({tmp_path / "c": "tum", tmp_path / "b": "frames"}, *drive)
+    recording, truth, cameras = drive
+    backwards = replace(recording, frames=list(recording.frames)[1::-1])
+    with pytest.raises(InputError, match=r"depth-room: frame 1 is at 0.0 s, expected later than 0.2 s"):
+        write_depth({tmp_path / "d": "frames"}, backwards, truth, cameras)
+    with pytest.raises(InputError, match=r"depth-room: found no frame, expected at least one"):
+        write_depth({tmp_path / "e": "mcap"}, replace(recording, frames=[]), truth, cameras)
+    assert [one.name for one in tmp_path.iterdir()] == ["b"]

@@ -1,0 +1,194 @@
+"""The front end on rendered drives: its log, its refusals, and what backends make of it."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from depth_drives import drive
+from slamduel.backends.registry import find
+from slamduel.datasets.worlds.depth_room import Drive
+from slamduel.frontend.depth.frame import DepthFrame
+from slamduel.frontend.depth.log import build_log, log_of, looked_at
+from slamduel.frontend.depth.recording import DepthRecording
+from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import REMARKS, Log
+from slamduel.frontend.se2 import Array, between, wrap
+
+LOOPS = Settings(landmarks=False, loops=True)
+VISUAL = Settings(landmarks=False, odometry="visual")
+
+
+def short() -> DepthRecording:
+    return drive(1, Drive(), 16)[0]
+
+
+def poses_at(log: Log, poses: Array, t: Array) -> Array:
+    return poses[np.searchsorted(t, log.t)]
+
+
+def test_a_step_begins_where_the_wheels_have_moved_enough() -> None:
+    recording = short()
+    assert recording.motion is not None
+    log = build_log(recording, Settings(step=0.2, turn=0.2))
+    counts = log.notes["depth"]["counts"]
+    assert counts["frames"] == 16
+    assert counts["frames looked at"] == len(log) < 16
+    times = [frame.seconds for frame in recording.frames]
+    at = [times.index(t) for t in log.t]
+    for first, second in pairwise(at):
+        motion = recording.motion.odometry(times[first], times[second])
+        k = at.index(second)
+        np.testing.assert_array_equal(log.delta[k], motion.delta)
+        np.testing.assert_array_equal(log.delta_cov[k], motion.cov)
+        for j in range(first + 1, second):  # none of those between had moved enough
+            delta = recording.motion.odometry(times[first], times[j]).delta
+            assert np.hypot(*delta[:2]) < 0.2
+            assert abs(delta[2]) < 0.2
+
+
+def test_a_log_is_the_same_each_time_and_tells_what_was_done() -> None:
+    one, other = build_log(short(), Settings()), build_log(short(), Settings())
+    assert one.digest == other.digest
+    assert len(one.ids) > 5 * len(one) / 2
+    told = one.notes["depth"]
+    assert told["settings"]["features"] == "orb"
+    assert told["counts"]["frames without a floor"] == 0
+    assert told["counts"]["pairs registered"] > 0
+    assert one.notes["camera"]["width"] == 640
+
+
+def test_landmarks_lie_where_they_are_seen_from_any_step() -> None:
+    recording, _, truth = drive(1, Drive(), 16)
+    log = build_log(recording, Settings())
+    at = poses_at(log, truth.poses, truth.t)[np.repeat(np.arange(len(log)), np.diff(log.sighting_first))]
+    bearing = log.z[:, 1] + at[:, 2]
+    xy = at[:, :2] + log.z[:, :1] * np.column_stack((np.cos(bearing), np.sin(bearing)))
+    for landmark in np.unique(log.ids):
+        mine = xy[log.ids == landmark]
+        assert len(mine) >= 4 or len(np.flatnonzero(log.ids == landmark)) <= 4
+        # ranges err by 3 cm at 3 m, and a wrong id lies half a metre off
+        assert np.hypot(*(mine - np.median(mine, axis=0)).T).max() < 0.2
+
+
+def test_options_that_use_a_feature_twice_are_refused() -> None:
+    with pytest.raises(InputError, match=r"landmarks and loops.*counted twice"):
+        Settings(loops=True)
+    with pytest.raises(InputError, match=r"landmarks=true with odometry=visual.*counted twice"):
+        Settings(odometry="visual")
+    with pytest.raises(InputError, match=r"near and far: found 5 and 4\.5"):
+        Settings(near=5.0)
+
+
+def test_a_recording_without_wheels_needs_visual_odometry() -> None:
+    with pytest.raises(InputError, match=r"found wheels, but no readings of wheels; expected odometry=visual"):
+        build_log(replace(short(), motion=None), Settings())
+
+
+def test_frames_out_of_order_of_another_size_or_too_few_are_refused() -> None:
+    recording, shown, _ = drive(1, Drive(), 16)
+    frames = list(shown)
+    with pytest.raises(InputError, match=r"frame 1 is at .* s, expected later than"):
+        build_log(replace(recording, frames=frames[1::-1]), Settings())
+    small = frames[0]._replace(depth=frames[0].depth[::2, ::2])
+    with pytest.raises(InputError, match=r"found a depth image of 320 x 240 pixels, expected 640 x 480"):
+        build_log(replace(recording, frames=[small]), Settings())
+    with pytest.raises(InputError, match=r"found 2 frames and 1 steps, expected a drive"):
+        build_log(replace(recording, frames=frames[:2]), Settings())
+    with pytest.raises(InputError, match=r"found 0 frames and 0 steps"):
+        build_log(replace(recording, frames=[]), Settings())
+
+
+def test_frames_outside_the_time_of_the_wheels_are_counted() -> None:
+    recording = short()
+    early = [frame._replace(seconds=frame.seconds - 100) for frame in recording.frames]
+    log = build_log(replace(recording, frames=[*early[:3], *recording.frames]), Settings())
+    assert log.notes["depth"]["counts"]["frames without odometry"] == 3
+    assert any("3 of 19 frames" in remark for remark in log.notes[REMARKS])
+    assert log.t[0] == early[0].seconds + 100
+
+
+@pytest.mark.parametrize("wheels", [True, False])
+def test_visual_odometry_errs_as_stated(wheels: bool) -> None:
+    recording, _, truth = drive(1, Drive(), 16)
+    if not wheels:
+        recording = replace(recording, motion=None)
+    log = build_log(recording, VISUAL)
+    assert len(log.ids) == len(log.loop_to) == 0
+    e = log.delta[1:] - between(*_pairs(poses_at(log, truth.poses, truth.t)))
+    e[:, 2] = wrap(e[:, 2])
+    squared = np.einsum("ni,nij,nj->n", e, np.linalg.inv(log.delta_cov[1:]), e)
+    assert squared.max() < 25
+    assert np.abs(e[:, :2]).max() < 0.015
+    assert log.t[-1] == truth.t[-1]  # the last frame is a step
+
+
+def test_frames_that_show_nothing_leave_a_motion_unknown_and_the_drive_goes_on() -> None:
+    recording, shown, truth = drive(1, Drive(), 16)
+    frames = list(shown)
+    for k in (8, 9):
+        frames[k] = DepthFrame(frames[k].seconds, np.full((480, 640), 90, np.uint8), np.zeros((480, 640), np.float32))
+    log = build_log(replace(recording, frames=frames, motion=None), VISUAL)
+    counts = log.notes["depth"]["counts"]
+    assert counts["steps without a motion"] >= 2
+    assert counts["frames without a floor"] == 2
+    blind = np.sqrt(log.delta_cov[:, 0, 0]) > 0.2
+    assert blind.sum() == counts["steps without a motion"]
+    e = log.delta[1:] - between(*_pairs(poses_at(log, truth.poses, truth.t)))
+    e[:, 2] = wrap(e[:, 2])
+    squared = np.einsum("ni,nij,nj->n", e, np.linalg.inv(log.delta_cov[1:]), e)
+    assert squared.max() < 25
+
+
+def _pairs(poses: Array) -> tuple[Array, Array]:
+    return poses[:-1], poses[1:]
+
+
+LAP = 175
+"""Frames of a lap and a quarter."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alike", [False, True])
+def test_no_loop_is_wrong_and_nearly_all_places_are_found_again(alike: bool) -> None:
+    recording, _, truth = drive(3, Drive(laps=1.25, alike=alike), LAP)
+    front_end = looked_at(recording, LOOPS)
+    log = log_of(recording, front_end)
+    poses = poses_at(log, truth.poses, truth.t)
+    at = np.repeat(np.arange(len(log)), np.diff(log.loop_first))
+    e = log.loop_delta - between(poses[log.loop_to], poses[at])
+    e[:, 2] = wrap(e[:, 2])
+    squared = np.einsum("ni,nij,nj->n", e, np.linalg.inv(log.loop_cov), e)
+    assert len(e) >= 20
+    assert squared.max() < 45  # five standard deviations of three
+    assert np.hypot(e[:, 0], e[:, 1]).max() < 0.15
+    assert np.abs(e[:, 2]).max() < np.radians(3)
+    near = set[int]()
+    for place in front_end.search.places:
+        off = between(poses[place.step], poses)
+        close = (np.hypot(off[:, 0], off[:, 1]) < 0.5) & (np.abs(off[:, 2]) < np.radians(20))
+        near |= set(np.flatnonzero(close & (log.t - place.t > LOOPS.loop_after)).tolist())
+    assert len(near) >= 10
+    assert len(near & set(at.tolist())) >= 0.9 * len(near)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["ekf", "isam2"])
+def test_backends_are_close_and_consistent_on_landmarks(backend: str) -> None:
+    recording, _, truth = drive(3, Drive(laps=1.25), LAP)
+    log = build_log(recording, Settings())
+    poses, builder = poses_at(log, truth.poses, truth.t), find(backend)
+    estimator = builder.make(log.prior, builder.options(), np.random.default_rng(0))
+    squared, off = np.empty(len(log)), np.empty((len(log), 3))
+    for k, step in enumerate(log):
+        estimator.step(step)
+        belief = estimator.belief()
+        off[k] = belief.pose - poses[k]
+        off[k, 2] = wrap(off[k, 2])
+        assert belief.cov is not None
+        squared[k] = off[k] @ np.linalg.solve(belief.cov, off[k]) / 3
+    assert np.sqrt((off[:, :2] ** 2).sum(axis=1).mean()) < 0.025
+    # neighbours' errors are alike, so that the mean of a drive is that of a few draws
+    assert squared[1:].mean() < 2.5

@@ -1,0 +1,132 @@
+"""Which loops are closed, on a made-up drive whose pairs are known beforehand."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from depth_scenes import CAMERA
+from slamduel.frontend.depth.features import Features
+from slamduel.frontend.depth.level import Level
+from slamduel.frontend.depth.loops import Loops
+from slamduel.frontend.depth.pairs import Keyframe, Pair, Pairs
+from slamduel.frontend.depth.planar import Planar
+from slamduel.frontend.depth.points import Points
+from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.depth.ways import Ways
+from slamduel.frontend.se2 import Array, between, compose
+
+SETTINGS = Settings(landmarks=False, loops=True)
+SHARP = 1e-6 * np.eye(3)
+
+
+class Known(Pairs):
+    """Finds the pairs that it is given, with as many features as it is told."""
+
+    def __init__(self, found: dict[tuple[int, int], tuple[Array, int]]) -> None:
+        super().__init__(CAMERA, SETTINGS)
+        self.found, self.asked = found, list[tuple[int, int]]()
+
+    def register(
+        self, first: Keyframe, second: Keyframe, least: int, why: Counter[str], known: Callable[[], Planar] | None
+    ) -> Pair | None:
+        self.asked.append((first.step, second.step))
+        delta, count = self.found.get((first.step, second.step), (None, 0))
+        if delta is None or count < least:
+            return None
+        return Pair(first, second, Planar(delta, SHARP), np.zeros((count, 2), np.int64))
+
+
+def frame(step: int, t: float) -> Keyframe:
+    none = np.zeros((0, 2))
+    features = Features(none, Points(none, *(np.zeros(0),) * 3), np.zeros((0, 32), np.uint8))
+    return Keyframe(
+        step, t, features, Level(np.eye(4), SHARP, True), np.zeros((1, 1), np.float32), np.zeros(0, np.int64)
+    )
+
+
+def square(n: int) -> Array:
+    """(n, 3) poses on a square of 4 m that is driven round and round, half a metre a step and eight steps a side."""
+    pose, out = np.zeros(3), list[Array]()
+    for k in range(n):
+        out.append(pose)
+        pose = compose(pose, np.array([0.5, 0.0, np.pi / 2 if k % 8 == 7 else 0.0]))
+    return np.array(out)
+
+
+def closed(pairs: Known, n: int, sd: float, wheels: bool = True) -> list[tuple[int, int]]:
+    """The loops of a drive whose steps err by `sd` each, as (earlier step, step)."""
+    poses, ways, out = square(n), Ways(), list[tuple[int, int]]()
+    loops = Loops(pairs, ways, SETTINGS, wheels)
+    for k in range(n):
+        if k:
+            ways.step(Planar(between(poses[k - 1], poses[k]), sd**2 * np.diag([1, 1, 0.01])))
+        found = loops.search(frame(k, float(k)))
+        for pair in found:
+            ways.join(pair.first.step, pair.second.step, pair.motion)
+            out.append((pair.first.step, pair.second.step))
+        loops.remember(frame(k, float(k)), found)
+    return out
+
+
+def true_loops(steps: list[tuple[int, int]], count: int = 50) -> dict[tuple[int, int], tuple[Array, int]]:
+    poses = square(60)
+    return {(a, b): (between(poses[a], poses[b]), count) for a, b in steps}
+
+
+def test_places_are_searched_once_they_are_old_enough_and_the_best_loops_are_closed() -> None:
+    found = true_loops([(0, 32), (1, 32), (2, 32)])
+    found[1, 32] = (found[1, 32][0], 99)
+    found[2, 32] = (found[2, 32][0], 70)
+    pairs = Known(found)
+    assert closed(pairs, 34, 0.001) == [(1, 32), (2, 32)]
+    assert all(second - first > 5 for first, second in pairs.asked)
+    assert (0, 6) in pairs.asked
+    assert (0, 5) not in pairs.asked
+
+
+@pytest.mark.parametrize(("wheels", "least"), [(True, 20), (False, 30)])
+def test_a_loop_needs_more_features_without_wheels(wheels: bool, least: int) -> None:
+    for count in (least - 1, least):
+        assert closed(Known(true_loops([(0, 32)], count)), 34, 0.001, wheels) == [(0, 32)] * (count >= least)
+
+
+def test_where_the_steps_cannot_tell_two_loops_have_to_agree() -> None:
+    assert closed(Known(true_loops([(0, 32)])), 40, 0.1) == []
+    assert closed(Known(true_loops([(0, 32), (3, 35)])), 40, 0.1) == [(0, 32), (3, 35)]
+    wrong = true_loops([(0, 32), (3, 35)])
+    wrong[0, 32] = (wrong[0, 32][0] + [1.6, 0.0, 0.0], 80)
+    assert closed(Known(wrong), 40, 0.1) == []
+    assert closed(Known(true_loops([(0, 32), (25, 57)])), 60, 0.1) == []  # too late
+
+
+def test_a_loop_is_less_certain_than_its_features_say_by_what_they_share() -> None:
+    ways, poses, found = Ways(), square(33), list[Pair]()
+    loops = Loops(Known(true_loops([(0, 32)])), ways, SETTINGS, True)
+    for k in range(33):
+        if k:
+            ways.step(Planar(between(poses[k - 1], poses[k]), SHARP))
+        found = loops.search(frame(k, float(k)))
+        loops.remember(frame(k, float(k)), found)
+    assert [pair.first.step for pair in found] == [0]
+    np.testing.assert_allclose(found[0].motion.cov, SHARP + np.diag([0.002**2, 0.002**2, 0.0012**2]), rtol=1e-12)
+
+
+def test_a_keyframe_near_a_place_is_no_place_of_its_own() -> None:
+    ways = Ways()
+    loops = Loops(Known({}), ways, SETTINGS, True)
+    near = Planar(np.array([0.11, 0.0, 0.05]), SHARP)
+    for k in range(4):
+        if k:
+            ways.step(near)
+        loops.remember(frame(k, float(k)), [])
+    assert [place.step for place in loops.places] == [0, 3]  # 0.3 m on
+    ways.step(Planar(np.array([1.0, 0.0, 0.0]), SHARP))
+    known = frame(4, 4.0)
+    loops.remember(known, [Pair(loops.places[0], known, near, np.zeros((0, 2), np.int64))])
+    assert len(loops.places) == 2
+    ways.step(Planar(np.array([0.0, 0.0, 0.31]), SHARP))
+    loops.remember(replace(known, step=5), [])
+    assert [place.step for place in loops.places] == [0, 3, 5]

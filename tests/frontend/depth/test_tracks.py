@@ -1,0 +1,86 @@
+"""Ids of landmarks, by plain rules on made-up frames."""
+
+import numpy as np
+
+from depth_scenes import CAMERA
+from slamduel.frontend.depth.features import Features
+from slamduel.frontend.depth.level import Level
+from slamduel.frontend.depth.pairs import Keyframe, Pair, without_ids
+from slamduel.frontend.depth.planar import Planar
+from slamduel.frontend.depth.points import Points
+from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.depth.tracks import Tracks
+
+NO_MOTION = Planar(np.zeros(3), np.eye(3))
+
+
+def frame(step: int, n: int = 6) -> Keyframe:
+    rng = np.random.default_rng(step)
+    points = Points(rng.uniform(-0.3, 0.3, (n, 2)), rng.uniform(1, 3, n), np.full(n, 0.01), np.full(n, 0.002))
+    features = Features(np.zeros((n, 2)), points, np.zeros((n, 32), np.uint8))
+    level = Level(CAMERA.mounting, 1e-7 * np.eye(3), True)
+    return Keyframe(step, float(step), features, level, np.zeros((1, 1), np.float32), without_ids(features))
+
+
+def pair(first: Keyframe, second: Keyframe, rows: list[list[int]]) -> Pair:
+    return Pair(first, second, NO_MOTION, np.array(rows))
+
+
+def test_a_feature_keeps_its_id_from_frame_to_frame() -> None:
+    tracks, (a, b, c) = Tracks(Settings()), (frame(k) for k in range(3))
+    tracks.link(pair(a, b, [[0, 1], [2, 3]]))
+    assert a.ids.tolist() == [0, -1, 1, -1, -1, -1]
+    assert b.ids.tolist() == [-1, 0, -1, 1, -1, -1]
+    tracks.link(pair(b, c, [[1, 5], [4, 0]]))
+    assert c.ids.tolist() == [2, -1, -1, -1, -1, 0]
+
+
+def test_an_id_is_in_a_frame_once_and_is_not_changed() -> None:
+    tracks, (a, b, c) = Tracks(Settings()), (frame(k) for k in range(3))
+    tracks.link(pair(a, c, [[0, 0]]))
+    tracks.link(pair(a, b, [[0, 2], [1, 3]]))
+    tracks.link(pair(b, c, [[2, 4], [3, 0]]))  # the landmark of 2 is there already, and 0 has another
+    assert c.ids.tolist() == [0, -1, -1, -1, -1, -1]
+    assert b.ids.tolist() == [-1, -1, 0, 1, -1, -1]
+
+
+def test_landmarks_seen_too_rarely_are_left_out_and_those_seen_most_come_first() -> None:
+    settings = Settings(sightings=2)
+    tracks, frames = Tracks(settings), [frame(k) for k in range(6)]
+    for k in range(5):
+        rows = [[0, 0], [1, 1], [2, 2]] if k < 4 else [[0, 0]]
+        tracks.link(pair(frames[k], frames[k + 1], rows if k != 2 else rows[:2]))
+    seen = tracks.chosen()
+    # 0 is seen six times, 1 five; 2 three times before the gap, and as 3 twice after it: too rarely
+    assert seen.step.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
+    assert seen.ids.tolist() == [0, 1] * 5 + [0]
+    assert (np.diff(seen.step) >= 0).all()
+
+
+def test_sightings_are_ranges_and_bearings_of_levelled_points_with_their_covariance() -> None:
+    settings = Settings()
+    tracks, frames = Tracks(settings), [frame(k) for k in range(4)]
+    for k in range(3):
+        tracks.link(pair(frames[k], frames[k + 1], [[1, 1]]))
+    seen = tracks.chosen()
+    rng, draws = np.random.default_rng(0), 40_000
+    points = frames[2].features.points
+    rays = points.rays[1] + points.ray_sd[1] * rng.normal(0, 1, (draws, 2))
+    z = points.z[1] + points.z_sd[1] * rng.normal(0, 1, draws)
+    xyz = np.column_stack((rays * z[:, None], z)) @ CAMERA.mounting[:3, :3].T + CAMERA.mounting[:3, 3]
+    exact = np.array([*points.rays[1], 1.0]) * points.z[1]
+    x, y, up = CAMERA.mounting[:3, :3] @ exact + CAMERA.mounting[:3, 3]
+    np.testing.assert_allclose(seen.z[2], [np.hypot(x, y), np.arctan2(y, x)], rtol=1e-12)
+    turns = np.sqrt(1e-7) * rng.normal(0, 1, (draws, 2))
+    at = xyz[:, :2] + up * np.column_stack((turns[:, 1], -turns[:, 0]))
+    floors = [settings.floor, settings.turn_floor] * rng.normal(0, 1, (draws, 2))
+    drawn = np.cov(np.column_stack((np.hypot(*at.T), np.arctan2(at[:, 1], at[:, 0]))) + floors, rowvar=False)
+    sd = np.sqrt(np.diag(seen.cov[2]))
+    # sqrt(2 / 40000) of sampling, six of them, and the range's curvature in the bearing
+    assert (np.abs(drawn - seen.cov[2]) < 0.05 * np.outer(sd, sd)).all()
+
+
+def test_without_pairs_there_are_no_sightings() -> None:
+    seen = Tracks(Settings()).chosen()
+    assert len(seen.ids) == 0
+    assert seen.cov.shape == (0, 2, 2)
