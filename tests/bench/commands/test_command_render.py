@@ -62,7 +62,7 @@ def test_a_drive_of_a_depth_camera_is_the_one_that_bench_run_sees(tmp_path: Path
         (["aruco-rom"], "no dataset 'aruco-rom'"),
         (["victoria-park"], "found 'victoria-park', expected aruco-room or depth-room, whose"),
         (["aruco-room,aruco-room[seconds=2]"], "expected aruco-room"),
-        (["depth-room[laps=0.05]", "--as", "mp4"], "found 'mp4', expected one of tum, frames, ros1, ros2, mcap for depth-room"),
+        (["depth-room", "--as", "mp4"], "found 'mp4', expected one of tum, frames, ros1, ros2, mcap for depth-room"),
         (["aruco-room[seconds=0]"], "option seconds=0 is out of range"),
         ([SHORT, "--as", "gif"], "--as: found 'gif', expected one of frames, video, mp4, ros1, ros2, mcap"),
         ([SHORT, "--as", "frames,frames"], "--as frames,frames: a format is named twice"),
