@@ -256,12 +256,3 @@ def after_motion(
     index, expected, joint = np.empty(c, np.int64), np.empty((c, 2)), np.empty(4 * c * c)
     m = jointly(x, Q, at, D, L, z, R, gate, index, expected, joint)
     return index[:m].copy(), expected[:m].copy(), joint[: 4 * m * m].copy().reshape((2 * m, 2 * m))
-
-
-@compiled
-def ahead(pose: Array, P: Array, moves: bool, motion: Array) -> tuple[Array, Array]:
-    """Pose and covariance after a motion, as copies."""
-    x, Q = pose.copy(), P.copy()
-    if moves:
-        carried(x, Q, motion)
-    return x, Q

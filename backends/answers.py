@@ -37,3 +37,12 @@ def as_expected(found: Answer) -> Expected:
     """The same, as arrays of its own."""
     n = int(found.count[0])
     return Expected(found.ids[:n].copy(), found.z[:n].copy(), found.cov[: 4 * n * n].reshape(2 * n, 2 * n).copy())
+
+
+def filled(into: Answer, found: Expected) -> Answer:
+    """`into`, or another one with more room, with what is `found`."""
+    n = len(found.ids)
+    if n > len(into.ids):
+        into = answer(2 * n)
+    into.count[0], into.ids[:n], into.z[:n], into.cov[: 4 * n * n] = n, found.ids, found.z, found.cov.ravel()
+    return into
