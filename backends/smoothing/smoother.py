@@ -184,17 +184,11 @@ class Smoother:
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The latest pose, the landmarks' places and their joint covariance, the pose last."""
-        forest, n = self._forest, len(landmarks)
-        variables = np.array([self._variable[landmark] for landmark in landmarks], np.int64)
-        pose, at, cov = np.empty(3), np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        joint(forest.g.address, variables, pose, at, cov)
-        # the pose of the last step with sightings; motions have moved it since
-        gx, gy = pose[1] - forest.pose[1], forest.pose[0] - pose[0]
-        cov[-3, :-3] += gx * cov[-1, :-3]
-        cov[-2, :-3] += gy * cov[-1, :-3]
-        cov[:-3, -3:] = cov[-3:, :-3].T
-        cov[-3:, -3:] = forest.cov
-        return forest.pose.copy(), at, cov
+        forest, n, variable = self._forest, len(landmarks), self._variable
+        variables = np.array([variable[landmark] for landmark in landmarks], np.int64)
+        at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        joint(forest.g.address, variables, forest.pose, forest.cov, at, cov)
+        return forest.pose, at, cov
 
     def _due(self) -> bool:
         """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""
