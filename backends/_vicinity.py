@@ -22,16 +22,13 @@ BEFORE, POSE, STATE = 15, 18, 21
 """Entries of the odometer.
 
 Its pose; sums over all motions: of the variance of their places, m^2, and of the variance v of their turns, rad^2, of
-v x, v y and v (x^2 + y^2) for a turn at (x, y); the standard deviations of the last pose asked for, m and rad, the
-sums then, its pose then, and that of the robot. A heading that is off by a turn at o puts what is at p off by the turn times |p - o|, so that these sums give
-the variance of all turns at any place.
+v x, v y and v (x^2 + y^2) for a turn at (x, y); the standard deviations of the last pose asked for, m and rad; the sums
+then, its own pose then, and that of the robot. A heading that is off by a turn at o puts what is at p off by the turn
+times |p - o|, so that these sums give the variance of all turns at any place.
 """
 
 SUMS = 5
 """Number of these sums."""
-
-SURE = 1.5
-"""Factor on the gate for a landmark as the robot saw it."""
 
 JUMP, LITTLE = 3.0, 0.3
 """Standard deviations of the motions since the last question, and of a sighting, by which the pose has moved otherwise.
@@ -97,8 +94,10 @@ def choose(
     """Fills the `rows` of the places at `address` that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
     Returns their number. `pose` is the last one, before the motion, P its covariance, which is not used if the odometer
-    `follows` every motion. A landmark that has been corrected since it was asked for has moved by a normal vector of
-    the covariance it has lost: the sum of that and of an error within the gate is within twice the gate.
+    `follows` every motion. A landmark that has been corrected since it was asked for has moved in the world by a normal
+    vector of the covariance it has lost: the sum of that and of an error within the gate is within twice the gate. From
+    the robot, a sighting and what is remembered differ by a normal vector of the covariance of both: that of its own
+    landmark is beyond the gate as rarely as it is beyond that of now.
     """
     g = places_at(address)
     if follows and jumped(g.odometer, pose, R):
@@ -120,7 +119,7 @@ def choose(
         reach = furthest + wide * (pose_sd + g.sd[a])
         if dx * dx + dy * dy > reach * reach:
             continue
-        if follows and not may_be_where_it_was(o, g.off[a], g.apart[a], g.since[a], z, R, SURE * gate):
+        if follows and not may_be_where_it_was(o, g.off[a], g.apart[a], g.since[a], z, R, gate):
             continue
         if may_be_seen(x, pose_sd, heading_sd, g.xy[a, 0], g.xy[a, 1], g.sd[a], z, R, twice):
             rows[n] = a

@@ -10,7 +10,7 @@ import dataclasses
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
@@ -77,6 +77,7 @@ def measure(process: Process) -> list[Row]:
     """Measures a backend at one size; one that fails has a row with the reason."""
     (subject,), (landmarks,), extent = process.subjects, process.sizes, process.extent
     here = world(landmarks, extent.steps, extent.sightings, extent.seed, scattered=extent.scattered)
+    subject = subject._replace(options=_of_one_form(subject.options, landmarks))
     hidden = subject._replace(options=dataclasses.replace(subject.options, association=RULE))
     drives = [here.drive, without_ids(here.drive)]
     try:
@@ -145,6 +146,16 @@ def _table(rows: Sequence[Row], extent: Extent) -> Table:
             plain(row.name), f"{row.landmarks:,}", f"{row.found.steps:,}", *figures, f"{100 * row.share:.1f} %"
         )
     return table
+
+
+def _of_one_form(options: Any, landmarks: int) -> Any:
+    """Returns the options with which a landmark that is mapped twice does not have the filter compressed.
+
+    Else a map at the threshold would compare two forms of the filter; with ids, the form is that of these options.
+    """
+    if landmarks > getattr(options, "compress_above", 0):
+        return options
+    return dataclasses.replace(options, compress_above=max(options.compress_above, 2 * landmarks))
 
 
 def _subject(variant: BackendVariant) -> Subject:
