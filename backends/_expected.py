@@ -172,9 +172,9 @@ def jointly(
             m += 1
     cov = joint[: 4 * m * m].reshape((2 * m, 2 * m))
     for p in range(m):
-        a = 2 * index[p]
+        a = 2 * int(index[p])
         for q in range(p + 1):
-            b = 2 * index[q]
+            b = 2 * int(index[q])
             l01 = L[a + 1, b] if p == q else L[a, b + 1]
             cross_block(
                 H[p], T[p], C[:, b : b + 2], L[a, b], l01, L[a + 1, b], L[a + 1, b + 1], H[q], 2 * p, 2 * q, cov

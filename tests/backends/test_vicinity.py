@@ -9,6 +9,7 @@ from driven import make
 from slamduel.backends import _vicinity
 from slamduel.backends._vicinity import NOISE, STATE, SUMS
 from slamduel.backends.answers import answer, as_expected, fills
+from slamduel.backends.api import Expected
 from slamduel.backends.gaussian.ekf import Ekf
 from slamduel.backends.vicinity import Vicinity
 from slamduel.bench.speed.world import world
@@ -41,7 +42,7 @@ def test_a_landmark_is_remembered_as_the_robot_saw_it() -> None:
     rng = np.random.default_rng(5)
     pose, at, A = np.array([3.0, -1.0, 0.7]), rng.uniform(-5, 5, (4, 2)), rng.standard_normal((11, 11))
     joint = 0.01 * A @ A.T
-    vicinity = Vicinity(follows=True)
+    vicinity: Any = Vicinity(follows=True)
     vicinity.move(Odometry(np.array([2.0, 1.0, 0.4]), np.diag(SD**2)))
     vicinity.expect_into(
         pose, None, None, RangeBearing(np.zeros(1, np.int64), np.array([[2.0, 0.0]]), np.eye(2)[None]), 10.0,
@@ -103,8 +104,8 @@ def test_an_answer_grows_and_is_the_same_as_what_is_expected() -> None:
 
 def test_a_subclass_that_expects_otherwise_is_asked_in_its_own_way() -> None:
     class Other(Ekf):
-        def expected(self, *given: Any) -> Any:
-            return super().expected(*given)
+        def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+            return super().expected(odometry, seen, gate)
 
     assert fills(object.__new__(Ekf))
     assert not fills(object.__new__(Other))
