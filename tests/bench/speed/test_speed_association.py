@@ -9,7 +9,7 @@ import pytest
 from slamduel.backends import registry
 from slamduel.bench.cli import main
 from slamduel.bench.speed import process
-from slamduel.bench.speed.association import AT, COLUMNS, Row, of_one_form, as_csv, expectations, measure
+from slamduel.bench.speed.association import AT, COLUMNS, Row, as_csv, expectations, measure, of_one_form
 from slamduel.bench.speed.process import Extent, Process, Subject
 from slamduel.bench.speed.timing import Timing
 from slamduel.bench.speed.world import without_ids, world
