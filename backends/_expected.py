@@ -6,10 +6,13 @@ import numpy as np
 
 from ..frontend.compiled import compiled
 from ..frontend.se2 import Array, Ints
-from ._models import moved, sighted, wrap
+from ._models import moved, wrap
 
 LEAST_RANGE = 1e-6
 """m; a landmark that is closer to the robot has no bearing, and is not expected."""
+
+ROUNDING = 1.0 + 1e-9
+"""Factor on a bound that is compared with a gate, for rounding errors."""
 
 
 @compiled
@@ -67,6 +70,78 @@ def distance(dr: float, db: float, a: float, b: float, c: float) -> float:
 
 
 @compiled
+def within(
+    pose: Array,
+    P: Array,
+    x: float,
+    y: float,
+    C: Array,
+    L: Array,
+    z: Array,
+    R: Array,
+    gate: float,
+    dx: float,
+    dy: float,
+    h: Array,
+    t: Array,
+    expected: Array,
+) -> bool:
+    """Tells if one of the sightings z (k, 2), R (k, 2, 2) is within `gate` of a landmark at (x, y).
+
+    P (3, 3), C (3, 2) and L (2, 2), of which the lower triangle is read, are the covariances of the pose, of it with
+    the landmark, and the landmark's own; `dx` and `dy` are its offset from the pose where the model is linearised.
+    Fills its Jacobian h (2, 2) by the landmark, the rows t (2, 3) of H times the columns of the pose, and `expected`
+    (2,), range and bearing: ArUco EKF SLAM, eqs (13) and (15).
+    """
+    q = dx * dx + dy * dy
+    if not q > LEAST_RANGE * LEAST_RANGE:
+        return False
+    r = sqrt(q)
+    h[0, 0], h[0, 1], h[1, 0], h[1, 1] = dx / r, dy / r, -dy / q, dx / q
+    for i in range(2):
+        turn = -1.0 if i == 1 else 0.0
+        for j in range(3):
+            t[i, j] = h[i, 0] * (C[j, 0] - P[0, j]) + h[i, 1] * (C[j, 1] - P[1, j]) + turn * P[2, j]
+    u00 = h[0, 0] * (L[0, 0] - C[0, 0]) + h[0, 1] * (L[1, 0] - C[1, 0])
+    u01 = h[0, 0] * (L[1, 0] - C[0, 1]) + h[0, 1] * (L[1, 1] - C[1, 1])
+    s00 = h[0, 0] * (u00 - t[0, 0]) + h[0, 1] * (u01 - t[0, 1])
+    ox, oy = x - pose[0], y - pose[1]
+    er, known, eb, s10, s11 = sqrt(ox * ox + oy * oy), False, 0.0, 0.0, 0.0
+    for i in range(len(z)):
+        off, least = z[i, 0] - er, s00 + R[i, 0, 0]
+        if least > 0.0 and off * off > gate * least * ROUNDING:
+            continue  # the range alone is beyond
+        if not known:
+            known, eb = True, wrap(atan2(oy, ox) - pose[2])
+            u10 = h[1, 0] * (L[0, 0] - C[0, 0]) + h[1, 1] * (L[1, 0] - C[1, 0]) - C[2, 0]
+            u11 = h[1, 0] * (L[1, 0] - C[0, 1]) + h[1, 1] * (L[1, 1] - C[1, 1]) - C[2, 1]
+            s10 = h[0, 0] * (u10 - t[1, 0]) + h[0, 1] * (u11 - t[1, 1])
+            s11 = h[1, 0] * (u10 - t[1, 0]) + h[1, 1] * (u11 - t[1, 1]) - t[1, 2]
+        if distance(off, wrap(z[i, 1] - eb), least, s10 + R[i, 1, 0], s11 + R[i, 1, 1]) < gate:
+            expected[0], expected[1] = er, eb
+            return True
+    return False
+
+
+@compiled
+def cross_block(
+    h: Array, t: Array, C: Array, l00: float, l01: float, l10: float, l11: float, g: Array, i: int, j: int, cov: Array
+) -> None:
+    """Covariance of the expected sightings of two landmarks, at entries i and j of `cov` and transposed.
+
+    h (2, 2) and t (2, 3) of the first, g (2, 2) of the second, as `within` has them; C (3, 2) is the covariance of the
+    pose with the second, [l00, l01; l10, l11] that of the two.
+    """
+    for a in range(2):
+        turn = -1.0 if a == 1 else 0.0
+        x = h[a, 0] * (l00 - C[0, 0]) + h[a, 1] * (l10 - C[1, 0]) + turn * C[2, 0] - t[a, 0]
+        y = h[a, 0] * (l01 - C[0, 1]) + h[a, 1] * (l11 - C[1, 1]) + turn * C[2, 1] - t[a, 1]
+        first, second = g[0, 0] * x + g[0, 1] * y, g[1, 0] * x + g[1, 1] * y - t[a, 2]
+        cov[i + a, j], cov[j, i + a] = first, first
+        cov[i + a, j + 1], cov[j + 1, i + a] = second, second
+
+
+@compiled
 def jointly(
     pose: Array,
     P: Array,
@@ -76,81 +151,35 @@ def jointly(
     z: Array,
     R: Array,
     gate: float,
-    pose_point: Array,
-    points: Array,
-) -> tuple[Ints, Array, Array]:
+    index: Ints,
+    expected: Array,
+    joint: Array,
+) -> int:
     """Expected sightings of those of c landmarks that are within `gate` of one of the sightings z (k, 2), R (k, 2, 2).
 
-    `pose` (3,) and `at` (c, 2) are the means, P (3, 3) the pose's covariance, C (3, 2c) that with the landmarks, L
-    (2c, 2c) theirs, of which only blocks on and below the diagonal are read; the models are linearised at `pose_point`
-    and `points`. Returns their indices (m,), range and bearing (m, 2), and the joint covariance of those (2m, 2m)
-    without the noise of the sensor: ArUco EKF SLAM, eqs (13) and (15), H P H'.
+    `pose` (3,) and `at` (c, 2) are the means, where the models are linearised, P (3, 3) the pose's covariance, C
+    (3, 2c) that with the landmarks, L (2c, 2c) theirs, of which only blocks on and below the diagonal are read. Returns
+    their number m and fills, from the front, their indices (c,), range and bearing (c, 2), and with 4m^2 numbers the
+    joint covariance (2m, 2m) of those without the noise of the sensor: ArUco EKF SLAM, H P H'.
     """
     c = len(at)
-    index, expected = np.empty(c, np.int64), np.empty((c, 2))
-    T, U, H = np.empty((c, 2, 3)), np.empty((c, 2, 2)), np.empty((c, 2, 2))
-    m = 0
+    T, H, m = np.empty((c, 2, 3)), np.empty((c, 2, 2)), 0
     for a in range(c):
-        dx, dy = points[a, 0] - pose_point[0], points[a, 1] - pose_point[1]
-        q = dx * dx + dy * dy
-        if not q > LEAST_RANGE * LEAST_RANGE:
-            continue
-        r = sqrt(q)
-        h, t, u = H[m], T[m], U[m]
-        h[0, 0], h[0, 1], h[1, 0], h[1, 1] = dx / r, dy / r, -dy / q, dx / q
-        for i in range(2):  # rows of H times the columns of the pose, and of the landmark itself
-            turn = -1.0 if i == 1 else 0.0
-            for j in range(3):
-                t[i, j] = h[i, 0] * (C[j, 2 * a] - P[0, j]) + h[i, 1] * (C[j, 2 * a + 1] - P[1, j]) + turn * P[2, j]
-        own = 2 * a
-        for i in range(2):
-            turn = -1.0 if i == 1 else 0.0
-            for j in range(2):
-                first = L[own, own] if j == 0 else L[own + 1, own]
-                second = L[own + 1, own + j]
-                u[i, j] = h[i, 0] * (first - C[0, own + j]) + h[i, 1] * (second - C[1, own + j]) + turn * C[2, own + j]
-        s00, s10, s11 = _entry(t, u, h, 0, 0), _entry(t, u, h, 1, 0), _entry(t, u, h, 1, 1)
-        er, eb = sighted(pose[0], pose[1], pose[2], at[a, 0], at[a, 1])
-        for i in range(len(z)):
-            if distance(z[i, 0] - er, wrap(z[i, 1] - eb), s00 + R[i, 0, 0], s10 + R[i, 1, 0], s11 + R[i, 1, 1]) < gate:
-                index[m], expected[m, 0], expected[m, 1] = a, er, eb
-                m += 1
-                break
-    cov = np.empty((2 * m, 2 * m))
+        i, dx, dy = 2 * a, at[a, 0] - pose[0], at[a, 1] - pose[1]
+        own, pair = L[i : i + 2, i : i + 2], C[:, i : i + 2]
+        if within(pose, P, at[a, 0], at[a, 1], pair, own, z, R, gate, dx, dy, H[m], T[m], expected[m]):
+            index[m] = a
+            m += 1
+    cov = joint[: 4 * m * m].reshape((2 * m, 2 * m))
     for p in range(m):
-        a = index[p]
-        h, t, u = H[p], T[p], U[p]
+        a = 2 * int(index[p])
         for q in range(p + 1):
-            b = index[q]
-            for i in range(2):
-                turn = -1.0 if i == 1 else 0.0
-                for j in range(2):
-                    u[i, j] = (
-                        h[i, 0] * (_block(L, a, b, 0, j) - C[0, 2 * b + j])
-                        + h[i, 1] * (_block(L, a, b, 1, j) - C[1, 2 * b + j])
-                        + turn * C[2, 2 * b + j]
-                    )
-            for i in range(2):
-                for j in range(2):
-                    value = _entry(t, u, H[q], i, j)
-                    cov[2 * p + i, 2 * q + j] = value
-                    cov[2 * q + j, 2 * p + i] = value
-    return index[:m].copy(), expected[:m].copy(), cov
-
-
-@compiled
-def _block(L: Array, a: int, b: int, i: int, j: int) -> float:
-    """Entry (i, j) of the block of landmarks a and b, a >= b; of a landmark's own block the lower triangle is read."""
-    if a == b and j > i:
-        return L[2 * a + j, 2 * a + i]
-    return L[2 * a + i, 2 * b + j]
-
-
-@compiled
-def _entry(t: Array, u: Array, h: Array, i: int, j: int) -> float:
-    """Entry (i, j) of (rows of H P by pose and landmark) times the other landmark's H'."""
-    turn = -1.0 if j == 1 else 0.0
-    return h[j, 0] * (u[i, 0] - t[i, 0]) + h[j, 1] * (u[i, 1] - t[i, 1]) + turn * t[i, 2]
+            b = 2 * int(index[q])
+            l01 = L[a + 1, b] if p == q else L[a, b + 1]
+            cross_block(
+                H[p], T[p], C[:, b : b + 2], L[a, b], l01, L[a + 1, b], L[a + 1, b + 1], H[q], 2 * p, 2 * q, cov
+            )  # fmt: skip
+    return m
 
 
 @compiled
@@ -223,13 +252,7 @@ def after_motion(
         for j in range(C.shape[1]):
             D[0, j] += gx * C[2, j]
             D[1, j] += gy * C[2, j]
-    return jointly(x, Q, at, D, L, z, R, gate, x, at)
-
-
-@compiled
-def ahead(pose: Array, P: Array, moves: bool, motion: Array) -> tuple[Array, Array]:
-    """Pose and covariance after a motion, as copies."""
-    x, Q = pose.copy(), P.copy()
-    if moves:
-        carried(x, Q, motion)
-    return x, Q
+    c = len(at)
+    index, expected, joint = np.empty(c, np.int64), np.empty((c, 2)), np.empty(4 * c * c)
+    m = jointly(x, Q, at, D, L, z, R, gate, index, expected, joint)
+    return index[:m].copy(), expected[:m].copy(), joint[: 4 * m * m].copy().reshape((2 * m, 2 * m))

@@ -1,7 +1,6 @@
 """Landmarks by place, for backends that do not keep their covariances at hand: which of them may be in view.
 
-A landmark's standard deviation is remembered from when it was last asked for. It falls as sightings come in, so that
-what is remembered is an upper bound.
+What is remembered of a landmark, and why it is enough, is said in `_vicinity`.
 """
 
 from typing import Protocol
@@ -10,13 +9,21 @@ import numpy as np
 
 from ..frontend.factors import Odometry, Prior, RangeBearing
 from ..frontend.se2 import Array, compose, rotation
-from ._expected import after_motion, ahead, near_ones, spreads
+from . import _vicinity
+from ._answer import Answer
+from ._expected import after_motion, near_ones, spreads
+from ._vicinity import STATE, SUMS, Places
+from .answers import answer, as_expected
 from .api import Diverged, Expected
 from .models import place, sight
 from .newcomers import Newcomers, Sighting
 
 NOTHING = Expected(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 0)))
 """No landmark is expected."""
+
+
+SPACE = 32
+"""Landmarks that there is room for at first."""
 
 
 class Marginals(Protocol):
@@ -28,13 +35,20 @@ class Marginals(Protocol):
 
 
 class Vicinity:
-    """Where landmarks are, about."""
+    """Where landmarks are, about.
 
-    def __init__(self) -> None:
-        self._ids = np.zeros(0, np.int64)
+    With `follows`, `move` is told of every motion, and landmarks are also remembered as seen from the robot.
+    """
+
+    def __init__(self, *, follows: bool = False) -> None:
+        self._follows = follows
+        self._ids, self._asked = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._rows: dict[int, int] = {}
-        self._xy, self._sd = np.zeros((0, 2)), np.zeros(0)
-        self._motion = np.zeros((4, 3))
+        self._count = 0
+        self._places = _places(SPACE)
+        self._answer = answer(SPACE)
+        self._motion, self._no_cov = np.zeros((4, 3)), np.zeros((3, 3))
+        self.used = False
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -42,10 +56,16 @@ class Vicinity:
     def __contains__(self, landmark: int) -> bool:
         return landmark in self._rows
 
+    def move(self, odometry: Odometry | None) -> None:
+        """The robot moves; needed only with `follows`, and once `used`."""
+        if odometry is not None:
+            self._motion[0], self._motion[1:] = odometry
+            _vicinity.move(self._places.address, self._motion)
+
     def expected(
         self,
         pose: Array,
-        cov: Array,
+        cov: Array | None,
         odometry: Odometry | None,
         seen: RangeBearing,
         gate: float,
@@ -54,42 +74,77 @@ class Vicinity:
     ) -> Expected:
         """What `Expects.expected` has to return, for a robot at `pose` with covariance `cov` before the odometry.
 
-        `new` are the landmarks that were added since this was last asked.
+        `new` are the landmarks that were added since this was last asked. With `follows`, `cov` is not needed.
         """
-        motion = self._motion
+        self._answer = self.expect_into(pose, cov, odometry, seen, gate, new, marginals, self._answer)
+        return as_expected(self._answer)
+
+    def expect_into(
+        self,
+        pose: Array,
+        cov: Array | None,
+        odometry: Odometry | None,
+        seen: RangeBearing,
+        gate: float,
+        new: list[int],
+        marginals: Marginals,
+        into: Answer,
+    ) -> Answer:
+        """The same, in compiled arrays: `into`, or another one with more room."""
+        self.used, moves, motion = True, odometry is not None, self._motion
         if odometry is not None:
             motion[0], motion[1:] = odometry
-        z, R = seen.z, seen.cov
-        x, P = ahead(pose, cov, odometry is not None, motion)
-        near = self._ids[near_ones(x, P, self._xy, self._sd, z, R, gate)].tolist()
-        landmarks = near + [landmark for landmark in new if landmark not in self._rows]
-        if not landmarks:
-            return NOTHING
-        here, at, joint = marginals(landmarks)
-        n = 2 * len(landmarks)
-        self._learn(landmarks, at, spreads(joint, len(landmarks)))
-        index, expected, together = after_motion(
-            here, joint[n:, n:].copy(), at, joint[n:, :n].copy(), joint[:n, :n].copy(), odometry is not None, motion,
-            z, R, gate,
+        if new:
+            self._add(new)
+        address = self._places.address
+        n = _vicinity.choose(
+            address, self._count, pose, self._no_cov if cov is None else cov, self._follows, moves, motion,
+            seen.z, seen.cov, gate, self._asked,
         )  # fmt: skip
-        return Expected(np.array(landmarks, np.int64)[index], expected, together)
+        if n > len(into.ids):
+            into = answer(2 * n)
+        if n == 0:
+            into.count[0] = 0
+            return into
+        rows = self._asked[:n]
+        here, at, joint = marginals(self._ids[rows].tolist())
+        _vicinity.expect(
+            address, rows, self._ids, here, at, joint, moves, motion, seen.z, seen.cov, gate, into.address
+        )  # fmt: skip
+        return into
 
     def forget(self, landmark: int) -> None:
         """Leaves a landmark out."""
         row = self._rows.pop(landmark, None)
         if row is not None:
-            self._sd[row] = np.nan  # in no comparison
+            self._places.sd[row] = np.nan  # in no comparison
 
-    def _learn(self, landmarks: list[int], at: Array, sd: Array) -> None:
-        """Takes places and standard deviations as they are now."""
-        new = [landmark for landmark in landmarks if landmark not in self._rows]
-        if new:
-            self._rows |= {landmark: len(self._ids) + k for k, landmark in enumerate(new)}
-            self._ids = np.concatenate((self._ids, np.array(new, np.int64)))
-            self._xy = np.concatenate((self._xy, np.zeros((len(new), 2))))
-            self._sd = np.concatenate((self._sd, np.zeros(len(new))))
-        rows = [self._rows[landmark] for landmark in landmarks]
-        self._xy[rows], self._sd[rows] = at, sd
+    def _add(self, new: list[int]) -> None:
+        """Makes room for landmarks; they are asked for next."""
+        new = [landmark for landmark in new if landmark not in self._rows]
+        first, self._count = self._count, self._count + len(new)
+        if self._count > len(self._ids):
+            more = max(SPACE, 2 * self._count)
+            before, self._places = self._places, _places(more)
+            for name in ("xy", "sd", "off", "apart", "since"):
+                getattr(self._places, name)[:first] = getattr(before, name)[:first]
+            self._places.odometer[:] = before.odometer
+            self._ids, self._asked = np.resize(self._ids, more), np.zeros(more, np.int64)
+        self._ids[first : self._count] = new
+        self._rows |= {landmark: first + k for k, landmark in enumerate(new)}
+
+
+def _places(landmarks: int) -> Places:
+    """Room for that many, nothing being known of them."""
+    n = landmarks
+    return Places(
+        xy=np.zeros((n, 2)),
+        sd=np.full(n, np.inf),
+        off=np.zeros((n, 2)),
+        apart=np.full(n, np.inf),
+        since=np.zeros((n, SUMS)),
+        odometer=np.zeros(STATE),
+    )
 
 
 def first_expected(prior: Prior, seen: RangeBearing, gate: float) -> Expected:

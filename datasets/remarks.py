@@ -5,7 +5,7 @@ found in the log itself: wrong units, columns that count something else, jumps a
 verdict; it states the finding, and what was expected or a possible cause.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +28,7 @@ FEW = 10  # rows below which nothing is odd
 OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
 # median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
+KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
 
 
@@ -51,6 +52,7 @@ def refuse(name: str, found: Sequence[str]) -> None:
 
 def _remarks(log: Log) -> Iterator[str]:
     yield from _prior(log)
+    yield from _kidnapped(log)
     yield from _times(log)
     yield from _sizes(log)
     yield from _motions(log)
@@ -61,6 +63,14 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _sightings(log)
     yield from _landmarks(log)
     yield from _units(log)
+
+
+def _kidnapped(log: Log) -> Iterator[str]:
+    """Of a simulated world's option: no odometry says so, and one backend may find it out and another not."""
+    faults = log.notes.get("faults")
+    step = faults.get(KIDNAPPED) if isinstance(faults, Mapping) else None
+    if step is not None:
+        yield f"the robot is put elsewhere before step {step} (kidnap), which its odometry does not say"
 
 
 def _prior(log: Log) -> Iterator[str]:

@@ -23,11 +23,13 @@ def option(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] | None = None,
+    beside: str | None = None,
 ) -> Any:
     """Declares an option as a dataclass field with its help text `summary` (with its unit) and range or choices.
 
     `minimum` and `maximum` are inclusive. The field's annotation determines its parser: int, float, bool or str, or one
-    of these `| None`, where None stands for "not given".
+    of these `| None`, where None stands for "not given". A dataset's option has no effect without that
+    named `beside`, and is refused where the other one is not given.
     """
-    metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices}
+    metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices, "beside": beside}
     return field(default=default, metadata=metadata)

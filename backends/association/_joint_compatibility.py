@@ -43,8 +43,9 @@ def search(
     together below gates[m]. After `most` nodes the best one so far is taken.
     """
     k, c = d2.shape
-    count, order = np.zeros(k, np.int64), np.empty(k, np.int64)
-    m = 0
+    rows, m = np.zeros((7, k + 1), np.int64), 0  # in one array: allocating takes as long as a node of the search
+    count, order, chosen, tried = rows[0], rows[1], rows[2], rows[3]
+    pairs, sighting, landmark = rows[4], rows[5], rows[6]
     for i in range(k):
         pair[i] = -1
         for a in range(c):
@@ -70,10 +71,10 @@ def search(
                     q -= 1
                 candidates[p, q] = a
                 n += 1
-    chosen, tried = np.full(m, -1, np.int64), np.zeros(m + 1, np.int64)
-    pairs, total = np.zeros(m + 1, np.int64), np.zeros(m + 1)
-    L, w = np.empty((2 * m, 2 * m)), np.empty(2 * m)
-    sighting, landmark = np.empty(m, np.int64), np.empty(m, np.int64)
+    chosen[:m] = -1
+    L = np.empty((2 * m + 2, 2 * m + 2))
+    w, total = L[2 * m], L[2 * m + 1]
+    total[0] = 0.0
     taken = np.zeros((c, k), np.bool_)
     best_pairs, best, nodes, p = 0, np.inf, 0, 0
     while p >= 0:

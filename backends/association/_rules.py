@@ -7,7 +7,9 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.factors import UNKNOWN
 from ...frontend.se2 import Array, Ints
-from .._expected import distance
+from .._answer import answer_at
+from .._arrays import Arrays, Integers, Numbers, at
+from .._expected import ROUNDING, distance
 from .._models import wrap
 from ._assignment import cheapest, nearest
 from ._joint_compatibility import search
@@ -45,14 +47,18 @@ def decide(
     """
     k, c = len(z), len(expected)
     of = without_gaps(of)
-    d2, pair = np.empty((k, c)), np.full(k, NEW)
+    d2, pair, widest = np.empty((k, c)), np.full(k, NEW), ROUNDING * max(match, far, alone)
     spread = np.empty((k, c)) if rule == CHEAPEST else d2
     for i in range(k):
         for a in range(c):
             s00 = cov[2 * a, 2 * a] + noise[2 * i, 2 * i]
             s10 = cov[2 * a + 1, 2 * a] + noise[2 * i + 1, 2 * i]
             s11 = cov[2 * a + 1, 2 * a + 1] + noise[2 * i + 1, 2 * i + 1]
-            d2[i, a] = distance(z[i, 0] - expected[a, 0], wrap(z[i, 1] - expected[a, 1]), s00, s10, s11)
+            off = z[i, 0] - expected[a, 0]
+            if s00 > 0.0 and off * off > widest * s00:  # by the range alone
+                d2[i, a] = np.inf
+                continue
+            d2[i, a] = distance(off, wrap(z[i, 1] - expected[a, 1]), s00, s10, s11)
             if rule == CHEAPEST and d2[i, a] < match:
                 spread[i, a] = log(s00 * s11 - s10 * s10)
     tried = k * c
@@ -172,19 +178,48 @@ def name_frame(
     far: float,
     most: int,
     first: int,
-) -> tuple[Ints, int, int]:
-    """`decide_frame` as ids (k,): those `ids` (c,) of the landmarks; `first`, `first - 1`, ... of new ones.
+    named: Ints,
+) -> tuple[int, int]:
+    """`decide_frame` as ids, `named` (k,): those `ids` (c,) of the landmarks; `first`, `first - 1`, ... of new ones.
 
-    Returns the number of new ones, too, and the pairs or nodes tried.
+    Returns the number of new ones, and the pairs or nodes tried.
     """
-    named, tried = decide_frame(rule, z, R, expected, cov, match, gates, far, most)
+    pair, tried = decide_frame(rule, z, R, expected, cov, match, gates, far, most)
     new = 0
-    for i in range(len(named)):
-        if named[i] >= 0:
-            named[i] = ids[named[i]]
-        elif named[i] == NEW:
+    for i in range(len(pair)):
+        if pair[i] >= 0:
+            named[i] = ids[pair[i]]
+        elif pair[i] == NEW:
             named[i] = first - new
             new += 1
         else:
             named[i] = UNKNOWN
-    return named, new, tried
+    return new, tried
+
+
+class Rule(Arrays):
+    """How to decide."""
+
+    numbers: Integers  # (2,) the rule, and the most nodes of a search
+    gates: Numbers  # (n,) joint gates by the number of pairs; then `match` and `far`, which are last
+
+
+rule_at = at(Rule)
+"""The rule at an address."""
+
+
+def rule_of(rule: int, match: float, gates: Array, far: float, most: int) -> Rule:
+    """The arrays of these; see `decide`."""
+    return Rule(numbers=np.array((rule, most)), gates=np.append(gates, (match, far)))
+
+
+@compiled
+def name_by(rule: int, found: int, z: Array, R: Array, first: int, named: Ints) -> tuple[int, int]:
+    """`name_frame` by the `Rule` and the `Answer` at these addresses."""
+    r, g = rule_at(rule), answer_at(found)
+    n, last = g.count[0], len(r.gates) - 2
+    cov = g.cov[: 4 * n * n].reshape((2 * n, 2 * n))
+    return name_frame(
+        r.numbers[0], z, R, g.ids[:n], g.z[:n], cov, r.gates[last], r.gates[:last], r.gates[last + 1], r.numbers[1],
+        first, named,
+    )  # fmt: skip

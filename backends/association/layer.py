@@ -15,11 +15,12 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.se2 import Array, Ints, compose
 from .._expected import carried
+from ..answers import answer, fills
 from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from ..locating.locate import locate
 from ..locating.virtual import virtual
 from ._line import agreeing, polar
-from ._rules import NEW, decide, decide_frame, name_frame
+from ._rules import NEW, Rule, decide, decide_frame, name_by, name_frame, rule_of
 from .options import RULES
 from .quantiles import gates, quantile
 
@@ -28,6 +29,9 @@ FIRST = -2
 
 LARGEST = 64
 """Pairs that a joint gate is tabulated for at first."""
+
+ROOM = 16
+"""Expected landmarks that there is room for at first."""
 
 LONGEST = 100
 """Steps in line at most."""
@@ -50,8 +54,10 @@ class Associating:
         self._options, self._rule = options, RULES.index(options.association)
         self._match, self._far = quantile(options.match, 1), quantile(options.new, 1)
         self._gates = gates(options.joint, LARGEST)
+        self._by = self._rule_by(self._gates)
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire
+        self._into, self._answer = fills(inner), answer(ROOM)
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
         given = () if prior.map is None else prior.map.ids.tolist()
@@ -139,43 +145,50 @@ class Associating:
         named: list[int] = ids.tolist()
         if self._made:  # a known id may be of a landmark that was there without one
             named = [self._made.get(name, name) for name in named]
-        open_ = self._open(named)
         start = time.process_time_ns() if self.timed else 0
         found = self._named_at_once(step) if self._plain and 0 < len(named) == named.count(UNKNOWN) else None
+        decided = found is not None
         if found is not None:
             named = found.tolist()
         else:
+            open_ = self._open(named)
             if open_:
                 self.tried[-1] += self._name(step, named, open_)
+                decided = True
             found = np.array(named, np.int64)
-        if open_ or self._made:
+        if decided or self._made:
             sightings = RangeBearing(found, z, cov)
             if UNKNOWN in named:
                 used = found != UNKNOWN
                 sightings = RangeBearing(found[used], z[used], cov[used])
             step = Step(step.t, step.odometry, sightings, step.loops)
         self._now = found
-        if self.timed and open_:
+        if self.timed and decided:
             self.ns[-1] += time.process_time_ns() - start
         self._sure += named
         self._pose = self._inner.step(step)
 
     def _named_at_once(self, step: Step) -> Ints | None:
-        """The ids of a step whose sightings have none, as `_name` finds them, in one compiled call.
+        """The ids of a step whose sightings have none, as `_name` finds them, by as few calls as there can be.
 
         None where a rescue is to be tried.
         """
-        seen = step.sightings
-        expected = self._inner.expected(step.odometry, seen, self._far)
-        found, new, tried = name_frame(
-            self._rule, seen.z, seen.cov, expected.ids, expected.z, expected.cov, self._match,
-            self._gates_for(len(seen.z)), self._far, self._options.nodes, self._next,
-        )  # fmt: skip
-        if self._options.rescue and new >= max(FEW_NEW, len(found) / 2):
+        options, (ids, z, cov) = self._options, step.sightings
+        named, gates = np.empty_like(ids), self._gates_for(len(ids))
+        if self._into:
+            self._answer = answered = self._inner.expect_into(step.odometry, step.sightings, self._far, self._answer)
+            new, tried = name_by(self._by.address, answered.address, z, cov, self._next, named)
+        else:
+            expected = self._inner.expected(step.odometry, step.sightings, self._far)
+            new, tried = name_frame(
+                self._rule, z, cov, expected.ids, expected.z, expected.cov, self._match, gates, self._far,
+                options.nodes, self._next, named,
+            )  # fmt: skip
+        if new and options.rescue and new >= max(FEW_NEW, len(named) / 2):
             return None
         self._next -= new
         self.tried[-1] += tried
-        return found
+        return named
 
     def _open(self, named: list[int]) -> list[int]:
         """The sightings to be decided on: those without an id, and those with one that comes up after made-up ones."""
@@ -340,7 +353,12 @@ class Associating:
         """Joint gates of up to that many pairs."""
         if pairs >= len(self._gates):
             self._gates = gates(self._options.joint, 2 * pairs)
+            self._by = self._rule_by(self._gates)
         return self._gates
+
+    def _rule_by(self, joint: Array) -> Rule:
+        """The rule with these joint gates, for compiled code."""
+        return rule_of(self._rule, self._match, joint, self._far, self._options.nodes)
 
     def _translated(self, ids: list[int]) -> Ints:
         """Ids as they are known now: of a made-up one whose landmark has got a known one, that."""

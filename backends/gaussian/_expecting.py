@@ -6,9 +6,11 @@ import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from .._expected import jointly, may_be_seen, near_ones, spread, spread_on
+from .._answer import answer_at
+from .._expected import ROUNDING, cross_block, near_ones, spread, spread_on, within
 from .._models import moved
 from ._ekf import ODOMETRY, POSE
+from ._joint_arrays import belief_at
 from ._triangle import row
 
 
@@ -69,12 +71,8 @@ def around(
 
 @compiled
 def expect(
-    mean: Array,
-    points: Array,
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    agreed: Ints,
+    address: int,
+    ids: Ints,
     pairs: int,
     moves: bool,
     motion: Array,
@@ -82,51 +80,58 @@ def expect(
     z: Array,
     R: Array,
     gate: float,
-) -> tuple[Ints, Array, Array]:
+    into: int,
+) -> bool:
     """Expected sightings, after the `motion`, of landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
-    Pairs that `agreed` marks as of kept poses are passed over. Returns indices (m,), range and bearing (m, 2), and
-    joint covariance (2m, 2m): see `_expected.jointly`.
+    The belief is that of `JointArrays` at `address`; `ids` (pairs,) are its landmarks, and pairs that it marks as of
+    kept poses are passed over. Fills the `Answer` at `into`; False if it has no room for them. A landmark far away is
+    passed over by the bound of its deviation alone, which is as it was when the landmark was last near.
     """
-    x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
+    g, out = belief_at(address), answer_at(into)
+    mean, cross, flat, agreed, bound = g.mean, g.cross, g.flat, g.agreed, g.bound
+    x, point, P = mean[:3].copy(), g.points[:3].copy(), g.pose.copy()
     gx, gy = predicted(x, point, P, motion, where) if moves else (0.0, 0.0)
-    pose_sd, heading_sd = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(P[2, 2])
-    near, m, furthest = np.empty(pairs, np.int64), 0, 0.0
+    pose_sd, furthest, wide = spread(P[0, 0], P[1, 0], P[1, 1]), 0.0, sqrt(gate * ROUNDING)
     for i in range(len(z)):
-        furthest = max(furthest, z[i, 0] + sqrt(gate * R[i, 0, 0]) + sqrt(gate) * pose_sd)
+        furthest = max(furthest, z[i, 0] + wide * sqrt(R[i, 0, 0]))
+    room, m = len(out.ids), 0
+    near, C, own = np.empty(room, np.int64), np.empty((room + 1, 3, 2)), np.empty((2, 2))
+    H, T = np.empty((room + 1, 2, 2)), np.empty((room + 1, 2, 3))
+    points, spot = (mean, x) if where == ODOMETRY else (g.points, point)  # with dead reckoning, of headings alone
     for a in range(pairs):
         i = 2 * a
-        if agreed[a] == POSE:
+        dx, dy = mean[3 + i] - x[0], mean[4 + i] - x[1]
+        away, reach = dx * dx + dy * dy, furthest + wide * (pose_sd + bound[a])
+        if away > reach * reach or agreed[a] == POSE:
             continue
         upper, lower = row(i), row(i + 1)
-        dx, dy = mean[3 + i] - x[0], mean[4 + i] - x[1]
-        beyond = sqrt(dx * dx + dy * dy) - furthest
-        if beyond > 0.0 and beyond * beyond > gate * (flat[upper + i] + flat[lower + i + 1]):
+        own[0, 0], own[1, 0], own[1, 1] = flat[upper + i], flat[lower + i], flat[lower + i + 1]
+        bound[a] = spread(own[0, 0], own[1, 0], own[1, 1])
+        c = C[m]
+        for h in range(2):
+            c[0, h] = cross[0, i + h] + gx * cross[2, i + h]
+            c[1, h] = cross[1, i + h] + gy * cross[2, i + h]
+            c[2, h] = cross[2, i + h]
+        apart = own[0, 0] + own[1, 1] + P[0, 0] + P[1, 1] - 2.0 * (c[0, 0] + c[1, 1])  # variance of their offset
+        reach = furthest + wide * sqrt(max(0.0, apart))
+        if away > reach * reach:
             continue
-        sd = spread(flat[upper + i], flat[lower + i], flat[lower + i + 1])
-        if may_be_seen(x, pose_sd, heading_sd, mean[3 + i], mean[4 + i], sd, z, R, gate):
+        dx, dy = points[3 + i] - spot[0], points[4 + i] - spot[1]
+        if within(x, P, mean[3 + i], mean[4 + i], c, own, z, R, gate, dx, dy, H[m], T[m], out.z[min(m, room - 1)]):
+            if m == room:
+                return False
             near[m] = a
             m += 1
-    at, spots, C, L = np.empty((m, 2)), np.empty((m, 2)), np.empty((3, 2 * m)), np.empty((2 * m, 2 * m))
+    cov = out.cov[: 4 * m * m].reshape((2 * m, 2 * m))
     for p in range(m):
-        i = 2 * near[p]
-        for h in range(2):
-            at[p, h], spots[p, h] = mean[3 + i + h], points[3 + i + h]
-            C[0, 2 * p + h] = cross[0, i + h] + gx * cross[2, i + h]
-            C[1, 2 * p + h] = cross[1, i + h] + gy * cross[2, i + h]
-            C[2, 2 * p + h] = cross[2, i + h]
-        first, second = row(i), row(i + 1)
+        out.ids[p] = ids[near[p]]
+        upper, lower = row(2 * near[p]), row(2 * near[p] + 1)
         for q in range(p + 1):
             j = 2 * near[q]
-            for g in range(2):
-                if p == q and g == 1:
-                    continue  # above the diagonal
-                L[2 * p, 2 * q + g] = flat[first + j + g]
-            for g in range(2):
-                L[2 * p + 1, 2 * q + g] = flat[second + j + g]
-    if where == ODOMETRY:  # its points are headings alone
-        point, spots = x, at
-    index, expected, cov = jointly(x, P, at, C, L, z, R, gate, point, spots)
-    for p in range(len(index)):
-        index[p] = near[index[p]]
-    return index, expected, cov
+            l01 = flat[lower + j] if p == q else flat[upper + j + 1]  # above the diagonal, nothing is stored
+            cross_block(
+                H[p], T[p], C[q], flat[upper + j], l01, flat[lower + j], flat[lower + j + 1], H[q], 2 * p, 2 * q, cov
+            )  # fmt: skip
+    out.count[0] = m
+    return True

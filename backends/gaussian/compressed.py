@@ -111,7 +111,7 @@ class Active(Joint):
         self._sd[whole.agreed[: whole.pairs] == POSE] = np.nan  # within no distance of a sighting
         self._last_seen = {slot: self._last_seen[slot] for slot in slots}
         _compressed.load(whole.mean, whole.cross, whole.flat, self._members, a, self.mean, self.cross, self.flat)
-        self.agreed[:a] = whole.agreed[slots]
+        self.agreed[:a], self.bound[:] = whole.agreed[slots], np.inf
         self._copy_points(0)
         space = len(self.mean)
         self.transition, self.information, self.pull = np.eye(space), np.zeros((space, space)), np.zeros(space)
@@ -123,7 +123,7 @@ class Active(Joint):
         self.grow(a + 1)
         self._members[a], self._place[slot] = slot, a
         self._copy_points(a)
-        self.agreed[a] = whole.agreed[slot]
+        self.agreed[a], self.bound[a] = whole.agreed[slot], np.inf
         self.transition[3 + 2 * a : 5 + 2 * a] = 0.0  # a new landmark's rows derive from the pose's
         self.transition[:, 3 + 2 * a : 5 + 2 * a] = 0.0
         if not new:

@@ -25,7 +25,9 @@ from scipy.special import chdtri
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
+from .._answer import Answer
 from .._blas import routine
+from ..answers import answer, as_expected
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expecting import expect
@@ -99,6 +101,7 @@ class Ekf:
         self._ids = np.zeros(0, np.int64)  # and the inverse when last asked what is expected; UNKNOWN for kept poses
         self._truth: Truth | None = None
         self._true_pose = np.zeros(3)
+        self._answer = answer(SIGHTINGS)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
         self._slots, self._z, self._z_cov = _frame_of(SIGHTINGS)
         self._nis, self._nis_dof, self._refused, self._left_out = 0.0, 0, 0, 0
@@ -171,23 +174,32 @@ class Ekf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
-        moves, part = odometry is not None, self._whole
-        known = len(self._ids)
+        self._answer = self.expect_into(odometry, seen, gate, self._answer)
+        return as_expected(self._answer)
+
+    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+        """The same, in compiled arrays."""
+        moves, part, ids = odometry is not None, self._whole, self._ids
+        known = len(ids)
         if part.pairs > known:
-            self._ids = np.concatenate((self._ids, np.full(part.pairs - known, UNKNOWN)))
+            self._ids = ids = np.concatenate((ids, np.full(part.pairs - known, UNKNOWN)))
             for landmark, at in takewhile(lambda one: one[1] >= known, reversed(self._slot.items())):
-                self._ids[at] = landmark
+                ids[at] = landmark
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
         where = STANDARD if self._where == IDEAL else self._where
         if len(self._slot) > self._options.compress_above:
             part = self._compressed()
             part.bring_near(moves, self._motion, where, seen.z, seen.cov, gate)
-        slots, z, cov = expect(
-            part.mean, part.points, part.pose, part.cross, part.flat, part.agreed, part.pairs,
-            moves, self._motion, where, seen.z, seen.cov, gate,
-        )  # fmt: skip
-        return Expected(self._ids[slots if self._part is None else self._part.members()[slots]], z, cov)
+            ids = ids[part.members()]
+        if self._gate > 0:
+            part.bound.fill(np.inf)  # a landmark may have been started again
+        address = part.address
+        while not expect(
+            address, ids, part.pairs, moves, self._motion, where, seen.z, seen.cov, gate, into.address
+        ):  # fmt: skip
+            into = answer(2 * len(into.ids))
+        return into
 
     def belief(self) -> Belief:
         """The pose's marginal and the NIS of the loop closures, and sightings of known landmarks, that were used."""

@@ -8,6 +8,7 @@ from ...frontend.factors import Map
 from ...frontend.se2 import Array, Ints, wrap
 from . import _triangle
 from ._ekf import OWED
+from ._joint_arrays import JointArrays
 
 SPACE = 64
 """Landmarks the vectors have space for at first, doubled when exhausted. The matrix grows by panels."""
@@ -27,6 +28,7 @@ class Joint:
         self.pose = (cov + cov.T) / 2  # (3, 3), symmetric to the last bit
         self.cross = np.zeros((3, 2 * SPACE))  # covariance of the pose with the map
         self.flat = np.zeros(0)  # covariance of the map: see _triangle
+        self.bound = np.full(SPACE, np.inf)  # m; of a landmark's deviation in any direction, which never grows
         self.predicted = np.zeros(3 + 2 * SPACE)  # scratch
         self.owed_pose, self.owed_map = np.zeros((OWED, 3)), np.zeros((OWED, 2 * SPACE))  # scratch
         self.columns = 0  # of the three that follow, which are for a part of a larger belief: see compressed.py
@@ -35,12 +37,30 @@ class Joint:
         self.mean[:3] = pose
         if fixed_points:
             self.points = self.mean.copy()
+        self._arrays: JointArrays | None = None
+
+    @property
+    def address(self) -> int:
+        """Of the arrays, for compiled code; the next `grow` may change it."""
+        if self._arrays is None:
+            self._arrays = JointArrays(
+                mean=self.mean,
+                points=self.points,
+                pose=self.pose,
+                cross=self.cross,
+                flat=self.flat,
+                agreed=self.agreed,
+                bound=self.bound,
+            )
+        return self._arrays.address
 
     def grow(self, pairs: int) -> None:
         """Reserves space for that many pairs; the new ones' entries are zero."""
         self.pairs = pairs
+        entries, space = len(self.flat), len(self.agreed)
         self.flat = _triangle.grown(self.flat, 2 * pairs)
-        space = len(self.agreed)
+        if len(self.flat) > entries or pairs > space:
+            self._arrays = None
         if pairs <= space:
             return
         more = max(2 * space, pairs) - space
@@ -48,6 +68,7 @@ class Joint:
         self.mean = np.pad(self.mean, (0, 2 * more))
         self.points = np.pad(self.points, (0, 2 * more)) if own_points else self.mean
         self.agreed = np.pad(self.agreed, (0, more))
+        self.bound = np.pad(self.bound, (0, more), constant_values=np.inf)
         self.cross = np.pad(self.cross, ((0, 0), (0, 2 * more)))
         self.predicted = np.zeros(len(self.mean))
         self.owed_map = np.zeros((OWED, 2 * len(self.agreed)))
@@ -88,8 +109,9 @@ class Joint:
     def copy(self) -> "Joint":
         """A copy that shares nothing mutable."""
         other = copy(self)
-        other.mean, other.pose, other.cross, other.flat, other.agreed = (
-            array.copy() for array in (self.mean, self.pose, self.cross, self.flat, self.agreed)
+        other._arrays = None
+        other.mean, other.pose, other.cross, other.flat, other.agreed, other.bound = (
+            array.copy() for array in (self.mean, self.pose, self.cross, self.flat, self.agreed, self.bound)
         )
         other.points = other.mean if self.points is self.mean else self.points.copy()
         return other

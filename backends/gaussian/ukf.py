@@ -26,7 +26,9 @@ import numpy as np
 
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
+from .._answer import Answer
 from .._blas import routine
+from ..answers import answer, as_expected
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
 from . import _ukf
 from ._ekf import STANDARD
@@ -54,6 +56,7 @@ class Ukf:
         self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
         self._known = np.zeros((0, 2))  # landmarks held fixed, m
         self._joint = Joint(prior.pose, prior.cov, fixed_points=False)
+        self._answer = answer(16)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
         self._nis, self._nis_dof = 0.0, 0
         if prior.map is not None:
@@ -80,16 +83,22 @@ class Ukf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief, to first order."""
+        self._answer = self.expect_into(odometry, seen, gate, self._answer)
+        return as_expected(self._answer)
+
+    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+        """The same, in compiled arrays."""
         joint = self._joint
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
-        slots, z, cov = expect(
-            joint.mean, joint.mean, joint.pose, joint.cross, joint.flat, joint.agreed, joint.pairs,
-            odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
-        )  # fmt: skip
         if len(self._ids) < len(self._slot):
             self._ids = np.fromiter(self._slot, np.int64, len(self._slot))
-        return Expected(self._ids[slots], z, cov)
+        while not expect(
+            joint.address, self._ids, joint.pairs, odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
+            into.address,
+        ):  # fmt: skip
+            into = answer(2 * len(into.ids))
+        return into
 
     def belief(self) -> Belief:
         """The pose's marginal and the NIS of the step's sightings of known landmarks."""

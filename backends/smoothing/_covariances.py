@@ -7,14 +7,15 @@ is stored for the children in place of their update matrices, which are lost.
 The joint marginal of the last pose and a few landmarks needs the cliques between them and the root alone. With the
 whole problem's factor R, columns E that select some variables, and Y = R^-T E, their covariance is Y' Y. Rows of Y
 differ from zero only on the way from a variable's own clique up to the root: forward substitution goes up from there,
-each clique handing what is left on its separators to its parent.
+each clique handing what is left on its separators to its parent. The offsets of these variables are Y' d.
 """
 
 import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
-from ._front import places, solve_rows
+from ._cholesky import unsigned
+from ._front import places
 from ._graph import (
     BOUND,
     CHILD,
@@ -221,13 +222,13 @@ def ways(cliques: Ints, first: Ints) -> Ints:
 
 
 @compiled
-def substitute(R: Array, o: int, rows: int, size: int, y: Array, first: int) -> None:
-    """Solves R' y = b in place for y[:rows]; b's other rows (size - rows) are reduced by it. Rows before `first` are 0.
+def substitute(R: Array, o: int, rows: int, size: int, y: Array) -> None:
+    """Solves R' y = b in place for y[:rows]; b's other rows (size - rows) are reduced by it.
 
     R's rows of size + 1 numbers begin at `o`; y is (size, columns).
     """
     columns = y.shape[1]
-    for i in range(first, rows):
+    for i in range(rows):
         b = o + i * (size + 1)
         scale = 1.0 / R[b + i]
         for k in range(columns):
@@ -240,47 +241,84 @@ def substitute(R: Array, o: int, rows: int, size: int, y: Array, first: int) -> 
 
 
 @compiled
-def add_products(y: Array, rows: int, first: int, cov: Array) -> None:
-    """Adds y' y of rows `first` to `rows` to the lower triangle of `cov`."""
+def add_products(y: Array, R: Array, o: int, rows: int, size: int, off: Array, cov: Array) -> None:
+    """Adds y' y of the first `rows` of y (size, columns) to the lower triangle of `cov`, and y' d to `off`.
+
+    d is the last column of R's rows of size + 1 numbers, which begin at `o`.
+    """
     columns = y.shape[1]
-    for i in range(first, rows):
+    for i in range(rows):
+        d = R[o + i * (size + 1) + size]
         for k in range(columns):
             a = y[i, k]
             if a != 0.0:
+                off[k] += a * d
                 for j in range(k + 1):
                     cov[k, j] += a * y[i, j]
 
 
 @compiled
-def joint(address: int, landmarks: Ints, pose: Array, at: Array, cov: Array) -> None:
-    """Estimates of the last pose that is a variable and of n landmark variables, and their joint covariance.
+def substitute_two(R: Array, m: int, y: Array, z: Array, first: int) -> None:
+    """Solves R' y = b and R' z = c in place for y and z (m,), which are zero before `first`.
 
-    Fills pose (3,), at (n, 2) and cov (2n + 3, 2n + 3), the pose last. Changes nothing but scratch.
+    Four rows of R at a time, so that the rest of y and z is read and written once for four.
     """
-    g = graph(address)
-    n, last = len(landmarks), g.state[LAST]
-    columns = 2 * n + 3
-    cov[:] = 0.0
-    outside, apart = np.empty(n, np.int64), 0
+    w, i = m + 1, first
+    while i < m:
+        last = min(i + 4, m)
+        for r in range(i, last):
+            b = r * w
+            for j in range(i, r):
+                y[r] -= y[j] * R[j * w + r]
+                z[r] -= z[j] * R[j * w + r]
+            scale = 1.0 / R[b + r]
+            y[r] *= scale
+            z[r] *= scale
+        if last < m:
+            o = unsigned(i * w)
+            o1, o2, o3 = o + unsigned(w), o + unsigned(2 * w), o + unsigned(3 * w)
+            a0, a1, a2, a3, b0, b1, b2, b3 = y[i], y[i + 1], y[i + 2], y[i + 3], z[i], z[i + 1], z[i + 2], z[i + 3]
+            for j in range(unsigned(last), unsigned(m)):
+                y[j] -= a0 * R[o + j] + a1 * R[o1 + j] + a2 * R[o2 + j] + a3 * R[o3 + j]
+                z[j] -= b0 * R[o + j] + b1 * R[o1 + j] + b2 * R[o2 + j] + b3 * R[o3 + j]
+        i = last
+
+
+@compiled
+def product(y: Array, z: Array, first: int) -> float:
+    """The product of y and z (m,) from `first` on."""
+    s0 = s1 = s2 = s3 = 0.0  # four sums at a time: a single one waits for each addition
+    i, m = first, len(y)
+    while i + 3 < m:
+        s0 += y[i] * z[i]
+        s1 += y[i + 1] * z[i + 1]
+        s2 += y[i + 2] * z[i + 2]
+        s3 += y[i + 3] * z[i + 3]
+        i += 4
+    while i < m:
+        s0 += y[i] * z[i]
+        i += 1
+    return (s0 + s1) + (s2 + s3)
+
+
+@compiled
+def below_root(g: Graph, landmarks: Ints, top: Array, first: Ints, off: Array, cov: Array) -> None:
+    """The part of the cliques below the root in `joint`: adds to `off` (columns,) and `cov`, and fills `top`.
+
+    `top` (columns + 1, m) gets what is left on the root's variables, `first` the first of these for each column.
+    """
+    n, outside, apart = len(landmarks), np.empty(len(landmarks), np.int64), 0
     for t in range(n):
         if g.variables[landmarks[t], SLOT] < 0:
             outside[apart] = g.variables[landmarks[t], CLIQUE]
             apart += 1
-    order = ways(g.cliques, outside[:apart])
+    if apart == 0:
+        return
+    order, columns = ways(g.cliques, outside[:apart]), len(off)
     starts = np.zeros(len(order) + 1, np.int64)
     for p in range(len(order)):
         starts[p + 1] = starts[p] + g.cliques[order[p], SIZE]
-    m = 2 * g.state[ROOT] + 3
-    top, below = np.zeros((m, columns)), np.zeros((starts[len(order)], columns))
-    spots = np.empty(starts[len(order)], np.int64)
-    least = m - 3
-    for t in range(n):
-        slot = g.variables[landmarks[t], SLOT]
-        if slot >= 0:
-            top[2 * slot, 2 * t] = top[2 * slot + 1, 2 * t + 1] = 1.0
-            least = min(least, 2 * slot)
-    for i in range(3):
-        top[m - 3 + i, 2 * n + i] = 1.0
+    below = np.zeros((starts[len(order)], columns))
     for p in range(len(order)):
         c = order[p]
         q = g.cliques[c]
@@ -291,61 +329,73 @@ def joint(address: int, landmarks: Ints, pose: Array, at: Array, cov: Array) -> 
                 if landmarks[k] == g.ints[t]:
                     mine[place, 2 * k] = mine[place + 1, 2 * k + 1] = 1.0
             place += g.variables[g.ints[t], WIDTH]
-        substitute(g.reals, q[FACTOR], q[FRONT], q[SIZE], mine, 0)
-        add_products(mine, q[FRONT], 0, cov)
+        substitute(g.reals, q[FACTOR], q[FRONT], q[SIZE], mine)
+        add_products(mine, g.reals, q[FACTOR], q[FRONT], q[SIZE], off, cov)
         parent = q[PARENT]
-        above, offset = top, 0
         if parent == 0:
             for t in range(g.state[ROOT]):
                 g.variables[g.root[t], PLACE] = 2 * t
-            g.variables[last, PLACE] = m - 3
-        else:
-            place = 0
-            for t in range(g.cliques[parent, LISTED], g.cliques[parent, LISTED] + g.cliques[parent, MEMBERS]):
-                g.variables[g.ints[t], PLACE] = place
-                place += g.variables[g.ints[t], WIDTH]
-            for r in range(p + 1, len(order)):
-                if order[r] == parent:
-                    offset = starts[r]
-            above = below
+            g.variables[g.state[LAST], PLACE] = top.shape[1] - 3
+            for i in range(places(g, c)):
+                spot = g.spots[i]
+                for k in range(columns):
+                    left = mine[q[FRONT] + i, k]
+                    if left != 0.0:
+                        top[k, spot] += left
+                        first[k] = min(first[k], spot)
+            continue
+        place, offset = 0, 0
+        for t in range(g.cliques[parent, LISTED], g.cliques[parent, LISTED] + g.cliques[parent, MEMBERS]):
+            g.variables[g.ints[t], PLACE] = place
+            place += g.variables[g.ints[t], WIDTH]
+        for r in range(p + 1, len(order)):
+            if order[r] == parent:
+                offset = starts[r]
         for i in range(places(g, c)):
-            spot = g.spots[i] + offset
-            spots[starts[p] + q[FRONT] + i] = spot
-            if parent == 0:
-                least = min(least, spot)
             for k in range(columns):
-                above[spot, k] += mine[q[FRONT] + i, k]
-    substitute(g.work, 0, m, m, top, least)
-    add_products(top, m, least, cov)
+                below[g.spots[i] + offset, k] += mine[q[FRONT] + i, k]
+
+
+@compiled
+def joint(address: int, landmarks: Ints, latest: Array, latest_cov: Array, at: Array, cov: Array) -> None:
+    """Estimates of n landmark variables, and their joint covariance with the latest pose.
+
+    Fills `at` (n, 2) and `cov` (2n + 3, 2n + 3), the pose last. `latest` (3,) and its covariance (3, 3) follow from the
+    last pose that is a variable by motions. Changes nothing but scratch.
+    """
+    g = graph(address)
+    n, m, last = len(landmarks), 2 * g.state[ROOT] + 3, g.state[LAST]
+    columns = 2 * n + 3
+    cov[:] = 0.0
+    top, first, off = np.zeros((columns + 1, m)), np.full(columns + 1, m - 3), np.zeros(columns)
+    for t in range(n):
+        slot = g.variables[landmarks[t], SLOT]
+        if slot >= 0:
+            top[2 * t, 2 * slot] = top[2 * t + 1, 2 * slot + 1] = 1.0
+            first[2 * t] = first[2 * t + 1] = 2 * slot
+    for i in range(3):
+        top[2 * n + i, m - 3 + i] = 1.0
+    below_root(g, landmarks, top, first, off, cov)
+    for k in range(0, columns, 2):
+        first[k] = first[k + 1] = min(first[k], first[k + 1])
+        substitute_two(g.work, m, top[k], top[k + 1], first[k])
+    for k in range(columns):
+        for j in range(k + 1):
+            cov[k, j] += product(top[k], top[j], max(first[k], first[j]))
+        for i in range(first[k], m):
+            off[k] += top[k, i] * g.work[i * (m + 1) + m]
+    for t in range(n):
+        for i in range(2):
+            at[t, i] = g.values[landmarks[t], i] + off[2 * t + i]
+    pose = 2 * n
+    gx = g.values[last, 1] + off[pose + 1] - latest[1]
+    gy = latest[0] - g.values[last, 0] - off[pose]
+    for j in range(pose):
+        cov[pose, j] += gx * cov[pose + 2, j]
+        cov[pose + 1, j] += gy * cov[pose + 2, j]
+    for i in range(3):
+        for j in range(i + 1):
+            cov[pose + i, pose + j] = latest_cov[i, j]
     for i in range(columns):
         for j in range(i):
             cov[j, i] = cov[i, j]
-    y = np.empty(m)
-    solve_rows(g.work, 0, m, m, y)
-    for i in range(3):
-        pose[i] = g.values[last, i] + y[m - 3 + i]
-    off = np.empty(starts[len(order)])
-    for p in range(len(order) - 1, -1, -1):
-        q = g.cliques[order[p]]
-        own = off[starts[p] : starts[p + 1]]
-        for i in range(q[FRONT], q[SIZE]):
-            spot = spots[starts[p] + i]
-            own[i] = y[spot] if q[PARENT] == 0 else off[spot]
-        solve_rows(g.reals, q[FACTOR], q[FRONT], q[SIZE], own)
-    for t in range(n):
-        v = landmarks[t]
-        slot = g.variables[v, SLOT]
-        at[t, 0], at[t, 1] = g.values[v, 0], g.values[v, 1]
-        if slot >= 0:
-            at[t, 0] += y[2 * slot]
-            at[t, 1] += y[2 * slot + 1]
-            continue
-        for p in range(len(order)):
-            if order[p] != g.variables[v, CLIQUE]:
-                continue
-            place, start = 0, g.cliques[order[p], LISTED]
-            for s in range(start, start + g.cliques[order[p], FRONTALS]):
-                if g.ints[s] == v:
-                    at[t, 0] += off[starts[p] + place]
-                    at[t, 1] += off[starts[p] + place + 1]
-                place += g.variables[g.ints[s], WIDTH]

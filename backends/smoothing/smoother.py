@@ -17,6 +17,8 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
+from .._answer import Answer
+from ..answers import answer, as_expected, filled
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
@@ -97,7 +99,8 @@ class Smoother:
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
         _log.move(forest.g, self._motion, forest.pose, forest.cov)
         self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
-        self._prior, self._vicinity = prior, Vicinity()
+        self._prior, self._vicinity = prior, Vicinity(follows=True)
+        self._answer = answer(CAP)
         self._given = prior.map is not None and len(prior.map.ids) > 0
         if prior.map is not None:
             self._variable = add_map(forest, prior.map)
@@ -108,6 +111,8 @@ class Smoother:
         looks, closes = len(sightings.ids) > 0, len(step.loops.to) > 0
         if self._robust:
             self._newcomers.move(step.odometry)
+        if self._vicinity.used:
+            self._vicinity.move(step.odometry)
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if looks:
@@ -130,15 +135,21 @@ class Smoother:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
+        self._answer = self.expect_into(odometry, seen, gate, self._answer)
+        return as_expected(self._answer)
+
+    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+        """The same, in compiled arrays."""
         if self._steps == 0:
-            return first_expected(self._prior, seen, gate)
-        new = list(islice(reversed(self._variable), len(self._variable) - len(self._vicinity)))
-        found = self._vicinity.expected(
-            self._forest.pose, self._forest.cov, odometry, seen, gate, new[::-1], self._marginals
-        )
+            return filled(into, first_expected(self._prior, seen, gate))
+        more = len(self._variable) - len(self._vicinity)
+        new = list(islice(reversed(self._variable), more))[::-1] if more else []
+        found = self._vicinity.expect_into(
+            self._forest.pose, None, odometry, seen, gate, new, self._marginals, into
+        )  # fmt: skip
         held = self._newcomers.alone() if self._robust else {}
         if held:
-            found = with_held(found, held, self._newcomers, odometry, self._steps - 1)
+            found = filled(found, with_held(as_expected(found), held, self._newcomers, odometry, self._steps - 1))
         return found
 
     def belief(self) -> Belief:
@@ -173,17 +184,11 @@ class Smoother:
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The latest pose, the landmarks' places and their joint covariance, the pose last."""
-        forest, n = self._forest, len(landmarks)
-        variables = np.array([self._variable[landmark] for landmark in landmarks], np.int64)
-        pose, at, cov = np.empty(3), np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        joint(forest.g.address, variables, pose, at, cov)
-        # the pose of the last step with sightings; motions have moved it since
-        gx, gy = pose[1] - forest.pose[1], forest.pose[0] - pose[0]
-        cov[-3, :-3] += gx * cov[-1, :-3]
-        cov[-2, :-3] += gy * cov[-1, :-3]
-        cov[:-3, -3:] = cov[-3:, :-3].T
-        cov[-3:, -3:] = forest.cov
-        return forest.pose.copy(), at, cov
+        forest, n, variable = self._forest, len(landmarks), self._variable
+        variables = np.array([variable[landmark] for landmark in landmarks], np.int64)
+        at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        joint(forest.g.address, variables, forest.pose, forest.cov, at, cov)
+        return forest.pose, at, cov
 
     def _due(self) -> bool:
         """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""

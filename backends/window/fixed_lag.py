@@ -72,13 +72,15 @@ class FixedLag:
         self._motion = np.zeros((4, 3))
         self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
-        self._prior, self._vicinity = prior, Vicinity()
+        self._prior, self._vicinity = prior, Vicinity(follows=True)
 
     def step(self, step: Step) -> Pose:
         """Drops variables older than the lag, propagates by the motion and adds the sightings."""
         k, ids = self._left + len(self._times), step.sightings.ids.tolist()
         if self._robust:
             self._newcomers.move(step.odometry)
+        if self._vicinity.used:
+            self._vicinity.move(step.odometry)
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if ids:
@@ -113,7 +115,7 @@ class FixedLag:
         if not self._times:
             return first_expected(self._prior, seen, gate)
         new = [landmark for landmark in self._row if landmark not in self._vicinity]
-        found = self._vicinity.expected(self._pose, self._cov, odometry, seen, gate, new, self._marginals)
+        found = self._vicinity.expected(self._pose, None, odometry, seen, gate, new, self._marginals)
         held = self._newcomers.alone() if self._robust else {}
         if held:
             found = with_held(found, held, self._newcomers, odometry, self._left + len(self._times) - 1)

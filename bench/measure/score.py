@@ -139,7 +139,8 @@ def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
     if given is not None and not (np.isin(given.ids, log.ids).any() or (log.ids == UNKNOWN).any()):
         said.append(f"none of the {len(given.ids)} landmarks of the given map is sighted")
     if not outcome.located.any():
-        said.append("the robot was not found on the given map")
+        of = ", which is another world's" if log.notes.get("given map") == "foreign" else ""
+        said.append(f"the robot was not found on the given map{of}: no path, map or time of a fix is judged")
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown and outcome.assigned is None:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")

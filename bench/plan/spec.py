@@ -108,7 +108,9 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
             raise InputError(
                 f"{asker}: there is no dataset {name!r}; {nearest(name, datasets.BUILTIN)} {hint}"
             ) from None
-        found.append(DatasetVariant(name, read_options(source.options, given, f"dataset {name}"), source))
+        options = read_options(source.options, given, f"dataset {name}")
+        _check_beside(source.options, given, f"dataset {name}")
+        found.append(DatasetVariant(name, options, source))
     return _without_repeats(found, asker)
 
 
@@ -145,6 +147,15 @@ def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any
             raise InputError(f"{where}: option {name} is given twice, expected once.")
         values[name] = _read(known[name], typing.get_type_hints(cls)[name], text, where)
     return cls(**values)
+
+
+def _check_beside(cls: type, given: Sequence[tuple[str, str]], where: str) -> None:
+    """Refuses an option that has no effect without another one, which is not given."""
+    names = [name for name, _ in given]
+    for field in fields(cls):
+        beside = field.metadata.get("beside")
+        if beside is not None and field.name in names and beside not in names:
+            raise InputError(f"{where}: option {field.name} has no effect without {beside}, expected both.")
 
 
 def describe(cls: type) -> list[tuple[str, str, str]]:

@@ -11,6 +11,7 @@ from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
+from ..verdict.association import association_sentences
 from ..verdict.consistency import void
 from ..verdict.implementations import sentence
 from ..verdict.ranking import path_errors
@@ -53,6 +54,7 @@ def conclude(console: Console, lines: Sequence[Line], remarks: Mapping[str, Sequ
         console.print(table)
         said = [
             *(_uses(verdict(mine)) if any(line.done for line in mine) else ()),
+            *(("ids", said) for said in association_sentences(mine)),
             *([("costs", programs)] if (programs := sentence(mine)) else []),
             *failures(mine),
             *(("remark", remark) for remark in remarks.get(mine[0].dataset, ())),

@@ -17,6 +17,7 @@ from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints, between, wrap
 from ...frontend.truth_errors import difference, rows_of, sighted_from
+from ..remarks import KIDNAPPED
 from .kidnapping import kidnapped
 from .moving import moved
 from .outliers import swapped
@@ -54,10 +55,15 @@ class Faults:
     jitter: float = option(0.0, "error of the time of a step's sightings, sd in s", minimum=0.0, maximum=60.0)
     moving: float = option(0.0, "share of the landmarks that move", minimum=0.0, maximum=1.0)
     motion: str = option(
-        "velocity", "their motion: at constant speed, or with pauses", choices=("velocity", "stop-and-go")
+        "velocity",
+        "their motion: at constant speed, or with pauses",
+        choices=("velocity", "stop-and-go"),
+        beside="moving",
     )
-    moving_speed: float = option(0.5, "their speed, m/s", minimum=0.0, maximum=50.0)
-    roaming: float = option(2.0, "how far they go in x and in y before they turn back, m", minimum=0.01, maximum=1e4)
+    moving_speed: float = option(0.5, "their speed, m/s", minimum=0.0, maximum=50.0, beside="moving")
+    roaming: float = option(
+        2.0, "how far they go in x and in y before they turn back, m", minimum=0.01, maximum=1e4, beside="moving"
+    )
     kidnap: float = option(0.0, "time at which the robot is put elsewhere on its way, s; 0: never", minimum=0.0)
 
 
@@ -118,7 +124,7 @@ def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> D
         counts["sightings lost"] = int((~kept).sum())
     log, truth = _merged(log, truth, kept, false, faults.clutter_ids)
     if faults.kidnap:
-        log, truth, counts["kidnapped at step"] = kidnapped(log, truth, faults.kidnap, draws.kidnap)
+        log, truth, counts[KIDNAPPED] = kidnapped(log, truth, faults.kidnap, draws.kidnap)
     return Dataset(replace(log, notes={**log.notes, "faults": wanted | counts}), truth)
 
 

@@ -143,8 +143,11 @@ def test_a_robot_on_another_worlds_map_is_not_found_and_that_is_said() -> None:
     builder = replace(find("dead-reckoning"), associates=True)  # so that it is given sightings without ids
     found = drive(builder, builder.options(), strange, lambda: np.random.default_rng(0))
     assert not found.located.any()
-    judged = score(strange, found, truth._replace(t=truth.t[:60], poses=truth.poses[:60]))
-    assert "the robot was not found on the given map" in judged.remark
+    head = truth._replace(t=truth.t[:60], poses=truth.poses[:60])
+    judged = score(strange, found, head)
+    assert "the robot was not found on the given map: no path" in judged.remark
+    told = score(replace(strange, notes={"given map": "foreign"}), found, head)
+    assert "not found on the given map, which is another world's: no path" in told.remark
     assert judged.row["located_share"] == 0
     assert "ate_m" not in judged.row
 

@@ -84,6 +84,15 @@ def test_wrong_names_get_a_sentence(text: str, sentence: str) -> None:
     assert sentence in str(caught.value)
 
 
+@pytest.mark.parametrize("option", ["motion=stop-and-go", "moving_speed=1", "roaming=3"])
+def test_options_of_moving_landmarks_are_refused_where_none_move(option: str) -> None:
+    name = option.partition("=")[0]
+    with pytest.raises(InputError, match=f"dataset circle: option {name} has no effect without moving, expected both"):
+        dataset_variants(f"circle[{option}]")
+    (found,) = dataset_variants(f"circle[{option},moving=0.2]")
+    assert found.options.moving == 0.2
+
+
 def test_wrong_dataset_names_get_a_sentence() -> None:
     with pytest.raises(InputError, match="did you mean 'victoria-park'"):
         dataset_variants("victoria-prak")

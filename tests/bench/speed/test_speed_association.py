@@ -9,7 +9,7 @@ import pytest
 from slamduel.backends import registry
 from slamduel.bench.cli import main
 from slamduel.bench.speed import process
-from slamduel.bench.speed.association import AT, COLUMNS, Row, as_csv, expectations, measure
+from slamduel.bench.speed.association import AT, COLUMNS, Row, as_csv, expectations, measure, of_one_form
 from slamduel.bench.speed.process import Extent, Process, Subject
 from slamduel.bench.speed.timing import Timing
 from slamduel.bench.speed.world import without_ids, world
@@ -37,8 +37,16 @@ def test_both_ways_have_a_timing_and_nearly_all_landmarks_are_found() -> None:
     assert row.reason == ""
     assert row.told is not None
     assert row.found is not None
-    assert row.told.steps == row.found.steps == 12
+    assert row.idle is not None
+    assert row.told.steps == row.found.steps == row.idle.steps == 12
     assert 0.8 < row.share <= 1
+
+
+def test_a_landmark_mapped_twice_compresses_no_filter_at_the_threshold() -> None:
+    options = registry.find("ekf").options()
+    assert of_one_form(options, 100).compress_above == 200
+    assert of_one_form(options, 101) is options
+    assert of_one_form(registry.find("smoother").options(), 100) == registry.find("smoother").options()
 
 
 def test_what_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:

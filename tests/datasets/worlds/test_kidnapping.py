@@ -8,6 +8,7 @@ import pytest
 import slamduel
 from drawn_errors import errors, known
 from slamduel.datasets.cache import generator
+from slamduel.datasets.remarks import remarks
 from slamduel.datasets.worlds.circle import Options, circle
 from slamduel.frontend.check import check_truth, problems
 from slamduel.frontend.errors import InputError
@@ -84,3 +85,10 @@ def test_it_happens_in_every_simulated_world(world: str) -> None:
     jump = log.notes["faults"]["kidnapped at step"]
     assert log.t[jump] == pytest.approx(20, abs=1.0)
     assert strides(Dataset(log, truth)).argmax() == jump - 1
+
+
+def test_a_kidnapping_is_remarked_on() -> None:
+    log, truth = slamduel.load("circle[steps=60,kidnap=20]")
+    step = log.notes["faults"]["kidnapped at step"]
+    assert f"the robot is put elsewhere before step {step} (kidnap)" in remarks(Dataset(log, truth))[0]
+    assert not any("kidnap" in said for said in remarks(Dataset(*slamduel.load("circle[steps=60]"))))

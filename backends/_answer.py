@@ -1,0 +1,16 @@
+"""The arrays of expected sightings, for compiled code to receive by one address."""
+
+from ._arrays import Arrays, Integers, Numbers, Table, at
+
+
+class Answer(Arrays):
+    """`Expected`, of n landmarks that come first in arrays with room for c."""
+
+    count: Integers  # (1,) n
+    ids: Integers  # (c,)
+    z: Table  # (c, 2) range (m), bearing (rad)
+    cov: Numbers  # (4c^2,) of which the first 4n^2 are (2n, 2n)
+
+
+answer_at = at(Answer)
+"""The answer at an address."""

@@ -1,0 +1,112 @@
+"""What is remembered of landmarks, against the same computed from all motions and dense covariances."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from driven import make
+from slamduel.backends import _vicinity
+from slamduel.backends._vicinity import NOISE, STATE, SUMS
+from slamduel.backends.answers import answer, as_expected, fills
+from slamduel.backends.api import Expected
+from slamduel.backends.gaussian.ekf import Ekf
+from slamduel.backends.vicinity import Vicinity
+from slamduel.bench.speed.world import world
+from slamduel.frontend.factors import Odometry, RangeBearing
+from slamduel.frontend.se2 import Array, between, compose
+
+SD = np.array([0.05, 0.02, 0.03])
+
+
+def motions(n: int) -> list[Array]:
+    rng = np.random.default_rng(3)
+    return [np.array([0.5, 0.1, 0.2]) + 0.1 * rng.standard_normal(3) for _ in range(n)]
+
+
+def test_the_odometer_s_sums_are_the_variance_that_turns_put_on_any_place() -> None:
+    o, pose, poses = np.zeros(STATE), np.zeros(3), list[Array]()
+    for delta in motions(30):
+        _vicinity.add_motion(o, np.vstack((delta, np.diag(SD**2))))
+        pose = compose(pose, delta)
+        poses.append(pose)
+    assert o[:3] == pytest.approx(pose, abs=1e-12)
+    assert o[NOISE] == pytest.approx(30 * SD[0] ** 2, rel=1e-12)
+    for place in np.random.default_rng(0).uniform(-20, 20, (10, 2)):
+        away = sum(SD[2] ** 2 * np.square(place - one[:2]).sum() for one in poses)
+        assert _vicinity.turned(o, np.zeros(SUMS), *place) == pytest.approx(away, rel=1e-9)
+
+
+def test_a_landmark_is_remembered_as_the_robot_saw_it() -> None:
+    """Its deviation in the robot's frame, by numerical Jacobians of the offset in that frame."""
+    rng = np.random.default_rng(5)
+    pose, at, A = np.array([3.0, -1.0, 0.7]), rng.uniform(-5, 5, (4, 2)), rng.standard_normal((11, 11))
+    joint = 0.01 * A @ A.T
+    vicinity: Any = Vicinity(follows=True)
+    vicinity.move(Odometry(np.array([2.0, 1.0, 0.4]), np.diag(SD**2)))
+    vicinity.expect_into(
+        pose, None, None, RangeBearing(np.zeros(1, np.int64), np.array([[2.0, 0.0]]), np.eye(2)[None]), 10.0,
+        [7, 8, 9, 10], lambda landmarks: (pose, at, joint), answer(1),
+    )  # fmt: skip
+    places = vicinity._places
+
+    def offset(k: int, state: Array) -> Array:
+        x, y, heading = state[8:]
+        c, s = np.cos(heading), np.sin(heading)
+        dx, dy = state[2 * k] - x, state[2 * k + 1] - y
+        return np.array([c * dx + s * dy, c * dy - s * dx])
+
+    mean = np.concatenate((at.ravel(), pose))
+    for k in range(4):
+        J = np.array([(offset(k, mean + h) - offset(k, mean - h)) / 2e-6 for h in 1e-6 * np.eye(11)]).T
+        assert places.apart[k] == pytest.approx(np.sqrt(np.linalg.eigvalsh(J @ joint @ J.T)[-1]), rel=1e-6)
+        assert between(np.array([2.0, 1.0, 0.4]), np.array([*places.off[k], 0.0]))[:2] == pytest.approx(
+            offset(k, mean), abs=1e-12
+        )
+
+
+@pytest.mark.parametrize("name", ["smoother", "isam2", "fixed-lag"])
+def test_few_landmarks_are_asked_for_beside_those_in_view(name: str) -> None:
+    """Where nothing but their places in the world says which are near, three times as many are."""
+    here = world(60, 60, 6, 0)
+    backend = make(name, here.prior, **({"lag": 1e6} if name == "fixed-lag" else {}))
+    for step in here.survey:
+        backend.step(step)
+    attribute = "_joint_marginals" if name == "isam2" else "_marginals"
+    marginals, asked, offered = getattr(backend, attribute), list[int](), list[int]()
+
+    def counted(landmarks: list[int]) -> Any:
+        asked.append(len(landmarks))
+        return marginals(landmarks)
+
+    setattr(backend, attribute, counted)
+    for step in here.drive:
+        offered.append(len(backend.expected(step.odometry, step.sightings, 18.4).ids))
+        backend.step(step)
+    assert np.mean(offered[10:]) >= 6
+    assert np.mean(asked[10:]) <= 1.6 * np.mean(offered[10:])
+
+
+def test_an_answer_grows_and_is_the_same_as_what_is_expected() -> None:
+    here = world(40, 5, 12, 1)
+    for name in ("ekf", "ukf", "smoother"):
+        backend = make(name, here.prior)
+        for step in here.survey:
+            backend.step(step)
+        step = here.drive[0]
+        into = answer(1)
+        found = backend.expect_into(step.odometry, step.sightings, 18.4, into)
+        assert found is not into
+        for mine, other in zip(as_expected(found), backend.expected(step.odometry, step.sightings, 18.4), strict=True):
+            assert len(mine) >= 12
+            assert mine.tobytes() == other.tobytes()
+
+
+def test_a_subclass_that_expects_otherwise_is_asked_in_its_own_way() -> None:
+    class Other(Ekf):
+        def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
+            return super().expected(odometry, seen, gate)
+
+    assert fills(object.__new__(Ekf))
+    assert not fills(object.__new__(Other))
+    assert not fills(object())
