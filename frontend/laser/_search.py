@@ -5,7 +5,7 @@ points. Branch and bound (Hess et al., ICRA 2016, section V) looks at squares of
 the field's maximum over 2^h x 2^h cells, so that its score bounds those of all places in the square.
 """
 
-from math import ceil, cos, exp, floor, pi, sin
+from math import ceil, cos, exp, floor, pi, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,75 +105,129 @@ def branch_and_bound(
     Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Of
     equally good poses the first found is taken. `apart` is ANYWHERE, or x, y, heading of a pose with the distance (m)
     and turn (rad) from it: those within both are not looked for.
+
+    Headings are bounded together, too: turned by some steps no point moves by more than half a square, so that a
+    square twice as large, at the heading in the middle, bounds its group.
     """
     count, turns = len(points), ceil(turn / turn_step)
-    half, widest = ceil(window / size), 1 << (LEVELS - 1)
-    across = 2 * half // widest + 1
+    half, width = ceil(window / size), 1 << (LEVELS - 2)
+    across, headings = 2 * half // width + 1, 2 * turns + 1
     limit = int(least * FULL * count)
-    at_i, at_j = np.empty((2 * turns + 1, count), np.int32), np.empty((2 * turns + 1, count), np.int32)
-    n = (2 * turns + 1) * across * across
-    sums, of = np.empty(n, np.int64), np.empty((n, 3), np.int32)
-    m = 0
-    for a in range(2 * turns + 1):
+    farthest = 0.0
+    for k in range(count):
+        farthest = max(farthest, points[k, 0] * points[k, 0] + points[k, 1] * points[k, 1])
+    beside = min(int(0.5 * width * size / (sqrt(farthest) * turn_step + 1e-12)), turns)
+    group = 2 * beside + 1
+    groups = (headings + group - 1) // group
+    at_i, at_j = np.empty((headings, count), np.int32), np.empty((headings, count), np.int32)
+    for a in range(headings):
         heading = centre[2] + (a - turns) * turn_step
         c, s = cos(heading), sin(heading)
         for k in range(count):
             at_i[a, k] = floor((centre[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size)
             at_j[a, k] = floor((centre[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size)
+    visited = groups * across * across
+    sums, of = np.empty(visited, np.int64), np.empty((visited, 3), np.int32)
+    m = 0
+    for g in range(groups):
+        a = min(g * group + beside, headings - 1)
         for p in range(across):
             for q in range(across):
-                di, dj = p * widest - half, q * widest - half
-                value = total(pyramid[LEVELS - 1], widest, at_i[a], at_j[a], di, dj)
+                i, j = p * width - half, q * width - half
+                value = total(
+                    pyramid[LEVELS - 1], 2 * width, at_i[a], at_j[a], i - width // 2, j - width // 2
+                )  # fmt: skip
                 if value > limit:
-                    sums[m], of[m, 0], of[m, 1], of[m, 2] = value, a, di, dj
+                    sums[m], of[m, 0], of[m, 1], of[m, 2] = value, g * group, i, j
                     m += 1
-    visited = n
     best_a, best_i, best_j, found = turns, 0, 0, False
-    stack = np.empty((3 * LEVELS + 1, 4), np.int64)  # level, di, dj, sum
-    child = np.empty((4, 3), np.int64)
+    members, values = np.empty(group, np.int64), np.empty(group, np.int64)
+    barred, free = np.empty(3), np.empty(2, np.int64)
     order = np.argsort(-sums[:m])
     for t in range(m):
         at = order[t]
         if sums[at] <= limit:
             break
-        a = of[at, 0]
-        stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = LEVELS - 1, of[at, 1], of[at, 2], sums[at]
-        top = 1
-        while top > 0:
-            top -= 1
-            level, di, dj, value = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-            if value <= limit:
-                continue
-            if level == 0:
-                x, y = centre[0] + size * di - apart[0], centre[1] + size * dj - apart[1]
-                turned = centre[2] + (a - turns) * turn_step - apart[2]
-                turned -= 2 * pi * floor((turned + pi) / (2 * pi))
-                if x * x + y * y < apart[3] ** 2 and abs(turned) < apart[4]:
-                    continue
-                limit, best_a, best_i, best_j, found = value, a, di, dj, True
-                continue
-            width = 1 << (level - 1)
-            quarters = totals(pyramid[level - 1], width, at_i[a], at_j[a], di, dj, limit)
-            for p in range(4):
-                i, j = di + (p >> 1) * width, dj + (p & 1) * width
-                value = quarters[p] if i <= half and j <= half else 0
-                q = p  # the best is pushed last, and looked at first
-                while q > 0 and child[q - 1, 0] > value:
-                    child[q, 0], child[q, 1], child[q, 2] = child[q - 1, 0], child[q - 1, 1], child[q - 1, 2]
+        first, i, j = of[at, 0], of[at, 1], of[at, 2]
+        last, n = min(first + group, headings), 0
+        visited += last - first
+        for a in range(first, last):
+            value = total(pyramid[LEVELS - 2], width, at_i[a], at_j[a], i, j)
+            if value > limit:
+                q = n  # the best is looked at first
+                while q > 0 and values[q - 1] < value:
+                    values[q], members[q] = values[q - 1], members[q - 1]
                     q -= 1
-                child[q, 0], child[q, 1], child[q, 2] = value, i, j
-            visited += 4
-            for p in range(4):
-                if child[p, 0] > limit:
-                    stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = (
-                        level - 1, child[p, 1], child[p, 2], child[p, 0],
-                    )  # fmt: skip
-                    top += 1
+                values[q], members[q] = value, a
+                n += 1
+        for k in range(n):
+            a = members[k]
+            turned = centre[2] + (a - turns) * turn_step - apart[2]
+            turned -= 2 * pi * floor((turned + pi) / (2 * pi))
+            barred[0], barred[1] = (apart[0] - centre[0]) / size, (apart[1] - centre[1]) / size
+            barred[2] = (apart[3] / size) ** 2 if abs(turned) < apart[4] else 0.0
+            value, more = best_in_square(pyramid, at_i[a], at_j[a], i, j, values[k], limit, half, barred, free)
+            visited += more
+            if value > limit:
+                limit, best_a, best_i, best_j, found = value, a, free[0], free[1], True
     pose = centre.copy()
     pose[0] += size * best_i
     pose[1] += size * best_j
     pose[2] += turn_step * (best_a - turns)
     return pose, limit / FULL / count if found else 0.0, visited
+
+
+@compiled
+def best_in_square(
+    pyramid: tuple[Bytes, ...],
+    at_i: NDArray[np.int32],
+    at_j: NDArray[np.int32],
+    i: int,
+    j: int,
+    bound: int,
+    limit: int,
+    half: int,
+    barred: Array,
+    best: NDArray[np.int64],
+) -> tuple[int, int]:
+    """The largest sum above `limit` in the square of level LEVELS - 2 at (i, j), whose sum is `bound`; else `limit`.
+
+    `best` (2,) becomes its place. None is looked for beyond `half`, nor where x, y in cells are closer to the first two
+    of `barred` than the root of the third. Returns the number of sums computed, too.
+    """
+    visited = 0
+    stack = np.empty((3 * LEVELS + 1, 4), np.int64)  # level, place, sum
+    child = np.empty((4, 3), np.int64)
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = LEVELS - 2, i, j, bound
+    top = 1
+    while top > 0:
+        top -= 1
+        level, i, j, value = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
+        if value <= limit:
+            continue
+        if level == 0:
+            x, y = i - barred[0], j - barred[1]
+            if x * x + y * y >= barred[2]:
+                limit, best[0], best[1] = value, i, j
+            continue
+        width = 1 << (level - 1)
+        quarters = totals(pyramid[level - 1], width, at_i, at_j, i, j, limit)
+        visited += 4
+        for p in range(4):
+            di, dj = i + (p >> 1) * width, j + (p & 1) * width
+            value = quarters[p] if di <= half and dj <= half else 0
+            q = p  # the best is pushed last, and looked at first
+            while q > 0 and child[q - 1, 0] > value:
+                child[q, 0], child[q, 1], child[q, 2] = child[q - 1, 0], child[q - 1, 1], child[q - 1, 2]
+                q -= 1
+            child[q, 0], child[q, 1], child[q, 2] = value, di, dj
+        for p in range(4):
+            if child[p, 0] > limit:
+                stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3] = (
+                    level - 1, child[p, 1], child[p, 2], child[p, 0],
+                )  # fmt: skip
+                top += 1
+    return limit, visited
 
 
 @compiled

@@ -48,14 +48,14 @@ def brute_force(
 
 @pytest.mark.parametrize("block", range(10))
 def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
-    """In 1,000 random rooms, some of them with windows wider than the coarsest squares."""
+    """In 1,000 random rooms, some with windows wider than the coarsest squares, some with several groups of headings."""
     for seed in range(100 * block, 100 * block + 100):
         rng = np.random.default_rng(seed)
         field = room(rng)
         origin, centre = rng.uniform(-2, 0, 2), np.array([*rng.uniform(0, 2, 2), rng.uniform(-3, 3)])
         points = rng.uniform(-1.5, 1.5, (rng.integers(5, 25), 2))
         window = 2.0 if seed % 10 == 0 else rng.uniform(0.1, 0.8)
-        turn, step = 0.06, 0.03
+        turn, step = 0.6 if seed % 10 == 1 else 0.06, 0.03
         pose, found, _ = branch_and_bound(
             pyramid(field), origin, CELL, points, centre, window, turn, step, 0.0, ANYWHERE
         )
