@@ -48,7 +48,7 @@ def brute_force(
 
 @pytest.mark.parametrize("block", range(10))
 def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
-    """In 1,000 random rooms, some with windows wider than the coarsest squares, some with several groups of headings."""
+    """In 1,000 random rooms; some windows are wider than the coarsest squares, some have several groups of headings."""
     for seed in range(100 * block, 100 * block + 100):
         rng = np.random.default_rng(seed)
         field = room(rng)
