@@ -6,7 +6,6 @@
 Of a map of ROS it is known which cells are walls, but not where in them: 5 cm cells cost 2 cm of accuracy.
 """
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 
 from ..frontend.errors import InputError
 from ..frontend.factors import Start
-from ..frontend.files import replaced
+from ..frontend.files import read_arrays, replaced
 from ..frontend.laser.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states
 from ..frontend.laser.recording import LaserRecording
 from ..frontend.laser.settings import Settings
@@ -83,14 +82,7 @@ _COLUMNS = ("hits", "through", "x", "y")
 
 
 def _of_cells(path: Path) -> Occupancy:
-    try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            found = {name: np.asarray(file[name]) for name in ("origin", "size", *_COLUMNS)}
-    except KeyError as error:
-        raise InputError(f"{path}: {error.args[0]}, expected origin, size, {', '.join(_COLUMNS)}.") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError) as error:
-        said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-        raise InputError(f"{path}: is damaged or no grid ({said}).") from None
+    found = read_arrays(path, ("origin", "size", *_COLUMNS), "a grid")
     shape = found["hits"].shape
     for name, wanted in (("origin", (2,)), ("size", ()), *((name, shape) for name in _COLUMNS)):
         if found[name].shape != wanted or found[name].dtype.kind != "f" or not np.isfinite(found[name]).all():

@@ -1,10 +1,14 @@
-"""Atomic file writes, and files that can be read to their end."""
+"""Atomic file writes, files that can be read to their end, and arrays in files."""
 
 import contextlib
 import os
 import secrets
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InputError
 
@@ -35,6 +39,18 @@ def beside(path: Path) -> Path:
     """A hidden temporary path next to `path`, unique to the caller."""
     whole = path.absolute()
     return whole.with_name(f".{whole.name[:40]}.{secrets.token_hex(8)}.part")
+
+
+def read_arrays(path: Path, names: Sequence[str], what: str) -> dict[str, NDArray[Any]]:
+    """The arrays with these names in an .npz file; InputError where it is damaged, or no file of `what`."""
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            return {name: np.asarray(file[name]) for name in names}
+    except KeyError as error:
+        raise InputError(f"{path}: {error.args[0]}, expected {', '.join(names)}.") from None
+    except Exception as error:  # a damaged zip file raises almost any exception
+        said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+        raise InputError(f"{path}: is damaged or no file of {what} ({said}).") from None
 
 
 def check_regular(path: Path) -> None:

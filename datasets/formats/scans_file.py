@@ -6,13 +6,12 @@ step (k,), share (k,)                          the last step at or before the sc
 since (k, 3), until (k, 3)                     the robot's pose at the scan seen from that step, and from the next one
 """
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from ...frontend.errors import InputError
-from ...frontend.files import replaced
+from ...frontend.files import read_arrays, replaced
 from ...frontend.laser_scans import COLUMNS, Scans, misfit, scan_columns, scans_from
 
 NAME = "scans.npz"
@@ -32,14 +31,7 @@ def read_scans(folder: Path, steps: int) -> Scans | None:
     path = folder / NAME
     if not path.exists():
         return None
-    try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            columns = {name: np.asarray(file[name]) for name in COLUMNS}
-    except KeyError as error:
-        raise InputError(f"{path}: {error.args[0]}, expected {', '.join(COLUMNS)}.") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError) as error:
-        said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-        raise InputError(f"{path}: is damaged or no file of scans ({said}).") from None
+    columns = read_arrays(path, COLUMNS, "scans")
     if problem := misfit(columns, steps):
         raise InputError(f"{path}: {problem}.")
     return scans_from(columns)

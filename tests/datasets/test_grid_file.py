@@ -104,7 +104,7 @@ def test_cells_that_cannot_be_used_are_named(grid: Occupancy, tmp_path: Path) ->
     write_grid(tmp_path, grid)
     content = (tmp_path / NAME).read_bytes()
     (tmp_path / NAME).write_bytes(content[: len(content) // 2])
-    with pytest.raises(InputError, match="is damaged or no grid"):
+    with pytest.raises(InputError, match="is damaged or no file of a grid"):
         read_grid(tmp_path)
     with pytest.raises(InputError, match="there is no such folder, expected a folder of bench map"):
         read_grid(tmp_path / "elsewhere")

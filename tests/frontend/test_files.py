@@ -2,9 +2,11 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from slamduel.frontend.files import write_whole
+from slamduel.frontend.errors import InputError
+from slamduel.frontend.files import read_arrays, write_whole
 
 
 def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
@@ -39,3 +41,26 @@ def test_nothing_is_left_of_a_text_that_cannot_be_written(tmp_path: Path) -> Non
     with pytest.raises(UnicodeEncodeError):
         write_whole(tmp_path / "file", "\ud800")
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+
+
+def test_arrays_of_a_damaged_file_are_read_or_refused(tmp_path: Path) -> None:
+    """A flipped bit or a cut at any place of a compressed archive."""
+    path, rng = tmp_path / "some.npz", np.random.default_rng(0)
+    np.savez_compressed(path, a=np.arange(300.0), b=np.arange(40))
+    content = path.read_bytes()
+    (whole, same) = read_arrays(path, ("a", "b"), "numbers").values()
+    assert (whole == np.arange(300)).all()
+    assert (same == np.arange(40)).all()
+    refused = 0
+    for case in range(600):
+        broken = bytearray(content if case % 3 else content[: 1 + case // 3 * (len(content) - 1) // 200])
+        broken[int(rng.integers(len(broken)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(broken)
+        try:
+            read_arrays(path, ("a", "b"), "numbers")
+        except InputError:
+            refused += 1
+    assert refused > 400
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"some\.npz: .*c.*, expected a, c\.$"):
+        read_arrays(path, ("a", "c"), "numbers")
