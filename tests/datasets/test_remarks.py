@@ -46,17 +46,21 @@ def test_a_published_log_has_no_remark(name: str) -> None:
     assert remarks(load(f"{name}path={path}]" if "[" in name else f"{name}[path={path}]")) == []
 
 
+PARTIAL = {"intel-lab", "fr079"}
+"""Laser logs whose copies at hand lack scans that relations are about, or the odometry."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("full", [False, True], ids=["quick", "full"])
 def test_no_log_of_a_packaged_study_has_a_remark(full: bool) -> None:
-    """Two seeds of every dataset; that the raw park has no ids is why it is studied."""
+    """Two seeds of every dataset; the raw park is studied as it has no ids, and copies of laser logs are partial."""
     found: dict[str, list[str]] = {}
     seen: dict[str, set[int]] = {}
     for name in study_file.packaged():
         for planned in study_file.read(name, full=full).cells:
             dataset, seed = planned.cell.dataset, planned.cell.seed if planned.cell.dataset.source.seeded else 0
             of = seen.setdefault(dataset.label, set())
-            if seed in of or len(of) == 2 or not at_hand(dataset.name):
+            if seed in of or len(of) == 2 or not at_hand(dataset.name) or dataset.name in PARTIAL:
                 continue
             of.add(seed)
             odd = remarks(made(dataset, seed))
