@@ -1,6 +1,7 @@
 """Parses numbers in text files and words the errors about them."""
 
 from collections.abc import Sequence
+from math import isfinite
 
 SHOWN = 40
 """Characters of a value that a message quotes."""
@@ -19,6 +20,12 @@ def number(cell: str) -> float | None:
         return float(cell)
     except ValueError:
         return None
+
+
+def finite(cell: str) -> float | None:
+    """Parses a finite number; None if it is not one."""
+    found = number(cell)
+    return found if found is not None and isfinite(found) else None
 
 
 def no_number(cell: str) -> str:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...frontend.csv_values import finite
 from ...frontend.errors import InputError
 from ...frontend.factors import Truth
 from ...frontend.se2 import Array
@@ -135,7 +136,7 @@ def _frames(path: Path) -> tuple[list[Listed], list[Listed]]:
         if not line.strip():
             continue
         cells = [cell.strip() for cell in line.split(",")]
-        t = _seconds(cells[-1])
+        t = finite(cells[-1])
         if len(cells) != 3 or t is None:
             raise InputError(f"{path}, line {number}: found {line!r}, expected two files' names and a time in seconds.")
         if images and not t > images[-1].t:
@@ -151,7 +152,7 @@ def _list(path: Path) -> list[Listed]:
     """The files in a list of TUM's."""
     found = list[Listed]()
     for number, words in _rows(path):
-        t = _seconds(words[0])
+        t = finite(words[0])
         if len(words) != 2 or t is None:
             raise InputError(
                 f"{path}, line {number}: found {' '.join(words)!r}, expected a time in seconds and a file's name."
@@ -170,14 +171,6 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         words = line.partition("#")[0].split()
         if words:
             yield number, words
-
-
-def _seconds(cell: str) -> float | None:
-    try:
-        t = float(cell)
-    except ValueError:
-        return None
-    return t if np.isfinite(t) else None
 
 
 def _picture(path: Path) -> Pixels | Flaw:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...frontend.csv_values import finite
 from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
@@ -111,7 +112,7 @@ def _listed(path: Path, folder: Path) -> list[Shot]:
         if not line.strip():
             continue
         name, comma, cell = line.rpartition(",")
-        t = _seconds(cell)
+        t = finite(cell)
         if not comma or t is None:
             raise InputError(f"{path}, line {number}: found {line!r}, expected a file's name and a time in seconds.")
         shot = Shot(folder / name.strip(), t)
@@ -129,12 +130,4 @@ def _time(stem: str) -> float | None:
     """s, for a file name that is a time."""
     if stem.isascii() and stem.isdigit():
         return int(stem) * _UNITS[len(stem)] if len(stem) in _UNITS else None
-    return _seconds(stem) if re.fullmatch(r"-?\d+\.\d+", stem) else None
-
-
-def _seconds(cell: str) -> float | None:
-    try:
-        t = float(cell)
-    except ValueError:
-        return None
-    return t if np.isfinite(t) else None
+    return finite(stem) if re.fullmatch(r"-?\d+\.\d+", stem) else None

@@ -48,16 +48,12 @@ def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Tr
     """
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [stack.enter_context(_writer(beside[place], kind, recording)) for place, kind in places.items()]
-        latest = -np.inf
-        for number, frame in enumerate(recording.frames):
-            if not frame.seconds > latest:
-                raise InputError(
-                    f"{recording.name}: frame {number} is at {frame.seconds} s, expected later than {latest} s."
-                )
-            latest = frame.seconds
+        empty = True
+        for frame in recording.in_order():
+            empty = False
             for add in writers:
                 add(frame)
-        if latest == -np.inf:
+        if empty:
             raise InputError(f"{recording.name}: found no frame, expected at least one.")
         stack.close()
         for place, kind in places.items():

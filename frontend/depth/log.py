@@ -36,13 +36,7 @@ def looked_at(recording: DepthRecording, settings: Settings, observe: Observer |
     if recording.motion is not None:
         recording.motion.check()
     front_end = FrontEnd(recording.camera, settings, recording.motion)
-    latest = -np.inf
-    for number, frame in enumerate(recording.frames):
-        if not frame.seconds > latest:
-            raise InputError(
-                f"{recording.name}: frame {number} is at {frame.seconds} s, expected later than {latest} s."
-            )
-        latest = frame.seconds
+    for frame in recording.in_order():
         front_end.frame(frame)
         if observe is not None:
             observe(front_end)

@@ -1,11 +1,13 @@
 """A recording of a depth camera's frames with the wheels' motion."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 from ..camera.camera import Camera
+from ..errors import InputError
 from ..factors import Prior
 from ..wheels.motion import Motion
 from .frame import DepthFrame
@@ -28,3 +30,14 @@ class DepthRecording:
     left_out: Counter[str] = field(default_factory=Counter[str])  # frames that `frames` left out when it was last
     # iterated, by their reasons: "frames without depth"
     remarks: list[str] = field(default_factory=list[str])  # what is odd; grows while the frames are read
+
+    def in_order(self) -> Iterator[DepthFrame]:
+        """The frames; InputError for one that is not later than the one before."""
+        latest = -inf
+        for number, frame in enumerate(self.frames):
+            if not frame.seconds > latest:
+                raise InputError(
+                    f"{self.name}: frame {number} is at {frame.seconds} s, expected later than {latest} s."
+                )
+            latest = frame.seconds
+            yield frame

@@ -76,7 +76,7 @@ class FrontEnd:
         self._rates = Rows(2)  # m/s, rad/s at the steps
         self._estimate = Estimate(settings)
         self._surprises = Surprises(settings)
-        self._wheels_check, self._led_astray = WheelsCheck(), False  # since the last step: no scan tells how far it is
+        self._wheels_check, self._wheels_only = WheelsCheck(), False  # the step is by the wheels alone
         self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
 
     def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
@@ -187,7 +187,7 @@ class FrontEnd:
             return pose
         self._wheels_check.forget()
         self.by_wheels += 1
-        self._led_astray = True
+        self._wheels_only = True
         return other
 
     def _draw(self, pose: Array, scan: Scan) -> None:
@@ -217,8 +217,8 @@ class FrontEnd:
         else:
             last = self._poses.array[-1]
             delta, R = between(last, pose), rotation(float(last[2]))
-            fused = inverse(_wheels_cov(delta, s)) + (0 if self._led_astray else R.T @ information @ R)
-            self._led_astray = False
+            fused = inverse(_wheels_cov(delta, s)) + (0 if self._wheels_only else R.T @ information @ R)
+            self._wheels_only = False
             cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
             self.steps.append(Step(t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..se2 import Array, between, compose, wrap
 
-WAY = 0.5
-"""m of the wheels' path that are compared."""
+WAY, LONGEST = 0.5, 200
+"""m between the ends of what is compared, by the wheels; scans at most: a robot may stand for hours."""
 
 FAR = 3.0
 """Distance of the matcher's motion from the wheels', in standard deviations of theirs, from which on one is wrong."""
@@ -22,7 +22,7 @@ class WheelsCheck:
 
     def __init__(self) -> None:
         self._wheels = np.zeros(3)  # (3,) since the first scan
-        self._last = deque[tuple[Array, Array]]()  # by the matcher, and by the wheels
+        self._last = deque[tuple[Array, Array]](maxlen=LONGEST)  # by the matcher, and by the wheels
 
     def motion(self, pose: Array, motion: Array) -> tuple[Array, Array]:
         """Adds the wheels' motion (3,) since the last scan, which was taken at `pose` (3,) by the matcher.

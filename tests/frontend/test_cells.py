@@ -8,7 +8,7 @@ import pytest
 from slamduel.datasets.formats import g2o
 from slamduel.datasets.formats.columns import read_columns
 from slamduel.datasets.published import dlr, freiburg
-from slamduel.frontend.csv_values import SHOWN, number, shortened
+from slamduel.frontend.csv_values import SHOWN, finite, number, shortened
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.table import read_csv, read_spaced
 
@@ -120,3 +120,12 @@ def test_a_decimal_comma_between_blanks_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("read", [csv, columns, spaced, stepwise, g2o.read])
 def test_utf_16_is_told(tmp_path: Path, read: Read, codec: str) -> None:
     assert "found UTF-16, expected UTF-8" in sentence(read, tmp_path / "a", "t,x\n1,2\n".encode(codec))
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-Infinity", "1_000", "\u0661", "1e999", "", "12 s"])
+def test_what_is_no_finite_number_is_none(cell: str) -> None:
+    assert finite(cell) is None
+
+
+def test_a_finite_number() -> None:
+    assert finite(" -1.5e3 ") == -1500.0
