@@ -1,8 +1,8 @@
 """`bench speed`: times every backend's step as the map grows, and some in turns.
 
-With `--association` it times steps with and without ids, with `--frontend` marker detection and laser scan
-matching, with `--batch` the batch optimum. Each study prints tables, and writes
-them as CSV with a picture on request.
+With `--association` it times steps with and without ids, with `--frontend` the front ends for markers, laser scans and
+depth cameras, with `--batch` the batch optimum. Each study prints tables, and writes them as CSV with a picture on
+request.
 """
 
 import argparse
@@ -20,7 +20,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     add = parser.add_argument
     add("--association", action="store_true", help="a step without ids beside one with them, by joint compatibility")
-    add("--frontend", action="store_true", help="marker detection and laser scan matching, not the backends")
+    add(
+        "--frontend",
+        action="store_true",
+        help="the front ends for markers, laser scans and depth cameras, not the backends",
+    )
     add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
     add("--seed", type=seed, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a quick look: little of everything, no reliable figures")
@@ -51,7 +55,7 @@ def main(namespace: argparse.Namespace) -> int:
 TIMED = {
     "": "without --association, --frontend or --batch backends are timed",
     "association": "--association times steps with and without ids",
-    "frontend": "--frontend times marker detection and laser scan matching",
+    "frontend": "--frontend is the study of front ends",
     "batch": "--batch times the batch solvers",
 }
 

@@ -1,1 +1,1 @@
-"""Measures marker detection and laser scan matching: cost, accuracy and consistency, beside references."""
+"""Measures the front ends for markers, laser scans and depth cameras, beside references."""

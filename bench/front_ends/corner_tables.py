@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from rich import box
 from rich.table import Table
 
 from .corners import CROWD, REFINEMENTS, Accuracy, Cost, Misreadings
+from .tables import plain
 
 CORNER_COLUMNS = (
     *("study", "refinement", "width", "height", "distance_m", "streak_px", "frames", "sightings", "wrong"),
@@ -20,11 +20,13 @@ Row = Cost | Accuracy | Misreadings
 
 def cost_table(costs: Sequence[Cost]) -> Table:
     """Makes the table of CPU time, frame rate and ratio, one row per refinement, columns per frame size."""
-    table = _table(f"CPU time of a frame with {CROWD} markers, one thread", "refinement")
     cameras = list(dict.fromkeys(cost.camera for cost in costs))
-    for camera in cameras:
-        for heading in (f"{camera.width}x{camera.height}, ms", "a second", f"of {REFINEMENTS[0]}"):
-            table.add_column(heading, justify="right", no_wrap=True)
+    headings = [
+        heading
+        for camera in cameras
+        for heading in (f"{camera.width}x{camera.height}, ms", "a second", f"of {REFINEMENTS[0]}")
+    ]
+    table = plain(f"CPU time of a frame with {CROWD} markers, one thread", ["refinement"], headings)
     base = {cost.camera: cost.ms for cost in costs if cost.refinement == REFINEMENTS[0]}
     for name in dict.fromkeys(cost.refinement for cost in costs):
         mine = {cost.camera: cost for cost in costs if cost.refinement == name}
@@ -39,10 +41,8 @@ def accuracy_table(rows: Sequence[Accuracy]) -> Table:
     """Makes the table of every refinement at every distance."""
     streak = rows[0].streak
     camera = f"a camera that moves, streaks up to {streak:g} px" if streak else "a still camera"
-    table = _table(f"{rows[0].placements} placements a distance, {camera}", "m", "refinement")
-    for heading in ("found", "wrong", "bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NEES"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.caption, table.caption_justify = NEES, "left"
+    headings = ("found", "wrong", "bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NEES")
+    table = plain(f"{rows[0].placements} placements a distance, {camera}", ["m", "refinement"], headings, NEES)
     for index, row in enumerate(rows):
         first = index == 0 or rows[index - 1].distance != row.distance
         figures = (
@@ -65,9 +65,7 @@ def accuracy_table(rows: Sequence[Accuracy]) -> Table:
 
 def misreading_table(rows: Sequence[Misreadings]) -> Table:
     """Makes the table of wrong ids."""
-    table = _table("Ids that are not there", "frames of", "refinement")
-    for heading in ("frames", "sightings", "wrong ids"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = plain("Ids that are not there", ["frames of", "refinement"], ["frames", "sightings", "wrong ids"])
     for row in rows:
         table.add_row(row.kind, row.refinement, f"{row.frames:,}", f"{row.sightings:,}", str(row.wrong))
     return table
@@ -98,10 +96,3 @@ def record(row: Row) -> dict[str, str | int | float]:
         "wrong": row.wrong,
         **{name: "" if math.isnan(figure) else figure for name, figure in figures.items()},
     }
-
-
-def _table(title: str, *texts: str) -> Table:
-    table = Table(title=f"[bold]{title}[/]", title_style="", title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in texts:
-        table.add_column(heading, no_wrap=True)
-    return table

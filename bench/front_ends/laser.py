@@ -23,7 +23,8 @@ from ...frontend.laser.scanner import Scan
 from ...frontend.laser.settings import Settings
 from ...frontend.laser.step import Step
 from ...frontend.laser.submap import Submap
-from ...frontend.se2 import Array, between, wrap
+from ...frontend.se2 import Array, between
+from .honesty import Honesty, errors, gathered
 from .laser_references import icp, tried
 
 PARTS = ("match", "insert", "loop search", "optimise")
@@ -73,16 +74,6 @@ class SearchCost(NamedTuple):
     ratio: float  # the median of reference by search, of the same searches
     compared: int  # searches that the reference made, too
     same: int  # of those, with the same score
-
-
-class Honesty(NamedTuple):
-    """Errors of steps or loops of drives with known truth, beside their covariances."""
-
-    kind: str  # step | loop
-    factors: int
-    true: tuple[float, float, float]  # m, m, rad: root of the mean squared error, in the axes of the motion
-    stated: tuple[float, float, float]  # the same of the mean covariance
-    nees: float  # mean over three degrees of freedom; 1 is exact
 
 
 class _TimedEstimate(Estimate):
@@ -223,32 +214,18 @@ def scan_cost(drives: Sequence[Drive], progress: Callable[[], None]) -> ScanCost
 
 def honesty(drives: Sequence[Drive]) -> list[Honesty]:
     """Compares the errors of steps and loops with their covariances."""
-    errors: dict[str, list[Array]] = {"step": [], "loop": []}
-    covs: dict[str, list[Array]] = {"step": [], "loop": []}
+    steps, loops = list[tuple[Array, Array]](), list[tuple[Array, Array]]()
     for drive in drives:
         assert drive.truth is not None
-        steps, loops = drive.front_end.steps, drive.front_end.loops
-        true = drive.truth.poses[[step.scan for step in steps]]
-        errors["step"].append(_off(np.array([step.delta for step in steps[1:]]), true[:-1], true[1:]))
-        covs["step"].append(np.array([step.cov for step in steps[1:]]))
-        if loops:
-            to, at = ([getattr(loop, end) for loop in loops] for end in ("to", "step"))
-            errors["loop"].append(_off(np.array([loop.delta for loop in loops]), true[to], true[at]))
-            covs["loop"].append(np.array([loop.cov for loop in loops]))
-    return [_honest(kind, np.concatenate(off), np.concatenate(covs[kind])) for kind, off in errors.items() if off]
-
-
-def _honest(kind: str, off: Array, cov: Array) -> Honesty:
-    true = np.sqrt((off**2).mean(axis=0)).tolist()
-    stated = np.sqrt(np.diag(cov.mean(axis=0))).tolist()
-    squares = np.einsum("ni,ni->n", off, np.linalg.solve(cov, off[:, :, None])[:, :, 0])
-    return Honesty(kind, len(off), tuple(true), tuple(stated), float(squares.mean() / 3))
-
-
-def _off(delta: Array, first: Array, second: Array) -> Array:
-    off = delta - between(first, second)
-    off[:, 2] = wrap(off[:, 2])
-    return off
+        made, closed = drive.front_end.steps, drive.front_end.loops
+        true = drive.truth.poses[[step.scan for step in made]]
+        cov = np.array([step.cov for step in made[1:]])
+        steps.append((errors(np.array([step.delta for step in made[1:]]), true[:-1], true[1:]), cov))
+        if closed:
+            to, at = ([getattr(loop, end) for loop in closed] for end in ("to", "step"))
+            off = errors(np.array([loop.delta for loop in closed]), true[to], true[at])
+            loops.append((off, np.array([loop.cov for loop in closed])))
+    return [*gathered("step", steps), *gathered("loop", loops)]
 
 
 def _driven(recording: LaserRecording, truth: Truth | None, progress: Callable[[], None]) -> Drive:

@@ -1,4 +1,4 @@
-"""`bench speed --frontend`: cost, accuracy and consistency of marker detection and of laser scan matching."""
+"""`bench speed --frontend`: cost, accuracy and consistency of the front ends for markers, laser scans and depth."""
 
 import argparse
 import csv
@@ -11,14 +11,20 @@ from rich.console import Console
 from ...frontend.errors import InputError
 from ...frontend.files import write_whole
 from ..words.console import ProgressBar
-from . import laser
+from . import depth, laser
 from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, cost_table, misreading_table, record
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
-from .laser_tables import LASER_COLUMNS, LaserRow, honesty_table, laser_record, scan_table, search_table
+from .depth_tables import DEPTH_COLUMNS, depth_record, frame_table, loop_table, pair_table
+from .laser_tables import LASER_COLUMNS, LaserRow, laser_record, scan_table, search_table
+from .tables import honesty_table
 
-OPTIONS = ("placements", "clutter", "crowded", "only", "scans")  # the study's own options
+OPTIONS = ("placements", "clutter", "crowded", "only", "scans", "frames")  # the study's own options
 
-COLUMNS = (*CORNER_COLUMNS, *LASER_COLUMNS)
+COLUMNS = (*CORNER_COLUMNS, *LASER_COLUMNS, *DEPTH_COLUMNS)
+
+MARKERS, LASER, DEPTH = "markers", "laser", "depth"
+
+Records = Sequence[dict[str, str | int | float]]
 
 
 def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[reportPrivateUsage]
@@ -29,33 +35,53 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
         "--clutter", type=int, metavar="N", help=f"frames without a marker, full of what resembles one ({FULL.clutter})"
     )
     add("--crowded", type=int, metavar="N", help=f"frames with six markers, looked through ({FULL.crowded})")
-    add("--only", choices=("markers", "laser"), help="one of the two front ends")
+    add("--only", choices=(MARKERS, LASER, DEPTH), help="one of the three front ends")
     add(
         "--scans",
         type=Path,
         metavar="FILE",
         help=f"also time the laser front end on this log in CARMEN's format ({laser.NAMED} if it was fetched)",
     )
+    add(
+        "--frames",
+        type=Path,
+        metavar="PATH",
+        help="also time the front end for depth cameras on this recording, a folder or a bag",
+    )
 
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     """Measures and prints; returns the files written."""
-    extent = _extent(namespace)
-    if namespace.scans is not None and (namespace.only == "markers" or not namespace.scans.is_file()):
-        found = "--only markers, expected no log" if namespace.only == "markers" else "no such file, expected a log"
-        raise InputError(f"--scans {namespace.scans}: found {found} of laser scans")
-    corners: list[Row] = [] if namespace.only == "laser" else _measure(Study(namespace.seed), extent, console)
-    lasers: list[LaserRow] = []
-    if namespace.only != "markers":
-        scans = laser.QUICK if namespace.quick else laser.FULL
-        lasers = _measure_laser(laser.LaserStudy(namespace.seed, scans, namespace.scans), console)
+    extent, seed, quick = _extent(namespace), namespace.seed, namespace.quick
+    wanted = (MARKERS, LASER, DEPTH) if namespace.only is None else (namespace.only,)
+    _check(namespace, "scans", LASER, "a log of laser scans")
+    _check(namespace, "frames", DEPTH, "a recording of a depth camera")
+    corners: list[Row] = _measure(Study(seed), extent, console) if MARKERS in wanted else []
+    rows = [record(row) for row in corners]
+    if LASER in wanted:
+        scans = laser.LaserStudy(seed, laser.QUICK if quick else laser.FULL, namespace.scans)
+        rows += [laser_record(row) for row in _measure_laser(scans, console)]
+    if DEPTH in wanted:
+        frames = depth.DepthStudy(seed, depth.QUICK if quick else depth.FULL, namespace.frames)
+        rows += [depth_record(row) for row in _measure_depth(frames, console)]
     written: list[Path] = []
     if namespace.csv is not None:
-        write_whole(namespace.csv, as_csv(corners, lasers))
+        write_whole(namespace.csv, as_csv(rows))
         written.append(namespace.csv)
     if namespace.out is not None:
-        written += _write(namespace.out, corners, lasers)
+        written += _write(namespace.out, rows, corners)
     return written
+
+
+def _check(namespace: argparse.Namespace, option: str, front_end: str, kind: str) -> None:
+    """Raises InputError for a file that is not there, or that another front end than --only would read."""
+    path: Path | None = getattr(namespace, option)
+    if path is None:
+        return
+    if namespace.only not in (None, front_end):
+        raise InputError(f"--{option} {path}: found --only {namespace.only}, expected no {kind.partition(' ')[2]}")
+    if not (path.exists() if front_end == DEPTH else path.is_file()):
+        raise InputError(f"--{option} {path}: found no such file, expected {kind}")
 
 
 def _extent(namespace: argparse.Namespace) -> Extent:
@@ -109,24 +135,43 @@ def _measure_laser(study: laser.LaserStudy, console: Console) -> list[LaserRow]:
         search = study.searches(drives, advance)
         console.print(search_table(search))
         errors = laser.honesty(drives)
-        console.print(honesty_table(errors))
+        console.print(honesty_table("Errors of the laser front end on made-up floors", errors))
     return [*costs, search, *errors]
 
 
-def as_csv(corners: Sequence[Row], lasers: Sequence[LaserRow]) -> str:
+def _measure_depth(study: depth.DepthStudy, console: Console) -> list[depth.DepthRow]:
+    with ProgressBar(console, "depth frames") as bar:
+
+        def advance() -> None:
+            bar.update(advance=1)
+
+        study.warm_up()
+        recorded = study.recorded(advance)
+        drives = study.drives(advance)
+    logs = [drives] if recorded is None else [drives, [recorded]]
+    frames = [depth.frame_cost(log) for log in logs]
+    pairs = [row for log in logs for row in depth.pair_costs(log)]
+    loops = [depth.loop_cost(log) for log in logs]
+    errors = depth.honesty(drives)
+    for table in (frame_table(frames), pair_table(pairs), loop_table(loops)):
+        console.print(table)
+    console.print(honesty_table("Errors of registered frames in rendered rooms", errors))
+    return [*frames, *pairs, *loops, *errors]
+
+
+def as_csv(rows: Records) -> str:
     """Writes one line per row, in COLUMNS; blank where a study has no such figure."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
     writer.writeheader()
-    writer.writerows(map(record, corners))
-    writer.writerows(map(laser_record, lasers))
+    writer.writerows(rows)
     return text.getvalue()
 
 
-def _write(folder: Path, corners: Sequence[Row], lasers: Sequence[LaserRow]) -> list[Path]:
+def _write(folder: Path, rows: Records, corners: Sequence[Row]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     table, picture = folder / "frontend.csv", folder / "frontend.png"
-    write_whole(table, as_csv(corners, lasers))
+    write_whole(table, as_csv(rows))
     if not corners:
         return [table]
     from .corner_figure import write_figure

@@ -42,9 +42,7 @@ class Finder:
 
     @cached_property
     def _detector(self) -> Any:
-        if self._settings.features == "sift":
-            return cv2.SIFT.create(nfeatures=self._settings.most, contrastThreshold=0.01)
-        return cv2.ORB.create(nfeatures=self._settings.most, scaleFactor=1.2, nlevels=8, fastThreshold=10)
+        return detector(self._settings)
 
     def find(self, grey: NDArray[np.uint8], depth: NDArray[np.float32]) -> Features:
         """Finds the features of `grey` (h, w) on surfaces that `depth` (h, w), m, knows."""
@@ -59,6 +57,13 @@ class Finder:
         points = points_of(self._camera, pixels[kept], z[kept], np.full(len(kept), s.pixel_sd), s)
         seen = np.isfinite(points.rays).all(axis=1)
         return Features(pixels[kept], points, descriptors[kept]).taken(seen)
+
+
+def detector(settings: Settings) -> Any:
+    """OpenCV's detector of the features."""
+    if settings.features == "sift":
+        return cv2.SIFT.create(nfeatures=settings.most, contrastThreshold=0.01)
+    return cv2.ORB.create(nfeatures=settings.most, scaleFactor=1.2, nlevels=8, fastThreshold=10)
 
 
 def matched(first: NDArray[Any], second: NDArray[Any], ratio: float) -> Ints:

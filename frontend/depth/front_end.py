@@ -5,6 +5,7 @@ matched, registered and checked; what passes is either a landmark's sighting or 
 """
 
 from collections import Counter, deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +14,14 @@ from ..camera.camera import Camera
 from ..errors import InputError
 from ..se2 import Array
 from ..wheels.motion import Motion
-from .features import Finder
+from .features import Features, Finder
 from .frame import DepthFrame
-from .level import Leveller
+from .level import Level, Leveller
 from .loops import Loops
 from .pairs import Keyframe, Pair, Pairs, without_ids
 from .planar import Planar
 from .settings import Settings
+from .surfaces import Coarse
 from .tracks import Tracks
 from .ways import Ways
 
@@ -89,12 +91,19 @@ class FrontEnd:
                     f"pixels, expected {size[1]} x {size[0]} as the camera's calibration says."
                 )
         self.counts["frames looked at"] += 1
-        features = self._finder.find(frame.grey, frame.depth)
-        level = self._leveller.level(frame.depth)
+        features, level = self._features(frame), self._level(frame)
         self.counts["frames without a floor"] += not level.found
         self.counts["features"] += len(features)
-        coarse = self._pairs.coarse(frame.depth)
-        return Keyframe(len(self.steps), frame.seconds, features, level, coarse, without_ids(features))
+        return Keyframe(len(self.steps), frame.seconds, features, level, self._surfaces(frame), without_ids(features))
+
+    def _features(self, frame: DepthFrame) -> Features:
+        return self._finder.find(frame.grey, frame.depth)
+
+    def _level(self, frame: DepthFrame) -> Level:
+        return self._leveller.level(frame.depth)
+
+    def _surfaces(self, frame: DepthFrame) -> Coarse:
+        return self._pairs.coarse(frame.depth)
 
     def _start(self, frame: Keyframe) -> None:
         self.steps.append(Step(frame.t, None))
@@ -117,13 +126,20 @@ class FrontEnd:
 
     def _link(self, old: Keyframe, new: Keyframe) -> None:
         """Makes the features of two keyframes landmarks."""
-        pair = self._pairs.register(
-            old, new, self.settings.inliers, self.turned_down, lambda: self._ways.motion(old.step, new.step)
-        )
-        self.counts["pairs"] += 1
+        pair = self._register(old, new, lambda: self._ways.motion(old.step, new.step))
         if pair is not None:
-            self.counts["pairs registered"] += 1
-            self.tracks.link(pair)
+            self._track(pair)
+
+    def _register(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
+        """Registers two keyframes; None where they cannot be. `known` is asked for the motion that the wheels tell."""
+        self.counts["pairs"] += 1
+        pair = self._pairs.register(old, new, self.settings.inliers, self.turned_down, known)
+        self.counts["pairs registered"] += pair is not None
+        return pair
+
+    def _track(self, pair: Pair) -> None:
+        """Makes the features of two registered keyframes the same landmarks."""
+        self.tracks.link(pair)
 
     def _by_sight(self, frame: DepthFrame) -> None:
         """Takes a frame where its own features tell the motion since the last step."""
@@ -151,10 +167,7 @@ class FrontEnd:
         if motion is not None:
             wheels = motion.odometry(old.t, new.t)
             known = lambda: Planar(wheels.delta, wheels.cov)  # noqa: E731
-        self.counts["pairs"] += 1
-        pair = self._pairs.register(old, new, self.settings.inliers, self.turned_down, known)
-        self.counts["pairs registered"] += pair is not None
-        return pair
+        return self._register(old, new, known)
 
     def _as_before(self, t: float) -> Array:
         """The motion (3,) of the last step, at its speed."""
@@ -173,13 +186,20 @@ class FrontEnd:
         self.steps.append(Step(frame.t, motion))
         self._ways.step(motion)
         self._recent.append(frame)
-        if not (self.settings.loops or self.settings.landmarks):
-            return
+        if self.settings.loops or self.settings.landmarks:
+            self._close(frame)
+
+    def _close(self, frame: Keyframe) -> None:
+        """Searches the places that were seen before."""
         found = self.search.search(frame)
         for pair in found:
-            self._ways.join(pair.first.step, pair.second.step, pair.motion)
-            if self.settings.loops:
-                self.loops.append(Loop(pair.first.step, pair.second.step, pair.motion))
-            else:
-                self.tracks.link(pair)
+            self._join(pair)
         self.search.remember(frame, found)
+
+    def _join(self, pair: Pair) -> None:
+        """Closes a loop, or makes the features of its two keyframes the same landmarks."""
+        self._ways.join(pair.first.step, pair.second.step, pair.motion)
+        if self.settings.loops:
+            self.loops.append(Loop(pair.first.step, pair.second.step, pair.motion))
+        else:
+            self._track(pair)

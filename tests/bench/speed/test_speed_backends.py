@@ -349,9 +349,9 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
         ),
         (
             ["--frontend", "--sizes", "10"],
-            "--sizes: --frontend times marker detection and laser scan matching, which has no such option",
+            "--sizes: --frontend is the study of front ends, which has no such option",
         ),
-        (["--frontend", "--scattered"], "--scattered: --frontend times marker detection and laser scan matching"),
+        (["--frontend", "--scattered"], "--scattered: --frontend is the study of front ends"),
     ],
 )
 def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
