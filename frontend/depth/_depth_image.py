@@ -10,8 +10,14 @@ from ..se2 import Array, Ints
 
 AGREE, AGAINST, HIDDEN = range(3)
 
-ROUNDS, WIDEST, NARROWER = 14, 0.08, 0.75
+ROUNDS, WIDEST, NARROWER = 8, 0.02, 0.75
 """Of robust least squares; m, the width of the first one's loss, and of the next one's by this one's."""
+
+BELOW = 4.0
+"""What a point below a plane counts against its being the floor, by one above it: nothing is below the floor."""
+
+LEAST_AREA = 0.02
+"""m^2, twice that of the triangle that tells a plane."""
 
 
 @compiled
@@ -44,7 +50,7 @@ def depths_at(
 
 
 @compiled
-def floor_plane(
+def floor_points(
     depth: NDArray[np.float32],
     rays: Array,
     mounting: Array,
@@ -55,15 +61,11 @@ def floor_plane(
     sd: float,
     height: float,
     slope: float,
-    least: int,
-    plane: Array,
-    cov: Array,
-) -> int:
-    """Fits z = a x + b y + c to the points of the floor in the robot's frame; the number of points, 0 for too few.
+) -> Array:
+    """The points (n, 3), m, in the robot's frame that may be of the floor, with their sd across it as a fourth column.
 
     `rays` (h, w, 2) and `mounting` (4, 4) lift every `every`-th pixel. Points further than `height` (m) and `slope`
-    times their distance from z = 0 are of something else, and so are those far from the plane. Writes `plane` (3,) and
-    its covariance `cov` (3, 3).
+    times their distance from z = 0 are of something else.
     """
     rows, columns = depth.shape
     most = ((rows + every - 1) // every) * ((columns + every - 1) // every)
@@ -82,12 +84,56 @@ def floor_plane(
                 down = mounting[2, 0] * a + mounting[2, 1] * b + mounting[2, 2]
                 x[count, 3] = (constant_sd + sd * z * z) * abs(down)
                 count += 1
-    plane[:] = 0.0
+    return x[:count]
+
+
+@compiled
+def likeliest_plane(x: Array, draws: Array, steepest: float, plane: Array) -> bool:
+    """Writes the plane z = a x + b y + c (3,) that most of the points `x` (n, 4) lie near; False without one.
+
+    MSAC over the planes through three points each, drawn by `draws` (h, 3), shares of n from 0 to 1. Planes steeper
+    than `steepest` are no floor.
+    """
+    n, best = len(x), np.inf
+    for k in range(len(draws)):
+        i, j, m = int(draws[k, 0] * n), int(draws[k, 1] * n), int(draws[k, 2] * n)
+        dx, dy, dz = x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
+        ex, ey, ez = x[m, 0] - x[i, 0], x[m, 1] - x[i, 1], x[m, 2] - x[i, 2]
+        area = dx * ey - dy * ex
+        if abs(area) < LEAST_AREA:
+            continue
+        a, b = (dz * ey - dy * ez) / area, (dx * ez - dz * ex) / area
+        if a * a + b * b > steepest * steepest:
+            continue
+        c = x[i, 2] - a * x[i, 0] - b * x[i, 1]
+        total = 0.0
+        for p in range(n):
+            off = (x[p, 2] - a * x[p, 0] - b * x[p, 1] - c) / max(3.0 * x[p, 3], 0.01)
+            total += min(off * off, 1.0 if off > 0.0 else BELOW)
+            if total > best:
+                break
+        if total < best:
+            best = total
+            plane[0], plane[1], plane[2] = a, b, c
+    return best < np.inf
+
+
+@compiled
+def floor_plane(
+    x: Array, draws: Array, steepest: float, height: float, slope: float, least: int, plane: Array, cov: Array
+) -> int:
+    """Fits z = a x + b y + c to the points `x` (n, 4) of the floor; the number of its points, 0 for too few.
+
+    Robust least squares from the likeliest plane on, with `height` (m) and `slope` as the sd of what is known before.
+    Writes `plane` (3,) and its covariance `cov` (3, 3).
+    """
+    if len(x) < least or not likeliest_plane(x, draws, steepest, plane):
+        return 0
     A, g, inside, width = np.empty((3, 3)), np.empty(3), 0, WIDEST
     for turn in range(ROUNDS):
         A[:], g[:], inside = 0.0, 0.0, 0
         hard = turn >= ROUNDS - 3
-        for k in range(count):
+        for k in range(len(x)):
             off = x[k, 2] - plane[0] * x[k, 0] - plane[1] * x[k, 1] - plane[2]
             most_off = max(3.0 * x[k, 3], 0.01)
             if hard and abs(off) > most_off:
@@ -103,7 +149,6 @@ def floor_plane(
                     A[i, j] += w * row[i] * row[j]
         if inside < least:
             return 0
-        # held at first, as whatever stands on the floor is still among the points
         A[0, 0] += 1.0 / slope**2
         A[1, 1] += 1.0 / slope**2
         A[2, 2] += 1.0 / height**2

@@ -6,6 +6,7 @@ matched, registered and checked; what passes is either a landmark's sighting or 
 
 from collections import Counter, deque
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -72,9 +73,9 @@ class FrontEnd:
         if not self.steps:
             self._start(self._keyframe(frame))
         elif self.settings.odometry == "wheels":
-            self._by_wheels(frame)
+            self._step_by_wheels(frame)
         else:
-            self._by_sight(frame)
+            self._step_by_sight(frame)
 
     def finish(self) -> None:
         """Ends the drive with the last frame, where the motion comes from frames alone."""
@@ -110,15 +111,13 @@ class FrontEnd:
         self._recent.append(frame)
         self.search.remember(frame, ())
 
-    def _by_wheels(self, frame: DepthFrame) -> None:
+    def _step_by_wheels(self, frame: DepthFrame) -> None:
         """Takes a frame where the wheels tell the motion; one before the next step is not looked at."""
-        assert self._motion is not None
-        s = self.settings
-        moved = self._motion.odometry(self.steps[-1].t, frame.seconds)
+        s, moved = self.settings, self._by_wheels(frame.seconds)
         if np.hypot(moved.delta[0], moved.delta[1]) < s.step and abs(moved.delta[2]) < s.turn:
             return
         new = self._keyframe(frame)
-        self._step(new, Planar(moved.delta, moved.cov))
+        self._step(new, moved)
         if s.landmarks:
             for before in BEFORE:
                 if before < len(self._recent):
@@ -141,7 +140,7 @@ class FrontEnd:
         """Makes the features of two registered keyframes the same landmarks."""
         self.tracks.link(pair)
 
-    def _by_sight(self, frame: DepthFrame) -> None:
+    def _step_by_sight(self, frame: DepthFrame) -> None:
         """Takes a frame where its own features tell the motion since the last step."""
         s, new = self.settings, self._keyframe(frame)
         pair = self._seen_from_last(new)
@@ -150,9 +149,7 @@ class FrontEnd:
             new = self._renumbered(new)
             pair = self._seen_from_last(new)
         if pair is None:
-            self.counts["steps without a motion"] += 1
-            cov = np.diag([s.blind**2, s.blind**2, s.blind_turn**2])
-            self._step(new, Planar(self._as_before(new.t), cov))
+            self._step(new, self._unseen(new))
             return
         delta = pair.motion.delta
         if np.hypot(delta[0], delta[1]) < s.step and abs(delta[2]) < s.turn:
@@ -162,12 +159,21 @@ class FrontEnd:
 
     def _seen_from_last(self, new: Keyframe) -> Pair | None:
         """Registers a frame with the last step's, checked against the wheels where there are some."""
-        old, motion = self._recent[-1], self._motion
-        known = None
-        if motion is not None:
-            wheels = motion.odometry(old.t, new.t)
-            known = lambda: Planar(wheels.delta, wheels.cov)  # noqa: E731
-        return self._register(old, new, known)
+        return self._register(self._recent[-1], new, None if self._motion is None else partial(self._by_wheels, new.t))
+
+    def _unseen(self, new: Keyframe) -> Planar:
+        """The motion since the last step where no features tell it: the wheels', or without them the one before."""
+        if self._motion is not None:
+            self.counts["steps by the wheels alone"] += 1
+            return self._by_wheels(new.t)
+        self.counts["steps without a motion"] += 1
+        s = self.settings
+        return Planar(self._as_before(new.t), np.diag([s.blind**2, s.blind**2, s.blind_turn**2]))
+
+    def _by_wheels(self, t: float) -> Planar:
+        """The wheels' motion from the last step to a time."""
+        assert self._motion is not None
+        return Planar(*self._motion.odometry(self.steps[-1].t, t))
 
     def _as_before(self, t: float) -> Array:
         """The motion (3,) of the last step, at its speed."""

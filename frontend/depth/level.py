@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..camera.camera import Camera
 from ..se2 import Array
-from ._depth_image import floor_plane
+from ._depth_image import floor_plane, floor_points
 from .settings import Settings
 
 EVERY = 8
@@ -22,6 +22,11 @@ HEIGHT, SLOPE = 0.08, 0.06
 LEAST = 80
 """Points of a floor."""
 
+STEEPEST = 0.15
+"""m a metre; a steeper plane is no floor."""
+
+DRAWS = 300
+"""Planes through three points that are tried. Where a quarter of the points are of the floor, one plane in 64 is."""
 
 KNOWN, UP_KNOWN = 3e-4, 5e-4
 """rad and m; sd of what a fitted floor tells that the noise of its points does not know."""
@@ -40,14 +45,18 @@ class Leveller:
 
     def __init__(self, camera: Camera, settings: Settings) -> None:
         self._camera, self._settings = camera, settings
+        self._draws = np.random.default_rng(0).random((DRAWS, 3))  # the same for every frame
 
     def level(self, depth: NDArray[np.float32]) -> Level:
         """Levels a frame by its `depth` (h, w), m."""
         s, camera = self._settings, self._camera
         plane, cov = np.empty(3), np.empty((3, 3))
         if s.level and floor_plane(
-            depth, camera.rays, camera.mounting, EVERY, s.near, min(s.far, FAR), s.constant_sd, s.depth_sd, HEIGHT,
-            SLOPE, LEAST, plane, cov,
+            floor_points(
+                depth, camera.rays, camera.mounting, EVERY, s.near, min(s.far, FAR), s.constant_sd, s.depth_sd, HEIGHT,
+                SLOPE,
+            ),
+            self._draws, STEEPEST, HEIGHT, SLOPE, LEAST, plane, cov,
         ):  # fmt: skip
             T = levelling(plane) @ camera.mounting
             # z = a x + b y + c: a turn about y by t tilts by a = -t, one about x by b = t

@@ -18,7 +18,9 @@ class Settings:
     most: int = option(1000, "features looked for in a frame", minimum=50, maximum=20_000)
     landmarks: bool = option(True, "features that are seen again become landmarks, with ids")
     loops: bool = option(False, "search for loop closures")
-    odometry: str = option("wheels", "what the motion between steps is taken from", choices=ODOMETERS)
+    odometry: str = option(
+        "wheels", "what the motion between steps is taken from; visual: where features tell it", choices=ODOMETERS
+    )
     depth_sd: float = option(0.003, "sd of a depth of z m is this times z^2, and 1 mm", minimum=1e-5, maximum=0.1)
     near: float = option(0.4, "depths below, m, are left out", minimum=0.0, maximum=10.0)
     far: float = option(4.5, "depths above, m, are left out", minimum=0.5, maximum=100.0)

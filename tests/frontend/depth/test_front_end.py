@@ -142,6 +142,22 @@ def test_frames_that_show_nothing_leave_a_motion_unknown_and_the_drive_goes_on()
     assert squared.max() < 25
 
 
+def test_where_frames_show_nothing_the_wheels_tell_the_motion() -> None:
+    recording, shown, _ = drive(1, Drive(), 16)
+    frames = list(shown)
+    frames[8] = DepthFrame(frames[8].seconds, np.full((480, 640), 90, np.uint8), np.zeros((480, 640), np.float32))
+    log = build_log(replace(recording, frames=frames), VISUAL)
+    counts = log.notes["depth"]["counts"]
+    assert recording.motion is not None
+    assert "steps without a motion" not in counts
+    assert counts["steps by the wheels alone"] == 2
+    k = int(np.flatnonzero(log.t == frames[8].seconds)[0])
+    for step in (k, k + 1):
+        wheels = recording.motion.odometry(log.t[step - 1], log.t[step])
+        np.testing.assert_array_equal(log.delta[step], wheels.delta)
+        np.testing.assert_array_equal(log.delta_cov[step], wheels.cov)
+
+
 def _pairs(poses: Array) -> tuple[Array, Array]:
     return poses[:-1], poses[1:]
 

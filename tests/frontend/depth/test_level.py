@@ -35,6 +35,22 @@ def test_a_floor_in_front_of_a_wall_levels_a_body_that_rocks(pitch: float, roll:
     assert abs(off(level, body)[2]) < 5e-4
 
 
+@pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (-0.067, -0.051), (-0.06, 0.05), (0.05, -0.02)])
+@pytest.mark.parametrize("columns", [slice(80, None), slice(160, None), slice(-80), slice(-120)])
+@pytest.mark.parametrize("away", [0.95, 1.2, 1.5])
+def test_a_box_that_hides_most_of_the_floor_is_not_levelled_by(
+    pitch: float, roll: float, columns: slice, away: float
+) -> None:
+    """Body and box make a plane that is steeper than the floor, with nearly as many points near it."""
+    body = rocked(pitch, roll)
+    depth, box = depth_at(body, [FLOOR, [-1.0, 0.1, 0.0, -2.3]]), depth_at(body, [FLOOR, [-1.0, 0.0, 0.0, -away]])
+    depth[:, columns] = box[:, columns]
+    level = Leveller(CAMERA, Settings()).level(depth)
+    assert level.found
+    # the lowest centimetre of a face is within the floor's noise, and turns the plane by so much
+    np.testing.assert_allclose(off(level, body)[:2], 0, atol=np.radians(0.6))
+
+
 def test_covariance_is_that_of_drawn_errors() -> None:
     rng, settings, trials = np.random.default_rng(1), Settings(), 60
     leveller, errors = Leveller(CAMERA, settings), np.empty((trials, 3))
