@@ -137,6 +137,11 @@ def _kind(path: str) -> str:
 
 def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any:
     """Makes the options dataclass `cls`; InputError for a name=value that is unknown, unreadable or out of range."""
+    return cls(**read_values(cls, given, where))
+
+
+def read_values(cls: type, given: Sequence[tuple[str, str]], where: str) -> dict[str, Any]:
+    """Reads values of options of the dataclass `cls`, each by itself; InputError as in `read_options`."""
     known = {field.name: field for field in fields(cls)}
     values: dict[str, Any] = {}
     for name, text in given:
@@ -146,7 +151,7 @@ def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any
         if name in values:
             raise InputError(f"{where}: option {name} is given twice, expected once.")
         values[name] = _read(known[name], typing.get_type_hints(cls)[name], text, where)
-    return cls(**values)
+    return values
 
 
 def _check_beside(cls: type, given: Sequence[tuple[str, str]], where: str) -> None:

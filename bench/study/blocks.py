@@ -11,7 +11,7 @@ from ...frontend.nearest import nearest
 from ...frontend.toml.lines import Place
 from ...frontend.toml.table import TomlTable, shown
 from ..plan.plan import Cell
-from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_options
+from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_values
 from ..plan.values import MOST_CELLS, too_many
 from ..plan.work import PlannedCell
 
@@ -39,7 +39,7 @@ class _Side:
     """A dataset or a backend as named in the file, and its variants by swept options."""
 
     def __init__(self, words: TomlTable, side: str, label: str, place: Place) -> None:
-        self.words, self.side, self.label = words, side, label
+        self.words, self.side, self.label, self.place = words, side, label, place
         try:
             found = dataset_variants(label, side) if side == "dataset" else backend_variants(label, side)
         except InputError as error:
@@ -60,20 +60,26 @@ class _Side:
         return any(pair.partition("=")[0].strip() == option for pair in inside.split(","))
 
     def read(self, option: str, value: Any, place: Place) -> Any:
-        """Reads the option's value; InputError for an invalid one."""
+        """Reads the option's value by itself; InputError for an invalid one."""
         if self.missing:
             return value
         try:
             pairs = [(option, str(value).lower() if isinstance(value, bool) else str(value))]
-            return getattr(read_options(type(self.base.options), pairs, f"{self.side} {self.base.name}"), option)
+            return read_values(type(self.base.options), pairs, f"{self.side} {self.base.name}")[option]
         except InputError as error:
             raise self.words.at(place, str(error)) from None
 
     def variant(self, swept: Mapping[str, Any]) -> tuple[Any, str]:
-        """Returns the variant with these values, already read, and its label; the same object for the same values."""
+        """Returns the variant with these values, already read, and its label; the same object for the same values.
+
+        InputError where options refuse each other.
+        """
         key = tuple(swept.items())
         if key not in self.variants:
-            options = self.base.options if self.missing else replace(self.base.options, **swept)
+            try:
+                options = self.base.options if self.missing else replace(self.base.options, **swept)
+            except InputError as error:
+                raise self.words.at(self.place, str(error)) from None
             made = replace(self.base, options=options)
             self.variants[key] = made, f"{made.label}{key}" if self.missing else made.label
         return self.variants[key]

@@ -67,16 +67,15 @@ class Leveller:
 
 
 def levelling(plane: Array) -> Array:
-    """(4, 4) the shortest turn and the shift that take the plane z = a x + b y + c, `plane` (3,), to z = 0."""
-    normal = np.array([-plane[0], -plane[1], 1.0])
-    normal /= np.sqrt(normal @ normal)
-    x, y, z = normal
+    """(4, 4) the turn and the shift that take the plane z = a x + b y + c, `plane` (3,), to z = 0.
+
+    The x axis stays above its projection on the plane: the heading of a body that is tilted is where that points to.
+    """
+    a, b, c = plane
+    z = np.array([-a, -b, 1.0]) / np.sqrt(a * a + b * b + 1.0)
+    x = np.array([1.0, 0.0, 0.0]) - z[0] * z
+    x /= np.sqrt(x @ x)
     T = np.eye(4)
-    # Rodrigues for the turn from the normal onto z; its axis is (y, -x, 0)
-    T[:3, :3] = [
-        [1 - x * x / (1 + z), -x * y / (1 + z), -x],
-        [-x * y / (1 + z), 1 - y * y / (1 + z), -y],
-        [x, y, z],
-    ]
-    T[2, 3] = -plane[2] * z
+    T[:3, :3] = [x, np.cross(z, x), z]
+    T[2, 3] = -c * z[2]
     return T

@@ -33,7 +33,7 @@ class Settings:
     sightings: int = option(30, "most sightings of a step", minimum=1, maximum=1000)
 
     # features
-    pixel_sd = 1.0  # px, of a feature's place
+    pixel_sd = 0.4  # px, of the place of a feature of the finest scale
     constant_sd = 0.001  # m, of every depth
     jump, jump_by_depth = 0.02, 0.02  # m, and m a metre, between neighbours of one surface
     ratio = 0.8  # of the distance to the second best descriptor, that to the best one

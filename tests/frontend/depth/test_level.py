@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from depth_scenes import CAMERA, on_planes
 from slamduel.datasets.rendering.disturbances import rocked
@@ -30,7 +31,6 @@ def test_a_floor_in_front_of_a_wall_levels_a_body_that_rocks(pitch: float, roll:
     body = rocked(pitch, roll)
     level = Leveller(CAMERA, Settings()).level(depth_at(body, [FLOOR, WALL]))
     assert level.found
-    # the body's turn about the vertical by its rocking, pitch times roll, is no part of a level
     np.testing.assert_allclose(off(level, body)[:2], 0, atol=np.radians(0.02))
     assert abs(off(level, body)[2]) < 5e-4
 
@@ -84,11 +84,21 @@ def test_with_level_false_no_floor_is_looked_for() -> None:
     assert not level.found
 
 
-def test_levelling_takes_a_plane_to_the_floor_by_the_shortest_turn() -> None:
+@pytest.mark.parametrize(("pitch", "roll"), [(0.04, -0.03), (-0.07, -0.05), (0.0, 0.06)])
+def test_a_tilted_body_s_heading_is_where_its_x_axis_points_to(pitch: float, roll: float) -> None:
+    """By Euler angles: a body turned by heading, then pitch, then roll has that heading, which levelling keeps."""
+    body = Rotation.from_euler("ZYX", [0.7, pitch, roll]).as_matrix()
+    normal = body.T[:, 2]  # the vertical, as the body sees it
+    T = levelling(np.array([-normal[0] / normal[2], -normal[1] / normal[2], 0.0]))
+    upright = body @ T[:3, :3].T
+    np.testing.assert_allclose(upright, Rotation.from_euler("Z", 0.7).as_matrix(), atol=1e-12)
+
+
+def test_levelling_takes_a_plane_to_the_floor() -> None:
     plane = np.array([0.05, -0.03, 0.02])
     T = levelling(plane)
     xy = np.random.default_rng(2).uniform(-2, 2, (20, 2))
     on_plane = np.column_stack((xy, xy @ plane[:2] + plane[2], np.ones(20)))
     np.testing.assert_allclose((on_plane @ T.T)[:, 2], 0, atol=1e-15)
     np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-15)
-    assert abs(T[1, 0] - T[0, 1]) < 1e-15  # no turn about the vertical
+    assert np.linalg.det(T) == pytest.approx(1.0)
