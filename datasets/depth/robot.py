@@ -4,7 +4,8 @@
     [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure
     [depth]      source, units, within, calibration, size, pose = {xyz, rpy} or {matrix}, registered, odom_frame,
                  truth_frame,
-                 step, turn, features, landmarks, loops, odometry ...      as the options of the dataset depth-room
+                 step, turn, features, landmarks, loops, odometry ...      as the options of the dataset depth-room, but
+                 that floor, turn_floor and floor_share are those of a real camera
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
     [prior]      pose, sd
     [topics]     image, depth, camera_info, depth_info, odometry
@@ -25,7 +26,7 @@ from ...frontend.camera.calibration import write_opencv
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import mounting as ahead
 from ...frontend.depth.recording import DepthRecording
-from ...frontend.depth.settings import Settings
+from ...frontend.depth.settings import RecordedSettings, Settings
 from ...frontend.errors import InputError
 from ...frontend.factors import Prior
 from ...frontend.files import write_whole
@@ -39,6 +40,8 @@ from ..robot_tables import TRACK, calibrated, names_of, pose_in, settings_in, tr
 from .frames import WITHIN
 
 ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
+
+FLOORS = ("floor", "turn_floor", "floor_share")
 
 _OWN = ("source", "units", "within", "calibration", "size", "pose", "registered", "odom_frame", "truth_frame")
 
@@ -74,7 +77,7 @@ class DepthRobot:
     max_speed: float = MAX_SPEED  # m/s; a faster robot is a misreading
     noise: TrackNoise = field(default_factory=TrackNoise)
     topics: Topics = field(default_factory=Topics)
-    settings: Settings = field(default_factory=Settings)
+    settings: Settings = field(default_factory=RecordedSettings)
     prior: Prior | None = None  # None: the first pose of the odometry
 
 
@@ -88,7 +91,7 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
             raise file.refused("depth", f"is given beside [{other}], expected one robot.toml for each front end.")
     file = file.only(("name", "camera", "depth", "odometry", "prior", "topics"))
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
-    depth = file.table("depth").only((*_OWN, *names_of(Settings)))
+    depth = file.table("depth").only((*_OWN, *names_of(RecordedSettings)))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     topics = file.table("topics").only(Topics._fields)
     placed = pose_in(camera, "mounting") if camera.has("mounting") else None
@@ -112,13 +115,13 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         max_speed=odometry.number("max_speed", MAX_SPEED, above=0),
         noise=track_noise(odometry),
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
-        settings=settings_in(depth, Settings, path.parent),
+        settings=settings_in(depth, RecordedSettings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
     )
 
 
 def write_depth_robot(path: Path, recording: DepthRecording, topics: Topics | None = None) -> None:
-    """Writes a robot.toml for `recording`, whose depth is registered, with its camera's calibration beside it.
+    """Writes a robot.toml for a rendered `recording`, whose errors have no floors, with its camera's calibration.
 
     InputError if it cannot be written, and for a motion that is not a `Track`.
     """
@@ -134,7 +137,7 @@ def write_depth_robot(path: Path, recording: DepthRecording, topics: Topics | No
     words: dict[str, Any] = {
         "name": recording.name,
         "camera": {"calibration": CALIBRATION, "mounting": {"matrix": recording.camera.mounting.tolist()}},
-        "depth": {"registered": True},
+        "depth": {"registered": True, **{name: getattr(Settings(), name) for name in FLOORS}},
         "odometry": odometry,
         "prior": {"pose": prior.pose.tolist(), "sd": np.sqrt(np.diag(prior.cov)).tolist()},
         "topics": {} if topics is None else topics._asdict(),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...frontend.camera.mounting import mounting
-from ...frontend.depth.settings import Settings
+from ...frontend.depth.settings import RecordedSettings
 from ...frontend.factors import Dataset
 from ...frontend.options import option
 from ..depth.open import build, open_bag
@@ -25,7 +25,7 @@ WORLD = "world"
 
 
 @dataclass(frozen=True)
-class Placed(Settings):
+class Placed(RecordedSettings):
     """Which file, where the camera is, and the front end."""
 
     path: str | None = option(None, "the file of the bag; not given: the copy from bench fetch")
@@ -50,7 +50,7 @@ def _source(name: str, summary: str) -> Source:
     def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
         given = None if options.path is None else Path(options.path)
         path = given or fetched(name, f"{name}[path=FILE]") / bag_file(name)
-        settings = Settings(**{one.name: getattr(options, one.name) for one in fields(Settings)})
+        settings = RecordedSettings(**{one.name: getattr(options, one.name) for one in fields(RecordedSettings)})
         placed = None if options.up is None else mounting(options.ahead, 0.0, options.up, options.tilt)
         robot = DepthRobot(
             name=name,

@@ -45,8 +45,16 @@ def planar(found: Registration, first: Level, second: Level, settings: Settings)
     J[:2, 3:] = -skew(t)[:2]
     x, y, z = R[:, 0]
     J[2, 3:] = np.array([-z * x, -z * y, x * x + y * y]) / (x * x + y * y)
-    cov = J @ cov @ J.T + np.diag([settings.floor**2, settings.floor**2, settings.turn_floor**2])
-    return Planar(np.array([t[0], t[1], float(arctan2(y, x))]), (cov + cov.T) / 2)
+    delta = np.array([t[0], t[1], float(arctan2(y, x))])
+    cov = J @ cov @ J.T + floors(delta, settings)
+    return Planar(delta, (cov + cov.T) / 2)
+
+
+def floors(delta: Array, settings: Settings) -> Array:
+    """(3, 3) the covariance that the motion `delta` (3,) has at least: what features do not know."""
+    s, way = settings, delta[0] ** 2 + delta[1] ** 2
+    shift, turn = s.floor**2 + s.floor_share**2 * way, s.turn_floor**2 + s.floor_share**2 * delta[2] ** 2
+    return np.diag([shift, shift, turn])
 
 
 def camera_motion(delta: Array, first: Level, second: Level) -> tuple[Array, Array]:

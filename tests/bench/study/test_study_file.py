@@ -74,6 +74,21 @@ def test_blocks_add_up_and_a_block_has_its_own_value_of_what_another_sweeps() ->
     assert found.parameters == ("dataset", "backend", "seed", "particles")
 
 
+def test_options_that_need_each_other_are_swept_together_and_refused_by_the_line_of_their_dataset() -> None:
+    """`loops` goes with landmarks=false alone."""
+    text = """
+        [[cells]]
+        dataset = "depth-room[landmarks=false]"
+        backend = "graph"
+        grid."dataset.loops" = [false, true]
+    """
+    found = study(text)
+    assert [cell.parameters["loops"] for cell in found.cells] == [False, True]
+    assert [cell.cell.dataset.options.landmarks for cell in found.cells] == [False, False]
+    with pytest.raises(InputError, match="s.toml, line 3: options landmarks and loops: found both true"):
+        study(text.replace("[landmarks=false]", ""))
+
+
 def test_an_option_of_both_sides_goes_by_its_full_name_and_none_is_a_value() -> None:
     found = study("""
         [[cells]]

@@ -48,6 +48,15 @@ def test_a_tum_folder_is_read_with_its_own_units_and_times(tmp_path: Path) -> No
     np.testing.assert_allclose(found.recording.camera.mounting, CAMERA.mounting, atol=1e-12)
 
 
+def test_a_recording_has_the_floors_of_a_real_camera_unless_its_robot_toml_says_otherwise(tmp_path: Path) -> None:
+    folder = tum_folder(tmp_path / "drive")
+    settings = opened(folder).settings
+    assert (settings.floor, settings.turn_floor, settings.floor_share) == (0.005, 0.0026, 0.1)
+    robot_toml(folder, "floor = 0.001\nfloor_share = 0")
+    settings = opened(folder).settings
+    assert (settings.floor, settings.turn_floor, settings.floor_share) == (0.001, 0.0026, 0.0)
+
+
 def test_colour_and_depth_are_joined_with_their_nearest(tmp_path: Path) -> None:
     """Stamps as a Kinect's: depth 5 to 15 ms after or before colour, one of each missing somewhere."""
     t = START + np.arange(10) / 30

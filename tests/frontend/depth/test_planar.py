@@ -113,3 +113,13 @@ def test_floors_are_added_once() -> None:
     found = registration_of(CAMERA.mounting, on_floor(MOVED) @ CAMERA.mounting, some_cov())
     plain, floors = planar(found, level, level, NO_FLOORS), planar(found, level, level, Settings())
     np.testing.assert_allclose(floors.cov - plain.cov, np.diag([5e-4**2, 5e-4**2, 2e-4**2]), rtol=1e-2, atol=1e-12)
+
+
+def test_a_motion_has_at_least_the_stated_floors_and_its_share() -> None:
+    settings = Settings(floor=0.004, turn_floor=0.003, floor_share=0.2)
+    level = Level(CAMERA.mounting, UNKNOWN, True)
+    found = registration_of(CAMERA.mounting, on_floor(MOVED) @ CAMERA.mounting, some_cov())
+    more = planar(found, level, level, settings).cov - planar(found, level, level, NO_FLOORS).cov
+    way = np.hypot(*MOVED[:2])
+    expected = [0.004**2 + (0.2 * way) ** 2, 0.004**2 + (0.2 * way) ** 2, 0.003**2 + (0.2 * MOVED[2]) ** 2]
+    np.testing.assert_allclose(more, np.diag(expected), atol=1e-9)
