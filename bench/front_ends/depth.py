@@ -30,7 +30,7 @@ class Extent(NamedTuple):
     frames: int  # of a recording, at most
 
 
-QUICK, FULL = Extent(1, 1.2, 100), Extent(2, 4.0, 100_000)
+QUICK, FULL = Extent(1, 1.2, 100), Extent(2, 3.0, 100_000)
 
 
 class FrameCost(NamedTuple):

@@ -85,7 +85,7 @@ def test_options_that_need_each_other_are_swept_together_and_refused_by_the_line
     found = study(text)
     assert [cell.parameters["loops"] for cell in found.cells] == [False, True]
     assert [cell.cell.dataset.options.landmarks for cell in found.cells] == [False, False]
-    with pytest.raises(InputError, match="s.toml, line 3: options landmarks and loops: found both true"):
+    with pytest.raises(InputError, match=r"s\.toml, line 3: options landmarks and loops: found both true"):
         study(text.replace("[landmarks=false]", ""))
 
 

@@ -1,5 +1,7 @@
 """Features on rendered frames, whose places in another frame are known."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ def test_errors_of_places_are_those_stated_on_every_scale(kind: str) -> None:
         stated.append(np.hypot(one.ray_sd, other.ray_sd))
     errors, sd = np.concatenate(off), np.concatenate(stated)
     edges = np.quantile(sd, [0.0, 0.5, 0.8, 1.0]) if kind == "orb" else [0.0, np.inf]
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         some = (sd >= low) & (sd <= high)
         spread = 1.4826 * np.median(np.abs(errors[some] / sd[some, None]))
         # stated of single features is the rms; the median of SIFT's is a third of it
