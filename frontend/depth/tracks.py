@@ -40,7 +40,10 @@ class Tracks:
         self._add(second, free[:, 1])
 
     def chosen(self) -> Sighted:
-        """The sightings of landmarks that are seen often enough; those seen most often where a step has too many."""
+        """The sightings of landmarks that have enough of them; those seen most often where a step has too many.
+
+        A landmark that is left with too few is dropped, those with the fewest first, and others take its place.
+        """
         s = self._settings
         if not self._parts:
             return Sighted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
@@ -54,9 +57,15 @@ class Tracks:
         times = np.bincount(all_.ids)[all_.ids]
         order = np.lexsort((all_.ids, -times, all_.step))
         order = order[times[order] >= s.seen_often]
-        step = all_.step[order]
-        rank = np.arange(len(step)) - np.searchsorted(step, step)
-        kept = order[rank < s.sightings]
+        while True:
+            step = all_.step[order]
+            kept = order[np.arange(len(step)) - np.searchsorted(step, step) < s.sightings]
+            left = np.bincount(all_.ids[kept])  # of each landmark; none of one that other steps have no room for
+            few = left[left > 0].min(initial=s.seen_often)
+            if few >= s.seen_often:
+                break
+            dropped = np.flatnonzero(left == few)
+            order = order[~np.isin(all_.ids[order], dropped)]
         return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
 
     def _add(self, frame: Keyframe, rows: Ints) -> None:

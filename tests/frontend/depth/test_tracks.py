@@ -57,6 +57,26 @@ def test_landmarks_seen_too_rarely_are_left_out_and_those_seen_most_come_first()
     assert (np.diff(seen.step) >= 0).all()
 
 
+def test_a_landmark_has_its_sightings_where_steps_have_too_many_and_no_room_is_left_empty() -> None:
+    """Features that come and go at random: what is in the log is what a step has room for, of the landmarks in it."""
+    rng, settings, size = np.random.default_rng(3), Settings(sightings=4), 40
+    tracks, frames = Tracks(settings), [frame(k, size) for k in range(40)]
+    for k in range(39):
+        rows = np.flatnonzero(rng.random(size) < 0.75)
+        tracks.link(pair(frames[k], frames[k + 1], np.column_stack((rows, rows)).tolist()))
+    seen = tracks.chosen()
+    ids, times = np.unique(seen.ids, return_counts=True)
+    assert len(ids) > 10
+    assert times.min() >= settings.seen_often
+    known = np.concatenate([one.ids[one.ids >= 0] for one in frames])
+    often = np.bincount(known)
+    for k, one in enumerate(frames):
+        chosen, there = seen.ids[seen.step == k], one.ids[np.isin(one.ids, ids)]
+        assert len(chosen) == min(len(there), settings.sightings)
+        if len(chosen) < len(there):
+            assert often[chosen].min() >= often[there[~np.isin(there, chosen)]].max()
+
+
 def test_sightings_are_ranges_and_bearings_of_levelled_points_with_their_covariance() -> None:
     settings = Settings()
     tracks, frames = Tracks(settings), [frame(k) for k in range(4)]
