@@ -126,21 +126,18 @@ def _sorted(values: list[Any]) -> list[Any]:
 
 def _called(figure: Figure, table: CellTable, bys: Sequence[Any]) -> dict[Any, str]:
     """Names the values of `by`; cells without any by their backends."""
-    words = figure.by.rpartition(".")[2].replace("_", " ")
-    found: dict[Any, str] = {
-        value: worded(value) if isinstance(value, str) else f"{words} {worded(value)}" for value in bys
-    }
-    found |= names(figure.by, bys)
+    found = names(figure.by, bys)
     if None in found:
         found[None] = _lacking(figure.by, figure, table)
     return found
 
 
 def names(parameter: str, values: Iterable[Any]) -> dict[Any, str]:
-    """Shortens datasets and backends as far as they stay distinct; {} for another parameter."""
-    if parameter not in ("dataset", "backend"):
-        return {}
-    return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
+    """Names a parameter's values: words are by themselves, datasets and backends as short as they stay distinct."""
+    if parameter in ("dataset", "backend"):
+        return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
+    words = parameter.rpartition(".")[2].replace("_", " ")
+    return {value: worded(value) if isinstance(value, str) else f"{words} {worded(value)}" for value in values}
 
 
 def _lacking(parameter: str, figure: Figure, table: CellTable) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..claims.curves import Medians, Place, names, worded
+from ..claims.curves import Medians, Place, names
 from ..drawing.axes import fitted
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
@@ -75,7 +75,7 @@ def _rows(found: Medians) -> list[tuple[str, Place]]:
     """Lists (name, its cells) from the top, those with a value or a failure."""
     places = [found.places[x, by] for x in found.xs for by in found.bys if (x, by) in found.places]
     places = [place for place in places if place.n or place.failed] or places
-    named = {x: worded(x) for x in found.xs} | names(found.figure.x, found.xs)
+    named = names(found.figure.x, found.xs)
     if found.figure.x == found.figure.by:
         return [(found.called[place.by], place) for place in places]
     if len(found.bys) == 1:

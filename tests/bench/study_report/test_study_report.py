@@ -186,6 +186,11 @@ def test_printed_values_stand_in_their_rows_and_tables(tmp_path: Path) -> None:
     assert "Them" in (write(tmp_path).parent / "report.md").read_text()
 
 
+def test_values_that_are_no_words_are_named_with_their_parameter() -> None:
+    assert names("dataset.wheels_check", [False, True]) == {False: "wheels check no", True: "wheels check yes"}
+    assert names("poses", [25, "all", None]) == {25: "poses 25", "all": "all", None: "poses \N{EN DASH}"}
+
+
 def test_a_claim_at_a_printed_value_draws_no_bound_beside_it(tmp_path: Path) -> None:
     claims = '[[claim]]\nsays = "so"\nmeasure = "nees"\nof = { backend = "ekf", landmarks = 6 }\nbelow = '
     for bound, drawn_bounds in ((3.25, (1.25,)), (3.5, (1.25, 3.5))):
