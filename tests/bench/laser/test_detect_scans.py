@@ -20,10 +20,10 @@ from slamduel.bench.plan.load import load
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.formats.scans_file import read_scans
 from slamduel.datasets.scans.open import open_scans
+from slamduel.frontend.beside import Scans
 from slamduel.frontend.factors import Log, Prior
 from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.laser.scanner import Scanner
-from slamduel.frontend.laser_scans import Scans
 from slamduel.frontend.relations import Anchors
 from slamduel.frontend.tum import write_tum
 

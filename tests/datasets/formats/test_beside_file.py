@@ -9,12 +9,12 @@ import pytest
 import floor_drives as floor
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.formats.scans_file import NAME, read_scans, write_scans
+from slamduel.frontend.beside import scan_columns
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import log_of, scans_of
 from slamduel.frontend.laser.recording import LaserRecording, matched, placed
 from slamduel.frontend.laser.settings import Settings
-from slamduel.frontend.laser_scans import scan_columns
 from slamduel.frontend.se2 import between, compose
 
 Driven = tuple[LaserRecording, FrontEnd]
