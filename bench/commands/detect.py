@@ -40,9 +40,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.epilog = (
         "A recording is a folder with robot.toml and frames, a video, a bag or a CARMEN log; a bare bag, video or "
-        "folder of frames needs --robot, laser scans and a depth camera's bag do not. camera:0 is a camera that is connected. LOG is what "
-        "bench run --dataset LOG takes; a folder that an earlier bench detect wrote is replaced, any other that is "
-        "not empty is left alone."
+        "folder of frames needs --robot, laser scans and a depth camera's bag do not. camera:0 is a camera that is "
+        "connected. LOG is what bench run --dataset LOG takes; a folder that an earlier bench detect wrote is "
+        "replaced, any other that is not empty is left alone."
     )
     add = parser.add_argument
     add("recording", help="the recording's folder, video or bag, or camera:0")

@@ -1,4 +1,4 @@
-"""`bench map FOLDER`: writes the maps of every log of a laser scanner or depth camera in a run, by each backend's path."""
+"""`bench map FOLDER`: writes maps of every log of a laser scanner or depth camera in a run, by each path."""
 
 import argparse
 from collections.abc import Iterator

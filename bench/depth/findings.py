@@ -1,5 +1,6 @@
 """The results of the front end for depth cameras, in sentences, rows and JSON."""
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -45,9 +46,9 @@ class DepthFindings(NamedTuple):
     span: tuple[float, float]  # s, of the first frame and the last one
 
     @property
-    def counts(self) -> Mapping[str, int]:
+    def counts(self) -> Counter[str]:
         """The front end's counts of frames, features and pairs."""
-        return self.log.notes["depth"]["counts"]
+        return Counter(self.log.notes["depth"]["counts"])
 
     @property
     def clouds(self) -> Clouds:
@@ -75,16 +76,15 @@ def headline(f: DepthFindings) -> list[str]:
     said = [
         f"{counted(c['frames'], 'frame')} of {f.size} pixels in {number(seconds(f))} s, {wheels}: {steps}, {_seen(f)}."
     ]
-    if c.get("pairs"):
+    if c["pairs"]:
         said.append(f"{c['pairs registered']:,} of {counted(c['pairs'], 'pair')} of keyframes were registered.")
     lost = int((~f.levels.found).sum())
     if lost == len(f.log):
         said.append("No step is levelled by a floor: pitch, roll and height are those of the stated mounting.")
     elif lost:
-        said.append(
-            f"The floor levels {counted(len(f.log) - lost, 'step')}; {lost:,} ({100 * lost / len(f.log):.2g} %) show none "
-            "and are taken as the mounting states."
-        )
+        share = f"{lost:,} ({100 * lost / len(f.log):.2g} %)"
+        levelled = counted(len(f.log) - lost, "step")
+        said.append(f"The floor levels {levelled}; {share} show no floor and are taken as the mounting states.")
     else:
         said.append("The floor levels every step.")
     if searched:
@@ -135,7 +135,7 @@ def turned_down_words(f: DepthFindings) -> str:
 def advice(f: DepthFindings) -> list[str]:
     """Says what looks wrong, in sentences."""
     c, said, found = f.counts, list[str](), f.levels.found
-    looked, pairs = c["frames looked at"], c.get("pairs", 0)
+    looked, pairs = c["frames looked at"], c["pairs"]
     if f.log.notes["depth"]["settings"]["level"] and (~found).mean() > MANY:
         said.append(
             f"{100 * (~found).mean():.0f} % of the steps show no floor: perhaps [camera] mounting is wrong, or the "
@@ -183,7 +183,7 @@ def as_json(f: DepthFindings, out: str) -> dict[str, Any]:
         "landmarks": len(np.unique(f.log.ids)),
         "sightings": len(f.log.ids),
         "loops": len(f.log.loop_to),
-        "pairs": c.get("pairs", 0),
+        "pairs": c["pairs"],
         "pairs_registered": c.get("pairs registered", 0),
         "turned_down": dict(turned_down(f)),
         "places_compared": f.log.notes["depth"]["loops"]["searched"],
