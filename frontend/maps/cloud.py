@@ -54,9 +54,9 @@ def cloud_of(
 
 def thinned(cloud: Cloud, size: float) -> Cloud:
     """One point, the mean, in every cube of edge `size`, m, in the order of their first points."""
-    out = Cloud(*map(np.empty_like, cloud))
+    out = Cloud(np.empty_like(cloud.points), np.empty_like(cloud.colours), np.empty_like(cloud.weights))
     count = one_a_voxel(*cloud, size, *out)
-    return Cloud(*(column[:count].copy() for column in out))
+    return Cloud(out.points[:count].copy(), out.colours[:count].copy(), out.weights[:count].copy())
 
 
 def clouds_of(found: Sequence[Cloud], camera: Camera) -> Clouds:
@@ -92,4 +92,5 @@ TOGETHER = 100
 
 
 def _joined(parts: Sequence[Cloud]) -> Cloud:
-    return Cloud(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    points, colours, weights = zip(*parts, strict=True)
+    return Cloud(np.concatenate(points), np.concatenate(colours), np.concatenate(weights))

@@ -59,4 +59,4 @@ def on_box(points: Array, margin: float) -> NDArray[np.bool]:
     """(n,) points (n, 2) in the box's footprint, enlarged by `margin`, m."""
     c, s = np.cos(BOX.place[2]), np.sin(BOX.place[2])
     off = (points - BOX.place[:2]) @ np.array([[c, -s], [s, c]])
-    return (np.abs(off) <= np.array(BOX.size[:2]) / 2 + margin).all(axis=1)
+    return np.all(np.abs(off) <= np.array(BOX.size[:2]) / 2 + margin, axis=1, keepdims=True)[:, 0]

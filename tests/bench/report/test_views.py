@@ -77,7 +77,7 @@ def test_bench_map_writes_a_view_a_map_for_ros_and_points(
         assert pixels is not None
         assert set(np.unique(pixels)) == {0, 205, 254}
         row, column = np.nonzero(pixels == 0)
-        at = origin + 0.05 * np.column_stack((column + 0.5, len(pixels) - 1 - row + 0.5))
+        at: Array = origin + 0.05 * np.column_stack((column + 0.5, len(pixels) - 1 - row + 0.5)).astype(float)
         on_wall = np.abs(np.abs(at) - np.array(room.HALF)).min(axis=1) < 0.08
         assert (on_wall | room.on_box(at, 0.08)).all()
         assert on_wall.sum() > 200
