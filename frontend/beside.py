@@ -101,6 +101,7 @@ KINDS: Mapping[str, type[Scans] | type[Clouds]] = {"scans": Scans, "clouds": Clo
 """The kinds by the field of a log that has them."""
 
 _MAY_BE_NAN = ("ranges",)
+_NUMBERS = {"i": "whole numbers", "u1": "whole numbers of a byte", "f": "numbers"}
 
 
 def returns(ranges: Array, angles: Array, scanner: Array, valid: NDArray[np.bool]) -> Array:
@@ -132,8 +133,7 @@ def misfit(kind: str, columns: Columns, steps: int) -> str:
     for name, (shape, type_) in (forms | KINDS[kind].forms(columns)).items():
         found = columns[name]
         if found.shape != shape or not f"{found.dtype.kind}{found.dtype.itemsize}".startswith(type_):
-            expected = f"expected {'whole ' * (type_ != 'f')}numbers of {shape}"
-            return f"{name} is {found.dtype} of the shape {found.shape}, {expected}"
+            return f"{name} is {found.dtype} of the shape {found.shape}, expected {_NUMBERS[type_]} of {shape}"
         if name not in _MAY_BE_NAN and not np.isfinite(found).all():
             return f"{name} has what is not a number, expected finite ones"
     step = columns["step"]

@@ -74,7 +74,8 @@ def _heights(text: str) -> tuple[float, float]:
     values = [_number(one) for one in text.split(",")]
     if len(values) != 2 or not 0 < values[0] < values[1] <= TALLEST:
         raise argparse.ArgumentTypeError(
-            f"found {text!r}, expected two heights from 0 to {TALLEST:g} m, the lower one first: {LOW:g},{HIGH:g}"
+            f"found {text!r}, expected two heights above 0 and up to {TALLEST:g} m, the lower one first, as "
+            f"{LOW:g},{HIGH:g}"
         )
     return values[0], values[1]
 

@@ -33,16 +33,18 @@ def path_figure(f: DepthFindings) -> ReportFigure:
         axes.plot(*reckoned[:, :2].T, color=COLOURS[1], linewidth=0.9, linestyle=(0, (1, 1.5)), label=source)
         if f.truth is not None and len(f.truth.t):
             axes.plot(*f.truth.poses[:, :2].T, color=INK, linewidth=1, label=f.truth.kind)
-        axes.plot(*f.path[:, :2].T, color=COLOURS[2], linewidth=1.4, label="by places seen again")
+        axes.plot(*f.path[:, :2].T, color=COLOURS[2], linewidth=1.4, label="front end")
         axes.plot(*f.path[0, :2], "o", color=COLOURS[2], markersize=4)
         axes.set_xlabel("x, m")
         axes.set_ylabel("y, m")
         legend(figure, axes, 3)
 
-    caption = (
-        "From the prior's pose (dot). The front end's own path takes the shortcut over an earlier place wherever that "
-        "is surer than the way since; thin lines lead there. Backends make more of the log."
-    )
+    caption = "From the prior's pose (dot)."
+    if len(f.again):
+        caption += (
+            " The front end's own path takes the shortcut over an earlier place wherever that is surer than the way "
+            "since; thin lines lead there. Backends make more of the log."
+        )
     return _figure("paths", "Paths", _few(f, caption), draw)
 
 

@@ -88,13 +88,14 @@ def headline(f: DepthFindings) -> list[str]:
     else:
         said.append("The floor levels every step.")
     if searched:
-        said.append(f"Earlier places were compared {searched:,} times and recognised {len(f.again):,} times.")
+        again = counted(len(f.again), "time")
+        said.append(f"Earlier places were compared {counted(searched, 'time')} and recognised {again}.")
     return said
 
 
 def _seen(f: DepthFindings) -> str:
     """Names the factors of the log."""
-    if len(f.log.ids):
+    if f.log.notes["depth"]["settings"]["landmarks"]:
         landmarks = counted(len(np.unique(f.log.ids)), "landmark")
         return f"{counted(len(f.log.ids), 'sighting')} of {landmarks}"
     return counted(len(f.log.loop_to), "loop closure")

@@ -62,9 +62,7 @@ class LogFacts(NamedTuple):
     digest: str
     truth_digest: str  # of what the cells are scored by; "" where there is none
     truth_kind: str
-    truth: dict[
-        str, Any
-    ]  # t, poses, ids, xy, every sighting's landmark and step, what lies beside: if it is to be kept
+    truth: dict[str, Any]  # where it is kept: t, poses, ids, xy, landmark and step of each sighting, what lies beside
     archive: bytes = b""  # the log and its truth: where they are to come back whole
     sketch: Any = None  # of such a log, as JSON has it
     remarks: tuple[str, ...] = ()  # what is legal in it yet odd

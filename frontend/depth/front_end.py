@@ -13,7 +13,7 @@ import numpy as np
 
 from ..camera.camera import Camera
 from ..errors import InputError
-from ..maps.cloud import BLUR, Cloud, cloud_of
+from ..maps.cloud import BLUR, Kept, cloud_of, kept
 from ..se2 import Array
 from ..wheels.motion import Motion
 from .features import Finder
@@ -36,7 +36,7 @@ class Step(NamedTuple):
     t: float  # s
     motion: Planar | None  # since the step before; None at first
     level: Level
-    cloud: Cloud
+    cloud: Kept
 
 
 class Seen(NamedTuple):
@@ -127,7 +127,7 @@ class FrontEnd:
         return Keyframe(len(self.steps), frame.seconds, features, level, coarse, without_ids(features), cloud)
 
     def _start(self, frame: Keyframe) -> Keyframe:
-        self.steps.append(Step(frame.t, None, frame.level, frame.cloud))
+        self.steps.append(Step(frame.t, None, frame.level, kept(frame.cloud)))
         self._recent.append(frame)
         self.search.remember(frame, ())
         return frame
@@ -206,7 +206,7 @@ class FrontEnd:
     def _step(self, frame: Keyframe, motion: Planar) -> None:
         """Begins a step, and looks for places that were seen before."""
         self._last = None
-        self.steps.append(Step(frame.t, motion, frame.level, frame.cloud))
+        self.steps.append(Step(frame.t, motion, frame.level, kept(frame.cloud)))
         self._ways.step(motion)
         self._recent.append(frame)
         if not (self.settings.loops or self.settings.landmarks):

@@ -33,6 +33,13 @@ class Cloud(NamedTuple):
     weights: Array  # (n,) of how many points each is the mean
 
 
+class Kept(NamedTuple):
+    """A cloud as a log keeps it: a quarter of the memory."""
+
+    points: NDArray[np.int16]  # (n, 3) UNIT
+    colours: NDArray[np.uint8]  # (n, 3) red, green, blue
+
+
 NOTHING = Cloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
 
 
@@ -59,15 +66,19 @@ def thinned(cloud: Cloud, size: float) -> Cloud:
     return Cloud(out.points[:count].copy(), out.colours[:count].copy(), out.weights[:count].copy())
 
 
-def clouds_of(found: Sequence[Cloud], camera: Camera) -> Clouds:
+def kept(cloud: Cloud) -> Kept:
+    """A cloud as a log keeps it."""
+    limit = np.iinfo(np.int16)
+    return Kept(np.rint(cloud.points / UNIT).clip(limit.min, limit.max).astype(np.int16), cloud.colours)
+
+
+def clouds_of(found: Sequence[Kept], camera: Camera) -> Clouds:
     """The clouds of a drive, the k-th one taken at step k."""
     n = len(found)
     at = Anchors(np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
     first = np.concatenate(([0], np.cumsum([len(one.points) for one in found])))
-    limit = np.iinfo(np.int16)
-    points = np.concatenate([np.rint(one.points / UNIT).clip(limit.min, limit.max) for one in found])
-    colours = np.concatenate([one.colours for one in found])
-    return Clouds(at, first.astype(np.int64), points.astype(np.int16), colours, camera.mounting[:3, 3].copy())
+    points, colours = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    return Clouds(at, first.astype(np.int64), points, colours, camera.mounting[:3, 3].copy())
 
 
 def placed(clouds: Clouds, k: int, pose: Array) -> Cloud:

@@ -40,11 +40,14 @@ class TopView(NamedTuple):
 def top_view(clouds: Clouds, path: Array, cell: float = CELL, most: int = MOST, high: float = HIGH) -> TopView:
     """Draws all points below `high`, m, along `path` (n, 3) of the steps; at most `most` cells on a side."""
     poses = clouds.at.along(path)
-    parts = [placed(clouds, k, pose).points for k, pose in enumerate(poses)]
-    below = np.concatenate([points[points[:, 2] < high, :2] for points in parts])
-    origin, size, shape = framed(*around(below, poses), cell, most)
+    below = list[Array]()
+    for k, pose in enumerate(poses):
+        points = placed(clouds, k, pose).points
+        below.append(points[points[:, 2] < high, :2])
+    origin, size, shape = framed(*around(np.concatenate(below), poses), cell, most)
     top, sums = np.full(shape, -np.inf), np.zeros((*shape, 4))
-    for k, points in enumerate(parts):
+    for k, pose in enumerate(poses):
+        points = placed(clouds, k, pose).points
         cells = np.floor((points[:, :2] - origin) / size).astype(np.int64)
         from_above(points, clouds.rgb(k), cells, high, LAYER, top, sums)
     with np.errstate(invalid="ignore"):

@@ -13,7 +13,7 @@ from slamduel.datasets.rendering.lens import through
 from slamduel.datasets.rendering.room import Room
 from slamduel.frontend.beside import Clouds
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.maps.cloud import Cloud, cloud_of, clouds_of
+from slamduel.frontend.maps.cloud import Cloud, cloud_of, clouds_of, kept
 from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(320, 240, (288.0, 288.0), (159.5, 119.5), (), MOUNTING)
@@ -52,7 +52,7 @@ def room_clouds() -> Clouds:
     for pose in PATH:
         depth, colours = seen(pose)
         found.append(cloud_of(CAMERA, CAMERA.mounting, depth, colours, (0.4, 2.8)))
-    return clouds_of(found, CAMERA)
+    return clouds_of([kept(one) for one in found], CAMERA)
 
 
 def on_box(points: Array, margin: float) -> NDArray[np.bool]:

@@ -196,7 +196,7 @@ def made_up(counts: dict[str, int], **others: Any) -> DepthFindings:
             "found": 0,
             "turned_down": {"too few matches": 3},
         },
-        "settings": {"level": True},
+        "settings": {"level": True, "landmarks": others.get("landmarks", False)},
     }
     motion = np.tile([0.15, 0.0, 0.0], (n, 1))
     log = Log.from_arrays(
@@ -215,6 +215,7 @@ def test_what_was_matched_is_told_in_numbers() -> None:
         "5 of 5 pairs of keyframes were registered.",
         "The floor levels every step.",
     ]
+    assert headline(made_up({}, landmarks=True))[0].endswith("4 steps over 0.450 m, 0 sightings of 0 landmarks.")
     assert advice(made_up({})) == []
     found = made_up(
         {"frames without depth": 3, "frames without odometry": 2, "frames without a floor": 1, "pairs registered": 3},
@@ -224,7 +225,7 @@ def test_what_was_matched_is_told_in_numbers() -> None:
     assert headline(found)[1:] == [
         "3 of 5 pairs of keyframes were registered.",
         "The floor levels 3 steps; 1 (25 %) show no floor and are taken as the mounting states.",
-        "Earlier places were compared 4 times and recognised 1 times.",
+        "Earlier places were compared 4 times and recognised 1 time.",
     ]
     assert left_out(found) == [("frames without depth", 3), ("frames without odometry", 2)]
     assert turned_down_words(found) == (
@@ -236,9 +237,9 @@ def test_what_was_matched_is_told_in_numbers() -> None:
 
 def replace_clouds(found: DepthFindings) -> DepthFindings:
     """With clouds of no points."""
-    from slamduel.frontend.maps.cloud import NOTHING, clouds_of
+    from slamduel.frontend.maps.cloud import NOTHING, clouds_of, kept
 
-    clouds = clouds_of([NOTHING] * len(found.log), found.recording.camera)
+    clouds = clouds_of([kept(NOTHING)] * len(found.log), found.recording.camera)
     return found._replace(log=replace(found.log, clouds=clouds))
 
 

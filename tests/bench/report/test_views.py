@@ -114,10 +114,10 @@ def test_heights_and_sizes_are_as_asked(folder: Path, tmp_path: Path, capsys: py
     column, row = np.floor((room.BOX.place[:2] - [float(origin[1]), float(origin[2])]) / 0.1).astype(int)
     around = above[len(above) - 1 - row - 2 : len(above) - 1 - row + 3, column - 2 : column + 3]
     assert (around != 0).all()  # the box is 0.5 m high
-    for heights in ("1,0.1", "0.1", "a,b", "0.1,1000", "-1,1"):
+    for heights in ("1,0.1", "0.1", "a,b", "0.1,1000", "-1,1", "0,1"):
         with pytest.raises(SystemExit):
             main([*words, f"--heights={heights}"])
-        assert "expected two heights from 0 to 100 m, the lower one first" in capsys.readouterr().err
+        assert "expected two heights above 0 and up to 100 m, the lower one first" in capsys.readouterr().err
 
 
 def test_damaged_clouds_in_the_record_are_none(folder: Path) -> None:

@@ -200,9 +200,9 @@ def test_points_and_colours_are_those_of_each_cloud() -> None:
         (lambda c: c.pop("camera"), "camera is not a file in the archive, expected step, since, until, share, first"),
         (
             lambda c: c.update(colours=c["colours"][1:]),
-            r"colours is uint8 of the shape \(69, 3\), expected whole numbers",
+            r"colours is uint8 of the shape \(69, 3\), expected whole numbers of a byte of \(70, 3\)",
         ),
-        (lambda c: c.update(colours=c["colours"].astype(np.uint16)), "colours is uint16 of the shape"),
+        (lambda c: c.update(colours=c["colours"].astype(np.uint16)), "colours is uint16 .* numbers of a byte of"),
         (
             lambda c: c.update(points=c["points"] * 0.005),
             "points is float64 of the shape .*, expected whole numbers of",

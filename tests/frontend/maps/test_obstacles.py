@@ -5,7 +5,7 @@ import pytest
 
 import depth_clouds as room
 from slamduel.frontend.beside import Clouds
-from slamduel.frontend.maps.cloud import VOXEL, Cloud, clouds_of
+from slamduel.frontend.maps.cloud import VOXEL, Cloud, clouds_of, kept
 from slamduel.frontend.maps.obstacles import Obstacles
 from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, occupancy
 from slamduel.frontend.se2 import Array
@@ -15,7 +15,7 @@ CELL = 0.05
 
 def clouds(points: Array) -> Clouds:
     cloud = Cloud(points, np.zeros((len(points), 3), np.uint8), np.ones(len(points)))
-    return clouds_of([cloud], room.CAMERA)
+    return clouds_of([kept(cloud)], room.CAMERA)
 
 
 def middles(grid: Occupancy) -> Array:
@@ -91,7 +91,11 @@ def test_what_is_seen_over_a_near_box_does_not_wipe_it_out() -> None:
     parts = [
         Cloud(one, np.zeros((len(one), 3), np.uint8), np.ones(len(one))) for one in (box, *[wall - [0.7, 0, 0]] * 9)
     ]
-    grid = occupancy(Obstacles(clouds_of(parts, room.CAMERA)), np.array([[0.0, 0, 0], *[[0.7, 0, 0]] * 9]), CELL)
+    grid = occupancy(
+        Obstacles(clouds_of([kept(one) for one in parts], room.CAMERA)),
+        np.array([[0.0, 0, 0], *[[0.7, 0, 0]] * 9]),
+        CELL,
+    )
     states, at = grid.states.ravel(), middles(grid)
     near = np.hypot(*(at - camera - [1.0, 0.0]).T) < 0.03
     assert (states[near] == WALL).all()
