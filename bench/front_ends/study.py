@@ -12,11 +12,14 @@ from ...frontend.errors import InputError
 from ...frontend.files import write_whole
 from ..words.console import ProgressBar
 from . import laser
-from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, cost_table, misreading_table, record
+from .cameras import DISTANCES, CameraAccuracy, CameraStudy
+from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, camera_table, cost_table, misreading_table, record
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
 from .laser_tables import LASER_COLUMNS, LaserRow, honesty_table, laser_record, scan_table, search_table
 
 OPTIONS = ("placements", "clutter", "crowded", "only", "scans")  # the study's own options
+
+PARTS = ("markers", "cameras", "laser")
 
 COLUMNS = (*CORNER_COLUMNS, *LASER_COLUMNS)
 
@@ -29,7 +32,7 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
         "--clutter", type=int, metavar="N", help=f"frames without a marker, full of what resembles one ({FULL.clutter})"
     )
     add("--crowded", type=int, metavar="N", help=f"frames with six markers, looked through ({FULL.crowded})")
-    add("--only", choices=("markers", "laser"), help="one of the two front ends")
+    add("--only", choices=PARTS, help="one part: markers by an ideal camera, by real cameras, or the laser front end")
     add(
         "--scans",
         type=Path,
@@ -41,12 +44,15 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     """Measures and prints; returns the files written."""
     extent = _extent(namespace)
-    if namespace.scans is not None and (namespace.only == "markers" or not namespace.scans.is_file()):
-        found = "--only markers, expected no log" if namespace.only == "markers" else "no such file, expected a log"
+    parts = PARTS if namespace.only is None else (namespace.only,)
+    if namespace.scans is not None and ("laser" not in parts or not namespace.scans.is_file()):
+        found = "no such file, expected a log" if "laser" in parts else f"--only {parts[0]}, expected no log"
         raise InputError(f"--scans {namespace.scans}: found {found} of laser scans")
-    corners: list[Row] = [] if namespace.only == "laser" else _measure(Study(namespace.seed), extent, console)
+    corners: list[Row] = _measure(Study(namespace.seed), extent, console) if "markers" in parts else []
+    if "cameras" in parts:
+        corners += _measure_cameras(CameraStudy(namespace.seed), extent, console)
     lasers: list[LaserRow] = []
-    if namespace.only != "markers":
+    if "laser" in parts:
         scans = laser.QUICK if namespace.quick else laser.FULL
         lasers = _measure_laser(laser.LaserStudy(namespace.seed, scans, namespace.scans), console)
     written: list[Path] = []
@@ -89,6 +95,20 @@ def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
             misread = list(study.misreadings(extent, advance))
             console.print(misreading_table(misread))
             rows += misread
+    return rows
+
+
+def _measure_cameras(study: CameraStudy, extent: Extent, console: Console) -> list[CameraAccuracy]:
+    rows: list[CameraAccuracy] = []
+    with ProgressBar(console, "cameras", study.steps * extent.placements) as bar:
+
+        def advance() -> None:
+            bar.update(advance=1)
+
+        for distance in DISTANCES:
+            found = study.accuracy(distance, extent.placements, advance)
+            console.print(camera_table(found))
+            rows += found
     return rows
 
 

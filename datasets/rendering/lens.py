@@ -17,6 +17,9 @@ Part = tuple[slice, slice]
 NEAR = 1e-6
 """m; least distance in front of the lens at which an outline is clipped."""
 
+COLOURS = np.array([0.299, 0.587, 0.114], np.float32)
+"""Shares of red, green and blue in grey: the luma of JPEG (ITU-R BT.601)."""
+
 CAMERAS_KEPT = 256
 """As many lenses as the bands of a frame have for three colours."""
 
@@ -156,9 +159,13 @@ def bands(camera: Camera, lines: int) -> tuple[Camera, ...]:
 
 @lru_cache(maxsize=CAMERAS_KEPT)
 def dispersed(camera: Camera, share: float) -> tuple[Camera, ...]:
-    """The camera in red, whose image is larger by `share`, in green, and in blue, smaller by as much; cached."""
-    fx, fy = camera.focal
-    return tuple(replace(camera, focal=(fx * scale, fy * scale)) for scale in (1 + share, 1.0, 1 - share))
+    """The camera in red, whose image is larger than the green one by `share`, in green, and in blue, smaller; cached.
+
+    `camera` is as calibrated in grey: the mean of the three by COLOURS.
+    """
+    scales = np.array([1 + share, 1.0, 1 - share])
+    (fx, fy), scales = camera.focal, scales / (COLOURS @ scales)
+    return tuple(replace(camera, focal=(fx * scale, fy * scale)) for scale in scales.tolist())
 
 
 def _in_front(outline: Array) -> Array:

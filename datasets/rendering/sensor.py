@@ -20,13 +20,10 @@ from scipy.special import ndtri
 
 from ...frontend.markers.aruco import Image
 from ...frontend.se2 import Array
-from .lens import Singles
+from .lens import COLOURS, Singles
 
 LINES = 10
 """Rows of a frame that a rolling shutter is taken to read at once."""
-
-COLOURS = np.array([0.299, 0.587, 0.114], np.float32)
-"""Shares of red, green and blue in grey: the luma of JPEG (ITU-R BT.601)."""
 
 LEVELS = 65535 / 255
 """Levels of the converter behind the sensor, of 16 bits, per grey level."""
@@ -47,7 +44,7 @@ class Sensor:
     photon: float = 0.0  # grey levels, the variance of the photons' noise per grey level of linear light
     exposure: float = 0.0  # s
     readout: float = 0.0  # s from the first row's exposure to the last's
-    aberration: float = 0.0  # share by which the red image is larger, and the blue one smaller, than the green
+    aberration: float = 0.0  # share by which the red image is larger, and the blue one smaller, than the green one
     mosaic: str = "off"  # how colours are interpolated, of MOSAICS
     tone: float | str = LINEAR  # LINEAR, SRGB, or a gamma
     sharpen: float = 0.0  # amount of an unsharp mask
