@@ -72,7 +72,7 @@ def camera_table(rows: Sequence[CameraAccuracy]) -> Table:
         table.add_row(
             camera if camera not in cameras[:index] else "",
             row.refinement,
-            f"{100 * (1 - row.found / row.placements):.1f} %",
+            f"{100 * row.refused:.1f} %",
             str(row.wrong),
             *_figures(row),
             end_section=camera not in cameras[index + 1 :],

@@ -61,6 +61,11 @@ class Accuracy(NamedTuple):
     nees: float  # of (range, bearing) by `PropagatedNoise`, over its two degrees of freedom; 1 is exact
     nees_half: float  # half of its 95 % interval
 
+    @property
+    def refused(self) -> float:
+        """Share of the placements whose marker was not found."""
+        return 1 - self.found / self.placements
+
 
 class Misreadings(NamedTuple):
     """The number of detections of markers that were not there."""

@@ -145,11 +145,17 @@ def as_csv(corners: Sequence[Row], lasers: Sequence[LaserRow]) -> str:
 
 def _write(folder: Path, corners: Sequence[Row], lasers: Sequence[LaserRow]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
-    table, picture = folder / "frontend.csv", folder / "frontend.png"
+    table, picture, cameras = (folder / name for name in ("frontend.csv", "frontend.png", "cameras.png"))
     write_whole(table, as_csv(corners, lasers))
-    if not corners:
-        return [table]
-    from .corner_figure import write_figure
+    written = [table]
+    if ideal := [row for row in corners if isinstance(row, Accuracy)]:
+        from .corner_figure import write_figure
 
-    write_figure(picture, [row for row in corners if isinstance(row, Accuracy)])
-    return [table, picture]
+        write_figure(picture, ideal)
+        written.append(picture)
+    if real := [row for row in corners if isinstance(row, CameraAccuracy)]:
+        from .camera_figure import write_camera_figure
+
+        write_camera_figure(cameras, real)
+        written.append(cameras)
+    return written
