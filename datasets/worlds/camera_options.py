@@ -11,10 +11,10 @@ from ..rendering.sheet import Print
 class CameraOptions:
     """A sensor by name, any of its effects by itself, and the faults of printed markers; by default none."""
 
-    sensor: str = option("ideal", "sensor and processing of the camera; sensor.py has them", choices=tuple(SENSORS))
+    sensor: str = option("ideal", "sensor and processing of the camera", choices=tuple(SENSORS))
     grain: float = option(2.0, "standard deviation of the sensor's noise, grey levels", minimum=0.0, maximum=40.0)
     photon: float | None = option(
-        None, "variance of the photons' noise per grey level; none, here and below: as the sensor",
+        None, "variance of the photons' noise per grey level; none, here and below: that of `sensor`",
         minimum=0.0, maximum=1.0,
     )  # fmt: skip
     exposure: float | None = option(None, "exposure time, s, which causes motion blur", minimum=0.0, maximum=0.1)
@@ -22,7 +22,7 @@ class CameraOptions:
         None, "rolling shutter: time from the first row to the last, s", minimum=0.0, maximum=0.1
     )
     aberration: float | None = option(
-        None, "share by which the red image is larger, and the blue one smaller, than the green",
+        None, "share by which the red image is larger, and the blue one smaller, than the green one",
         minimum=-0.01, maximum=0.01,
     )  # fmt: skip
     mosaic: str | None = option(None, "Bayer filter, by how colours are interpolated", choices=tuple(MOSAICS))
