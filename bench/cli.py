@@ -19,7 +19,10 @@ COMMANDS = {
     "validate": ("list everything that is wrong with a log, with file and row", ".commands.validate"),
     "fetch": ("download a published log from its publisher", ".commands.fetch"),
     "export": ("write a log, or the cells of a study or run, for other programs", ".commands.export"),
-    "detect": ("turn markers or laser scans of a recording into a log with a report", ".commands.detect"),
+    "detect": (
+        "turn a recording of a camera, depth camera or laser scanner into a log with a report",
+        ".commands.detect",
+    ),
     "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".commands.render"),
     "markers": ("print markers, or a calibration board, at true size", ".commands.markers"),
     "calibrate": ("calibrate a camera from views of a ChArUco board", ".commands.calibrate"),
@@ -28,7 +31,7 @@ COMMANDS = {
     "check": ("run the conformance suite on a backend", ".commands.check"),
     "report": ("write the report of a run's or a study's folder again", ".commands.report"),
     "compare": ("list regressions and gains between two runs, for a pull request or CI", ".commands.compare"),
-    "map": ("write the occupancy grids of a run on laser logs, by each backend's path", ".commands.map"),
+    "map": ("write maps of a run on logs of laser scanners or depth cameras, by each backend's path", ".commands.map"),
     "replay": ("show a run step by step, backends side by side, as a page, a film or a recording", ".commands.replay"),
 }
 """Name -> help, and the module with `arguments(parser)` and `main(namespace)`, imported on demand."""

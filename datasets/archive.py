@@ -13,14 +13,13 @@ from typing import IO, Any, TypeVar
 
 import numpy as np
 
+from ..frontend.beside import KINDS, columns_of, names, restored
 from ..frontend.errors import InputError
 from ..frontend.factors import Dataset, Log, Map, Prior, Truth
 from ..frontend.files import write_whole
-from ..frontend.laser_scans import COLUMNS as SCANS
-from ..frontend.laser_scans import scan_columns, scans_from
 from ..frontend.relations import as_rows, from_rows
 
-_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", "scans"))
+_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *KINDS))
 """The columns."""
 
 Members = Mapping[str, Any]
@@ -48,8 +47,9 @@ def packed(dataset: Dataset) -> bytes:
             members["truth.relations"] = as_rows(truth.relations)
         if truth.false_loops is not None:
             members["truth.false_loops"] = truth.false_loops
-    if log.scans is not None:
-        members |= {f"scans.{name}": column for name, column in scan_columns(log.scans).items()}
+    for kind in KINDS:
+        if (beside := getattr(log, kind)) is not None:
+            members |= {f"{kind}.{name}": column for name, column in columns_of(kind, beside).items()}
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
@@ -94,9 +94,9 @@ def _taken(file: IO[bytes], take: Callable[[Members, Words], T]) -> T:
 
 def _both(members: Members, words: Words) -> Dataset:
     log = _log(members, words)
-    if "scans.ranges" in members:
-        scans = scans_from({name: _frozen(members[f"scans.{name}"]) for name in SCANS})
-        log = replace(log, scans=scans)
+    there = [kind for kind in KINDS if f"{kind}.step" in members]
+    beside = {kind: {name: _frozen(members[f"{kind}.{name}"]) for name in names(kind)} for kind in there}
+    log = replace(log, **{kind: restored(kind, columns) for kind, columns in beside.items()})
     return Dataset(log, _truth(members, words))
 
 

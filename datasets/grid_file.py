@@ -18,9 +18,9 @@ from ruamel.yaml.error import YAMLError
 from ..frontend.errors import InputError
 from ..frontend.factors import Start
 from ..frontend.files import read_arrays, replaced
-from ..frontend.laser.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states
 from ..frontend.laser.recording import LaserRecording
 from ..frontend.laser.settings import Settings
+from ..frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states
 
 NAME = "grid.npz"
 

@@ -14,8 +14,8 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from .beside import Clouds, Scans
 from .errors import InputError
-from .laser_scans import Scans
 from .relations import Relations
 from .se2 import Array, Ints
 
@@ -139,6 +139,7 @@ class Log:
     loop_cov: Array  # (l, 3, 3)
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # sensor settings, source, licence, counts
     scans: Scans | None = None  # of a laser scanner, for maps and pictures alone: no part of the digest
+    clouds: Clouds | None = None  # of a depth camera, likewise
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "prior", self.prior._replace(loops=len(self.loop_to) > 0))

@@ -36,7 +36,7 @@ def annotated(seen: Seen, width: int | None = None) -> Image:
     said = f"{seen.frame.t:.2f} s"
     if seen.rejected.total():
         said += f"  {seen.rejected.total()} rejected"
-    _write(picture, said, (round(6 * size), picture.shape[0] - round(8 * size)), 0.5 * size)
+    write(picture, said, (round(6 * size), picture.shape[0] - round(8 * size)), 0.5 * size)
     return np.asarray(picture, np.uint8)
 
 
@@ -57,10 +57,11 @@ def _words(picture: Any, text: str, corners: Array, size: float) -> None:
     x = int(np.clip((low[0] + high[0] - width) / 2, 3, max(3, picture.shape[1] - width - 3)))
     above = low[1] - 6 * size
     y = above if above > height + 4 else min(high[1] + height + 8 * size, picture.shape[0] - 4)
-    _write(picture, text, (x, int(y)), scale)
+    write(picture, text, (x, int(y)), scale)
 
 
-def _write(picture: Any, text: str, place: tuple[int, int], scale: float) -> None:
+def write(picture: Any, text: str, place: tuple[int, int], scale: float) -> None:
+    """Writes white letters on black; `place` is the lower left corner of the first one, px."""
     (width, height), below = cv2.getTextSize(text, _FONT, scale, _weight(scale))
     x, y = place
     cv2.rectangle(picture, (x - 3, y - height - 2), (x + width + 2, y + below // 2), BLACK, cv2.FILLED)

@@ -14,6 +14,7 @@ from ...frontend.factors import Log, Truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
 from ...frontend.markers.pipeline import Frame, Recording, Seen, build_log
+from .annotate import annotated
 from .figures import range_bins
 from .folder import write_detection_report, write_folder
 from .kept_frames import ContactSheet, EmptyFrames
@@ -60,7 +61,7 @@ def detect(
         empty.observe(seen)
         first.extend(seen.sightings[: JUDGED - len(first)])
         if request.preview is not None:
-            request.preview.observe(seen)
+            request.preview.add(seen.frame.t, annotated(seen))
 
     def counted(frames: Iterable[Frame]) -> Iterator[Frame]:
         start = None

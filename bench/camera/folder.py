@@ -16,8 +16,8 @@ from .noise_calibration import CONSISTENT, toml
 from .summary import Findings, headline, left_out, marker_rows
 
 LOG = frozenset({"log.toml", "odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv"})
-OURS = LOG | {"detection.html", "contact.png", "noise.toml", "scans.npz", "map.png"}
-"""Files of a detection, of markers or of scans; a replaced folder may have nothing else."""
+OURS = LOG | {"detection.html", "contact.png", "noise.toml", "scans.npz", "clouds.npz", "map.png"}
+"""Files of a detection, of markers, scans or depth; a replaced folder may have nothing else."""
 
 
 def check_place(out: Path) -> None:
@@ -55,7 +55,7 @@ def write_folder(out: Path, write: Callable[[Path], None]) -> None:
         shutil.rmtree(former, ignore_errors=True)
 
 
-PAGE, SHEET = "detection.html", "contact.png"
+PAGE, SHEET, MAP = "detection.html", "contact.png", "map.png"
 
 
 def write_detection_report(folder: Path, out: Path, findings: Findings, pictures: Sequence[Picture]) -> None:

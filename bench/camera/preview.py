@@ -9,8 +9,6 @@ import numpy as np
 
 from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
-from ...frontend.markers.pipeline import Seen
-from .annotate import annotated
 
 CODECS = {".mp4": "mp4v", ".mkv": "mp4v", ".avi": "MJPG", ".webm": "VP80"}
 """suffix -> the codec that OpenCV's own writer has for it everywhere"""
@@ -28,10 +26,10 @@ class Preview:
         self._times: list[float] = []
         self._writer: Any = None
 
-    def observe(self, seen: Seen) -> None:
-        """Draws and writes a frame; InputError where the video cannot be written."""
-        self._times.append(seen.frame.t)
-        self._waiting.append(annotated(seen))
+    def add(self, t: float, image: Image) -> None:
+        """Writes a frame of the time `t`, s; InputError where the video cannot be written."""
+        self._times.append(t)
+        self._waiting.append(image)
         if self._writer is not None or len(self._times) == _TIMED:
             self._flush()
 

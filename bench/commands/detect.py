@@ -1,12 +1,15 @@
-"""`bench detect RECORDING --out LOG`: makes the markers or laser scans of a recording into a log with a report."""
+"""`bench detect RECORDING --out LOG`: makes a recording of a camera, depth camera or scanner a log with a report."""
 
 import argparse
 import json
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
+from rich.console import Console
 from rich.table import Table
 
+from ...datasets.depth.open import OpenedDepth, open_depth
 from ...datasets.recordings.recording import open_recording
 from ...datasets.recordings.robot import read_robot
 from ...datasets.scans.open import OpenedScans, ScanTopics, open_scans
@@ -16,6 +19,12 @@ from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml
 from ..camera.preview import CODECS, Preview
 from ..camera.summary import Findings, as_json, headline, left_out_words
+from ..depth.detect import DepthRequest
+from ..depth.detect import detect as look
+from ..depth.findings import advice as depth_advice
+from ..depth.findings import as_json as depth_as_json
+from ..depth.findings import headline as depth_headline
+from ..depth.findings import turned_down_words as depth_turned_down
 from ..laser.detect import LaserRequest
 from ..laser.detect import detect as match_scans
 from ..laser.findings import advice as scans_advice
@@ -31,9 +40,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.epilog = (
         "A recording is a folder with robot.toml and frames, a video, a bag or a CARMEN log; a bare bag, video or "
-        "folder of frames needs --robot, laser scans do not. camera:0 is a camera that is connected. LOG is what "
-        "bench run --dataset LOG takes; a folder that an earlier bench detect wrote is replaced, any other that is "
-        "not empty is left alone."
+        "folder of frames needs --robot, laser scans and a depth camera's bag do not. camera:0 is a camera that is "
+        "connected. LOG is what bench run --dataset LOG takes; a folder that an earlier bench detect wrote is "
+        "replaced, any other that is not empty is left alone."
     )
     add = parser.add_argument
     add("recording", help="the recording's folder, video or bag, or camera:0")
@@ -58,6 +67,9 @@ def main(namespace: argparse.Namespace) -> int:
     if scans is not None:
         return _scans(scans, namespace)
     preview = None if namespace.preview is None else Preview(namespace.preview)
+    depth = open_depth(Path(namespace.recording), namespace.robot)
+    if depth is not None:
+        return _depth(depth, preview, namespace)
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     opened = open_recording(Path(namespace.recording), robot, namespace.seconds)
     console = screen_console(quiet=namespace.quiet or namespace.json)
@@ -73,17 +85,55 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.json:
         print(json.dumps(as_json(findings, str(out)), indent=2))
         return 0
-    for sentence in [*headline(findings), f"Left out: {left_out_words(findings.log)}.", *findings.advice]:
-        console.print(plain(sentence), highlight=False)
-    for remark in findings.remarks:
-        console.print(plain(f"remark: {remark}."), highlight=False, soft_wrap=True)
+    sentences = [*headline(findings), f"Left out: {left_out_words(findings.log)}.", *findings.advice]
+    _tell(console, sentences, findings.remarks)
     if findings.calibration is not None:
         console.print(_noise_table(findings))
         console.print(plain(toml(findings.calibration).rstrip()), highlight=False)
+    _lead_on(console, out, raced=bool(findings.sightings.kept.any()))
+    return 0
+
+
+def _tell(console: Console, sentences: Sequence[str], remarks: Sequence[str]) -> None:
+    for sentence in sentences:
+        console.print(plain(sentence), highlight=False)
+    for remark in remarks:
+        console.print(plain(f"remark: {remark}."), highlight=False, soft_wrap=True)
+
+
+def _lead_on(console: Console, out: Path, *, raced: bool = True) -> None:
+    """Names the report, and the command that comes next where there is something to race backends on."""
     console.print(f"report: {plain(str(out / PAGE))}", highlight=False, soft_wrap=True)
-    if not findings.sightings.kept.any():
-        return 0  # there is nothing to race backends on
-    console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
+    if raced:
+        console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
+
+
+def _depth(opened: OpenedDepth, preview: Preview | None, namespace: argparse.Namespace) -> int:
+    """Takes a depth camera's frames through the front end; 0 where a log was written."""
+    if namespace.calibrate_noise:
+        raise InputError(
+            f"--calibrate-noise: {namespace.recording} is of a depth camera, which has no markers to fit; expected it "
+            "without. depth_sd, floor and turn_floor under [depth] in robot.toml state the noise."
+        )
+    for flag, topic in (("--scan", namespace.scan), ("--odometry", namespace.odometry)):
+        if topic is not None:
+            raise InputError(
+                f"{flag}: {namespace.recording} is of a depth camera, expected [topics] in robot.toml for its topics."
+            )
+    out: Path = namespace.out
+    console = screen_console(quiet=namespace.quiet or namespace.json)
+    with ProgressBar(console, "frames", opened.length) as bar:
+
+        def advance(steps: int) -> None:
+            bar.update(advance=1, note=f"{steps:,} steps")
+
+        request = DepthRequest(namespace.recording, out, preview, namespace.seconds, namespace.strict)
+        found = look(opened, request, advance)
+    if namespace.json:
+        print(json.dumps(depth_as_json(found, str(out)), indent=2))
+        return 0
+    _tell(console, [*depth_headline(found), depth_turned_down(found), *depth_advice(found)], found.remarks)
+    _lead_on(console, out)
     return 0
 
 
@@ -104,12 +154,9 @@ def _scans(opened: OpenedScans, namespace: argparse.Namespace) -> int:
     if namespace.json:
         print(json.dumps(scans_as_json(found, str(out)), indent=2))
         return 0
-    for sentence in [*scans_headline(found), f"Turned down: {turned_down_words(found)}.", *scans_advice(found)]:
-        console.print(plain(sentence), highlight=False)
-    for remark in found.remarks:
-        console.print(plain(f"remark: {remark}."), highlight=False, soft_wrap=True)
-    console.print(f"report: {plain(str(out / PAGE))}", highlight=False, soft_wrap=True)
-    console.print(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", highlight=False, soft_wrap=True)
+    sentences = [*scans_headline(found), f"Turned down: {turned_down_words(found)}.", *scans_advice(found)]
+    _tell(console, sentences, found.remarks)
+    _lead_on(console, out)
     return 0
 
 

@@ -5,17 +5,20 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from .cameras import PACE, CameraAccuracy
 from .corners import CROWD, REFINEMENTS, Accuracy, Cost, Misreadings
 from .tables import plain
 
 CORNER_COLUMNS = (
     *("study", "refinement", "width", "height", "distance_m", "streak_px", "frames", "sightings", "wrong"),
-    *("cpu_ms", "bias_m", "sd_m", "bearing_bias_rad", "nees", "nees_half"),
+    *("camera", "cpu_ms", "bias_m", "sd_m", "bearing_bias_rad", "nees", "nees_half"),
 )
+
+FIGURES = ("bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NEES")
 
 NEES = "NEES: mean normalised squared error of range and bearing over its 2 degrees of freedom; 1 is exact"
 
-Row = Cost | Accuracy | Misreadings
+Row = Cost | Accuracy | Misreadings | CameraAccuracy
 
 
 def cost_table(costs: Sequence[Cost]) -> Table:
@@ -41,24 +44,35 @@ def accuracy_table(rows: Sequence[Accuracy]) -> Table:
     """Makes the table of every refinement at every distance."""
     streak = rows[0].streak
     camera = f"a camera that moves, streaks up to {streak:g} px" if streak else "a still camera"
-    headings = ("found", "wrong", "bias, %", "bias, mm", "sd, mm", "bearing bias, °", "NEES")
+    headings = ("found", "wrong", *FIGURES)
     table = plain(f"{rows[0].placements} placements a distance, {camera}", ["m", "refinement"], headings, NEES)
     for index, row in enumerate(rows):
         first = index == 0 or rows[index - 1].distance != row.distance
-        figures = (
-            f"{100 * row.bias / row.distance:+.3f}",
-            f"{1e3 * row.bias:+.2f}",
-            f"{1e3 * row.sd:.2f}",
-            f"{math.degrees(row.bearing_bias):+.4f}",
-            f"{row.nees:.2f} ± {row.nees_half:.2f}",
-        )
         table.add_row(
             f"{row.distance:g}" if first else "",
             row.refinement,
             f"{100 * row.found / row.placements:.1f} %",
             str(row.wrong),
-            *(figures if math.isfinite(row.bias) else [""] * len(figures)),
+            *_figures(row),
             end_section=index + 1 < len(rows) and rows[index + 1].distance != row.distance,
+        )
+    return table
+
+
+def camera_table(rows: Sequence[CameraAccuracy]) -> Table:
+    """Makes the table of every camera at one distance; a marker that is there and not found is refused."""
+    first = rows[0].accuracy
+    title = f"{first.placements} placements {first.distance:g} m away, by camera and print; motion up to {PACE:g} px/s"
+    table = plain(title, ["camera", "refinement"], ("refused", "wrong", *FIGURES), NEES)
+    cameras = [row.camera for row in rows]
+    for index, (camera, row) in enumerate(rows):
+        table.add_row(
+            camera if camera not in cameras[:index] else "",
+            row.refinement,
+            f"{100 * row.refused:.1f} %",
+            str(row.wrong),
+            *_figures(row),
+            end_section=camera not in cameras[index + 1 :],
         )
     return table
 
@@ -79,6 +93,8 @@ def record(row: Row) -> dict[str, str | int | float]:
     if isinstance(row, Misreadings):
         counts = {"frames": row.frames, "sightings": row.sightings, "wrong": row.wrong}
         return {"study": row.kind, "refinement": row.refinement, **counts}
+    if isinstance(row, CameraAccuracy):
+        return {**record(row.accuracy), "study": "cameras", "camera": row.camera}
     figures = {
         "bias_m": row.bias,
         "sd_m": row.sd,
@@ -96,3 +112,16 @@ def record(row: Row) -> dict[str, str | int | float]:
         "wrong": row.wrong,
         **{name: "" if math.isnan(figure) else figure for name, figure in figures.items()},
     }
+
+
+def _figures(row: Accuracy) -> Sequence[str]:
+    """The cells of FIGURES, blank where too few were found."""
+    if math.isnan(row.bias):
+        return [""] * len(FIGURES)
+    return (
+        f"{100 * row.bias / row.distance:+.3f}",
+        f"{1e3 * row.bias:+.2f}",
+        f"{1e3 * row.sd:.2f}",
+        f"{math.degrees(row.bearing_bias):+.4f}",
+        f"{row.nees:.2f} ± {row.nees_half:.2f}",
+    )

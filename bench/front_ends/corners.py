@@ -1,7 +1,7 @@
 """Measures the cost and accuracy of each corner refinement, on frames with known truth."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -61,6 +61,11 @@ class Accuracy(NamedTuple):
     nees: float  # of (range, bearing) by `PropagatedNoise`, over its two degrees of freedom; 1 is exact
     nees_half: float  # half of its 95 % interval
 
+    @property
+    def refused(self) -> float:
+        """Share of the placements whose marker was not found."""
+        return 1 - self.found / self.placements
+
 
 class Misreadings(NamedTuple):
     """The number of detections of markers that were not there."""
@@ -111,18 +116,8 @@ class Study:
     def accuracy(self, distance: float, streak: float, count: int, progress: Callable[[], None]) -> list[Accuracy]:
         """Measures every refinement at one distance."""
         rng = self._rng(2, round(1000 * distance), round(1000 * streak))
-        found: dict[Refinement, list[tuple[float, float, float]]] = {name: [] for name in self.refinements}
-        wrong = dict.fromkeys(self.refinements, 0)
-        for shot in placements(SMALL, distance, count, rng, streak=streak):
-            for name, detector in self._detectors.items():
-                errors, strangers = errors_in(detector, shot)
-                found[name] += errors
-                wrong[name] += strangers
-            progress()
-        return [
-            _accuracy(name, distance, streak, count, np.array(found[name]).reshape(-1, 3), wrong[name])
-            for name in self.refinements
-        ]
+        shots = placements(SMALL, distance, count, rng, streak=streak)
+        return accuracies(self._detectors, shots, distance, streak, count, progress)
 
     def misreadings(self, extent: Extent, progress: Callable[[], None]) -> Iterator[Misreadings]:
         """Counts wrong ids in clutter and crowded frames: with no refinement, as OpenCV reads them, and the last."""
@@ -158,6 +153,29 @@ def steps(extent: Extent) -> int:
     """Returns how often a study of that extent reports progress."""
     still_and_moving = len(STILL) + len(MOVING)
     return 2 * (extent.timed + 1) + still_and_moving * extent.placements + extent.clutter + extent.crowded
+
+
+def accuracies(
+    detectors: Mapping[Refinement, Detector],
+    shots: Iterable[Placement],
+    distance: float,
+    streak: float,
+    count: int,
+    progress: Callable[[], None],
+) -> list[Accuracy]:
+    """Measures each of the detectors on the same `count` shots of markers at one distance."""
+    found: dict[Refinement, list[tuple[float, float, float]]] = {name: [] for name in detectors}
+    wrong = dict.fromkeys(detectors, 0)
+    for shot in shots:
+        for name, detector in detectors.items():
+            errors, strangers = errors_in(detector, shot)
+            found[name] += errors
+            wrong[name] += strangers
+        progress()
+    return [
+        _accuracy(name, distance, streak, count, np.array(found[name]).reshape(-1, 3), wrong[name])
+        for name in detectors
+    ]
 
 
 def errors_in(detector: Detector, shot: Placement) -> tuple[list[tuple[float, float, float]], int]:

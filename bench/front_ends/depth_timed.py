@@ -17,9 +17,10 @@ from ...frontend.depth.planar import Planar
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
 from ...frontend.depth.surfaces import Coarse
+from ...frontend.maps.cloud import Cloud
 from .depth_references import matches, motion
 
-PARTS = ("features", "levelling", "registration", "tracks")
+PARTS = ("features", "levelling", "clouds", "registration", "tracks")
 """Registration includes the matching of descriptors and the comparison of surfaces."""
 
 LOOPS = "loop search"
@@ -81,6 +82,7 @@ class Timed(FrontEnd):
                 self._refer(focal, searching, self.search.searched - searched)
                 self.held.append((len(self.frame_ns), held(self)))
         self.finish()
+        self.motions["loop"] = [Registered(loop.to, loop.step, loop.motion) for loop in self.loops]
         self.held.append((len(self.frame_ns), held(self)))
 
     def _refer(self, focal: float, searching: int, searched: int) -> None:
@@ -106,12 +108,15 @@ class Timed(FrontEnd):
     def _level(self, frame: DepthFrame) -> Level:
         return self._timed("levelling", super()._level, frame)
 
-    def _surfaces(self, frame: DepthFrame) -> Coarse:
-        return self._timed("registration", super()._surfaces, frame)
+    def _coarse(self, frame: DepthFrame) -> Coarse:
+        return self._timed("registration", super()._coarse, frame)
 
-    def _register(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
+    def _cloud(self, frame: DepthFrame, level: Level) -> Cloud:
+        return self._timed("clouds", super()._cloud, frame, level)
+
+    def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
         before = self.ns["registration"]
-        pair = self._timed("registration", super()._register, old, new, known)
+        pair = self._timed("registration", super()._registered, old, new, known)
         spent = self.ns["registration"] - before
         self.neighbours.ns.append(spent)
         self._asked = self._asked or (old, new, spent)
@@ -128,10 +133,6 @@ class Timed(FrontEnd):
         self.ns[LOOPS] -= self.ns["tracks"] - tracks
         count = self.search.searched - searched
         self.searched.ns.extend([(self.ns[LOOPS] - before) // count] * count if count else [])
-
-    def _join(self, pair: Pair) -> None:
-        super()._join(pair)
-        self.motions["loop"].append(Registered(pair.first.step, pair.second.step, pair.motion))
 
     def _timed(self, part: str, do: Callable[..., Any], *given: Any) -> Any:
         start = time.thread_time_ns()

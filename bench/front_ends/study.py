@@ -12,7 +12,8 @@ from ...frontend.errors import InputError
 from ...frontend.files import write_whole
 from ..words.console import ProgressBar
 from . import depth, laser
-from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, cost_table, misreading_table, record
+from .cameras import DISTANCES, CameraAccuracy, CameraStudy
+from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, camera_table, cost_table, misreading_table, record
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
 from .depth_tables import DEPTH_COLUMNS, depth_record, frame_table, loop_table, pair_table
 from .laser_tables import LASER_COLUMNS, LaserRow, laser_record, scan_table, search_table
@@ -20,9 +21,9 @@ from .tables import honesty_table
 
 OPTIONS = ("placements", "clutter", "crowded", "only", "scans", "frames")  # the study's own options
 
-COLUMNS = (*CORNER_COLUMNS, *LASER_COLUMNS, *DEPTH_COLUMNS)
+MARKERS, CAMERAS, LASER, DEPTH = PARTS = ("markers", "cameras", "laser", "depth")
 
-MARKERS, LASER, DEPTH = "markers", "laser", "depth"
+COLUMNS = (*CORNER_COLUMNS, *LASER_COLUMNS, *DEPTH_COLUMNS)
 
 Records = Sequence[dict[str, str | int | float]]
 
@@ -35,7 +36,11 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
         "--clutter", type=int, metavar="N", help=f"frames without a marker, full of what resembles one ({FULL.clutter})"
     )
     add("--crowded", type=int, metavar="N", help=f"frames with six markers, looked through ({FULL.crowded})")
-    add("--only", choices=(MARKERS, LASER, DEPTH), help="one of the three front ends")
+    add(
+        "--only",
+        choices=PARTS,
+        help="one part: markers by an ideal camera, by real cameras, or the front end for laser scans or depth cameras",
+    )
     add(
         "--scans",
         type=Path,
@@ -53,10 +58,12 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     """Measures and prints; returns the files written."""
     extent, seed, quick = _extent(namespace), namespace.seed, namespace.quick
-    wanted = (MARKERS, LASER, DEPTH) if namespace.only is None else (namespace.only,)
+    wanted = PARTS if namespace.only is None else (namespace.only,)
     _check(namespace, "scans", LASER, "a log of laser scans")
     _check(namespace, "frames", DEPTH, "a recording of a depth camera")
     corners: list[Row] = _measure(Study(seed), extent, console) if MARKERS in wanted else []
+    if CAMERAS in wanted:
+        corners += _measure_cameras(CameraStudy(seed), extent, console)
     rows = [record(row) for row in corners]
     if LASER in wanted:
         scans = laser.LaserStudy(seed, laser.QUICK if quick else laser.FULL, namespace.scans)
@@ -118,6 +125,20 @@ def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
     return rows
 
 
+def _measure_cameras(study: CameraStudy, extent: Extent, console: Console) -> list[CameraAccuracy]:
+    rows: list[CameraAccuracy] = []
+    with ProgressBar(console, "cameras", study.steps * extent.placements) as bar:
+
+        def advance() -> None:
+            bar.update(advance=1)
+
+        for distance in DISTANCES:
+            found = study.accuracy(distance, extent.placements, advance)
+            console.print(camera_table(found))
+            rows += found
+    return rows
+
+
 def _measure_laser(study: laser.LaserStudy, console: Console) -> list[LaserRow]:
     with ProgressBar(console, "laser scans") as bar:
 
@@ -170,11 +191,17 @@ def as_csv(rows: Records) -> str:
 
 def _write(folder: Path, rows: Records, corners: Sequence[Row]) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
-    table, picture = folder / "frontend.csv", folder / "frontend.png"
+    table, picture, cameras = (folder / name for name in ("frontend.csv", "frontend.png", "cameras.png"))
     write_whole(table, as_csv(rows))
-    if not corners:
-        return [table]
-    from .corner_figure import write_figure
+    written = [table]
+    if ideal := [row for row in corners if isinstance(row, Accuracy)]:
+        from .corner_figure import write_figure
 
-    write_figure(picture, [row for row in corners if isinstance(row, Accuracy)])
-    return [table, picture]
+        write_figure(picture, ideal)
+        written.append(picture)
+    if real := [row for row in corners if isinstance(row, CameraAccuracy)]:
+        from .camera_figure import write_camera_figure
+
+        write_camera_figure(cameras, real)
+        written.append(cameras)
+    return written

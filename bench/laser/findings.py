@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...datasets.remarks import remarks
+from ...frontend.beside import Scans
 from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.laser.recording import LaserRecording
-from ...frontend.laser_scans import Scans
 from ...frontend.se2 import Array
 from ..words.numerals import counted, listed, number
 

@@ -7,20 +7,19 @@ from pathlib import Path
 import cv2
 
 from ...frontend.files import write_whole
-from ..camera.folder import PAGE
+from ...frontend.maps.occupancy import occupancy
+from ..camera.folder import MAP, PAGE
+from ..drawing.map_picture import CELL, MOST, map_picture
 from ..drawing.page import rendered
 from ..words.numerals import number
 from .findings import LaserFindings, advice, headline, seconds, turned_down
-from .map_picture import map_picture
-
-MAP = "map.png"
 
 
 def write_page(folder: Path, out: Path, findings: LaserFindings) -> None:
     """Writes both into `folder`, beside log.toml; the page calls the log by `out`."""
     from .figures import loop_figure, path_figure
 
-    f, picture = findings, map_picture(findings.scans, findings.path)
+    f, picture = findings, map_picture(occupancy(findings.scans, findings.path, CELL, MOST), findings.path)
     _, encoded = cv2.imencode(".png", picture.image)
     content = encoded.tobytes()
     figures = [path_figure(f)]

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ...frontend.beside import Clouds, Scans, names
 from ...frontend.errors import InputError
-from ...frontend.laser_scans import Scans
+from .beside_arrays import kept_beside, kept_name
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
-from .kept_scans import SCANS, kept_scans
 from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, SKIPPED, Row, label, packed, unpacked
 from .statuses import FAILED
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
@@ -134,7 +134,15 @@ class Store:
 
     def scans(self, row: Row) -> Scans | None:
         """Reads the laser scans beside the cell's log; None without."""
-        return kept_scans(self.archive(row.log, SCANS), row.columns["steps"])
+        return self._beside(row, "scans")
+
+    def clouds(self, row: Row) -> Clouds | None:
+        """Reads the clouds of a depth camera beside the cell's log; None without."""
+        return self._beside(row, "clouds")
+
+    def _beside(self, row: Row, kind: str) -> Any:
+        kept = self.archive(row.log, [kept_name(kind, name) for name in names(kind)])
+        return kept_beside(kind, kept, row.columns["steps"])
 
     def arrays(self, row: Row, names: Collection[str] | None = None) -> dict[str, Any]:
         """Reads a cell's arrays by name; of `names`, where given, those that it has."""

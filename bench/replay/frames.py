@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...frontend.laser.occupancy import FREE, WALL
+from ...frontend.maps.occupancy import FREE, WALL
 from ...frontend.se2 import Array
 from .view import Panel, View, ellipses, grid_at, said, when
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.laser.occupancy import CELL, extent, inserted
-from ...frontend.laser_scans import Scans, returns
+from ...frontend.beside import Scans, returns
+from ...frontend.maps.occupancy import CELL, extent, inserted
 from ...frontend.se2 import Array, Ints, act, compose
 from .course import Course, Revised, moments
 

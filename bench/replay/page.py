@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...frontend.files import write_whole
-from ...frontend.laser.occupancy import FREE, WALL
+from ...frontend.maps.occupancy import FREE, WALL
 from ...frontend.se2 import Array
 from ..drawing.page import rendered
 from ..words.numerals import number

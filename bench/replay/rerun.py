@@ -8,7 +8,7 @@ import numpy as np
 
 from ...frontend.errors import InputError
 from ...frontend.files import replaced
-from ...frontend.laser.occupancy import WALL
+from ...frontend.maps.occupancy import WALL
 from ...frontend.se2 import Array
 from .grids import Raster
 from .view import Panel, View, ellipses

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.laser_scans import Scans
+from ...frontend.beside import Clouds, Scans
 from ...frontend.se2 import Array
 from ..measure.times import length
 from ..record.schema import Row
@@ -45,6 +45,7 @@ class DrawnLog(NamedTuple):
     logs: int = 1  # different ones that the dataset has
     typical: bool = False  # the log was chosen among several by its errors
     scans: Scans | None = None  # of a laser log
+    clouds: Clouds | None = None  # of a depth camera's
 
     @property
     def clock(self) -> str:
@@ -92,6 +93,7 @@ def drawn_log(
         logs=logs(lines),
         typical=typical,
         scans=store.scans(shown[0][1]),
+        clouds=store.clouds(shown[0][1]),
     )
 
 

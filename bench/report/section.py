@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...frontend.maps.obstacles import HIGH
 from ..drawing.figure import GROUPS, ReportFigure
 from ..drawing.table import Table
 from ..record.schema import Row
@@ -50,9 +51,14 @@ class Section(NamedTuple):
     inner: Table  # particles and gates
     log: DrawnLog | None
     panels: Sequence[ReportFigure]  # the paths
-    grids: Sequence[ReportFigure]  # the occupancy grids of a laser log
+    grids: Sequence[ReportFigure]  # the occupancy grids of a laser log, or views from above of a depth camera's
     figures: Sequence[ReportFigure]
     failures: Sequence[Failure]
+
+    @property
+    def high(self) -> float:
+        """Returns the height above the floor, m, up to which views from above show what was seen."""
+        return HIGH
 
     @property
     def groups(self) -> dict[str, list[ReportFigure]]:
@@ -78,7 +84,7 @@ def _section(
     store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look], remarks: Sequence[str]
 ) -> Section:
     from .figures import report_figures
-    from .grid_figures import grids
+    from .map_figures import grids
     from .path_figures import trajectories
 
     ruling = verdict(found)

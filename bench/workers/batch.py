@@ -18,7 +18,7 @@ from ...frontend.factors import Dataset, Map, Start
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.prepare import prepared
-from ..record.kept_scans import scan_arrays
+from ..record.beside_arrays import beside_arrays
 from ..record.sketch import sketch
 
 HOST = platform.node()
@@ -62,7 +62,7 @@ class LogFacts(NamedTuple):
     digest: str
     truth_digest: str  # of what the cells are scored by; "" where there is none
     truth_kind: str
-    truth: dict[str, Any]  # t, poses, ids, xy, of every sighting its landmark and step, scans: where it is to be kept
+    truth: dict[str, Any]  # where it is kept: t, poses, ids, xy, landmark and step of each sighting, what lies beside
     archive: bytes = b""  # the log and its truth: where they are to come back whole
     sketch: Any = None  # of such a log, as JSON has it
     remarks: tuple[str, ...] = ()  # what is legal in it yet odd
@@ -161,7 +161,7 @@ def facts_of(dataset: Dataset) -> LogFacts:
     """Returns the facts of a log with its truth or reference."""
     log, truth = dataset
     odd = tuple(remarks(dataset))
-    arrays = scan_arrays(log.scans)
+    arrays = beside_arrays(log)
     if truth is None:
         return LogFacts(log.digest, "", "", arrays, remarks=odd)
     arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}

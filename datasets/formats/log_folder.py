@@ -8,7 +8,8 @@
     truth.tum        t x y z qx qy qz qw                             optional
     landmarks.csv    id,x,y[,moving]                                 the landmarks' true positions; optional
     relations.csv    true motions between poses beside steps         optional: see `frontend.relations.COLUMNS`
-    scans.npz        laser scans, for maps and pictures              optional: see `scans_file`
+    scans.npz        laser scans, for maps and pictures              optional: see `beside_file`
+    clouds.npz       clouds of a depth camera, for the same          optional
 
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
@@ -20,14 +21,15 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ...frontend.beside import KINDS
 from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems, relation_problems
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.files import beside
-from ...frontend.laser_scans import Scans
 from ...frontend.options import option
 from ...frontend.scan import Scan, attempted, counted, strict
 from ...frontend.se2 import Array, Ints
@@ -36,8 +38,8 @@ from ...frontend.table import CHUNK, Table, scan_csv
 from ...frontend.toml.table import TomlTable
 from ..registry import Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
+from .beside_file import read_beside, write_beside
 from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words
-from .scans_file import read_scans, write_scans
 
 WORDS = "log.toml"
 TRUE_ID = ("true_id",)
@@ -110,13 +112,15 @@ def scan(folder: Path) -> Scan[Dataset | None]:
         return None
     if not faults:
         yield from _scan_changes(words, _contents(*dataset))
-    scans = yield from attempted(_scan_scans(folder, len(dataset.log)))
-    return dataset._replace(log=replace(dataset.log, scans=scans))
+    found: dict[str, Any] = {}
+    for kind in KINDS:
+        found[kind] = yield from attempted(_scan_beside(folder, kind, len(dataset.log)))
+    return dataset._replace(log=replace(dataset.log, **found))
 
 
-def _scan_scans(folder: Path, steps: int) -> Scan[Scans | None]:
+def _scan_beside(folder: Path, kind: str, steps: int) -> Scan[Any]:
     yield from ()
-    return read_scans(folder, steps)
+    return read_beside(folder, kind, steps)
 
 
 def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
@@ -253,8 +257,7 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
             false = np.isin(np.arange(len(log.loop_to)), truth.false_loops).astype(np.int64)
             columns, head = [*columns, false], ",".join((*LOOPS, *FALSE))
         _write_rows(folder / "loops.csv", head, columns)
-    if log.scans is not None:
-        write_scans(folder, log.scans)
+    write_beside(folder, log)
     # As it will be read: symmetric covariances, and of step 0 nothing but t.
     log = replace(log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T))
     log = log.head(len(log))

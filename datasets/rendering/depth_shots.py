@@ -16,9 +16,6 @@ from .disturbances import raised, rocked
 from .lens import Singles
 from .render import Renderer
 
-LINES = 10
-"""Rows of a frame that a rolling shutter is taken to read at once."""
-
 
 class Visitor(NamedTuple):
     """A box that is not always there. Its circle is disjoint from those of the room's boxes."""
@@ -31,13 +28,12 @@ class Visitor(NamedTuple):
 class DepthShots:
     """Frames, the same ones whenever they are iterated."""
 
-    renderer: Renderer
+    renderer: Renderer  # a sensor with a time of readout is a rolling shutter
     path: Callable[[Array], Array]  # the robot's poses (m, 3) at any times (m,), s
     t: Array  # (n,) s, the middles of the exposures
     sway: float  # rad, standard deviation of the body's pitch and of its roll, both of each frame
     seeds: np.random.SeedSequence
     visitors: Sequence[Visitor | None] = ()  # of each frame; none: nobody ever comes
-    readout: float = 0.0  # s from the first row's exposure to the last's
     noise: float = NOISE_SD  # px, of a disparity
 
     def __len__(self) -> int:
@@ -49,9 +45,7 @@ class DepthShots:
     def shot(self, k: int) -> DepthFrame:
         """The k-th frame."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seeds.entropy, spawn_key=(*self.seeds.spawn_key, k)))
-        visitor = self.visitors[k] if self.visitors else None
-        bands = [_with(band, visitor) for band in self._bands]
-        poses = self._poses(k, len(bands))
+        bands, poses = self._bands(k), self._poses(k)
         light = np.vstack([band.scene(pose) for band, pose in zip(bands, poses, strict=True)])
         pairs = zip(bands, poses, strict=True)
         depth = np.vstack([true_depth(band.room, band.lens, pose) for band, pose in pairs])
@@ -60,9 +54,7 @@ class DepthShots:
 
     def exact_depth(self, k: int) -> Singles:
         """(height, width) m, the k-th frame's depth without noise, steps and holes."""
-        visitor = self.visitors[k] if self.visitors else None
-        bands = [_with(band, visitor) for band in self._bands]
-        pairs = zip(bands, self._poses(k, len(bands)), strict=True)
+        pairs = zip(self._bands(k), self._poses(k), strict=True)
         return np.vstack([true_depth(band.room, band.lens, pose) for band, pose in pairs])
 
     @cached_property
@@ -81,20 +73,15 @@ class DepthShots:
         """(n, 4, 4) of the camera on a level robot."""
         return np.array([rocked(*tilt) @ self.renderer.camera.mounting for tilt in self.tilts])
 
-    def _poses(self, k: int, bands: int) -> Array:
+    def _poses(self, k: int) -> Array:
         """(bands, 4, 4) T_world_camera when the middle of each band of rows is exposed."""
-        later = self.readout * ((np.arange(bands) + 0.5) / bands - 0.5)
+        later = self.renderer.sensor.delays(self.renderer.camera.height)
         return raised(self.path(self.t[k] + later)) @ self._mountings[k]
 
-    @cached_property
-    def _bands(self) -> list[Renderer]:
-        """A renderer of the whole frame, or one for each band of rows that have a pose of their own."""
-        camera = self.renderer.camera
-        if not self.readout:
-            return [self.renderer]
-        (cx, cy), rows = camera.centre, range(0, camera.height, LINES)
-        bands = (replace(camera, height=min(LINES, camera.height - row), centre=(cx, cy - row)) for row in rows)
-        return [replace(self.renderer, camera=band) for band in bands]
+    def _bands(self, k: int) -> list[Renderer]:
+        """A renderer of the k-th frame, or one for each band of its rows that have a pose of their own."""
+        rolling, visitor = self.renderer.sensor.readout, self.visitors[k] if self.visitors else None
+        return [_with(band, visitor) for band in (self.renderer.bands if rolling else [self.renderer])]
 
 
 def _with(renderer: Renderer, visitor: Visitor | None) -> Renderer:

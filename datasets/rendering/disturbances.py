@@ -31,7 +31,6 @@ BEATS = np.array([3.1, 5.3, 8.9, 15.7])
 class Disturbances:
     """Differences between frames and those of a still camera in even light."""
 
-    exposure: float = 0.0  # s
     sway: float = 0.0  # rad, standard deviation of the body's pitch and of its roll
     gain_drift: float = 0.0  # standard deviation over time of the logarithm of the brightness
     shadow: float = 0.0  # share of the light that the darker side of each frame lacks
@@ -58,21 +57,27 @@ def take(
         cover = _cover(renderer, disturbances.occlusion, covers)
         swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phases).sum()
         conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
-        exposure = disturbances.exposure
-        poses = views(renderer, path, time, exposure, mounting) if exposure else pose @ mounting
+        moving = renderer.sensor.exposure or renderer.sensor.readout
+        poses = views(renderer, path, time, mounting) if moving else pose @ mounting
         yield Frame(time, renderer.frame(poses, sensor, conditions))
 
 
-def views(renderer: Renderer, path: Callable[[Array], Array], t: float, exposure: float, mounting: Array) -> Array:
+def views(renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array) -> Array:
     """(n, 4, 4) T_world_camera at the middles of n equal parts of the exposure around `t`, s.
 
-    `mounting` (4, 4) is that of the camera on the level robot. There is one more than pixels in the longest streak of
-    anything in view, so that streaks are ramps and not steps.
+    With a rolling shutter they are (b, n, 4, 4), of each of its bands of rows. `mounting` (4, 4) is that of the camera
+    on the level robot. There is one more than pixels in the longest streak of anything in view, so that streaks are
+    ramps and not steps.
     """
+    exposure = renderer.sensor.exposure
     start, end = (raised(path(np.array([t + part]))) @ mounting for part in (-exposure / 2, exposure / 2))
     streak = _streak(renderer, start[0], end[0])
     parts = int(np.ceil(streak)) + 1 if streak > STILL else 1
-    return raised(path(t + exposure * ((np.arange(parts) + 0.5) / parts - 0.5))) @ mounting
+    times = t + exposure * ((np.arange(parts) + 0.5) / parts - 0.5)
+    if not renderer.sensor.readout:
+        return raised(path(times)) @ mounting
+    rows = renderer.sensor.delays(renderer.camera.height)
+    return np.array([raised(path(later + times)) @ mounting for later in rows])
 
 
 def raised(poses: Array) -> Array:

@@ -1,6 +1,6 @@
 """Rays of a camera's pixels, and the part of a plane that each of them covers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -16,6 +16,12 @@ Part = tuple[slice, slice]
 
 NEAR = 1e-6
 """m; least distance in front of the lens at which an outline is clipped."""
+
+COLOURS = np.array([0.299, 0.587, 0.114], np.float32)
+"""Shares of red, green and blue in grey: the luma of JPEG (ITU-R BT.601)."""
+
+CAMERAS_KEPT = 256
+"""As many lenses as the bands of a frame have for three colours."""
 
 BLOCK = 8
 """px, side of the blocks in which rays are looked up."""
@@ -138,10 +144,28 @@ class Lens:
         return np.moveaxis(np.array(least), -1, 0), np.moveaxis(np.array(most), -1, 0)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=CAMERAS_KEPT)
 def through(camera: Camera) -> Lens:
     """The camera's lens, cached."""
     return Lens(camera)
+
+
+@lru_cache(maxsize=CAMERAS_KEPT)
+def bands(camera: Camera, lines: int) -> tuple[Camera, ...]:
+    """Cameras that see `lines` rows each of the camera's frame, from the top, cached."""
+    (cx, cy), rows = camera.centre, range(0, camera.height, lines)
+    return tuple(replace(camera, height=min(lines, camera.height - row), centre=(cx, cy - row)) for row in rows)
+
+
+@lru_cache(maxsize=CAMERAS_KEPT)
+def dispersed(camera: Camera, share: float) -> tuple[Camera, ...]:
+    """The camera in red, whose image is larger than the green one by `share`, in green, and in blue, smaller; cached.
+
+    `camera` is as calibrated in grey: the mean of the three by COLOURS.
+    """
+    scales = np.array([1 + share, 1.0, 1 - share])
+    (fx, fy), scales = camera.focal, scales / (COLOURS @ scales)
+    return tuple(replace(camera, focal=(fx * scale, fy * scale)) for scale in scales.tolist())
 
 
 def _in_front(outline: Array) -> Array:

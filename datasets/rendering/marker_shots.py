@@ -16,16 +16,18 @@ from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image, square
 from ...frontend.markers.markers import find
 from ...frontend.se2 import Array
-from .clutter import BLUR, DICTIONARY, GRAIN
+from .clutter import BLUR, DICTIONARY
 from .render import Renderer
 from .room import Marker, Room
+from .sensor import IDEAL, Sensor
+from .sheet import PERFECT, Print
 from .surfaces import Surfaces, paint
 
 SIDE = 0.16
 """m, side of a marker."""
 
-HALL = Room(14.0, 5.0, 2.5, SIDE, ())
-"""The room around the markers."""
+HALL = Room(14.0, 5.0, 2.5, SIDE, (), lamp=(-6.0, 0.0, 2.4))
+"""The room around the markers, its lamp above the camera."""
 
 EYE = np.array([[0.0, 0.0, 1.0, -6.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.8], [0.0, 0.0, 0.0, 1.0]])
 """T_world_camera: at one end of the hall, level, looking along it."""
@@ -65,6 +67,21 @@ class Studio:
     camera: Camera
     samples: int = 8
     tilt: float = np.pi / 4  # rad, largest angle between a marker's normal and the line of sight
+    sensor: Sensor = IDEAL  # its times are unused: `sway` says how far the camera moves in pixels
+    prints: Print = PERFECT
+
+    def place(self, distance: float, rng: np.random.Generator, streak: float = 0.0, skew: float = 0.0) -> Placement:
+        """A frame with one marker of random id and place in view, `distance` m from the camera.
+
+        With a `streak` the camera moves during the exposure, and draws the marker out to between 0 and that many px;
+        with a `skew`, it has a rolling shutter, and between the exposures of its first and its last row the marker
+        moves by between 0 and that many px. With both it is the same share of both.
+        """
+        pose, _ = self.hang(distance, rng)
+        (name,) = self.any_id(rng)
+        share = rng.uniform(0, 1) if streak or skew else 0.0
+        motion = self.sway(pose, share * streak, rng, share * skew) if streak or skew else None
+        return Placement(name, pose, self.take({name: pose}, rng, motion))
 
     def hang(self, distance: float, rng: np.random.Generator) -> tuple[Array, Array]:
         """T_camera_marker of a marker at a random place in view, randomly turned, and its sheet's corners (4, 2) px.
@@ -96,29 +113,31 @@ class Studio:
         raise InputError(f"placements: a marker {distance:g} m away does not fit into the frame")
 
     def take(self, markers: dict[int, Array], rng: np.random.Generator, motion: Array | None = None) -> Image:
-        """A frame of the markers (id -> T_camera_marker), while the camera moves through `motion` (n, 4, 4), if given.
+        """A frame of the markers (id -> T_camera_marker), while the camera moves through `motion`, if given.
 
-        Each of these is T_start_camera of one part of the exposure.
+        That is (n, 4, 4), T_start_camera of each part of the exposure, or (b, n, 4, 4), of each band of rows.
         """
         hung = tuple(Marker(name, EYE @ pose) for name, pose in markers.items())
         renderer = replace(self._empty, room=replace(self._empty.room, markers=hung))
         return renderer.frame(EYE if motion is None else EYE @ motion, rng)
 
-    def sway(self, pose: Array, streak: float, rng: np.random.Generator) -> Array:
+    def sway(self, pose: Array, streak: float, rng: np.random.Generator, skew: float = 0.0) -> Array:
         """(n, 4, 4) T_middle_camera: an even random motion that draws a marker out to `streak` px.
 
-        That is the mean of its corners' streaks. The middle of the motion is the identity.
+        That is the mean of its corners' streaks. The middle of the motion is the identity. With a `skew` it is
+        (b, n, 4, 4), one motion for each band of rows of a rolling shutter: `skew` px pass between its first and last.
         """
         turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
         corners = square(SIDE) @ pose[:3, :3].T + pose[:3, 3]
         little = 1e-4
         ends = [self.camera.project((corners - by * shift) @ _turn(by * turn)) for by in (-little, little)]
-        amount = streak / (np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little))
+        by_amount = np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little)
         parts = int(np.ceil(streak)) + 1
-        motion = np.tile(np.eye(4), (parts, 1, 1))
-        for part, by in zip(motion, amount * ((np.arange(parts) + 0.5) / parts - 0.5), strict=True):
-            part[:3, :3], part[:3, 3] = _turn(by * turn), by * shift
-        return motion
+        within = streak / by_amount * ((np.arange(parts) + 0.5) / parts - 0.5)
+        if not skew:
+            return _moved(within, turn, shift)
+        rows = skew / by_amount * Sensor(readout=1.0).delays(self.camera.height)
+        return np.array([_moved(later + within, turn, shift) for later in rows])
 
     def any_id(self, rng: np.random.Generator, count: int = 1) -> tuple[int, ...]:
         """That many different ids of the dictionary."""
@@ -132,7 +151,8 @@ class Studio:
             DICTIONARY,
             _walls(),
             blur=BLUR,
-            grain=GRAIN,
+            sensor=self.sensor,
+            prints=self.prints,
             samples=self.samples,
         )
 
@@ -144,17 +164,17 @@ def placements(
     rng: np.random.Generator,
     samples: int = 8,
     streak: float = 0.0,
+    skew: float = 0.0,
+    sensor: Sensor = IDEAL,
+    prints: Print = PERFECT,
 ) -> Iterator[Placement]:
     """Yields `count` frames, each with a marker of random id and place in view, `distance` m from the camera.
 
-    With a `streak` the camera moves during the exposure, and draws the marker out to between 0 and that many px.
+    `streak` and `skew` are those of `Studio.place`.
     """
-    studio = Studio(camera, samples=samples)
+    studio = Studio(camera, samples=samples, sensor=sensor, prints=prints)
     for _ in range(count):
-        pose, _ = studio.hang(distance, rng)
-        (name,) = studio.any_id(rng)
-        motion = studio.sway(pose, rng.uniform(0, streak), rng) if streak else None
-        yield Placement(name, pose, studio.take({name: pose}, rng, motion))
+        yield studio.place(distance, rng, streak, skew)
 
 
 def crowds(
@@ -164,12 +184,14 @@ def crowds(
     count: int,
     rng: np.random.Generator,
     samples: int = 8,
+    sensor: Sensor = IDEAL,
+    prints: Print = PERFECT,
 ) -> Iterator[Crowd]:
     """Yields `count` frames with that many markers of different ids, each between two distances, m, from the camera.
 
     Their sheets' circles in the frame do not overlap. InputError if there is no room.
     """
-    studio = Studio(camera, samples=samples)
+    studio = Studio(camera, samples=samples, sensor=sensor, prints=prints)
     for _ in range(count):
         ids = studio.any_id(rng, markers)
         poses = _apart(studio, distances, markers, rng)
@@ -196,6 +218,14 @@ def _apart(studio: Studio, distances: tuple[float, float], markers: int, rng: np
 @cache
 def _walls() -> Surfaces:
     return paint(HALL, np.random.default_rng(1))
+
+
+def _moved(amounts: Array, turn: Array, shift: Array) -> Array:
+    """(n, 4, 4) the motion by `turn` (3,) rad and `shift` (3,) m, times each of the `amounts` (n,)."""
+    motion = np.tile(np.eye(4), (len(amounts), 1, 1))
+    for part, by in zip(motion, amounts, strict=True):
+        part[:3, :3], part[:3, 3] = _turn(by * turn), by * shift
+    return motion
 
 
 def _turn(vector: Array) -> Array:

@@ -6,31 +6,31 @@ lens and exposure act.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from ...frontend.camera.camera import Camera
-from ...frontend.markers.aruco import Image, square
-from ...frontend.markers.markers import find
+from ...frontend.markers.aruco import Image
 from ...frontend.se2 import Array
 from ._background import meet
 from .boxes import Box, Face
 from .lattice import jitter, lattice
-from .lens import Lens, Part, Patch, Singles, through
+from .lens import Lens, Part, Patch, Singles, bands, dispersed, through
 from .room import Marker, Room
+from .sensor import IDEAL, LINES, Sensor
+from .sheet import PERFECT, Print, Sheet, printed_sheets
 from .surfaces import DENSITY, Surfaces
 
 BAND = 30
 """Rows of a frame processed at a time: as much as fits a core's cache."""
 
-INK, PAPER, CEILING = 34.0, 222.0, 188.0
-"""Grey levels of a marker, and above the walls."""
+CEILING = 188.0
+"""Grey level above the walls."""
 
 
 class Cover(NamedTuple):
@@ -62,35 +62,45 @@ class Renderer:
     dictionary: str
     surfaces: Surfaces
     blur: float = 0.6  # px, standard deviation of the lens blur
-    grain: float = 2.0  # grey levels, standard deviation of the sensor's noise
+    sensor: Sensor = IDEAL
+    prints: Print = PERFECT  # of all markers
     samples: int = 6  # its square is the number of rays per pixel, for the markers and the boxes' edges
     vignetting: float = 0.4  # strength of the light's falloff towards the corners; 1: the fourth power of the cosine
     printed: Mapping[int, NDArray[np.bool_]] = field(default_factory=dict[int, NDArray[np.bool_]])  # id -> bits (n, n),
     # True is white, of markers that are not as in the dictionary
 
-    def frame(self, pose: Array, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
-        """(height, width) grey, seen from `pose` (4, 4) T_world_camera; for poses (n, 4, 4), the mean of their light.
+    def frame(self, poses: Array, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
+        """(height, width) grey, seen from `poses` as in `light`. Grey levels saturate at 255."""
+        return self.exposed(self.light(poses), rng, conditions)
 
-        Grey levels saturate at 255.
+    def light(self, poses: Array) -> Singles:
+        """(height, width) the grey levels seen from `poses` T_world_camera, before lens and sensor.
+
+        `poses` are one, (4, 4); or (n, 4, 4), and the light is their mean; or (b, n, 4, 4), those of each of the bands
+        of rows that a rolling shutter reads. With chromatic aberration the light is (3, height, width).
         """
-        first, *others = pose.reshape(-1, 4, 4)
+        if poses.ndim == 4:
+            return np.concatenate([band.light(own) for band, own in zip(self.bands, poses, strict=True)], axis=-2)
+        if self._dispersed:
+            return np.stack([colour.light(poses) for colour in self._dispersed])
+        first, *others = poses.reshape(-1, 4, 4)
         image = self.scene(first)
         for other in others:
             image += self.scene(other)
         if others:
             image /= 1 + len(others)
-        return self.exposed(image, rng, conditions)
+        return image
 
     def exposed(self, image: Singles, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
-        """The picture of `image` (height, width), a scene's grey levels, which are overwritten, by lens and sensor."""
+        """The picture that lens and sensor make of `image`, grey levels as `light` has them, which are overwritten."""
         image *= self._transmission
         image *= conditions.light
         if conditions.cover is not None:
             image += conditions.cover.share * (np.float32(conditions.cover.grey) * self._transmission - image)
         if self.blur > 0:
-            image = np.asarray(cv2.GaussianBlur(image, (0, 0), self.blur), np.float32)
-        image += cv2.LUT(np.frombuffer(rng.bytes(image.size), np.uint8).reshape(image.shape), self._grains)
-        return np.asarray(cv2.convertScaleAbs(np.maximum(image, 0, out=image)), np.uint8)
+            planes = [cv2.GaussianBlur(plane, (0, 0), self.blur) for plane in image.reshape(-1, *image.shape[-2:])]
+            image = np.asarray(planes[0] if len(planes) == 1 else np.stack(planes), np.float32)
+        return self.sensor.picture(image, rng)
 
     def scene(self, pose: Array) -> Singles:
         """(height, width) the grey levels seen from `pose` (4, 4), before lens and sensor."""
@@ -128,10 +138,17 @@ class Renderer:
         return jitter(self.camera.height, self.camera.width) / np.float32(self.samples**2)
 
     @cached_property
-    def _grains(self) -> Singles:
-        """(256,) quantiles of the sensor's normal noise, indexed by one random byte per pixel."""
-        quantiles = ndtri((np.arange(256) + 0.5) / 256)
-        return (self.grain * quantiles / quantiles.std()).astype(np.float32)
+    def bands(self) -> list["Renderer"]:
+        """A renderer for each band of rows that a rolling shutter reads."""
+        return [replace(self, camera=camera) for camera in bands(self.camera, LINES)]
+
+    @cached_property
+    def _dispersed(self) -> list["Renderer"]:
+        """A renderer for red, green and blue each, where the lens images them at different sizes; else none."""
+        if not self.sensor.aberration:
+            return []
+        sensor, share = replace(self.sensor, aberration=0.0), self.sensor.aberration
+        return [replace(self, camera=camera, sensor=sensor) for camera in dispersed(self.camera, share)]
 
     def _background(self, pose: Array, rays: Singles) -> Singles:
         """(h, w) the floor and the walls along `rays` (3, h, w)."""
@@ -149,42 +166,26 @@ class Renderer:
         return seen
 
     @cached_property
-    def _sheets(self) -> dict[int, Singles]:
-        """Each marker's sheet, one pixel per module, white rim included: (m, m, 2) of its grey level and 1."""
-        dictionary = find(self.dictionary)
-        modules = dictionary.markerSize + 2
-        sheets: dict[int, Singles] = {}
-        for marker in self.room.markers:
-            drawn = np.asarray(dictionary.generateImageMarker(marker.id, modules, borderBits=1), float)
-            if marker.id in self.printed:
-                drawn[1:-1, 1:-1] = self.printed[marker.id]
-            grey = np.pad(np.where(drawn > 0, PAPER, INK), 1, constant_values=PAPER)
-            sheets[marker.id] = np.stack((grey, np.ones_like(grey)), axis=-1).astype(np.float32)
-        return sheets
+    def _sheets(self) -> dict[int, Sheet]:
+        ids = [marker.id for marker in self.room.markers]
+        return printed_sheets(self.dictionary, ids, self.room.side, self.printed, self.prints)
 
     def _draw(self, image: Singles, marker: Marker, pose: Array) -> None:
         """Draws the marker's sheet into `image`, if the camera is in front of it."""
         sheet = self._sheets[marker.id]
-        modules = len(sheet) - 2
-        outline = square(self.room.side * (modules + 2) / modules)
-        # The middle of the top left module is the origin.
-        module, middle = self.room.side / modules, (len(sheet) - 1) / 2
-        to_sheet = np.array([[1 / module, 0, middle], [0, -1 / module, middle], [0, 0, 1]])
-        patch = self._patch(pose, marker.pose, outline, to_sheet)
+        patch = self._patch(pose, marker.pose, sheet.outline, sheet.to_sheet)
         if patch is None:
             return
         height, width = patch.at.shape[1:]
         at, by_u, by_v = (field.reshape(2, -1) for field in (patch.at, patch.by_u, patch.by_v))
         column, row = self._spread(at, by_u, by_v, self._jitter[:, *patch.part])
-        seen = cv2.remap(
-            sheet,
-            column.reshape(-1, width),
-            row.reshape(-1, width),
-            cv2.INTER_NEAREST,
-            borderMode=cv2.BORDER_CONSTANT,
-        )
-        grey, hit = cv2.split(np.asarray(seen, np.float32).reshape(-1, height, width, 2).mean(axis=0))
+        turn, place = marker.pose[:3, :3], marker.pose[:3, 3]
+        eye = (pose[:3, 3] - place) @ turn
+        seen = sheet.grey(column.reshape(-1, width), row.reshape(-1, width), eye)
+        grey, hit = cv2.split(seen.reshape(-1, height, width, 2).mean(axis=0))
         image[patch.part] += grey - hit * image[patch.part]
+        if self.prints.gloss:
+            image[patch.part] += hit * sheet.highlight(patch.at, eye, (self.room.lamp_at - place) @ turn)
 
     def _put(self, image: Singles, box: Box, textures: tuple[Image, ...], pose: Array) -> None:
         """Draws the box into `image`: at the edge of two faces, all but one ray in some ten thousand hit either."""

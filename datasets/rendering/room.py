@@ -31,6 +31,12 @@ class Room:
     side: float  # m, of the markers' black squares
     markers: tuple[Marker, ...]
     boxes: tuple[Box, ...] = ()  # the circles around their footprints are disjoint
+    lamp: tuple[float, float, float] | None = None  # m, what glossy paper reflects; None: the middle of the ceiling
+
+    @property
+    def lamp_at(self) -> Array:
+        """(3,) m, the lamp's place."""
+        return np.array((0.0, 0.0, self.height) if self.lamp is None else self.lamp)
 
     @property
     def landmarks(self) -> Map:

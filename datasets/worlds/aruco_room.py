@@ -27,6 +27,7 @@ from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
 from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
+from .camera_options import CameraOptions
 from .outliers import swapped
 from .wheeled_robot import Loop, count, drive
 
@@ -51,7 +52,7 @@ BERTH = 0.3
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap):
+class Options(HiddenIds, OnMap, CameraOptions):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
@@ -66,9 +67,7 @@ class Options(HiddenIds, OnMap):
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
     camera: str = option("pinhole", "lens of the camera; calibrations are in cameras.py", choices=tuple(CAMERAS))
     blur: float = option(0.6, "defocus, standard deviation in px", minimum=0.0, maximum=8.0)
-    grain: float = option(2.0, "standard deviation of the sensor's noise, grey levels", minimum=0.0, maximum=40.0)
     vignetting: float = option(0.4, "darkness of the corners, 1 being cos^4", minimum=0.0, maximum=1.0)
-    exposure: float = option(0.0, "exposure time, s, which causes motion blur", minimum=0.0, maximum=0.1)
     sway: float = option(
         0.02, "rocking of the body, standard deviation of pitch and roll, rad", minimum=0.0, maximum=0.2
     )
@@ -103,13 +102,15 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
     """Simulates the robot's sensors, with frames rendered on demand, and the ground truth.
 
-    InputError for exposures that overlap the next frame's, and for boxes without room.
+    InputError for exposures that overlap the next frame's, a shutter slower than the frames, and boxes without room.
     """
-    if options.exposure * options.frame_rate > 1:
-        raise InputError(
-            f"dataset aruco-room: option exposure={options.exposure:g}: expected at most the time between frames, "
-            f"{1 / options.frame_rate:.4g} s at frame_rate={options.frame_rate:g}."
-        )
+    seen_by = options.made_sensor
+    for name, seconds in (("exposure", seen_by.exposure), ("readout", seen_by.readout)):
+        if seconds * options.frame_rate > 1:
+            raise InputError(
+                f"dataset aruco-room: option {name}={seconds:g}: expected at most the time between frames, "
+                f"{1 / options.frame_rate:.4g} s at frame_rate={options.frame_rate:g}."
+            )
     layout, wheels, sensor, decoration = rng.spawn(4)
     room = furnish(*ROOM, SIDE, options.markers, layout)
     path, _ = LOOP.at(np.linspace(0, 2 * np.pi, 200))
@@ -129,11 +130,12 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
         DICTIONARY,
         paint(room, decoration),
         blur=options.blur,
-        grain=options.grain,
+        sensor=seen_by,
         vignetting=options.vignetting,
         printed=scrambled(find(DICTIONARY), unreadable, chance),
+        prints=options.prints,
     )
-    disturbances = Disturbances(options.exposure, options.sway, options.gain_drift, options.shadow, options.occlusion)
+    disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
     recording = Recording(
         name="aruco-room",
         frames=take(renderer, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),

@@ -25,6 +25,7 @@ from ..rendering.depth_shots import DepthShots
 from ..rendering.posters import decorated
 from ..rendering.render import Renderer
 from ..rendering.room import Room, furnish_with_boxes
+from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
 from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, START_SD, TICK
 from .mover import crossings
@@ -97,13 +98,12 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
     camera = CAMERAS["pinhole"]
     visitors = crossings(room, poses, t, options.mover, _half_view(camera), crossing) if options.mover else ()
     shots = DepthShots(
-        Renderer(room, camera, DICTIONARY, painted, grain=options.grain),
+        Renderer(room, camera, DICTIONARY, painted, sensor=Sensor(grain=options.grain, readout=options.readout)),
         lambda at: drive(LOOP, options.speed, at)[0],
         t,
         options.rocking,
         np.random.SeedSequence(int(sensor.integers(2**63))),
         visitors,
-        options.readout,
         options.disparity_sd,
     )
     ticks = TICK * np.arange(int(np.ceil(t[-1] / TICK)) + 2.0)

@@ -5,7 +5,8 @@ matched, registered and checked; what passes is either a landmark's sighting or 
 """
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -13,13 +14,14 @@ import numpy as np
 
 from ..camera.camera import Camera
 from ..errors import InputError
+from ..maps.cloud import BLUR, Cloud, Kept, cloud_of, kept
 from ..se2 import Array
 from ..wheels.motion import Motion
 from .features import Features, Finder
 from .frame import DepthFrame
 from .level import Level, Leveller
 from .loops import Loops
-from .pairs import Keyframe, Pair, Pairs, without_ids
+from .pairs import Keyframe, Pair, Pairs, Trial, without_ids
 from .planar import Planar
 from .settings import Settings
 from .surfaces import Coarse
@@ -35,10 +37,22 @@ class Step(NamedTuple):
 
     t: float  # s
     motion: Planar | None  # since the step before; None at first
+    level: Level
+    cloud: Kept
+
+
+class Seen(NamedTuple):
+    """The front end's findings in one frame."""
+
+    frame: DepthFrame
+    keyframe: Keyframe | None  # None: it was not looked at
+    trials: Sequence[Trial]  # attempts to register it with the steps before
+    loops: Sequence[Trial]  # and with places that were seen before
+    stepped: bool  # the log has a step there
 
 
 class Loop(NamedTuple):
-    """A loop closure of the log."""
+    """A place that was seen again: a loop closure of the log, or a reason for features to be the same landmarks."""
 
     to: int  # the earlier step
     step: int
@@ -60,27 +74,40 @@ class FrontEnd:
         )  # fmt: skip
         self.search = Loops(self._pairs, self._ways, settings, motion is not None)
         self._recent = deque[Keyframe](maxlen=max(BEFORE) + 1)
+        blurred = np.sqrt(max(BLUR - settings.constant_sd, 0.0) / settings.depth_sd)
+        self._sharp = min(settings.far, float(blurred))  # m, the farthest points of a cloud
+        self.seen: Seen | None = None  # of the last frame
+        self._trials: list[Trial] = []
         self._last: tuple[Keyframe, Pair] | None = None  # the last frame that is no step, seen from the last step
 
     def frame(self, frame: DepthFrame) -> None:
         """Takes a frame; a step begins where the robot has moved enough since the last one."""
         self.counts["frames"] += 1
+        self._trials, self.search.trials = [], []
+        steps, keyframe = len(self.steps), self._taken(frame)
+        stepped = keyframe is not None and len(self.steps) > steps and self._recent[-1] is keyframe
+        self.seen = Seen(frame, keyframe, self._trials, self.search.trials, stepped)
+
+    def _taken(self, frame: DepthFrame) -> Keyframe | None:
+        """Takes a frame; None for one that is not looked at."""
         if self._motion is not None:
             first, last = self._motion.t[[0, -1]]
             if not first <= frame.seconds <= last:
                 self.counts[f"frames without {self._motion.readings}"] += 1
-                return
+                return None
         if not self.steps:
-            self._start(self._keyframe(frame))
-        elif self.settings.odometry == "wheels":
-            self._step_by_wheels(frame)
-        else:
-            self._step_by_sight(frame)
+            return self._start(self._keyframe(frame))
+        return self._step_by_wheels(frame) if self.settings.odometry == "wheels" else self._step_by_sight(frame)
 
     def finish(self) -> None:
         """Ends the drive with the last frame, where the motion comes from frames alone."""
         if self._last is not None:
             self._step(self._last[0], self._last[1].motion)
+
+    @property
+    def path(self) -> Array:
+        """The poses (n, 3) of the steps in the frame of the first one, over steps and loops of least variance."""
+        return self._ways.path()
 
     def _keyframe(self, frame: DepthFrame) -> Keyframe:
         """Finds what a frame shows."""
@@ -95,7 +122,8 @@ class FrontEnd:
         features, level = self._features(frame), self._level(frame)
         self.counts["frames without a floor"] += not level.found
         self.counts["features"] += len(features)
-        return Keyframe(len(self.steps), frame.seconds, features, level, self._surfaces(frame), without_ids(features))
+        coarse, cloud = self._coarse(frame), self._cloud(frame, level)
+        return Keyframe(len(self.steps), frame.seconds, features, level, coarse, without_ids(features), cloud)
 
     def _features(self, frame: DepthFrame) -> Features:
         return self._finder.find(frame.grey, frame.depth)
@@ -103,44 +131,53 @@ class FrontEnd:
     def _level(self, frame: DepthFrame) -> Level:
         return self._leveller.level(frame.depth)
 
-    def _surfaces(self, frame: DepthFrame) -> Coarse:
+    def _coarse(self, frame: DepthFrame) -> Coarse:
         return self._pairs.coarse(frame.depth)
 
-    def _start(self, frame: Keyframe) -> None:
-        self.steps.append(Step(frame.t, None))
+    def _cloud(self, frame: DepthFrame, level: Level) -> Cloud:
+        colour = frame.grey if frame.colour is None else frame.colour
+        return cloud_of(self.camera, level.T, frame.depth, colour, (self.settings.near, self._sharp))
+
+    def _start(self, frame: Keyframe) -> Keyframe:
+        self.steps.append(Step(frame.t, None, frame.level, kept(frame.cloud)))
         self._recent.append(frame)
         self.search.remember(frame, ())
+        return frame
 
-    def _step_by_wheels(self, frame: DepthFrame) -> None:
+    def _step_by_wheels(self, frame: DepthFrame) -> Keyframe | None:
         """Takes a frame where the wheels tell the motion; one before the next step is not looked at."""
         s, moved = self.settings, self._by_wheels(frame.seconds)
         if np.hypot(moved.delta[0], moved.delta[1]) < s.step and abs(moved.delta[2]) < s.turn:
-            return
+            return None
         new = self._keyframe(frame)
         self._step(new, moved)
         if s.landmarks:
             for before in BEFORE:
                 if before < len(self._recent):
                     self._link(self._recent[-1 - before], new)
+        return new
 
     def _link(self, old: Keyframe, new: Keyframe) -> None:
         """Makes the features of two keyframes landmarks."""
-        pair = self._register(old, new, lambda: self._ways.motion(old.step, new.step))
+        pair = self._registered(old, new, lambda: self._ways.motion(old.step, new.step))
         if pair is not None:
             self._track(pair)
-
-    def _register(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
-        """Registers two keyframes; None where they cannot be. `known` is asked for the motion that the wheels tell."""
-        self.counts["pairs"] += 1
-        pair = self._pairs.register(old, new, self.settings.inliers, self.turned_down, known)
-        self.counts["pairs registered"] += pair is not None
-        return pair
 
     def _track(self, pair: Pair) -> None:
         """Makes the features of two registered keyframes the same landmarks."""
         self.tracks.link(pair)
 
-    def _step_by_sight(self, frame: DepthFrame) -> None:
+    def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
+        """Registers two keyframes, and counts what comes of it. `known` is asked for the wheels' motion."""
+        trial = self._pairs.register(old, new, self.settings.inliers, known)
+        self._trials.append(trial)
+        self.counts["pairs"] += 1
+        self.counts["pairs registered"] += trial.pair is not None
+        if trial.pair is None:
+            self.turned_down[trial.reason] += 1
+        return trial.pair
+
+    def _step_by_sight(self, frame: DepthFrame) -> Keyframe:
         """Takes a frame where its own features tell the motion since the last step."""
         s, new = self.settings, self._keyframe(frame)
         pair = self._seen_from_last(new)
@@ -150,16 +187,18 @@ class FrontEnd:
             pair = self._seen_from_last(new)
         if pair is None:
             self._step(new, self._unseen(new))
-            return
+            return new
         delta = pair.motion.delta
         if np.hypot(delta[0], delta[1]) < s.step and abs(delta[2]) < s.turn:
             self._last = (new, pair)
-            return
-        self._step(new, pair.motion)
+        else:
+            self._step(new, pair.motion)
+        return new
 
     def _seen_from_last(self, new: Keyframe) -> Pair | None:
         """Registers a frame with the last step's, checked against the wheels where there are some."""
-        return self._register(self._recent[-1], new, None if self._motion is None else partial(self._by_wheels, new.t))
+        known = None if self._motion is None else partial(self._by_wheels, new.t)
+        return self._registered(self._recent[-1], new, known)
 
     def _unseen(self, new: Keyframe) -> Planar:
         """The motion since the last step where no features tell it: the wheels', or without them the one before."""
@@ -184,12 +223,12 @@ class FrontEnd:
         return last.motion.delta * min((t - last.t) / (last.t - before.t), 2.0)
 
     def _renumbered(self, frame: Keyframe) -> Keyframe:
-        return Keyframe(len(self.steps), frame.t, frame.features, frame.level, frame.coarse, frame.ids)
+        return replace(frame, step=len(self.steps))
 
     def _step(self, frame: Keyframe, motion: Planar) -> None:
         """Begins a step, and looks for places that were seen before."""
         self._last = None
-        self.steps.append(Step(frame.t, motion))
+        self.steps.append(Step(frame.t, motion, frame.level, kept(frame.cloud)))
         self._ways.step(motion)
         self._recent.append(frame)
         if self.settings.loops or self.settings.landmarks:
@@ -199,13 +238,8 @@ class FrontEnd:
         """Searches the places that were seen before."""
         found = self.search.search(frame)
         for pair in found:
-            self._join(pair)
-        self.search.remember(frame, found)
-
-    def _join(self, pair: Pair) -> None:
-        """Closes a loop, or makes the features of its two keyframes the same landmarks."""
-        self._ways.join(pair.first.step, pair.second.step, pair.motion)
-        if self.settings.loops:
+            self._ways.join(pair.first.step, pair.second.step, pair.motion)
             self.loops.append(Loop(pair.first.step, pair.second.step, pair.motion))
-        else:
-            self._track(pair)
+            if self.settings.landmarks:
+                self._track(pair)
+        self.search.remember(frame, found)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera.camera import Camera
+from ..elementary import arctan2, hypot
 from ..se2 import Array
 from ._depth_image import floor_plane, floor_points
 from .settings import Settings
@@ -64,6 +65,22 @@ class Leveller:
             return Level(T, J @ cov @ J.T + np.diag([KNOWN**2, KNOWN**2, UP_KNOWN**2]), True)
         up = s.sway * 0.1
         return Level(camera.mounting, np.diag([s.sway**2, s.sway**2, up**2]), False)
+
+
+class Tilt(NamedTuple):
+    """The body's attitude, as a level has it."""
+
+    pitch: float  # rad, forward
+    roll: float  # rad, to the right
+    up: float  # m, of the robot's origin above the floor
+
+
+def tilt_of(level: Level, camera: Camera) -> Tilt:
+    """The attitude of a body whose camera, mounted as stated, has this level."""
+    R, t = camera.mounting[:3, :3], camera.mounting[:3, 3]
+    up = R @ level.T[2, :3]  # the last row of the body's turn: (-sin pitch, cos pitch sin roll, cos pitch cos roll)
+    pitch, roll = arctan2(-up[0], hypot(up[1], up[2])), arctan2(up[1], up[2])
+    return Tilt(float(pitch), float(roll), float(level.T[2, 3] - up @ t))
 
 
 def levelling(plane: Array) -> Array:

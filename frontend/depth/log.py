@@ -1,7 +1,7 @@
 """The log of a depth camera's recording: odometry with landmarks or loop closures."""
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from ..check import check
 from ..errors import InputError
 from ..factors import REMARKS, Log
+from ..maps.cloud import clouds_of
 from ..wheels.holes import outside
 from .front_end import FrontEnd
 from .recording import DepthRecording
@@ -55,7 +56,7 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
     nothing = np.full(3, np.nan), np.full((3, 3), np.nan)
     motions = [nothing if step.motion is None else step.motion for step in steps]
     seen = front_end.tracks.chosen()
-    loops = sorted(front_end.loops, key=lambda loop: (loop.step, loop.to))
+    loops = sorted(front_end.loops if settings.loops else [], key=lambda loop: (loop.step, loop.to))
     log = Log.from_arrays(
         recording.name,
         recording.prior,
@@ -73,7 +74,7 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
         notes=_notes(recording, front_end),
     )
     check(log, recording.name)
-    return log
+    return replace(log, clouds=clouds_of([step.cloud for step in steps], recording.camera))
 
 
 def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
@@ -95,6 +96,7 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
             "turned_down": dict(front_end.turned_down),
             "loops": {
                 "searched": front_end.search.searched,
+                "found": len(front_end.loops),
                 "places": len(front_end.search.places),
                 "turned_down": dict(front_end.search.why),
             },

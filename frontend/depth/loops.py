@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from .pairs import Keyframe, Pair, Pairs
+from .pairs import Keyframe, Pair, Pairs, Trial
 from .planar import Planar, distance
 from .settings import Settings
 from .ways import Ways, joined
@@ -29,7 +29,7 @@ class Loops:
         self._places: list[Keyframe] = []
         self._words = Words(settings)
         self._waiting: list[Pair] = []
-        self.searched, self.why = 0, Counter[str]()
+        self.searched, self.why, self.trials = 0, Counter[str](), list[Trial]()  # of the last search
 
     @property
     def places(self) -> Sequence[Keyframe]:
@@ -39,11 +39,16 @@ class Loops:
     def search(self, frame: Keyframe) -> list[Pair]:
         """The loops that a keyframe closes, those by most features first, and those that waited for it."""
         found = list[Pair]()
+        self.trials = []
         for place in self._candidates(frame):
             self.searched += 1
             known = partial(self._ways.motion, place.step, frame.step)
-            pair = self._pairs.register(place, frame, self._least, self.why, known)
-            if pair is not None:
+            trial = self._pairs.register(place, frame, self._least, known)
+            self.trials.append(trial)
+            pair = trial.pair
+            if pair is None:
+                self.why[trial.reason] += 1
+            else:
                 found.append(pair._replace(motion=pair.motion._replace(cov=pair.motion.cov + self._shared)))
         found.sort(key=lambda pair: -len(pair.rows))
         return [closed for pair in found[: self._settings.loops_a_step] for closed in self._confirmed(pair)]

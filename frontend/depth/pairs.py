@@ -4,7 +4,6 @@ Where a check fails, most of the matches are of something that moves, or of anot
 dropped, and the others are registered once more.
 """
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..camera.camera import Camera
+from ..maps.cloud import NOTHING, Cloud
 from ..se2 import Ints
 from .features import Features, matched
 from .level import Level
@@ -33,6 +33,7 @@ class Keyframe:
     level: Level
     coarse: Coarse
     ids: Ints  # (n,) of the features' landmarks, -1 without one; `Tracks` writes them
+    cloud: Cloud = NOTHING  # of the whole frame
 
 
 def without_ids(features: Features) -> Ints:
@@ -49,29 +50,37 @@ class Pair(NamedTuple):
     rows: Ints  # (k, 2) the features of both that agree
 
 
+class Trial(NamedTuple):
+    """An attempt to register two keyframes."""
+
+    first: Keyframe
+    second: Keyframe
+    pair: Pair | None  # None: it was refused
+    reason: str  # why; "" otherwise
+    matches: Ints  # (m, 2) the features of both that look alike
+    contradicted: Ints  # (c, 2) those that agreed with a motion which a check refused: often of something that moves
+
+
 class Pairs:
-    """Registers keyframes of one camera; `why` counts what was refused, by reason."""
+    """Registers keyframes of one camera."""
 
     def __init__(self, camera: Camera, settings: Settings) -> None:
         self._settings, self._surfaces = settings, Surfaces(camera, settings)
         self.coarse = self._surfaces.coarse
 
-    def register(
-        self, first: Keyframe, second: Keyframe, least: int, why: Counter[str], known: Callable[[], Planar] | None
-    ) -> Pair | None:
-        """Registers two keyframes by `least` features; None where they are too few or a check fails.
+    def register(self, first: Keyframe, second: Keyframe, least: int, known: Callable[[], Planar] | None) -> Trial:
+        """Registers two keyframes by `least` features; refused where they are too few or a check fails.
 
         `known` is asked for the motion that the wheels tell, once there are enough matches.
         """
         s = self._settings
-        rows = matched(first.features.descriptors, second.features.descriptors, s.ratio)
+        rows = matches = matched(first.features.descriptors, second.features.descriptors, s.ratio)
         if len(rows) < least:
-            why["too few matches"] += 1
-            return None
+            return Trial(first, second, None, "too few matches", matches, rows[:0])
         wheels = None if known is None else known()
         guess = None if wheels is None else camera_motion(wheels.delta, first.level, second.level)
         rng = np.random.default_rng((first.step, second.step))
-        reason = ""
+        reason, contradicted = "", rows[:0]
         for _ in range(TRIES):
             one, other = first.features.points.taken(rows[:, 0]), second.features.points.taken(rows[:, 1])
             found = registered(one, other, s, rng, guess)
@@ -88,7 +97,8 @@ class Pairs:
             elif s.wheels_check and wheels is not None and distance(motion, wheels) > s.wheels_gate:
                 reason = reason or "it contradicts the wheels"
             else:
-                return Pair(first, second, motion, rows[found.inliers])
+                pair = Pair(first, second, motion, rows[found.inliers])
+                return Trial(first, second, pair, "", matches, contradicted)
+            contradicted = np.concatenate((contradicted, rows[found.inliers]))
             rows = np.delete(rows, found.inliers, axis=0)
-        why[reason] += 1
-        return None
+        return Trial(first, second, None, reason, matches, contradicted)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..se2 import Array, Ints
+from ..se2 import Array, Ints, compose, inverse
 from ._ways import ways_to
 from .planar import Planar, back, chained
 
@@ -46,6 +46,15 @@ class Ways:
             first = int(self._target(edge))
         rows = self._motions[way]
         return chained(rows[:, :3], rows[:, 3:].reshape(-1, 3, 3))
+
+    def path(self) -> Array:
+        """The poses (n, 3) of all steps in the frame of the first one, each along its way to it."""
+        came, least = self._ways_to(0)
+        out = np.zeros((self._steps, 3))
+        for step in np.argsort(least, kind="stable")[1:].tolist():  # the next step on a way is nearer to its end
+            edge = int(came[step])
+            out[step] = compose(out[self._target(edge)], inverse(self._motions[edge, :3]))
+        return out
 
     def variance(self, first: int, second: int) -> float:
         """The sum of the variances on the way from one step to another."""

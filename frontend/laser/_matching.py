@@ -5,8 +5,8 @@ from math import atan2, cos, floor, pi, sin, sqrt
 import numpy as np
 
 from ..compiled import compiled
+from ..maps._grid import DX, DY, HIT, Cells, is_wall
 from ..se2 import Array
-from ._grid import DX, DY, HIT, Cells, is_wall
 
 LINE = 2
 """Cells around the nearest one that a line is laid through."""

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..maps.occupancy import Occupancy
 from ..se2 import Array, compose, compose_jacobians
 from ..small_matrices import inverse
 from ._matching import match
 from ._search import ANYWHERE, branch_and_bound
 from .loops import FARTHEST, WEAK, searched
-from .occupancy import Occupancy
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .submap import Submap

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..beside import Scans
 from ..errors import InputError
 from ..factors import REMARKS, Log, Prior
-from ..laser_scans import Scans
 from ..se2 import Array, Ints, between, rotation, wrap
 from .anchors import anchors
 from .front_end import FrontEnd

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ._grid import DX, HIT, THROUGH, Cells
+from ..maps._grid import DX, HIT, THROUGH, Cells
 
 
 class Packed:

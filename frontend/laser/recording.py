@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..factors import Prior, Start
+from ..maps.occupancy import Occupancy
 from ..se2 import Array, between, compose
 from .anchors import anchors
 from .front_end import FrontEnd
 from .localising import Localiser
-from .occupancy import Occupancy
 from .scanner import Scanner
 from .settings import Settings
 

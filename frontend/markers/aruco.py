@@ -1,5 +1,6 @@
 """Detects ArUco markers in a camera frame and locates their centres relative to the robot."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -41,12 +42,18 @@ CELL = 8
 APART = 0.05
 """Share of their perimeter between two outlines from which both are tried.
 
-With OpenCV's 0.125 the edge of the paper stands for many an unread square.
+With OpenCV's 0.125 the edge of the paper stands for one marker in thirty at 2 m, and for many an unread square.
 """
 
 
 FARTHEST, LARGEST_SHARE = 2.0, 0.04
 """px, and share of a marker's size, by which refinement may move a corner; most move less than a pixel."""
+
+
+STEP = 1e-5
+"""Of a ray, for the derivative of its pixel."""
+
+_WAYS, _CORNERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]), np.arange(4)
 
 
 class Sighting(NamedTuple):
@@ -80,15 +87,14 @@ class Detector:
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = OPENCV.get(self.refinement, cv2.aruco.CORNER_REFINE_NONE)
         parameters.perspectiveRemovePixelPerCell = CELL
-        if self.unread:
-            parameters.minMarkerDistanceRate = APART
+        parameters.minMarkerDistanceRate = APART
         return cv2.aruco.ArucoDetector(self.markers.opencv, parameters)
 
     @cached_property
-    def _patterns(self) -> dict[int, NDArray[np.bool_]]:
+    def _patterns(self) -> dict[int, Array]:
         return {}
 
-    def _pattern(self, name: int) -> NDArray[np.bool_]:
+    def _pattern(self, name: int) -> Array:
         """The printed pattern of marker `name`."""
         if name not in self._patterns:
             dictionary = self.markers.opencv
@@ -128,7 +134,7 @@ class Detector:
                 sightings.append(sighting)
         if self.unread:
             sightings = [*self._unread(grey, np.asarray(others, float).reshape(-1, 4, 2)), *sightings]
-        alone = [one for one in sightings if not any(_within(one, other) for other in sightings)]
+        alone = _alone(sightings)
         if len(alone) < len(sightings):
             rejected["inside another marker"] += len(sightings) - len(alone)
         return alone, rejected
@@ -142,7 +148,7 @@ class Detector:
             if sighting is not None:
                 yield sighting
 
-    def _refine(self, grey: Image, pattern: NDArray[np.bool_], corners: Array) -> tuple[Array, Array] | None:
+    def _refine(self, grey: Image, pattern: Array, corners: Array) -> tuple[Array, Array] | None:
         """The corners' rays (4, 2) and their covariance (8, 8); None where the marker is not in the frame."""
         rays = self.camera.undistort(corners)
         if not np.isfinite(rays).all():
@@ -152,7 +158,7 @@ class Detector:
         fit = template.fit(grey, self.camera.rays, pattern, rays, corners)
         if fit is None:
             return None
-        moved = self.camera.project(np.column_stack((fit.rays, np.ones(4)))) - corners
+        moved = self.camera.project(_lifted(fit.rays)) - corners
         if not np.abs(moved).max() < FARTHEST + LARGEST_SHARE * np.ptp(corners, axis=0).max():
             return None
         # The model's errors are in the image; at its centre a pixel is one over the focal length.
@@ -173,12 +179,12 @@ class Detector:
         if not poses:
             return None
         best = poses[0]
-        likelihood = np.exp([(best.chi2 - solution.chi2) / 2 for solution in poses])
+        likelihood = np.array([math.exp((best.chi2 - solution.chi2) / 2) for solution in poses])
         centre, centre_cov = _mixture(poses, likelihood / likelihood.sum())
-        corners = self.camera.project(np.column_stack((rays, np.ones(4))))
-        by_ray = _by_ray(self.camera, rays)
         outline = square(self.markers.side_of(name)) @ best.pose[:3, :3].T + best.pose[:3, 3]
-        misses = self.camera.project(outline) - corners
+        seen = self.camera.project(np.concatenate((_lifted(rays), _lifted(_around(rays)), outline)))
+        corners, misses = seen[:4], seen[20:] - seen[:4]
+        by_ray = _slopes(seen[4:20])
         return Sighting(
             id=name,
             corners=corners,
@@ -204,6 +210,8 @@ def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:
 
 def _mixture(poses: Sequence[SquarePose], weights: Array) -> tuple[Array, Array]:
     """Mean (3,) and covariance (3, 3) of the centre, that of pose k with probability weights[k]."""
+    if len(poses) == 1:
+        return poses[0].pose[:3, 3], poses[0].centre_cov
     centres = np.array([solution.pose[:3, 3] for solution in poses])
     mean = weights @ centres
     apart = centres - mean
@@ -213,21 +221,42 @@ def _mixture(poses: Sequence[SquarePose], weights: Array) -> tuple[Array, Array]
 
 def _by_ray(camera: Camera, rays: Array) -> Array:
     """(8, 8) d pixels / d rays, of the four `rays` (4, 2)."""
-    step = 1e-5
-    sides = np.concatenate([rays + step * np.array(way) for way in ((1, 0), (-1, 0), (0, 1), (0, -1))])
-    pixels = camera.project(np.column_stack((sides, np.ones(16)))).reshape(4, 4, 2)
-    by_x, by_y = (pixels[0] - pixels[1]) / (2 * step), (pixels[2] - pixels[3]) / (2 * step)
-    blocks = np.zeros((8, 8))
-    for k in range(4):
-        blocks[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.stack((by_x[k], by_y[k]), axis=-1)
-    return blocks
+    return _slopes(camera.project(_lifted(_around(rays))))
 
 
-def _within(one: Sighting, other: Sighting) -> bool:
-    """Tells if `one` lies in the larger `other`, where only the other's own pattern is printed."""
-    if one is other or _area(one.corners[None])[0] > _area(other.corners[None])[0]:
-        return False
-    return cv2.pointPolygonTest(other.corners.astype(np.float32), one.corners.mean(axis=0), False) > 0
+def _lifted(rays: Array) -> Array:
+    """(n, 3) the points on the plane z = 1 with `rays` (n, 2)."""
+    points = np.ones((len(rays), 3))
+    points[:, :2] = rays
+    return points
+
+
+def _around(rays: Array) -> Array:
+    """(16, 2) the four `rays` (4, 2) with more x, more y, less x and less y."""
+    return (rays + STEP * _WAYS[:, None]).reshape(16, 2)
+
+
+def _slopes(pixels: Array) -> Array:
+    """(8, 8) d pixels / d rays, from the `pixels` (16, 2) of `_around`."""
+    more_x, more_y, less_x, less_y = pixels.reshape(4, 4, 2)
+    blocks = np.zeros((4, 2, 4, 2))
+    blocks[_CORNERS, :, _CORNERS, 0] = (more_x - less_x) / (2 * STEP)
+    blocks[_CORNERS, :, _CORNERS, 1] = (more_y - less_y) / (2 * STEP)
+    return blocks.reshape(8, 8)
+
+
+def _alone(sightings: Sequence[Sighting]) -> list[Sighting]:
+    """The sightings that lie in no larger one, where only the larger one's own pattern is printed."""
+    areas = _area(np.array([one.corners for one in sightings]).reshape(-1, 4, 2)).tolist()
+    outlines = [one.corners.astype(np.float32) for one in sightings]
+    return [
+        one
+        for one, area in zip(sightings, areas, strict=True)
+        if not any(
+            one is not other and area <= larger and cv2.pointPolygonTest(outline, one.corners.mean(axis=0), False) > 0
+            for other, larger, outline in zip(sightings, areas, outlines, strict=True)
+        )
+    ]
 
 
 def _area(corners: Array) -> Array:

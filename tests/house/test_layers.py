@@ -36,8 +36,9 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
-        "laser": {TOP},
-        "depth": {TOP, "wheels", "camera"},
+        "maps": {TOP, "camera"},
+        "laser": {TOP, "maps"},
+        "depth": {TOP, "wheels", "camera", "maps"},
     },
     "backends": {
         TOP: set(),
@@ -75,6 +76,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "logs": {"drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
         "laser": {"camera", "drawing", "words"},
+        "depth": {"camera", "drawing", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
         "speed": {"workers", "plan", "measure", "drawing", "words"},
         "front_ends": {"drawing", "words"},
@@ -83,7 +85,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "study_report": {"claims", "study", "run", "engine", "workers", "verdict", "drawing", "record", "words"},
         "commands": {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
-            "camera", "laser", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
+            "camera", "laser", "depth", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
         },
         TOP: {"words"},  # cli.py loads one command, by its name
     },

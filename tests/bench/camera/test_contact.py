@@ -1,6 +1,7 @@
 """Frames with what was found drawn on them: the contact sheet, the preview, and the frames kept to find out why."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.bench.camera.annotate import annotated
 from slamduel.bench.camera.kept_frames import MOST, PICTURES, STRETCHES, ContactSheet, EmptyFrames, sheet
 from slamduel.bench.camera.preview import Preview
 from slamduel.frontend.errors import InputError
@@ -15,12 +17,16 @@ from slamduel.frontend.markers.pipeline import Frame, Seen, build_log
 from small_recording import picture, sighting, small_recording
 
 
+def film(preview: Preview) -> Callable[[Seen], None]:
+    return lambda seen: preview.add(seen.frame.t, annotated(seen))
+
+
 @pytest.mark.parametrize("suffix", [".mp4", ".avi", ".mkv", ".webm"])
 def test_the_preview_is_a_video_of_every_frame(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"preview{suffix}"
     recording, _ = small_recording(np.random.default_rng(0))
     with Preview(path) as preview:
-        build_log(recording, preview.observe)
+        build_log(recording, film(preview))
         assert not path.exists()
     video = cv2.VideoCapture(str(path))
     frames = 0
@@ -35,14 +41,14 @@ def test_the_preview_is_a_video_of_every_frame(tmp_path: Path, suffix: str) -> N
 def test_a_preview_is_whole_or_not_there(tmp_path: Path) -> None:
     recording, _ = small_recording(np.random.default_rng(0), 1)
     with Preview(tmp_path / "one.mp4") as preview:
-        build_log(recording, preview.observe)
+        build_log(recording, film(preview))
     assert (tmp_path / "one.mp4").stat().st_size > 0
     late = replace(
         small_recording(np.random.default_rng(0))[0],
         frames=[Frame(0.0, picture(0)), Frame(0.5, picture(1)), Frame(0.1, picture(2))],
     )
     with pytest.raises(InputError, match="expected later"), Preview(tmp_path / "two.mp4") as preview:
-        build_log(late, preview.observe)
+        build_log(late, film(preview))
     assert [one.name for one in tmp_path.iterdir()] == ["one.mp4"]
 
 

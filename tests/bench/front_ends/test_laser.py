@@ -124,6 +124,7 @@ def test_the_command_prints_and_writes(
     [
         (["--scans", "nowhere.clf"], "--scans nowhere.clf: found no such file, expected a log of laser scans"),
         (["--only", "markers", "--scans", "a.clf"], "--scans a.clf: found --only markers, expected no log of laser"),
+        (["--only", "cameras", "--scans", "a.clf"], "--scans a.clf: found --only cameras, expected no log of laser"),
     ],
 )
 def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

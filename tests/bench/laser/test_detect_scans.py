@@ -13,18 +13,20 @@ import bags
 import floor_drives as floor
 from narrow_window import fits, would_be_seen
 from slamduel.bench.cli import main
+from slamduel.bench.drawing.map_picture import CELL, MOST, MapPicture, map_picture
 from slamduel.bench.laser.detect import LaserRequest, detect
 from slamduel.bench.laser.findings import LaserFindings, advice, as_json, headline
-from slamduel.bench.laser.map_picture import map_picture
 from slamduel.bench.plan.load import load
 from slamduel.datasets.formats import log_folder
-from slamduel.datasets.formats.scans_file import read_scans
+from slamduel.datasets.formats.beside_file import read_beside
 from slamduel.datasets.scans.open import open_scans
+from slamduel.frontend.beside import Scans
 from slamduel.frontend.factors import Log, Prior
 from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.laser.scanner import Scanner
-from slamduel.frontend.laser_scans import Scans
+from slamduel.frontend.maps.occupancy import occupancy
 from slamduel.frontend.relations import Anchors
+from slamduel.frontend.se2 import Array
 from slamduel.frontend.tum import write_tum
 
 FILES = {"log.toml", "odometry.csv", "sightings.csv", "scans.npz", "map.png", "detection.html"}
@@ -66,7 +68,7 @@ def test_a_folder_becomes_a_log_that_runs(drive: Path, tmp_path: Path, capsys: p
     assert log.name == "cart"
     assert truth is not None
     assert len(truth.t) == len(log)
-    scans = read_scans(out, len(log))
+    scans = read_beside(out, "scans", len(log))
     assert scans is not None
     assert 100 < len(scans.ranges) < 169  # one every 0.1 m or rad
     assert main(["run", "--backend", "dead-reckoning", "--dataset", str(out), "--out", str(tmp_path / "run")]) == 0
@@ -165,10 +167,14 @@ def beside(recording: LaserRecording) -> Scans:
     return Scans(at, recording.ranges.astype(np.float32), recording.scanner.angles, recording.scanner.pose)
 
 
+def drawn(recording: LaserRecording, path: Array) -> MapPicture:
+    return map_picture(occupancy(beside(recording), path, CELL, MOST), path)
+
+
 def test_walls_are_where_the_beams_ended() -> None:
     recording = square_room()
     assert recording.odometry is not None
-    picture = map_picture(beside(recording), recording.odometry)
+    picture = drawn(recording, recording.odometry)
     assert picture.cell == 0.05
     assert picture.bar == 1.0
     dark = np.argwhere(picture.image[:-12].max(axis=2) < 40)  # without the bar
@@ -180,7 +186,7 @@ def test_walls_are_where_the_beams_ended() -> None:
     assert off.max() < 0.05 + 1e-9
     assert (np.abs(x) < 2.06).all()
     assert (np.abs(y) < 1.06).all()
-    moved = map_picture(beside(recording), recording.odometry + np.array([1000.0, 0, 0]))
+    moved = drawn(recording, recording.odometry + np.array([1000.0, 0, 0]))
     np.testing.assert_allclose(moved.corner, picture.corner + np.array([1000.0, 0.0]), atol=0.051)
 
 
@@ -189,7 +195,7 @@ def test_a_large_map_has_larger_pixels() -> None:
     assert recording.odometry is not None
     far = recording.odometry.copy()
     far[4:, 0] += 400.0
-    picture = map_picture(beside(recording), far)
+    picture = drawn(recording, far)
     assert max(picture.image.shape) <= 1600
     assert picture.cell > 0.2
 

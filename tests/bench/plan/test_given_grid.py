@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.bench.drawing.grid_files import write_grid
+from slamduel.bench.drawing.map_files import write_grid
 from slamduel.bench.plan.plan import Plan
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.laser.occupancy import Occupancy
+from slamduel.frontend.maps.occupancy import Occupancy
 
 
 @pytest.fixture

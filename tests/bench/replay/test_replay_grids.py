@@ -25,9 +25,9 @@ from slamduel.bench.replay.replay import Replay, choose, replay
 from slamduel.bench.replay.view import View, view
 from slamduel.bench.workers.tasks import Ended
 from slamduel.datasets.formats import log_folder
+from slamduel.frontend.beside import Scans
 from slamduel.frontend.factors import Dataset
-from slamduel.frontend.laser.occupancy import FREE, UNKNOWN, WALL
-from slamduel.frontend.laser_scans import Scans
+from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL
 from slamduel.frontend.relations import Anchors
 from slamduel.frontend.se2 import Array, compose
 

@@ -8,8 +8,9 @@ import pytest
 
 from slamduel import run
 from slamduel.bench.cli import main
-from slamduel.bench.record.kept_scans import SCANS, kept_scans, scan_arrays
+from slamduel.bench.record.beside_arrays import kept_beside, kept_name
 from slamduel.bench.record.store import Store
+from slamduel.frontend.beside import columns_of
 
 DATASET = "laser-floor[laps=0.15,people=0]"
 
@@ -58,7 +59,10 @@ def test_bench_map_writes_a_map_for_ros(folder: Path, tmp_path: Path, capsys: py
 def test_without_scans_there_is_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run("circle", ["dead-reckoning"], seeds=1, out=tmp_path / "plain")
     assert main(["map", str(tmp_path / "plain")]) == 2
-    assert "no cell with laser scans beside its log is done, expected a laser log" in capsys.readouterr().err
+    assert (
+        "no cell with laser scans or clouds of a depth camera beside its log is done, expected"
+        in capsys.readouterr().err
+    )
     assert main(["map", str(tmp_path / "nowhere")]) == 2
     with pytest.raises(SystemExit):
         main(["map", str(tmp_path / "plain"), "--cell", "7"])
@@ -69,9 +73,11 @@ def test_scans_of_another_log_are_none(folder: Path) -> None:
         row = next(iter(store.cells()))
         scans = store.scans(row)
     assert scans is not None
-    arrays = scan_arrays(scans)
+    arrays = {kept_name("scans", name): column for name, column in columns_of("scans", scans).items()}
+    assert set(arrays) >= {"scan_step", "scan_ranges", "scan_scanner"}  # as in records of earlier versions
     steps = int(scans.at.step.max()) + 1
-    assert kept_scans(arrays, steps) is not None
-    assert kept_scans(arrays, steps - 1) is None
-    assert kept_scans({name: array for name, array in arrays.items() if name != SCANS[0]}, steps) is None
-    assert kept_scans(arrays | {SCANS[4]: arrays[SCANS[4]][:, 1:]}, steps) is None
+    assert kept_beside("scans", arrays, steps) is not None
+    assert kept_beside("scans", arrays, steps - 1) is None
+    assert kept_beside("clouds", arrays, steps) is None
+    assert kept_beside("scans", {name: one for name, one in arrays.items() if name != "scan_step"}, steps) is None
+    assert kept_beside("scans", arrays | {"scan_ranges": arrays["scan_ranges"][:, 1:]}, steps) is None

@@ -9,8 +9,9 @@ import pytest
 from slamduel.datasets.rendering.boxes import Box, place_boxes
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.disturbances import raised
-from slamduel.datasets.rendering.render import INK, PAPER, Renderer
+from slamduel.datasets.rendering.render import Renderer
 from slamduel.datasets.rendering.room import Marker, Room, furnish, furnish_with_boxes
+from slamduel.datasets.rendering.sheet import INK, PAPER
 from slamduel.datasets.rendering.surfaces import Surfaces, paint
 from slamduel.datasets.worlds.aruco_room import BERTH, LOOP, ROOM, SIDE
 from slamduel.frontend.errors import InputError

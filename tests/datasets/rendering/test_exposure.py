@@ -1,6 +1,7 @@
 """What differs from frame to frame: streaks against edges integrated over time, brightness, shadows, covers."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.disturbances import Disturbances, raised, rocked, take, views
 from slamduel.datasets.rendering.render import Conditions, Cover, Renderer
 from slamduel.datasets.rendering.room import Marker, Room
+from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.datasets.rendering.surfaces import Surfaces
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
@@ -21,10 +23,12 @@ PLANE = np.array([[0, 0, -1.0, 2.0], [-1, 0, 0, 0], [0, 1, 0, 0.5], [0, 0, 0, 1]
 T = np.array([0.0, 0.5, 1.0])
 
 
-def renderer(*markers: Marker, camera: Camera = LEVEL, grey: int = 0, grain: float = 0.0) -> Renderer:
+def renderer(
+    *markers: Marker, camera: Camera = LEVEL, grey: int = 0, grain: float = 0.0, exposure: float = 0.0
+) -> Renderer:
     room = Room(60.0, 60.0, 50.0, 0.8, markers)
     plain = Surfaces(np.full((20, 20), grey, np.uint8), 10)
-    return Renderer(room, camera, "4X4_50", plain, blur=0.0, grain=grain, vignetting=0.0)
+    return Renderer(room, camera, "4X4_50", plain, blur=0.0, sensor=Sensor(grain, exposure=exposure), vignetting=0.0)
 
 
 def turning(rate: float) -> Callable[[Array], Array]:
@@ -42,8 +46,8 @@ def test_an_edge_is_a_ramp_about_the_middle_of_the_exposure(shift: float, t: flo
     """The left rim of a sheet that moves by `shift` px while the shutter is open."""
     exposure = 0.02
     speed = shift / exposure * 2.0 / 500
-    made = renderer(Marker(0, PLANE))
-    poses = views(made, sideways(speed), t, exposure, made.camera.mounting)
+    made = renderer(Marker(0, PLANE), exposure=exposure)
+    poses = views(made, sideways(speed), t, made.camera.mounting)
     assert len(poses) - 1 == pytest.approx(shift, abs=1)
     row = np.mean([made.scene(pose) for pose in poses], axis=0)[110:130].mean(axis=0) / 222
     middle = 159.5 - 0.8 * 8 / 12 / 2.0 * 500 + speed * t / 2.0 * 500
@@ -57,8 +61,8 @@ def test_an_edge_is_a_ramp_about_the_middle_of_the_exposure(shift: float, t: flo
 
 
 def test_a_frame_is_the_mean_of_its_moments() -> None:
-    made = renderer(Marker(0, PLANE))
-    poses = views(made, turning(0.5), 0.1, 0.03, made.camera.mounting)
+    made = renderer(Marker(0, PLANE), exposure=0.03)
+    poses = views(made, turning(0.5), 0.1, made.camera.mounting)
     assert len(poses) == pytest.approx(0.015 * 500 * 1.1 + 1, abs=1)
     expected = np.mean([made.scene(pose) for pose in poses], axis=0)
     np.testing.assert_allclose(made.frame(poses, np.random.default_rng(0)), expected, atol=0.51)
@@ -67,7 +71,7 @@ def test_a_frame_is_the_mean_of_its_moments() -> None:
 
 
 def test_a_robot_at_rest_has_one_moment() -> None:
-    assert len(views(renderer(), turning(0.0), 0.0, 0.1, LEVEL.mounting)) == 1
+    assert len(views(renderer(exposure=0.1), turning(0.0), 0.0, LEVEL.mounting)) == 1
 
 
 @pytest.mark.parametrize("name", CAMERAS)
@@ -75,8 +79,9 @@ def test_streaks_of_every_lens_are_counted_sanely(name: str) -> None:
     """Turning by 0.02 rad moves what is ahead by 0.02 f px, and nothing by ever so much."""
     camera = CAMERAS[name]
     room = Room(6.0, 5.0, 2.5, 0.16, tuple(Marker(i, PLANE) for i in range(3)))
-    made = Renderer(room, camera, "4X4_50", Surfaces(np.full((20, 20), 9, np.uint8), 10))
-    moments = len(views(made, turning(1.0), 0.0, 0.02, made.camera.mounting))
+    plain = Surfaces(np.full((20, 20), 9, np.uint8), 10)
+    made = Renderer(room, camera, "4X4_50", plain, sensor=Sensor(exposure=0.02))
+    moments = len(views(made, turning(1.0), 0.0, made.camera.mounting))
     assert 0.8 * 0.02 * camera.focal[0] < moments < 2.5 * 0.02 * camera.focal[0]
 
 
@@ -86,8 +91,8 @@ def pictures(made: Renderer, seed: int = 0, t: Array = T, **changes: Any) -> lis
 
 
 def test_a_seed_is_a_film() -> None:
-    made = renderer(Marker(0, PLANE), grey=100, grain=2.0)
-    changes: dict[str, Any] = {"exposure": 0.02, "gain_drift": 0.3, "shadow": 0.5, "occlusion": 0.5}
+    made = renderer(Marker(0, PLANE), grey=100, grain=2.0, exposure=0.02)
+    changes: dict[str, Any] = {"gain_drift": 0.3, "shadow": 0.5, "occlusion": 0.5}
     one, same, other = (pictures(made, seed, **changes) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert (np.array(one) != other).mean() > 0.5
@@ -175,3 +180,48 @@ def test_rocking_is_as_large_as_it_is_said() -> None:
     assert pitch.std() == pytest.approx(0.03, rel=0.16)
     assert roll.std() == pytest.approx(0.03, rel=0.16)
     assert abs(np.corrcoef(pitch, roll)[0, 1]) < 4 / np.sqrt(300)
+
+
+@pytest.mark.parametrize("exposure", [0.0, 0.01])
+def test_a_rolling_shutter_slants_an_upright_edge(exposure: float) -> None:
+    """The left rim of a sheet that moves by 24 px while the frame is read, and stays where it is in the middle row."""
+    readout, speed = 0.04, 24 / 0.04 * 2.0 / 500
+    made = renderer(Marker(0, PLANE))
+    made = replace(made, sensor=Sensor(0.0, exposure=exposure, readout=readout))
+    (frame,) = take(made, sideways(speed), np.zeros(1), Disturbances(), np.random.default_rng(0))
+    middle = 159.5 - 0.8 * 8 / 12 / 2.0 * 500
+    for row in range(5, 240, 10):  # the middle rows of the bands
+        found = np.interp(0.5 * 222, frame.image[row, :50].astype(float), np.arange(50))
+        assert found == pytest.approx(middle + 24 * ((row + 0.5) / 240 - 0.5), abs=0.15)
+
+
+def test_each_band_of_a_rolling_frame_is_of_its_own_pose() -> None:
+    made = replace(renderer(Marker(0, PLANE), grey=100), sensor=Sensor(0.0, readout=0.04))
+    poses = views(made, turning(0.8), 0.1, made.camera.mounting)
+    assert poses.shape == (24, 1, 4, 4)
+    light = made.light(poses)
+    for k in (0, 7, 12, 23):
+        whole = made.scene(poses[k, 0])
+        np.testing.assert_allclose(
+            light[10 * k : 10 * k + 10], whole[10 * k : 10 * k + 10], atol=6
+        )  # of edges' samples
+        assert np.abs(light[10 * k : 10 * k + 10] - whole[10 * k : 10 * k + 10]).mean() < 0.1
+
+
+def test_colours_are_imaged_at_different_sizes_about_the_centre() -> None:
+    """Both rims of a sheet: from the principal point red is farther than green, and blue nearer, by the share.
+
+    The mean of the three by their shares in grey is where a camera without aberration has it.
+    """
+    pose = raised(np.zeros((1, 3)))[0] @ LEVEL.mounting
+    made = renderer(Marker(0, PLANE))
+    green = made.light(pose)
+    dispersed = replace(made, sensor=Sensor(0.0, aberration=0.01)).light(pose)
+    assert dispersed.shape == (3, 240, 320)
+    mean = 0.299 * 1.01 + 0.587 + 0.114 * 0.99
+    for light, scale in zip((*dispersed, green), (1.01 / mean, 1 / mean, 0.99 / mean, 1.0), strict=True):
+        profile = light[100:140].mean(axis=0)
+        left = np.interp(0.5 * 222, profile[:50], np.arange(50))
+        right = 270 + np.interp(-0.5 * 222, -profile[270:], np.arange(50))
+        half = 0.8 * 8 / 12 / 2.0 * 500 * scale
+        assert (left, right) == (pytest.approx(159.5 - half, abs=0.1), pytest.approx(159.5 + half, abs=0.1))

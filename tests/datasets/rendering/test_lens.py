@@ -8,6 +8,7 @@ from slamduel.datasets.rendering.cameras import CAMERAS, MOUNTING
 from slamduel.datasets.rendering.lattice import jitter, lattice
 from slamduel.datasets.rendering.render import Renderer
 from slamduel.datasets.rendering.room import Marker, Room
+from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.datasets.rendering.surfaces import Surfaces
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.se2 import Array
@@ -92,7 +93,9 @@ def test_pixels_without_a_ray_are_black() -> None:
     camera = CAMERAS["fisheye"]
     room = Room(6.0, 5.0, 2.5, 0.16, ())
     bright = Surfaces(np.full((20, 20), 200, np.uint8), 10)
-    image = Renderer(room, camera, "4X4_50", bright, blur=0.0, grain=0.0).frame(MOUNTING, np.random.default_rng(0))
+    image = Renderer(room, camera, "4X4_50", bright, blur=0.0, sensor=Sensor(0.0)).frame(
+        MOUNTING, np.random.default_rng(0)
+    )
     v, u = np.mgrid[:480, :640]
     rays = camera.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
     blind = ~np.isfinite(rays).all(axis=1).reshape(480, 640)
@@ -125,7 +128,7 @@ def test_vignetting() -> None:
     even = Surfaces(np.full((20, 20), 200, np.uint8), 10)
 
     def ratio(name: str, vignetting: float) -> float:
-        made = Renderer(room, CAMERAS[name], "4X4_50", even, blur=0.0, grain=0.0, vignetting=vignetting)
+        made = Renderer(room, CAMERAS[name], "4X4_50", even, blur=0.0, sensor=Sensor(0.0), vignetting=vignetting)
         image = made.frame(MOUNTING, np.random.default_rng(0))
         return image[470, 320] / image[240, 320]
 

@@ -115,3 +115,31 @@ def test_clutter_is_full_and_without_a_marker() -> None:
 def test_the_same_seed_is_the_same_clutter() -> None:
     first, second = (next(clutter(CAMERA, 1, np.random.default_rng(9))) for _ in range(2))
     np.testing.assert_array_equal(first, second)
+
+
+def test_a_rolling_shutter_sees_every_band_later_and_the_truth_in_the_middle_row() -> None:
+    studio, rng = Studio(CAMERA), np.random.default_rng(10)
+    pose, _ = studio.hang(2.0, rng)
+    motion = studio.sway(pose, 0.0, rng, skew=6.0)
+    assert motion.shape == (48, 1, 4, 4)
+    seen = np.array([corners_of(np.linalg.inv(camera[0]) @ pose) for camera in motion])
+    np.testing.assert_allclose(seen[23:25].mean(axis=0), corners_of(pose), atol=0.01)
+    # from the middle of the first band of ten rows to that of the last are 470 rows of 480
+    passed = np.linalg.norm(seen[-1] - seen[0], axis=1).mean() * 480 / 470
+    assert passed == pytest.approx(6.0, rel=0.02)
+    both = studio.sway(pose, 2.0, rng, skew=6.0)
+    assert both.shape == (48, 3, 4, 4)
+
+
+def test_a_markers_image_leans_as_far_as_the_shutter_takes() -> None:
+    """Corners of a rendered frame against their places at the times of their own rows."""
+    studio, rng = Studio(CAMERA, samples=4), np.random.default_rng(12)
+    pose, _ = studio.hang(0.8, rng)
+    motion = studio.sway(pose, 0.0, rng, skew=40.0)
+    image = studio.take({7: pose}, rng, motion)
+    ((sighting,), _) = Detector(Markers("4X4_50", 0.16), CAMERA, "subpix").detect(image)
+    corners = np.array([corners_of(np.linalg.inv(camera[0]) @ pose) for camera in motion])
+    own = [np.abs(corners[:, k, 1] - (np.arange(48) * 10 + 4.5)).argmin() for k in range(4)]
+    expected = np.array([corners[own[k], k] for k in range(4)])
+    assert np.abs(expected - corners_of(pose)).max() > 2
+    np.testing.assert_allclose(sighting.corners, expected, atol=0.9)  # half a band, and the refinement

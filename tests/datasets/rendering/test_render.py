@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from slamduel.datasets.rendering import surfaces as painting
-from slamduel.datasets.rendering.render import INK, PAPER, Renderer
+from slamduel.datasets.rendering.render import Renderer
 from slamduel.datasets.rendering.room import Marker, Room, furnish, wall_point
+from slamduel.datasets.rendering.sensor import Sensor
+from slamduel.datasets.rendering.sheet import INK, PAPER
 from slamduel.datasets.rendering.surfaces import Surfaces, paint
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
@@ -38,7 +40,7 @@ def renderer(
 ) -> Renderer:
     room = Room(6.0, 5.0, 2.5, SIDE, tuple(Marker(i, pose) for i, pose in enumerate(poses)))
     surfaces = Surfaces(np.full((1200, 3520), GREY, np.uint8), 800) if plain else paint(room, np.random.default_rng(1))
-    return Renderer(room, camera, "4X4_50", surfaces, blur=blur, grain=grain)
+    return Renderer(room, camera, "4X4_50", surfaces, blur=blur, sensor=Sensor(grain))
 
 
 def robot(x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> Array:
@@ -154,7 +156,7 @@ def test_the_walls_are_where_the_world_says() -> None:
     up = np.arange(399, -1, -1)[:, None] / density
     walls = 40 + 120 * np.abs(along / perimeter - 0.5) + 30 * up
     ramp = Surfaces(np.vstack((np.full((800, 3520), 250.0), walls)).astype(np.uint8), 800)
-    made = Renderer(room, CAMERA, "4X4_50", ramp, grain=0.0)
+    made = Renderer(room, CAMERA, "4X4_50", ramp, sensor=Sensor(0.0))
     checked = 0
     for heading in np.arange(-3, 3, 0.5):
         pose = robot(0.4, -0.3, heading)

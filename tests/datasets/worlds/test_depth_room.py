@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
-from slamduel.datasets.rendering.depth_shots import LINES, DepthShots
+from slamduel.datasets.rendering.depth_shots import DepthShots
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.datasets.rendering.posters import FINEST, poster
+from slamduel.datasets.rendering.sensor import LINES
 from slamduel.datasets.worlds import depth_room
 from slamduel.datasets.worlds.depth_room import WHEELS, Drive, integrated, record
 from slamduel.datasets.worlds.mover import ASIDE
@@ -40,7 +41,7 @@ def rows_of(shots: DepthShots, k: int) -> Array:
     height = shots.renderer.camera.height
     tilted = rocked(*shots.tilts[k]) @ shots.renderer.camera.mounting
     band = (np.arange(height) // LINES + 0.5) * LINES / height - 0.5
-    return raised(shots.path(shots.t[k] + shots.readout * band)) @ tilted
+    return raised(shots.path(shots.t[k] + shots.renderer.sensor.readout * band)) @ tilted
 
 
 def off_surfaces(shots: DepthShots, points: Array) -> Array:

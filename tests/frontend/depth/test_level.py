@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from depth_scenes import CAMERA, on_planes
 from slamduel.datasets.rendering.disturbances import rocked
-from slamduel.frontend.depth.level import Level, Leveller, levelling
+from slamduel.frontend.depth.level import Level, Leveller, levelling, tilt_of
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.se2 import Array
 
@@ -102,3 +102,18 @@ def test_levelling_takes_a_plane_to_the_floor() -> None:
     np.testing.assert_allclose((on_plane @ T.T)[:, 2], 0, atol=1e-15)
     np.testing.assert_allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-15)
     assert np.linalg.det(T) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "roll", "up"), [(0.0, 0.0, 0.0), (0.04, 0.0, 0.01), (-0.04, 0.03, -0.02), (0.02, -0.05, 0.0)]
+)
+def test_a_tilt_is_that_of_the_body(pitch: float, roll: float, up: float) -> None:
+    body = rocked(pitch, roll)
+    body[2, 3] = up
+    exact = tilt_of(Level(body @ CAMERA.mounting, np.eye(3), True), CAMERA)
+    np.testing.assert_allclose(exact, (pitch, roll, up), atol=1e-14)
+    found = tilt_of(Leveller(CAMERA, Settings()).level(depth_at(body, [FLOOR, WALL])), CAMERA)
+    np.testing.assert_allclose(found[:2], (pitch, roll), atol=np.radians(0.02))
+    assert abs(found.up - up) < 1e-3
+    stated = tilt_of(Leveller(CAMERA, Settings(level=False)).level(depth_at(body, [FLOOR])), CAMERA)
+    np.testing.assert_allclose(stated, 0, atol=1e-14)

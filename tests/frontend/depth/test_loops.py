@@ -1,6 +1,5 @@
 """Which loops are closed, on a made-up drive whose pairs are known beforehand."""
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ from depth_scenes import CAMERA
 from slamduel.frontend.depth.features import Features
 from slamduel.frontend.depth.level import Level
 from slamduel.frontend.depth.loops import Loops
-from slamduel.frontend.depth.pairs import Keyframe, Pair, Pairs
+from slamduel.frontend.depth.pairs import Keyframe, Pair, Pairs, Trial
 from slamduel.frontend.depth.planar import Planar
 from slamduel.frontend.depth.points import Points
 from slamduel.frontend.depth.settings import Settings
@@ -20,6 +19,7 @@ from slamduel.frontend.se2 import Array, between, compose
 
 SETTINGS = Settings(landmarks=False, loops=True)
 SHARP = 1e-6 * np.eye(3)
+NO_ROWS = np.zeros((0, 2), np.int64)
 
 
 class Known(Pairs):
@@ -29,14 +29,13 @@ class Known(Pairs):
         super().__init__(CAMERA, SETTINGS)
         self.found, self.asked = found, list[tuple[int, int]]()
 
-    def register(
-        self, first: Keyframe, second: Keyframe, least: int, why: Counter[str], known: Callable[[], Planar] | None
-    ) -> Pair | None:
+    def register(self, first: Keyframe, second: Keyframe, least: int, known: Callable[[], Planar] | None) -> Trial:
         self.asked.append((first.step, second.step))
         delta, count = self.found.get((first.step, second.step), (None, 0))
         if delta is None or count < least:
-            return None
-        return Pair(first, second, Planar(delta, SHARP), np.zeros((count, 2), np.int64))
+            return Trial(first, second, None, "too few matches", NO_ROWS, NO_ROWS)
+        rows = np.zeros((count, 2), np.int64)
+        return Trial(first, second, Pair(first, second, Planar(delta, SHARP), rows), "", rows, NO_ROWS)
 
 
 def frame(step: int, t: float) -> Keyframe:

@@ -1,6 +1,5 @@
 """Pairs of rendered frames against their true motions: features, levels, checks, movers."""
 
-from collections import Counter
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +21,7 @@ CHI2_9999 = 21.1  # of 3 degrees of freedom
 
 
 def pair_of(first: Keyframe, second: Keyframe, pairs: Pairs, known: Planar | None = None) -> Pair | None:
-    return pairs.register(first, second, 12, Counter[str](), None if known is None else lambda: known)
+    return pairs.register(first, second, 12, None if known is None else lambda: known).pair
 
 
 def errors_of(found: list[Planar], poses: Array) -> Array:
@@ -145,26 +144,31 @@ def test_no_motion_of_a_box_that_crosses_the_view_is_accepted() -> None:
 
 
 def test_frames_of_different_places_are_no_pair() -> None:
-    settings, why = Settings(), Counter[str]()
+    settings = Settings()
     recording, shown, _ = drive(1, Drive(), 16)
     _, others, _ = drive(2, Drive(), 4)
     one, two = (
         keyframe(0, shown[0], recording, settings),
         keyframe(1, others[0], recording, settings),
     )
-    assert Pairs(recording.camera, settings).register(one, two, 12, why, None) is None
-    assert why.total() == 1
+    trial = Pairs(recording.camera, settings).register(one, two, 12, None)
+    assert trial.pair is None
+    assert trial.reason
 
 
 def test_a_motion_that_contradicts_the_wheels_is_refused_and_counted() -> None:
-    settings, why = Settings(), Counter[str]()
+    settings = Settings()
     recording, shown, truth = drive(1, Drive(), 16)
     one, two = (keyframe(k, shown[k], recording, settings) for k in (4, 6))
     wrong = Planar(between(truth.poses[4], truth.poses[6]) + np.array([0.2, 0.0, 0.0]), np.diag([1e-4, 1e-4, 1e-4]))
-    assert Pairs(recording.camera, settings).register(one, two, 12, why, lambda: wrong) is None
-    assert why == {"it contradicts the wheels": 1}
+    refused = Pairs(recording.camera, settings).register(one, two, 12, lambda: wrong)
+    assert refused.pair is None
+    assert refused.reason == "it contradicts the wheels"
+    assert len(refused.contradicted) > 0.5 * len(refused.matches)
     unchecked = Settings(wheels_check=False)
-    assert Pairs(recording.camera, unchecked).register(one, two, 12, why, lambda: wrong) is not None
+    taken = Pairs(recording.camera, unchecked).register(one, two, 12, lambda: wrong)
+    assert taken.pair is not None
+    assert not len(taken.contradicted)
 
 
 def test_a_blank_image_has_no_features() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from slamduel.frontend.depth.planar import Planar, back, chained, distance
 from slamduel.frontend.depth.ways import Ways
-from slamduel.frontend.se2 import Array, between, compose, compose_jacobians, inverse
+from slamduel.frontend.se2 import Array, between, compose, compose_jacobians, inverse, wrap
 
 
 def motions(n: int, seed: int = 0) -> list[Planar]:
@@ -25,6 +25,10 @@ def one_by_one(parts: list[Planar]) -> Planar:
         by_first, by_second = compose_jacobians(delta, part.delta)
         delta, cov = compose(delta, part.delta), by_first @ cov @ by_first.T + by_second @ part.cov @ by_second.T
     return Planar(delta, cov)
+
+
+def wrapped(delta: Array) -> Array:
+    return np.array([*delta[:2], wrap(delta[2])])
 
 
 def columns(parts: list[Planar]) -> tuple[Array, Array]:
@@ -78,6 +82,11 @@ def test_the_way_between_steps_is_the_one_of_least_variance() -> None:
         np.testing.assert_allclose(found.delta, best.delta, atol=1e-12)
         np.testing.assert_allclose(found.cov, best.cov, rtol=1e-9, atol=1e-15)
     assert not ways.motion(3, 3).cov.any()
+    path = ways.path()
+    assert path.shape == (6, 3)
+    assert not path[0].any()
+    for step in range(1, 6):
+        np.testing.assert_allclose(wrapped(path[step] - ways.motion(0, step).delta), 0, atol=1e-12)
 
 
 def test_ways_over_many_steps_and_loops_have_the_least_variance_that_a_matrix_tells() -> None:

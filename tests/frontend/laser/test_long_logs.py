@@ -7,7 +7,6 @@ import pytest
 
 from slamduel.datasets.worlds.laser_floor import Options, record
 from slamduel.frontend.factors import Truth
-from slamduel.frontend.laser._grid import DX, HIT
 from slamduel.frontend.laser.estimate import Estimate
 from slamduel.frontend.laser.finished import Finished
 from slamduel.frontend.laser.front_end import FrontEnd
@@ -20,6 +19,7 @@ from slamduel.frontend.laser.scanner import Scan, Scanner
 from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.laser.step import Step
 from slamduel.frontend.laser.submap import Submap
+from slamduel.frontend.maps._grid import DX, HIT
 from slamduel.frontend.se2 import Array, between, compose, wrap
 from slamduel.frontend.small_matrices import inverse
 

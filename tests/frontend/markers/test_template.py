@@ -1,14 +1,14 @@
 """The fit of a printed pattern: its model, its derivatives, its covariance, and what it makes of frames without one."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import quad
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, minimum_filter
 from scipy.stats import multivariate_normal, norm
 
 from slamduel.datasets.rendering.cameras import CAMERAS
@@ -16,41 +16,33 @@ from slamduel.datasets.rendering.clutter import drawn
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.markers import template
 from slamduel.frontend.markers._alignment import (
-    PARAMETERS,
-    RIM,
+    NEIGHBOURS,
     _accumulate,  # pyright: ignore[reportPrivateUsage]
-    _believe,  # pyright: ignore[reportPrivateUsage]
     _moved,  # pyright: ignore[reportPrivateUsage]
+    spread,
 )
+from slamduel.frontend.markers._grey import BUMP, HALO, PARAMETERS, STIFF, curve_of, predict
+from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.square_pose import square
 from slamduel.frontend.se2 import Array
 
 PATTERN = template.pattern(drawn("4X4_50", 7)[1:-1, 1:-1])
 M = len(PATTERN) - 2 * RIM
-CUT_OFF = 4.5
-"""Standard deviations beyond which the compiled model takes an edge for a step."""
 
 
 class Model(NamedTuple):
     """The compiled model at one pixel."""
 
     grey: float
-    jacobian: Array  # (19,)
+    jacobian: Array  # (21,)
 
 
-def at_pixel(place: Array, G: Array, look: Array, free: bool = True) -> Model:
-    """Grey level and derivatives, from the normal equations of one pixel that is black."""
-    normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
-    loss, chi, total = _accumulate(place[None], PATTERN, M, G, look, np.inf, free, normal, gradient)
-    assert loss == pytest.approx(chi)
-    assert total == 1
-    prior, pull = np.zeros_like(normal), np.zeros_like(gradient)
-    _believe(look, max(chi, 0.25), free, prior, pull)
-    grey = np.sqrt(loss)
-    jacobian = -(gradient - pull) / grey  # the residual is minus the grey level
-    np.testing.assert_allclose(normal - prior, np.outer(jacobian, jacobian), atol=1e-5 * np.abs(normal).max())
-    return Model(float(grey), jacobian)
+def at_pixel(place: Array, G: Array, look: Array, sharpened: bool = True) -> Model:
+    curve, jacobian = np.empty(10), np.zeros(PARAMETERS)
+    curve_of(look, curve)
+    scratch = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2)
+    return Model(predict(place, PATTERN, G, look, curve, sharpened, *scratch, jacobian), jacobian)
 
 
 def tilted(turn: float, stretch: float, tilt: tuple[float, float], scale: float) -> Array:
@@ -73,18 +65,32 @@ def places(rng: np.random.Generator, G: Array, count: int) -> Array:
     return np.column_stack((np.zeros(count), rays, np.tile([1.0, 0.0, 0.0, 1.0], (count, 1))))
 
 
-def look_of(a: float, b: float, c: float, kurtosis: float = 0.0, light: tuple[float, ...] = (0.0,) * 5) -> Array:
-    return np.array([a, b, c, kurtosis, 40.0, 200.0, *light])
+def look_of(
+    a: float,
+    b: float,
+    c: float,
+    ink: float = 0.0,
+    tone: float = 0.0,
+    sharp: float = 0.0,
+    light: tuple[float, ...] = (0.0,) * 5,
+) -> Array:
+    return np.array([40.0, 200.0, a, b, c, ink, tone, sharp, *light])
 
 
 def blur_of(look: Array) -> Array:
-    root = np.array([[np.exp(look[0]), 0.0], [look[1], np.exp(look[2])]])
+    root = np.array([[np.exp(look[2]), 0.0], [look[3], np.exp(look[4])]])
     return root @ root.T
+
+
+def lit(seen: float, tone: float) -> float:
+    """The grey level of a share of white, between 40 and 200, behind a tone curve."""
+    gamma = np.exp(tone)
+    return float((40**gamma + (200**gamma - 40**gamma) * seen) ** (1 / gamma))
 
 
 def seen_exactly(uv: Array, cov: Array) -> float:
     """How much white a pixel at `uv` sees of the pattern on endless paper, a Gaussian `cov` modules^2 over it."""
-    cells = np.argwhere(~PATTERN) - RIM
+    cells = np.argwhere(PATTERN == 0) - RIM
     spread = multivariate_normal(uv, cov, abseps=1e-9, releps=1e-9)  # pyright: ignore[reportArgumentType]
     black = sum(
         float(spread.cdf([x + 1, y + 1], lower_limit=[x, y]))
@@ -94,17 +100,103 @@ def seen_exactly(uv: Array, cov: Array) -> float:
     return 1 - black
 
 
+@pytest.mark.parametrize("tone", [0.0, np.log(2.2)])
 @pytest.mark.parametrize("turn", [0.0, 0.5])
-def test_the_model_is_the_blurred_pattern(turn: float) -> None:
+def test_the_model_is_the_blurred_pattern(turn: float, tone: float) -> None:
     """Where the blur is straight in the pattern's own coordinates the model is exact.
 
     Only tails beyond CUT_OFF are left out, of up to three edges each way, and the normal distribution has 3.4e-6 there.
+    The tone curve is steepest at black, where it stretches them by the ratio of light's and curve's contrasts.
     """
-    G, look = tilted(turn, 1.0, (0.0, 0.0), 5.0), look_of(np.log(0.8), 0.0, np.log(0.8))
+    G, look = tilted(turn, 1.0, (0.0, 0.0), 5.0), look_of(np.log(0.8), 0.0, np.log(0.8), tone=tone)
+    gamma = np.exp(tone)
+    steepest = (200**gamma - 40**gamma) / (gamma * 40 ** (gamma - 1)) / 160
     for place in places(np.random.default_rng(1), G, 40):
         uv = G[:2] @ np.array([*place[1:3], 1.0])
-        expected = 40 + 160 * seen_exactly(uv, 0.8**2 / 25 * np.eye(2))
-        assert at_pixel(place, G, look).grey == pytest.approx(expected, abs=960 * float(norm.sf(CUT_OFF)))
+        expected = lit(seen_exactly(uv, 0.8**2 / 25 * np.eye(2)), tone)
+        bound = 960 * steepest * float(norm.sf(CUT_OFF))
+        assert at_pixel(place, G, look).grey == pytest.approx(expected, abs=bound)
+
+
+CELLS = 40
+"""Samples of a module across and down in `drawn_finely`."""
+
+
+def drawn_finely(grown: int, sigma: float) -> Array:
+    """The pattern with black grown by so many samples each way, under a blur of `sigma` samples."""
+    fine = np.kron(PATTERN, np.ones((CELLS, CELLS)))
+    fine = (minimum_filter if grown > 0 else maximum_filter)(fine, 2 * abs(grown) + 1)
+    return np.asarray(gaussian_filter(fine, sigma, mode="nearest", truncate=6.0))
+
+
+def sampled(fine: Array, uv: Array) -> float:
+    """Its value at `uv`, modules."""
+    at = (uv[::-1] + RIM) * CELLS - 0.5
+    return float(map_coordinates(fine, at[:, None], order=3)[0])
+
+
+@pytest.mark.parametrize("grown", [-2, 1, 3])
+def test_ink_moves_edges(grown: int) -> None:
+    """Black that has grown by some samples of a finely drawn pattern, blurred by a fifth of a module.
+
+    Left out is where two edges meet, both moved: their square, weighed by the blur's density. For as much again other
+    edges within the blur, which the model moves by the nearest edge's ink alone, and the samples' own width count.
+    """
+    sigma, ink = 0.2, grown / CELLS
+    fine = drawn_finely(grown, sigma * CELLS)
+    G, spread = tilted(0.0, 1.0, (0.0, 0.0), 1.0), np.log(sigma)
+    look = look_of(spread, 0.0, spread, ink=ink)
+    misses, plain = [], []
+    for place in places(np.random.default_rng(21), G, 300):
+        uv = (G @ np.array([*place[1:3], 1.0]))[:2]
+        true = 40 + 160 * sampled(fine, uv)
+        misses.append(at_pixel(place, G, look).grey - true)
+        plain.append(at_pixel(place, G, look_of(spread, 0.0, spread)).grey - true)
+    both = 160 * (ink * norm.pdf(0) / sigma) ** 2
+    assert np.abs(misses).max() < 2 * both + 0.7
+    assert np.abs(plain).max() > 3 * (both + 0.7)
+    assert np.sqrt(np.mean(np.square(misses))) < 0.1 * np.sqrt(np.mean(np.square(plain)))
+
+
+def test_sharpening_adds_what_a_wider_blur_takes_off() -> None:
+    """An unsharp mask of a straight camera's picture: exact but for tails, as its own wider blur is Gaussian."""
+    px = 5.0  # a module
+    sigma, amount = 0.8, 0.7
+    G, spread = tilted(0.0, 1.0, (0.0, 0.0), px), np.log(sigma)
+    near, far = (drawn_finely(0, width / px * CELLS) for width in (sigma, np.hypot(sigma, HALO)))
+    look = look_of(spread, 0.0, spread, sharp=amount)
+    for place in places(np.random.default_rng(22), G, 100):
+        uv = (G @ np.array([*place[1:3], 1.0]))[:2]
+        seen = sampled(near, uv) + amount * (sampled(near, uv) - sampled(far, uv))
+        assert at_pixel(place, G, look).grey == pytest.approx(40 + 160 * seen, abs=0.15)
+
+
+def test_sharpening_follows_the_tone_curve() -> None:
+    """The wider blur is of the picture behind the curve, whose edges are nearer to black.
+
+    They are moved in the mean, which leaves a small part of the miss that light's own edges would have.
+    """
+    px, sigma, amount, tone = 5.0, 0.8, 0.8, np.log(2.2)
+    G, spread = tilted(0.0, 1.0, (0.0, 0.0), px), np.log(sigma)
+    light = drawn_finely(0, sigma / px * CELLS)
+    gamma = np.exp(tone)
+    picture = (40**gamma + (200**gamma - 40**gamma) * light) ** (1 / gamma)
+    halo = gaussian_filter(picture, HALO / px * CELLS, mode="nearest", truncate=6.0)
+    look = look_of(spread, 0.0, spread, tone=tone, sharp=amount)
+    misses, unmoved = [], []
+    for place in places(np.random.default_rng(23), G, 300):
+        uv = (G @ np.array([*place[1:3], 1.0]))[:2]
+        wide, near = sampled(halo, uv), sampled(picture, uv)
+        misses.append(at_pixel(place, G, look).grey - near - amount * (near - wide))
+        straight = 40 + 160 * sampled(drawn_wide(sigma, px), uv)
+        unmoved.append(amount * (wide - straight))
+    assert np.sqrt(np.mean(np.square(misses))) < 0.4 * np.sqrt(np.mean(np.square(unmoved)))
+
+
+@cache
+def drawn_wide(sigma: float, px: float) -> Array:
+    """Light's pattern under the wider blur."""
+    return drawn_finely(0, np.hypot(sigma, HALO) / px * CELLS)
 
 
 def test_a_blur_that_is_askew_is_right_to_second_order() -> None:
@@ -129,36 +221,13 @@ def test_a_blur_that_is_askew_is_right_to_second_order() -> None:
     assert np.abs(misses).max() < 160 * bound
 
 
-def test_a_streak_is_a_kurtosis() -> None:
-    """A straight edge under a Gaussian and an even streak: right to the next terms of Edgeworth's series."""
-    width, sigma = 1.2, 0.6  # px
-    variance = sigma**2 + width**2 / 12
-    kurtosis = -(width**4) / 120 / variance**2
-    sixth = width**6 / 252 / variance**3
-    s = np.linspace(-6, 6, 4001)
-    fifth_hermite, seventh_hermite = s**5 - 10 * s**3 + 15 * s, s**7 - 21 * s**5 + 105 * s**3 - 105 * s
-    bound = sum(
-        np.abs(term * norm.pdf(s)).max() for term in (sixth / 720 * fifth_hermite, kurtosis**2 / 1152 * seventh_hermite)
-    )
-    gaussian_alone = np.abs(kurtosis / 24 * (s**3 - 3 * s) * norm.pdf(s)).max()
-    assert bound < gaussian_alone / 4
-    G, spread = tilted(0.0, 1.0, (0.0, 0.0), 8.0), np.log(np.sqrt(variance))
-    look = look_of(spread, 0.0, spread, kurtosis)
-    for u in np.linspace(-0.3, 0.3, 25):  # across the pattern's first edge, paper to border, in modules
-        x, y = 8 * (u - M / 2), 8 * (3.3 - M / 2)
-        place = np.array([0.0, x, y, 1.0, 0.0, 0.0, 1.0])
-        black = quad(lambda shift, u=u: norm.cdf((8 * u + shift) / sigma), -width / 2, width / 2)[0] / width
-        # the kurtosis is there along the edge, too, where it changes nothing but for tails of the next edges
-        assert at_pixel(place, G, look).grey == pytest.approx(200 - 160 * black, abs=160 * (bound + 1e-4))
-
-
 def differences(place: Array, G: Array, look: Array, h: float) -> Array:
-    """(19,) the central differences of the grey level by every parameter, as `_moved` applies them."""
+    """(21,) the central differences of the grey level by every parameter, as `_moved` applies them."""
     slopes = np.zeros(PARAMETERS)
     for k in range(PARAMETERS):
         step = np.zeros(PARAMETERS)
         step[k] = h
-        ends = [at_pixel(place, *_moved(G, look, way * step, M)[:2]).grey for way in (-1, 1)]
+        ends = [at_pixel(place, *_moved(G, look, way * step, PARAMETERS, M)[:2]).grey for way in (-1, 1)]
         slopes[k] = (ends[1] - ends[0]) / (2 * h)
     return slopes
 
@@ -167,27 +236,41 @@ def clear_of_cut_off(place: Array, G: Array, look: Array) -> bool:
     """Whether no edge is so near to CUT_OFF that a small step crosses it, where the model has a tiny step."""
     u, v, w = G @ np.array([*place[1:3], 1.0])
     by_px = (G[:2, :2] - np.outer([u / w, v / w], G[2, :2])) / w
-    sigma = np.sqrt(np.diag(by_px @ blur_of(look) @ by_px.T))
-    s = np.abs(np.array([[u], [v]]) / w - np.arange(-RIM, M + RIM + 1)) / sigma[:, None]
-    return bool((np.abs(s - CUT_OFF) > 0.05).all())
+    clear = True
+    for blur in (blur_of(look), blur_of(look) + HALO**2 * np.eye(2)):
+        sigma = np.sqrt(np.diag(by_px @ blur @ by_px.T))
+        # with an ink the nearest edge is elsewhere
+        for ink in (-look[5], 0.0, look[5]):
+            s = np.abs(np.array([[u], [v]]) / w - np.arange(-RIM, M + RIM + 1) - ink) / sigma[:, None]
+            clear = clear and bool((np.abs(s - CUT_OFF) > 0.05).all())
+    return clear
 
 
 def test_the_looks_derivatives() -> None:
-    """Exact where the blur is not askew in the pattern's coordinates, for any kurtosis and light.
+    """Exact where the blur is not askew in the pattern's coordinates, for any ink, tone and light, or sharpening alone.
 
-    Where it is, what the correction's own change with the blur's width is left out: r phi(0)^2 times a few.
+    Where it is, what the correction's own change with the blur's width is left out: r phi(0)^2 times a few. With all of
+    them, the derivatives of the halo are those at the place its edges are moved from: a share of its own contrast by as
+    much as they are moved, over its width.
     """
     rng = np.random.default_rng(3)
     checked = 0
-    while checked < 15:
-        scale, light = rng.uniform(4, 9), (0.1, -0.2, 0.05, 0.1, -0.1)
-        spread, kurtosis = rng.uniform(-0.6, 0.1), rng.uniform(-0.6, 0.3)
-        G, look = tilted(rng.uniform(-3, 3), 1.0, (0.0, 0.0), scale), look_of(spread, 0.0, spread, kurtosis, light)
+    while checked < 30:
+        sharp = (0.0, 0.6, 0.6)[checked % 3]
+        tone, ink = (rng.uniform(0.0, 0.8), rng.uniform(-0.03, 0.04)) if checked % 3 != 1 else (0.0, 0.0)
+        scale, spread = rng.uniform(4, 9), rng.uniform(-0.6, 0.1)
+        G = tilted(rng.uniform(-3, 3), 1.0, (0.0, 0.0), scale)
+        look = look_of(spread, 0.0, spread, ink, tone, sharp, (0.1, -0.2, 0.05, 0.1, -0.1))
         (place,) = places(rng, G, 1)
         if clear_of_cut_off(place, G, look):
-            exact = at_pixel(place, G, look).jacobian
-            np.testing.assert_allclose(exact[8:], differences(place, G, look, 1e-4)[8:], atol=1e-3, rtol=1e-4)
-            checked += np.abs(exact[8]) > 1  # that an edge was near
+            exact, measured = at_pixel(place, G, look).jacobian, differences(place, G, look, 1e-4)
+            moved = abs(ink) * scale + BUMP * np.exp(spread) * (2 ** (1 - np.exp(-tone)) - 1)
+            held = 160 * sharp * moved / HALO * norm.pdf(0) if checked % 3 == 2 else 0.0
+            bounds = (
+                2e-3 + 2e-4 * np.abs(measured) + held * np.array([1] * 8 + [0.02, 0.02, 1, 1, 1, scale, 1, 0] + [0] * 5)
+            )
+            assert (np.abs(exact - measured)[8:] < bounds[8:]).all()
+            checked += int(np.abs(exact[10]) > 1)  # that an edge was near
 
 
 def test_the_homographys_derivatives() -> None:
@@ -215,21 +298,68 @@ def test_the_homographys_derivatives() -> None:
     assert (np.abs(exact).max(axis=0) > 4 * bound).all()  # edges were near, and the bound says something
 
 
+def filled(spots: Array, G: Array, look: Array, active: int) -> tuple[Array, Array, Array]:
+    """Normal matrix, gradient, and gradient by edge."""
+    normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
+    _accumulate(spots, 1, PATTERN, G, look, np.inf, active, normal, gradient, by_edge)
+    return normal, gradient, by_edge
+
+
 def test_far_from_the_goal_only_homography_and_greys_may_change() -> None:
     rng = np.random.default_rng(5)
     G, look = tilted(0.4, 1.1, (1e-4, 0.0), 6.0), look_of(-0.3, 0.1, -0.2)
     spots = places(rng, G, 200)
     spots[:, 0] = rng.uniform(30, 210, len(spots))
-    normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
-    free_normal, free_gradient = np.zeros_like(normal), np.zeros_like(gradient)
-    _accumulate(spots, PATTERN, M, G, look, np.inf, False, normal, gradient)
-    _accumulate(spots, PATTERN, M, G, look, np.inf, True, free_normal, free_gradient)
-    moving = np.r_[0:8, 12, 13]
-    np.testing.assert_array_equal(gradient[moving], free_gradient[moving])
-    np.testing.assert_array_equal(normal[np.ix_(moving, moving)], free_normal[np.ix_(moving, moving)])
-    assert not np.delete(gradient, moving).any()
-    still = np.setdiff1d(np.arange(PARAMETERS), moving)
-    np.testing.assert_array_equal(normal[still], np.eye(PARAMETERS)[still])
+    (normal, gradient, _), (all_normal, all_gradient, _) = (filled(spots, G, look, n) for n in (STIFF, PARAMETERS))
+    np.testing.assert_allclose(gradient[:STIFF], all_gradient[:STIFF], rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(normal[:STIFF, :STIFF], all_normal[:STIFF, :STIFF], rtol=1e-9, atol=1e-6)
+    assert not gradient[STIFF:].any()
+
+
+def test_every_pixel_belongs_to_its_nearest_edge() -> None:
+    rng = np.random.default_rng(6)
+    G, look = tilted(0.4, 1.1, (1e-4, 0.0), 6.0), look_of(-0.3, 0.1, -0.2, 0.01, 0.3, 0.2)
+    spots = places(rng, G, 300)
+    spots[:, 0] = rng.uniform(30, 210, len(spots))
+    by_edge = filled(spots, G, look, PARAMETERS)[2]
+    expected = np.zeros_like(by_edge)
+    for spot in spots:
+        u, v, w = G @ np.array([*spot[1:3], 1.0])
+        grey, jacobian = at_pixel(spot, G, look)
+        off = [abs(x / w - round(x / w)) for x in (u, v)]
+        across, along = (u, v) if off[0] < off[1] else (v, u)
+        row = round(across / w) * (M + 2) + int(np.floor(along / w)) + 1 + (off[0] >= off[1]) * len(by_edge) // 2
+        expected[row] += np.append((spot[0] - grey) * jacobian, 1.0)
+    np.testing.assert_allclose(by_edge, expected, rtol=1e-9, atol=1e-6)
+    assert by_edge[:, PARAMETERS].sum() == len(spots)
+
+
+def test_the_covariance_grows_by_what_edges_share() -> None:
+    """Residuals of one pixel each leave it as it is; of those common to an edge as many as share them count as one."""
+    rng = np.random.default_rng(7)
+    G, look = tilted(0.3, 1.0, (0.0, 0.0), 10.0), look_of(-0.3, 0.0, -0.3)
+    spots = np.array([spot for spot in places(rng, G, 3000) if np.abs(at_pixel(spot, G, look).jacobian[:8]).max() > 2])
+    greys = np.array([at_pixel(spot, G, look).grey for spot in spots])
+    along = np.column_stack((spots[:, 1:3], np.ones(len(spots)))) @ G.T
+    u, v = (along[:, :2] / along[:, 2:]).T
+    across_u = np.abs(u - np.round(u)) < np.abs(v - np.round(v))
+    names = np.where(across_u, np.round(u) * 100 + np.floor(v), 5000 + np.round(v) * 100 + np.floor(u))
+    edges, edge, counts = np.unique(names, return_inverse=True, return_counts=True)
+    factors = []
+    for common in (False, True):
+        growth = []
+        for _ in range(12):
+            residual = rng.normal(size=len(edges))[edge] if common else rng.normal(size=len(spots))
+            spots[:, 0] = greys + 2 * residual
+            normal, _, by_edge = filled(spots, G, look, PARAMETERS)
+            plain = 4.0 * np.linalg.inv(normal)[:8, :8]
+            growth.append(np.trace(np.linalg.solve(plain, spread(normal, by_edge, 2.0))) / 8)
+        factors.append(np.mean(growth))
+    assert NEIGHBOURS <= factors[0] < 1.2 * NEIGHBOURS
+    # J' J of an edge's mean against the mean of J' J: its pixels' derivatives differ in place and size
+    shared = (counts**2).sum() / counts.sum()
+    assert 0.15 * shared < factors[1] < 1.2 * shared
 
 
 FINE = 6
@@ -298,21 +428,33 @@ def draw(
     rng: np.random.Generator,
     grain: float = 2.0,
     light: Callable[[Array, Array], Array] = lambda p, q: 1 + 0 * p * q,
+    ink: float = 0.0,
+    gamma: float = 1.0,
+    sharpen: float = 0.0,
 ) -> Image:
-    """A frame of the pattern on endless paper: `blur` px down and across, sensor noise, light over the paper."""
+    """A frame of the pattern on endless paper: `blur` px down and across, sensor noise, light over the paper.
+
+    With `ink` modules of growth of black at every edge, a tone curve of 255 levels, and an unsharp mask of HALO px.
+    """
     H = to_pattern(corners)
     at = bench.fine @ H[:, :2].T + H[:, 2]
     u, v = at[..., 0] / at[..., 2], at[..., 1] / at[..., 2]
-    column, row = (np.clip(np.floor(c).astype(int) + RIM, 0, len(PATTERN) - 1) for c in (u, v))
-    grey = np.where(PATTERN[row, column], 200.0, 40.0) * light(u / M - 0.5, v / M - 0.5)
+    darkest = np.ones_like(u)
+    for right in (-ink, ink):
+        for down in (-ink, ink):
+            column, row = (np.clip(np.floor(c).astype(int) + RIM, 0, len(PATTERN) - 1) for c in (u + right, v + down))
+            darkest = np.minimum(darkest, PATTERN[row, column])
+    grey = np.where(darkest > 0, 200.0, 40.0) * light(u / M - 0.5, v / M - 0.5)
     size = bench.window[2]
     # the mean over FINE x FINE samples is a blur, too
     pixel = (1 - 1 / FINE**2) / 12
     sigma = [FINE * np.sqrt(max(b**2 - pixel, 0.0)) for b in blur]
     seen = gaussian_filter(grey, sigma, mode="nearest").reshape(size, FINE, size, FINE).mean(axis=(1, 3))
+    seen = 255 * np.clip((seen + grain * rng.normal(size=seen.shape)) / 255, 0, 1) ** (1 / gamma)
+    seen += sharpen * (seen - gaussian_filter(seen, HALO))
     image = np.full((bench.camera.height, bench.camera.width), 120.0)
     top, left, _ = bench.window
-    image[top : top + size, left : left + size] = seen + grain * rng.normal(size=seen.shape)
+    image[top : top + size, left : left + size] = seen
     return np.clip(np.round(image), 0, 255).astype(np.uint8)
 
 
@@ -326,7 +468,8 @@ def fit(bench: Bench, image: Image, corners: Array, rng: np.random.Generator, of
 def test_corners_are_as_good_as_stated(name: str, request: pytest.FixtureRequest) -> None:
     """Under a blur of its own in either direction and slanting light.
 
-    The pixels' noise is white here, for which the stated covariance is NEIGHBOURS times too large. Mean of n chi-square
+    The pixels' noise is white here, for which the stated covariance is at least NEIGHBOURS times too large; by how much
+    edges differ by chance adds a fifth at most. Mean of n chi-square
     sums of 8: standard deviation sqrt(16 / n). At most a quarter of a chi-square is allowed for what the drawing's
     samples, a sixth of a pixel, put in.
     """
@@ -344,10 +487,49 @@ def test_corners_are_as_good_as_stated(name: str, request: pytest.FixtureRequest
         assert found.contrast == pytest.approx(160, rel=0.1)
         assert np.sqrt(np.diag(found.blur)) == pytest.approx([0.85, 0.6], rel=0.25)
     spread = 4 * np.sqrt(2 / (8 * count))
-    assert (1 - spread) / template.NEIGHBOURS < np.mean(chi2) < 1.25 / template.NEIGHBOURS * (1 + spread)
+    assert (1 - spread) / (1.2 * NEIGHBOURS) < np.mean(chi2) < 1.25 / NEIGHBOURS * (1 + spread)
     assert np.sqrt(np.mean(np.square(misses))) < 0.06  # px
     # unbiased: eight means, each of `count`
     assert np.abs(np.mean(misses, axis=0)).max() < 4.5 * np.std(misses) / np.sqrt(count)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [{"ink": 0.03}, {"ink": 0.005}, {"gamma": 2.2}, {"sharpen": 0.8}, {"ink": 0.02, "gamma": 1.8, "sharpen": 0.6}],
+    ids=lambda effect: " ".join(f"{name} {value}" for name, value in effect.items()),
+)
+def test_what_moves_every_edge_moves_no_corner(webcam: Bench, effect: dict[str, float]) -> None:
+    """Spread ink and a tone curve make black larger or smaller, which is no change of distance.
+
+    The mean of n errors of the size, in percent, has their standard deviation over sqrt(n); unmodelled, an ink of 0.03
+    modules alone would be 1 %. A chi-square sum as in `test_corners_are_as_good_as_stated`, with twice its allowance.
+    """
+    rng = np.random.default_rng(13)
+    count, chi2, sizes = 40, list[float](), list[float]()
+    for _ in range(count):
+        corners = hang(webcam, rng)
+        found = fit(
+            webcam,
+            draw(
+                webcam,
+                corners,
+                (0.6, 0.7),
+                rng,
+                ink=effect.get("ink", 0.0),
+                gamma=effect.get("gamma", 1.0),
+                sharpen=effect.get("sharpen", 0.0),
+            ),
+            corners,
+            rng,
+        )
+        assert found is not None
+        miss = (found.rays - corners).ravel()
+        chi2.append(float(miss @ np.linalg.solve(found.cov, miss)) / 8)
+        extent = [np.linalg.norm(each - each.mean(axis=0)) for each in (found.rays, corners)]
+        sizes.append(100 * float(extent[0] / extent[1] - 1))
+    assert np.abs(np.mean(sizes)) < 4 * np.std(sizes) / np.sqrt(count) + 0.02
+    assert np.std(sizes) < 0.15
+    assert 0.5 < np.mean(chi2) < 1.6
 
 
 def test_where_the_pattern_is_not() -> None:

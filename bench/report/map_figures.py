@@ -1,4 +1,4 @@
-"""Figures of occupancy grids: the log's laser scans along every backend's path, side by side."""
+"""Figures of maps: the log's laser scans or a depth camera's clouds along every backend's path, side by side."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...frontend.laser.occupancy import Occupancy, occupancy
+from ...frontend.maps.occupancy import Occupancy, occupancy
+from ...frontend.maps.top_view import TopView, top_view
 from ..drawing.axes import short
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import of, report_figure
@@ -21,16 +22,16 @@ FINEST = 0.05
 MOST = 600
 
 
-class Grid(NamedTuple):
-    """A backend's grid."""
+class Map(NamedTuple):
+    """A backend's map."""
 
     trace: Trace
     which: str  # of its paths
-    drawn: Occupancy
+    drawn: Occupancy | TopView
 
 
 def grids(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
-    """Draws a grid for each backend that has a path, all in the frame of the best one's; none without scans."""
+    """Draws a map for each backend that has a path, all in the best one's frame; none without scans or clouds."""
     every = [grid for trace in log.traces if (grid := _grid(log, trace)) is not None]
     if not every:
         return
@@ -46,26 +47,27 @@ def grids(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
         )
 
 
-def _grid(log: DrawnLog, trace: Trace) -> Grid | None:
+def _grid(log: DrawnLog, trace: Trace) -> Map | None:
     a = trace.arrays
     which = "final" if "final" in a else "online"
-    if log.scans is None or which not in a or not np.isfinite(a[which]).all():
+    if which not in a or not np.isfinite(a[which]).all():
         return None
-    reach = float(np.ptp(a[which][:, :2], axis=0).max()) + 20.0
-    return Grid(trace, which, occupancy(log.scans, a[which], max(FINEST, reach / MOST)))
+    cell = max(FINEST, (float(np.ptp(a[which][:, :2], axis=0).max()) + 20.0) / MOST)
+    if log.scans is not None:
+        return Map(trace, which, occupancy(log.scans, a[which], cell))
+    return None if log.clouds is None else Map(trace, which, top_view(log.clouds, a[which], cell))
 
 
-def _frame(log: DrawnLog, every: list[Grid]) -> Frame:
+def _frame(log: DrawnLog, every: list[Map]) -> Frame:
     """Frames the grid of the backend with the least error; dead reckoning's only where there is no other."""
     able = [grid for grid in every if grid.trace.label != BASELINE] or every
     best = min(able, key=lambda grid: log.order.index(grid.trace.label)).drawn
-    high = best.origin + best.size * np.array(best.cells.shape[:2])
-    return Frame(best.origin, high)
+    return Frame(*best.corners)
 
 
-def _draw(figure: Figure, grid: Grid, frame: Frame) -> None:
+def _draw(figure: Figure, grid: Map, frame: Frame) -> None:
     axes, drawn = figure.subplots(), grid.drawn
-    (left, bottom), (right, top) = drawn.origin, drawn.origin + drawn.size * np.array(drawn.cells.shape[:2])
+    (left, bottom), (right, top) = drawn.corners
     extent = (left, right, bottom, top)
     axes.imshow(drawn.picture, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="none")
     axes.set_xlim(frame.low[0], frame.high[0])

@@ -1,12 +1,12 @@
-"""Draws the map: the occupancy grid by the front end's own path, with the path and a bar of its length."""
+"""Draws a map from above with the path that it was drawn along, and a bar of its length."""
 
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from ...frontend.laser.occupancy import occupancy
-from ...frontend.laser_scans import Scans
+from ...frontend.maps.occupancy import Occupancy
+from ...frontend.maps.top_view import TopView
 from ...frontend.markers.aruco import Image
 from ...frontend.se2 import Array
 
@@ -32,17 +32,17 @@ class MapPicture(NamedTuple):
     bar: float  # m, the length of the bar
 
 
-def map_picture(scans: Scans, path: Array) -> MapPicture:
-    """Draws the scans along a path (n, 3) of the log's steps."""
-    grid = occupancy(scans, path, CELL, MOST)
-    grey = grid.picture
-    height, width = grey.shape
+def map_picture(grid: Occupancy | TopView, path: Array, zoom: int = 1) -> MapPicture:
+    """Draws a path (n, 3) of the log's steps on a map; a cell is `zoom` pixels wide."""
+    shown = grid.picture.repeat(zoom, axis=0).repeat(zoom, axis=1)
+    size = grid.size / zoom
+    height, width = shown.shape[:2]
     picture = np.full((height + FOOT, width, 3), 255, np.uint8)
-    picture[:height] = grey[:, :, None]
-    walked = (path[:, :2] - grid.origin) / grid.size
+    picture[:height] = shown[:, :, None] if shown.ndim == 2 else shown[:, :, ::-1]
+    walked = (path[:, :2] - grid.origin) / size
     line = np.round(np.column_stack((walked[:, 0], height - 1 - walked[:, 1]))).astype(np.int32)
-    cv2.polylines(picture, [line], False, WALKED, 1, cv2.LINE_AA)
-    bar = max((one for one in ROUND if one / grid.size <= width / 3), default=grid.size * width / 3)
+    cv2.polylines(picture, [line], False, WALKED, min(zoom, 2), cv2.LINE_AA)
+    bar = max((one for one in ROUND if one / size <= width / 3), default=size * width / 3)
     foot = height + FOOT // 2
-    cv2.line(picture, (2, foot), (2 + round(bar / grid.size), foot), INK, 2)
-    return MapPicture(picture, grid.size, grid.origin, bar)
+    cv2.line(picture, (2, foot), (2 + round(bar / size), foot), INK, 2)
+    return MapPicture(picture, size, grid.origin, bar)

@@ -1,13 +1,14 @@
-"""The occupancy grid: what the beams of all scans hit and passed through, along any path of a log's steps."""
+"""The occupancy grid: what all beams hit and passed through, along any path of a log's steps."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..laser_scans import Scans
+from ..beside import Beams
+from ..relations import Anchors
 from ..se2 import Array, act
-from ._grid import DX, DY, HIT, THROUGH, Cells, insert, walls
+from ._grid import DX, DY, HIT, THROUGH, Cells, insert_beams, walls
 
 CELL = 0.05
 """m of a cell, unless the grid would be larger than MOST cells on a side."""
@@ -29,12 +30,30 @@ MANY = 10.0
 UNKNOWN, FREE, WALL = 0, 1, 2
 
 
+class Seen(Protocol):
+    """Beams from poses at a log's steps and between them."""
+
+    @property
+    def at(self) -> Anchors:
+        """Where they were seen from, (k,)."""
+        ...
+
+    def beams(self, k: int) -> Beams:
+        """Those of the k-th pose."""
+        ...
+
+
 class Occupancy(NamedTuple):
     """A grid whose cell (i, j) spans [origin + size (i, j), origin + size (i + 1, j + 1))."""
 
     origin: Array  # (2,) m
     size: float  # m
     cells: Cells  # (n, m, 4), as of a submap
+
+    @property
+    def corners(self) -> tuple[Array, Array]:
+        """The lower left and the upper right corner (2,), m."""
+        return self.origin, self.origin + self.size * np.array(self.cells.shape[:2])
 
     @property
     def states(self) -> NDArray[np.uint8]:
@@ -63,27 +82,35 @@ def of_states(origin: Array, size: float, states: NDArray[np.uint8]) -> Occupanc
     return Occupancy(origin, size, cells)
 
 
-def occupancy(scans: Scans, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:
-    """Draws all scans into one grid, the steps of the log being at `path` (n, 3); at most `most` cells on a side."""
-    low, high = extent(scans, path)
+def occupancy(seen: Seen, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:
+    """Draws all beams into one grid, the steps of the log being at `path` (n, 3); at most `most` cells on a side."""
+    return inserted(seen, path, *framed(*extent(seen, path), cell, most))
+
+
+def framed(low: Array, high: Array, cell: float, most: int) -> tuple[Array, float, tuple[int, int]]:
+    """The origin (2,), m, cell size (m) and shape of a grid from `low` to `high` (2,), m, with a border."""
     size = max(cell, float((high - low).max()) / (most - 2 * BORDER - 2))
     origin = size * (np.floor(low / size) - BORDER)
     n, m = (np.ceil((high - origin) / size).astype(int) + BORDER).tolist()
-    return inserted(scans, path, origin, size, (n, m))
+    return origin, size, (n, m)
 
 
-def extent(scans: Scans, path: Array) -> tuple[Array, Array]:
-    """The corners (2,), m, low and high, of the rectangle around all scans along `path` (n, 3), OUTLIERS aside."""
-    poses = scans.at.along(path)
-    hit = np.concatenate([act(pose, scans.points(k)) for k, pose in enumerate(poses)])
-    hit = hit if len(hit) else poses[:, :2]
+def extent(seen: Seen, path: Array) -> tuple[Array, Array]:
+    """The corners (2,), m, low and high, of the rectangle around all ends along `path` (n, 3), OUTLIERS aside."""
+    poses = seen.at.along(path)
+    return around(np.concatenate([act(pose, seen.beams(k).ends) for k, pose in enumerate(poses)]), poses)
+
+
+def around(points: Array, poses: Array) -> tuple[Array, Array]:
+    """The corners (2,), m, low and high, of the rectangle around points (n, 2), OUTLIERS aside, and poses (k, 3)."""
+    hit = points if len(points) else poses[:, :2]
     low = np.minimum(np.quantile(hit, OUTLIERS, axis=0), poses[:, :2].min(axis=0))
     return low, np.maximum(np.quantile(hit, 1 - OUTLIERS, axis=0), poses[:, :2].max(axis=0))
 
 
-def inserted(scans: Scans, path: Array, origin: Array, size: float, shape: tuple[int, int]) -> Occupancy:
-    """Draws the scans along `path` (n, 3) into a grid of that place, cell size (m) and shape, if they are inside."""
+def inserted(seen: Seen, path: Array, origin: Array, size: float, shape: tuple[int, int]) -> Occupancy:
+    """Draws the beams along `path` (n, 3) into a grid of that place, cell size (m) and shape, if they are inside."""
     cells: Cells = np.zeros((*shape, 4), np.float32)
-    for k, pose in enumerate(scans.at.along(path)):
-        insert(cells, origin, size, pose, scans.scanner[:2], scans.points(k))
+    for k, pose in enumerate(seen.at.along(path)):
+        insert_beams(cells, origin, size, pose, *seen.beams(k))
     return Occupancy(origin, size, cells)

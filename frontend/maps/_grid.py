@@ -1,4 +1,4 @@
-"""Inner loops on the cells of a submap: what beams hit and what they passed through.
+"""Inner loops on the cells of a grid: what beams hit and what they passed through.
 
 A cell is four numbers: hits, beams that passed through, and the sums of the hits' offsets (m) from the cell's corner in
 x and y. So a cell knows the mean of what was hit in it, to a fraction of its size. Cell (i, j) spans
@@ -36,21 +36,52 @@ def insert(cells: Cells, origin: Array, size: float, pose: Array, scanner: Array
     for k in range(len(points)):
         u = (pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size
         v = (pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size
-        along_i, along_j = u - start_i, v - start_j
-        steps = int(max(abs(along_i), abs(along_j)))
-        if steps > 1:
-            step_i, step_j = along_i / steps, along_j / steps
-            for q in range(steps - 1):  # not the last cells: a beam that grazes a wall ends there
-                i, j = floor(start_i + q * step_i), floor(start_j + q * step_j)
-                if 0 <= i < rows and 0 <= j < columns:
-                    cells[i, j, THROUGH] += 1
-        i, j = floor(u), floor(v)
-        if 0 <= i < rows and 0 <= j < columns:
-            cells[i, j, HIT] += 1
-            cells[i, j, DX] += size * (u - i)
-            cells[i, j, DY] += size * (v - j)
+        pass_through(cells, start_i, start_j, u, v)
+        if hit(cells, size, u, v):
+            i, j = floor(u), floor(v)
             top, bottom, left, right = min(top, i), max(bottom, i + 1), min(left, j), max(right, j + 1)
     return top, bottom, left, right
+
+
+@compiled
+def insert_beams(
+    cells: Cells, origin: Array, size: float, pose: Array, starts: Array, ends: Array, reflected: Mask
+) -> None:
+    """Inserts beams from `starts` to `ends` (k, 2), m in the robot's frame at `pose`; those `reflected` (k,) hit."""
+    c, s = cos(pose[2]), sin(pose[2])
+    for k in range(len(ends)):
+        start_i = (pose[0] + c * starts[k, 0] - s * starts[k, 1] - origin[0]) / size
+        start_j = (pose[1] + s * starts[k, 0] + c * starts[k, 1] - origin[1]) / size
+        u = (pose[0] + c * ends[k, 0] - s * ends[k, 1] - origin[0]) / size
+        v = (pose[1] + s * ends[k, 0] + c * ends[k, 1] - origin[1]) / size
+        pass_through(cells, start_i, start_j, u, v)
+        if reflected[k]:
+            hit(cells, size, u, v)
+
+
+@compiled
+def pass_through(cells: Cells, start_i: float, start_j: float, u: float, v: float) -> None:
+    """Counts a beam from one place to another, in cells, in all cells but the last ones."""
+    along_i, along_j = u - start_i, v - start_j
+    steps = int(max(abs(along_i), abs(along_j)))
+    if steps > 1:
+        step_i, step_j = along_i / steps, along_j / steps
+        for q in range(steps - 1):  # not the last cells: a beam that grazes a wall ends there
+            i, j = floor(start_i + q * step_i), floor(start_j + q * step_j)
+            if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1]:
+                cells[i, j, THROUGH] += 1
+
+
+@compiled
+def hit(cells: Cells, size: float, u: float, v: float) -> bool:
+    """Counts what a beam hit at a place, in cells; False outside of the grid."""
+    i, j = floor(u), floor(v)
+    if not (0 <= i < cells.shape[0] and 0 <= j < cells.shape[1]):
+        return False
+    cells[i, j, HIT] += 1
+    cells[i, j, DX] += size * (u - i)
+    cells[i, j, DY] += size * (v - j)
+    return True
 
 
 @compiled

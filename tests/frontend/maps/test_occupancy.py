@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from slamduel.frontend.laser.occupancy import FREE, UNKNOWN, WALL, Occupancy, occupancy
-from slamduel.frontend.laser_scans import Scans
+from slamduel.frontend.beside import Scans
+from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, occupancy
 from slamduel.frontend.relations import Anchors
 from slamduel.frontend.se2 import Array, compose
 

@@ -1,0 +1,1 @@
+"""Recordings of depth cameras made into logs with reports."""

@@ -1,0 +1,107 @@
+"""Clouds of points: one frame of a depth camera, thinned, and those of a drive."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..beside import UNIT, Clouds
+from ..camera.camera import Camera
+from ..relations import Anchors
+from ..se2 import Array, act
+from ._clouds import lifted, one_a_voxel
+
+EVERY = 2
+"""Pixels from one that becomes a point to the next, in rows and columns."""
+
+VOXEL = 0.05
+"""m; edge of the cubes of which each has one point of a frame."""
+
+BLUR = VOXEL / 2
+"""m; sd of a depth from which on its point is left out: walls would become thicker than a cell."""
+
+JUMP, JUMP_BY_DEPTH = 0.02, 0.03
+"""m, and m a metre, of depth between neighbours of one surface: a floor 4 m away at a slant has 0.05 m."""
+
+
+class Cloud(NamedTuple):
+    """Coloured points."""
+
+    points: Array  # (n, 3) m
+    colours: NDArray[np.uint8]  # (n, 3) red, green, blue
+    weights: Array  # (n,) of how many points each is the mean
+
+
+class Kept(NamedTuple):
+    """A cloud as a log keeps it: a quarter of the memory."""
+
+    points: NDArray[np.int16]  # (n, 3) UNIT
+    colours: NDArray[np.uint8]  # (n, 3) red, green, blue
+
+
+NOTHING = Cloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
+
+
+def cloud_of(
+    camera: Camera, T: Array, depth: NDArray[np.float32], colour: NDArray[np.uint8], limits: tuple[float, float]
+) -> Cloud:
+    """The points of `depth` (h, w), m, within `limits`, thinned; T (4, 4) takes those of the camera to the robot.
+
+    `colour` is the image, (h, w) grey or (h, w, 3) blue, green, red.
+    """
+    shown = np.dstack([colour] * 3) if colour.ndim == 2 else np.ascontiguousarray(colour[:, :, ::-1])
+    most = -(-depth.shape[0] // EVERY) * -(-depth.shape[1] // EVERY)
+    points, colours = np.empty((most, 3)), np.empty((most, 3), np.uint8)
+    count = lifted(
+        depth, shown, camera.rays, np.ascontiguousarray(T), EVERY, *limits, JUMP, JUMP_BY_DEPTH, points, colours
+    )
+    return thinned(Cloud(points[:count], colours[:count], np.ones(count)), VOXEL)
+
+
+def thinned(cloud: Cloud, size: float) -> Cloud:
+    """One point, the mean, in every cube of edge `size`, m, in the order of their first points."""
+    out = Cloud(np.empty_like(cloud.points), np.empty_like(cloud.colours), np.empty_like(cloud.weights))
+    count = one_a_voxel(*cloud, size, *out)
+    return Cloud(out.points[:count].copy(), out.colours[:count].copy(), out.weights[:count].copy())
+
+
+def kept(cloud: Cloud) -> Kept:
+    """A cloud as a log keeps it."""
+    limit = np.iinfo(np.int16)
+    return Kept(np.rint(cloud.points / UNIT).clip(limit.min, limit.max).astype(np.int16), cloud.colours)
+
+
+def clouds_of(found: Sequence[Kept], camera: Camera) -> Clouds:
+    """The clouds of a drive, the k-th one taken at step k."""
+    n = len(found)
+    at = Anchors(np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
+    first = np.concatenate(([0], np.cumsum([len(one.points) for one in found])))
+    points, colours = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    return Clouds(at, first.astype(np.int64), points, colours, camera.mounting[:3, 3].copy())
+
+
+def placed(clouds: Clouds, k: int, pose: Array) -> Cloud:
+    """The k-th of the clouds where the robot is at `pose` (3,)."""
+    points = clouds.xyz(k)
+    points[:, :2] = act(pose, points[:, :2])
+    return Cloud(points, clouds.rgb(k), np.ones(len(points)))
+
+
+def merged(clouds: Clouds, path: Array, size: float) -> Cloud:
+    """All clouds along `path` (n, 3) of the steps, thinned to one point in every cube of edge `size`, m."""
+    whole, waiting = NOTHING, list[Cloud]()
+    for k, pose in enumerate(clouds.at.along(path)):
+        waiting.append(placed(clouds, k, pose))
+        if k % TOGETHER == TOGETHER - 1:
+            whole, waiting = thinned(_joined([whole, *waiting]), size), []
+    return thinned(_joined([whole, *waiting]), size)
+
+
+TOGETHER = 100
+"""Clouds that are thinned at once: a long drive's need not all be in memory."""
+
+
+def _joined(parts: Sequence[Cloud]) -> Cloud:
+    points, colours, weights = zip(*parts, strict=True)
+    return Cloud(np.concatenate(points), np.concatenate(colours), np.concatenate(weights))

@@ -1,0 +1,146 @@
+"""The pixels of a frame that a printed pattern covers, compiled."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled import compiled
+from ..se2 import Array
+from ._grey import BLACK, LIGHT, WHITE, covariance, slopes
+from ._share import RIM
+
+MARGIN = 0.5
+"""Modules of paper outside the black border that are used; beyond, anything may be in the image."""
+
+REACH = 3.0
+"""Standard deviations of the blur within which a pixel is near an edge."""
+
+
+@compiled
+def box_of(corners: Array, shape: tuple[int, int], reach: float) -> tuple[int, int, int, int]:
+    """The range of rows and columns that the corners (4, 2) span, with `reach` px more."""
+    height, width = shape
+    left, top, right, bottom = corners[0, 0], corners[0, 1], corners[0, 0], corners[0, 1]
+    for k in range(1, 4):
+        left, right = min(left, corners[k, 0]), max(right, corners[k, 0])
+        top, bottom = min(top, corners[k, 1]), max(bottom, corners[k, 1])
+    return (
+        max(math.floor(top - reach), 0),
+        min(math.ceil(bottom + reach) + 1, height),
+        max(math.floor(left - reach), 0),
+        min(math.ceil(right + reach) + 1, width),
+    )
+
+
+@compiled
+def extremes(image: NDArray[np.uint8], box: tuple[int, int, int, int]) -> tuple[float, float]:
+    """The darkest and the brightest grey level in a box."""
+    darkest, brightest = 255, 0
+    for y in range(box[0], box[1]):
+        for x in range(box[2], box[3]):
+            darkest = min(darkest, image[y, x])
+            brightest = max(brightest, image[y, x])
+    return float(darkest), float(brightest)
+
+
+@compiled
+def gather(
+    image: NDArray[np.uint8],
+    rays: Array,
+    G: Array,
+    look: Array,
+    m: int,
+    box: tuple[int, int, int, int],
+    most: int,
+    places: Array,
+) -> int:
+    """Fills `places` (n, 7) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy; returns their number.
+
+    Of more than `most`, a deterministic even sample is taken.
+    """
+    height, width = image.shape
+    s00, s01, s11 = covariance(look)
+    share = 1.0
+    count = 0
+    for counting in (True, False):
+        seen = 0
+        # a ninth of the box estimates their number
+        step = 3 if counting else 1
+        for y in range(box[0], box[1], step):
+            for x in range(box[2], box[3], step):
+                # Roberts' R2 sequence is even along edges of any direction, where a lattice would miss some.
+                if share < 1.0 and (x * 0.7548776662466927 + y * 0.5698402909980532) % 1.0 >= share:
+                    continue
+                rx = rays[y, x, 0]
+                ry = rays[y, x, 1]
+                w = 1.0 / (G[2, 0] * rx + G[2, 1] * ry + G[2, 2])
+                u = (G[0, 0] * rx + G[0, 1] * ry + G[0, 2]) * w
+                v = (G[1, 0] * rx + G[1, 1] * ry + G[1, 2]) * w
+                # negated so that a pixel without a ray, NaN, is outside
+                if not (w > 0 and u > -MARGIN and u < m + MARGIN and v > -MARGIN and v < m + MARGIN):
+                    continue
+                left, right = max(x - 1, 0), min(x + 1, width - 1)
+                above, below = max(y - 1, 0), min(y + 1, height - 1)
+                rxx = (rays[y, right, 0] - rays[y, left, 0]) / (right - left)
+                ryx = (rays[y, right, 1] - rays[y, left, 1]) / (right - left)
+                rxy = (rays[below, x, 0] - rays[above, x, 0]) / (below - above)
+                ryy = (rays[below, x, 1] - rays[above, x, 1]) / (below - above)
+                ux, uy, vx, vy = slopes(G, u, v, w, rxx, ryx, rxy, ryy)
+                near_u = REACH * math.sqrt(s00 * ux * ux + 2.0 * s01 * ux * uy + s11 * uy * uy)
+                near_v = REACH * math.sqrt(s00 * vx * vx + 2.0 * s01 * vx * vy + s11 * vy * vy)
+                edge_u = abs(u - min(max(math.floor(u + 0.5), 0), m))
+                edge_v = abs(v - min(max(math.floor(v + 0.5), 0), m))
+                if not (edge_u < near_u or edge_v < near_v):
+                    continue
+                seen += 1
+                if not counting and count < len(places):
+                    place = places[count]
+                    place[0] = image[y, x]
+                    place[1] = rx
+                    place[2] = ry
+                    place[3] = rxx
+                    place[4] = ryx
+                    place[5] = rxy
+                    place[6] = ryy
+                    count += 1
+        if 9 * seen > most:
+            share = most / (9 * seen)
+    return count
+
+
+@compiled
+def worst_module(image: NDArray[np.uint8], rays: Array, pattern: Array, G: Array, look: Array, corners: Array) -> float:
+    """How far the middle of the worst module, border included, is from black or white: a share of the contrast.
+
+    The mean over the middle averages noise out and excludes edge effects: only a different print remains.
+    """
+    m = pattern.shape[0] - 2 * RIM
+    box = box_of(corners, image.shape, 2.0)
+    stride = max(1, min(box[1] - box[0], box[3] - box[2]) // (8 * m))
+    total = np.zeros((m, m))
+    count = np.zeros((m, m))
+    light = look[LIGHT:]
+    for y in range(box[0], box[1], stride):
+        for x in range(box[2], box[3], stride):
+            rx, ry = rays[y, x]
+            w = 1.0 / (G[2, 0] * rx + G[2, 1] * ry + G[2, 2])
+            u = (G[0, 0] * rx + G[0, 1] * ry + G[0, 2]) * w
+            v = (G[1, 0] * rx + G[1, 1] * ry + G[1, 2]) * w
+            if not (w > 0 and u > 0 and u < m and v > 0 and v < m):
+                continue
+            column, row = int(u), int(v)
+            if abs(u - column - 0.5) > 0.25 or abs(v - row - 0.5) > 0.25:
+                continue
+            p = u / m - 0.5
+            q = v / m - 0.5
+            lit = 1.0 + light[0] * p + light[1] * q + light[2] * p * p + light[3] * p * q + light[4] * q * q
+            total[row, column] += (image[y, x] / lit - look[BLACK]) / (look[WHITE] - look[BLACK])
+            count[row, column] += 1
+    worst = 0.0
+    for row in range(m):
+        for column in range(m):
+            if count[row, column] > 0:
+                printed = pattern[row + RIM, column + RIM]
+                worst = max(worst, abs(total[row, column] / count[row, column] - printed))
+    return worst

@@ -1,0 +1,141 @@
+"""The share of white in a pixel that sees a printed pattern through a blur, with its derivatives, compiled."""
+
+import math
+
+import numpy as np
+
+from ..compiled import compiled
+from ..se2 import Array
+
+RIM, PAPER = 4, 2
+"""Modules of white paper around a pattern, and up to how far out a pixel may lie: it sees two modules either way."""
+
+CUT_OFF = 4.5
+"""Standard deviations beyond which an edge is a step."""
+
+VALUE, BY_U, BY_V, BY_UV, BY_SIGMA_U, BY_SIGMA_V, BY_INK = range(7)
+"""Where `share` leaves the share and its derivatives."""
+
+KNOTS = 32
+"""Of the normal distribution's table, to a standard deviation. Hermite's cubics between them err by 4e-9 at most."""
+
+_PLACES = np.arange(-CUT_OFF * KNOTS, CUT_OFF * KNOTS + 1) / KNOTS
+_BELOW = np.array([0.5 * math.erfc(-s / math.sqrt(2)) for s in _PLACES])
+_DENSITY = np.exp(-0.5 * _PLACES**2) / math.sqrt(2 * math.pi)
+
+_LATER, _SOONER, _STEP = 4, 5, 6
+"""Columns of `_weigh`'s table, beside the four modules'."""
+
+
+@compiled
+def share(
+    u: float,
+    v: float,
+    sigma_u: float,
+    sigma_v: float,
+    askew: float,
+    ink_u: float,
+    ink_v: float,
+    pattern: Array,
+    table: Array,
+    seen: Array,
+) -> None:
+    """Fills `seen` (7,) with the share of white at (u, v), modules, and its derivatives.
+
+    `pattern` (m + 2 RIM, m + 2 RIM), 1 is white. The blur has standard deviations `sigma_u` and `sigma_v`, modules,
+    and covariance `askew`. Black is grown by `ink_u` modules at edges across u and by `ink_v` across v. `table` (2, 3,
+    7) is overwritten.
+
+    A blur along the pattern's own axes sees the sum of products of `_weigh`'s shares. Of a tilted one Mehler's series
+    is taken: the product of two normal distribution functions, plus their covariance times the mixed second derivative.
+    Ink moves the edge nearest to the pixel, along u in every row and along v in every column of modules; what is left
+    out is the square of the ink, where two edges meet.
+    """
+    wu, wv = table[0], table[1]
+    first_u = _weigh(u, sigma_u, ink_u, wu) + RIM
+    first_v = _weigh(v, sigma_v, ink_v, wv) + RIM
+    value, by_u, by_v, by_uv, by_sigma_u, by_sigma_v, by_ink = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(4):
+        if wv[0, j] == 0.0 and wv[1, j] == 0.0:
+            continue
+        white_0, white_1, white_2 = 0.0, 0.0, 0.0
+        for i in range(4):
+            printed = pattern[first_v + j, first_u + i]
+            white_0 += printed * wu[0, i]
+            white_1 += printed * wu[1, i]
+            white_2 += printed * wu[2, i]
+        rise = pattern[first_v + j, first_u + 2] - pattern[first_v + j, first_u + 1]
+        up, down = max(rise, 0.0), min(rise, 0.0)
+        white_0 += up * wu[0, _LATER] + down * wu[0, _SOONER]
+        white_1 += up * wu[1, _LATER] + down * wu[1, _SOONER]
+        white_2 += up * wu[2, _LATER] + down * wu[2, _SOONER]
+        by_ink -= wv[0, j] * (up * (wu[1, _STEP] + wu[1, _LATER]) - down * (wu[1, _STEP] + wu[1, _SOONER]))
+        value += white_0 * wv[0, j]
+        by_u += white_1 * wv[0, j]
+        by_v += white_0 * wv[1, j]
+        by_uv += white_1 * wv[1, j]
+        by_sigma_u += white_2 * wv[0, j]
+        by_sigma_v += white_0 * wv[2, j]
+    for i in range(4 if wv[1, _STEP] + wv[1, _LATER] + wv[1, _SOONER] != 0.0 else 0):
+        rise = pattern[first_v + 2, first_u + i] - pattern[first_v + 1, first_u + i]
+        up, down = max(rise, 0.0), min(rise, 0.0)
+        moved_0 = up * wv[0, _LATER] + down * wv[0, _SOONER]
+        moved_1 = up * wv[1, _LATER] + down * wv[1, _SOONER]
+        moved_2 = up * wv[2, _LATER] + down * wv[2, _SOONER]
+        value += moved_0 * wu[0, i]
+        by_u += moved_0 * wu[1, i]
+        by_v += moved_1 * wu[0, i]
+        by_uv += moved_1 * wu[1, i]
+        by_sigma_u += moved_0 * wu[2, i]
+        by_sigma_v += moved_2 * wu[0, i]
+        by_ink -= wu[0, i] * (up * (wv[1, _STEP] + wv[1, _LATER]) - down * (wv[1, _STEP] + wv[1, _SOONER]))
+    seen[VALUE], seen[BY_U], seen[BY_V], seen[BY_UV] = value, by_u, by_v, by_uv
+    seen[BY_SIGMA_U], seen[BY_SIGMA_V], seen[BY_INK] = by_sigma_u, by_sigma_v, by_ink
+    seen[VALUE] += askew * seen[BY_UV]
+
+
+@compiled
+def _weigh(u: float, sigma: float, ink: float, weights: Array) -> int:
+    """Shares of four adjacent modules in a pixel at `u`, under a blur of `sigma` modules.
+
+    Row 0 of `weights` (3, 7) has them, the others their derivatives by u and sigma; returns the first module. A module
+    is the difference of two steps. The last three columns belong to the edge between the second and the third module:
+    what changes when it lies `ink` later, or sooner, and its step.
+    """
+    edge = math.floor(u + 0.5)
+    before = (1.0, 0.0, 0.0)
+    for k in range(3):
+        here = _step(u - (edge - 1 + k), sigma)
+        for row in range(3):
+            weights[row, k] = before[row] - here[row]
+        if k == 1:
+            later = here if ink == 0.0 else _step(u - edge - ink, sigma)
+            sooner = here if ink == 0.0 else _step(u - edge + ink, sigma)
+            for row in range(3):
+                weights[row, _LATER] = later[row] - here[row]
+                weights[row, _SOONER] = sooner[row] - here[row]
+                weights[row, _STEP] = here[row]
+        before = here
+    for row in range(3):
+        weights[row, 3] = before[row]
+    return edge - 2
+
+
+@compiled
+def _step(beyond: float, sigma: float) -> tuple[float, float, float]:
+    """A step from 0 to 1 as it is seen so far `beyond` it, and its derivatives by place and sigma."""
+    s = beyond / sigma
+    if s > CUT_OFF:
+        return 1.0, 0.0, 0.0
+    if s < -CUT_OFF:
+        return 0.0, 0.0, 0.0
+    x = (s + CUT_OFF) * KNOTS
+    k = min(int(x), len(_BELOW) - 2)
+    x -= k
+    y = 1.0 - x
+    low, high = _DENSITY[k], _DENSITY[k + 1]
+    from_low, from_high = y * y * (1.0 + 2.0 * x), x * x * (1.0 + 2.0 * y)
+    at_low, at_high = x * y * y / KNOTS, x * x * y / KNOTS
+    below = from_low * _BELOW[k] + from_high * _BELOW[k + 1] + at_low * low - at_high * high
+    by_u = (from_low * low + from_high * high - at_low * _PLACES[k] * low + at_high * _PLACES[k + 1] * high) / sigma
+    return below, by_u, -s * by_u
