@@ -17,6 +17,7 @@ from ...frontend.factors import Dataset
 from ...frontend.options import option
 from ..depth.open import build, open_bag
 from ..depth.robot import DepthRobot
+from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import PUBLISHED, fetched, place
 
@@ -37,7 +38,7 @@ class Placed(RecordedSettings):
 
 
 @dataclass(frozen=True)
-class Options(Placed):
+class Options(HiddenIds, Placed):
     """The same for all drives."""
 
 

@@ -15,6 +15,7 @@ from depth_views import MOUNTING, RATE, START, image_message, info_message, moun
 from publishers import Http
 from slamduel.bench.cli import main
 from slamduel.bench.plan.load import load
+from slamduel.datasets.hidden_ids import HIDDEN_NOTE
 from slamduel.datasets.published.catalogue import PUBLISHED, place
 from slamduel.datasets.published.tum_pioneer import bag_file
 from slamduel.datasets.rendering.disturbances import raised
@@ -98,6 +99,16 @@ def test_without_a_place_of_the_camera_the_options_are_named(tmp_path: Path) -> 
     pioneer_bag(tmp_path / "made")
     with pytest.raises(InputError, match=r"expected options up, tilt and ahead of tum-pioneer-360\."):
         load(f"tum-pioneer-360[path={tmp_path / 'made' / 'drive.bag'}]")
+
+
+def test_ids_are_hidden_on_demand_and_all_else_is_the_same(tmp_path: Path) -> None:
+    """Nothing in these pictures is found again."""
+    pioneer_bag(tmp_path / "made")
+    given = f"up=0.75,tilt=0.35,path={tmp_path / 'made' / 'drive.bag'}"
+    plain, hidden = (load(f"tum-pioneer-360[{given}{more}]") for more in ("", ",ids=hidden"))
+    np.testing.assert_array_equal(plain.log.delta, hidden.log.delta)
+    assert HIDDEN_NOTE not in plain.log.notes
+    assert hidden.log.notes[HIDDEN_NOTE] == "0 of 0"
 
 
 def test_a_bag_without_the_truth_is_refused(tmp_path: Path) -> None:
