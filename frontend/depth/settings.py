@@ -87,7 +87,7 @@ class Settings:
 class RecordedSettings(Settings):
     """Those of a recording: its calibration, shutter and times are not exact as those of rendered frames are.
 
-    Measured on a hand-held Kinect, 7-Scenes' red kitchen: a NEES of 130 to 190 without, of 0.8 to 1.9 with them.
+    Measured on a hand-held Kinect, 7-Scenes' red kitchen: a NEES of 270 to 440 without, of 0.8 to 2.0 with them.
     """
 
     floor: float = option(0.005, "sd, m, that every motion has at least", minimum=1e-5, maximum=1.0)
