@@ -190,15 +190,6 @@ def joint_covariance(keys: Keys, marginals: gtsam.Marginals | gtsam.ISAM2) -> Ar
     return marginals.jointMarginalCovariance(list(keys.landmarks.values())).fullMatrix()
 
 
-def in_their_order(keys: list[int]) -> Ints:
-    """Rows (2n + 3,) of GTSAM's joint marginal of n landmarks and a pose, ordered as `keys` (n,), the pose last.
-
-    GTSAM sorts variables by name, and landmarks come before poses.
-    """
-    place = np.argsort(np.argsort(keys))
-    return np.concatenate((np.stack((2 * place, 2 * place + 1), axis=1).ravel(), 2 * len(keys) + np.arange(3)))
-
-
 def failure(error: Exception) -> str:
     """GTSAM's error message on one line, without its page of advice."""
     return "GTSAM: " + " ".join(str(error).split()).partition(" Thrown when")[0]

@@ -24,12 +24,12 @@ from ._gtsam import (
     Factors,
     array,
     failure,
-    in_their_order,
     joint_covariance,
     path_and_map,
     pose2,
     to_world,
 )
+from .neighbourhood import Neighbourhood
 
 NOTHING = gtsam.VectorValues()
 """Parents of a single variable's marginal: none."""
@@ -70,7 +70,7 @@ class Isam2:
         self._options = options
         self._isam = gtsam.ISAM2(params)
         self._factors = Factors(prior, options.loss, options.loss_scale)
-        self._prior, self._vicinity = prior, Vicinity(follows=True)
+        self._prior, self._vicinity, self._around = prior, Vicinity(follows=True), Neighbourhood(self._isam)
         self._steps = 0
         self._pose = pose2(prior.pose)
         self._update(*self._factors.prior())
@@ -80,7 +80,12 @@ class Isam2:
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
-        self._update(*self._factors.step(self._steps, step, guess))
+        graph, values = self._factors.step(self._steps, step, guess)
+        done = self._update(graph, values)
+        if self._vicinity.used:
+            self._around.fold(
+                graph, values, self._factors.keys.pose(self._steps), moved=done.getVariablesRelinearized() > 0
+            )
         self._pose = self._latest(guess)
         self._steps += 1
         pose = array(self._pose)
@@ -142,12 +147,11 @@ class Isam2:
         keys = [self._factors.keys.landmarks[landmark] for landmark in landmarks]
         pose = array(self._pose)
         try:
-            joint = self._isam.jointMarginalCovariance([*keys, self._factors.keys.pose(self._steps - 1)]).fullMatrix()
-            at = np.array([self._isam.calculateEstimatePoint2(key) for key in keys])
+            offsets, cov = self._around.joint(keys, self._factors.keys.pose(self._steps - 1))
         except FAILURES as error:
             raise Diverged(failure(error)) from None
-        rows = in_their_order(keys)
-        cov = joint[np.ix_(rows, rows)]
+        points = self._isam.getLinearizationPoint()
+        at = np.array([points.atPoint2(key) for key in keys]) + offsets[:-3].reshape(-1, 2)
         R = rotation(pose[2])
         cov[-3:] = R @ cov[-3:]
         cov[:, -3:] = cov[:, -3:] @ R.T
