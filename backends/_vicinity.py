@@ -13,7 +13,7 @@ import numpy as np
 from ..frontend.compiled import compiled
 from ..frontend.se2 import Array, Ints
 from ._answer import answer_at
-from ._arrays import Arrays, Numbers, Table, at
+from ._arrays import Arrays, Integers, Numbers, Table, at
 from ._expected import LEAST_RANGE, carried, jointly, may_be_seen, spread
 from ._models import moved, wrap
 
@@ -40,6 +40,8 @@ Beyond these odometry was wrong, or a loop was closed, and what is remembered in
 class Places(Arrays):
     """What is remembered of n landmarks."""
 
+    ids: Integers  # (n,)
+    asked: Integers  # (n,) rows of those that may be in view come first: see `choose`
     xy: Table  # (n, 2) m, in the world
     sd: Numbers  # (n,) m, in any direction at most; NaN for a landmark that is forgotten
     off: Table  # (n, 2) m, in the frame of odometry
@@ -89,15 +91,15 @@ def choose(
     z: Array,
     R: Array,
     gate: float,
-    rows: Ints,
 ) -> int:
-    """Fills the `rows` of the places at `address` that one of the sightings z (k, 2), R (k, 2, 2) may be of.
+    """Fills `asked` of the places at `address` with those that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
-    Returns their number. `pose` is the last one, before the motion, P its covariance, which is not used if the odometer
-    `follows` every motion. A landmark that has been corrected since it was asked for has moved in the world by a normal
-    vector of the covariance it has lost: the sum of that and of an error within the gate is within twice the gate. From
-    the robot, a sighting and what is remembered differ by a normal vector of the covariance of both: that of its own
-    landmark is beyond the gate as rarely as it is beyond that of now.
+    Returns their number. The first `landmarks` rows are known. `pose` is the last one, before the motion, P its
+    covariance, which is not used if the odometer `follows` every motion. A landmark that has been corrected since
+    it was asked for has moved in the world by a normal vector of the covariance it has lost: the sum of that and of
+    an error within the gate is within twice the gate. From the robot, a sighting and what is remembered differ by a
+    normal vector of the covariance of both: that of its own landmark is beyond the gate as rarely as it is beyond
+    that of now.
     """
     g = places_at(address)
     if follows and jumped(g.odometer, pose, R):
@@ -122,7 +124,7 @@ def choose(
         if follows and not may_be_where_it_was(o, g.off[a], g.apart[a], g.since[a], z, R, gate):
             continue
         if may_be_seen(x, pose_sd, heading_sd, g.xy[a, 0], g.xy[a, 1], g.sd[a], z, R, twice):
-            rows[n] = a
+            g.asked[n] = a
             n += 1
     return n
 
@@ -204,8 +206,6 @@ def learn(g: Places, rows: Ints, pose: Array, at: Array, joint: Array) -> None:
 @compiled
 def expect(
     address: int,
-    rows: Ints,
-    ids: Ints,
     pose: Array,
     at: Array,
     joint: Array,
@@ -216,12 +216,14 @@ def expect(
     gate: float,
     into: int,
 ) -> None:
-    """Remembers the landmarks in `rows`, and fills the `Answer` at `into` with those that are within the gate.
+    """Remembers the first n landmarks `asked` for, and fills the `Answer` at `into` with those within the gate.
 
     `pose` (3,) before the motion, the landmarks' places `at` (n, 2) and their covariance (2n + 3, 2n + 3), the pose
     last, of which the rows of the pose and what is on and below the diagonal are read; the answer has room for n.
     """
-    learn(places_at(address), rows, pose, at, joint)
+    g = places_at(address)
+    rows = g.asked[: len(at)]
+    learn(g, rows, pose, at, joint)
     n, x, out = 2 * len(rows), pose.copy(), answer_at(into)
     Q, C = np.empty((3, 3)), np.empty((3, n))
     for i in range(3):
@@ -237,4 +239,4 @@ def expect(
     index = np.empty(len(rows), np.int64)
     out.count[0] = jointly(x, Q, at, C, joint, z, R, gate, index, out.z, out.cov)
     for p in range(out.count[0]):
-        out.ids[p] = ids[rows[index[p]]]
+        out.ids[p] = g.ids[rows[index[p]]]

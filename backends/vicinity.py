@@ -42,12 +42,12 @@ class Vicinity:
 
     def __init__(self, *, follows: bool = False) -> None:
         self._follows = follows
-        self._ids, self._asked = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._rows: dict[int, int] = {}
-        self._count = 0
+        self.count = 0  # of rows, with those of landmarks that are left out
         self._places = _places(SPACE)
         self._answer = answer(SPACE)
-        self._motion, self._no_cov = np.zeros((4, 3)), np.zeros((3, 3))
+        self._no_cov = np.zeros((3, 3))
+        self.motion = np.zeros((4, 3))  # asked about: dx, dy, dtheta and their covariance
         self.used = False
 
     def __len__(self) -> int:
@@ -59,8 +59,23 @@ class Vicinity:
     def move(self, odometry: Odometry | None) -> None:
         """The robot moves; needed only with `follows`, and once `used`."""
         if odometry is not None:
-            self._motion[0], self._motion[1:] = odometry
-            _vicinity.move(self._places.address, self._motion)
+            self.motion[0], self.motion[1:] = odometry
+            _vicinity.move(self._places.address, self.motion)
+
+    @property
+    def address(self) -> int:
+        """Of the `Places`, for compiled code; `ready` may change it."""
+        return self._places.address
+
+    def ready(self, odometry: Odometry | None, new: list[int]) -> bool:
+        """Prepares a question: the `motion`, and landmarks that were added. False where there is no motion."""
+        self.used = True
+        if new:
+            self._add(new)
+        if odometry is None:
+            return False
+        self.motion[0], self.motion[1:] = odometry
+        return True
 
     def expected(
         self,
@@ -91,26 +106,18 @@ class Vicinity:
         into: Answer,
     ) -> Answer:
         """The same, in compiled arrays: `into`, or another one with more room."""
-        self.used, moves, motion = True, odometry is not None, self._motion
-        if odometry is not None:
-            motion[0], motion[1:] = odometry
-        if new:
-            self._add(new)
-        address = self._places.address
+        moves, address = self.ready(odometry, new), self._places.address
         n = _vicinity.choose(
-            address, self._count, pose, self._no_cov if cov is None else cov, self._follows, moves, motion,
-            seen.z, seen.cov, gate, self._asked,
+            address, self.count, pose, self._no_cov if cov is None else cov, self._follows, moves, self.motion,
+            seen.z, seen.cov, gate,
         )  # fmt: skip
         if n > len(into.ids):
             into = answer(2 * n)
         if n == 0:
             into.count[0] = 0
             return into
-        rows = self._asked[:n]
-        here, at, joint = marginals(self._ids[rows].tolist())
-        _vicinity.expect(
-            address, rows, self._ids, here, at, joint, moves, motion, seen.z, seen.cov, gate, into.address
-        )  # fmt: skip
+        here, at, joint = marginals(self._places.ids[self._places.asked[:n]].tolist())
+        _vicinity.expect(address, here, at, joint, moves, self.motion, seen.z, seen.cov, gate, into.address)
         return into
 
     def forget(self, landmark: int) -> None:
@@ -122,15 +129,13 @@ class Vicinity:
     def _add(self, new: list[int]) -> None:
         """Makes room for landmarks; they are asked for next."""
         new = [landmark for landmark in new if landmark not in self._rows]
-        first, self._count = self._count, self._count + len(new)
-        if self._count > len(self._ids):
-            more = max(SPACE, 2 * self._count)
-            before, self._places = self._places, _places(more)
-            for name in ("xy", "sd", "off", "apart", "since"):
+        first, self.count = self.count, self.count + len(new)
+        if self.count > len(self._places.ids):
+            before, self._places = self._places, _places(max(SPACE, 2 * self.count))
+            for name in ("ids", "xy", "sd", "off", "apart", "since"):
                 getattr(self._places, name)[:first] = getattr(before, name)[:first]
             self._places.odometer[:] = before.odometer
-            self._ids, self._asked = np.resize(self._ids, more), np.zeros(more, np.int64)
-        self._ids[first : self._count] = new
+        self._places.ids[first : self.count] = new
         self._rows |= {landmark: first + k for k, landmark in enumerate(new)}
 
 
@@ -138,6 +143,8 @@ def _places(landmarks: int) -> Places:
     """Room for that many, nothing being known of them."""
     n = landmarks
     return Places(
+        ids=np.zeros(n, np.int64),
+        asked=np.zeros(n, np.int64),
         xy=np.zeros((n, 2)),
         sd=np.full(n, np.inf),
         off=np.zeros((n, 2)),

@@ -1,9 +1,15 @@
-"""A plain step in one call: a motion, and sightings of landmarks that are new or in the root."""
+"""A plain step in one call: a motion, and sightings of landmarks that are new or in the root.
+
+And, in another one, the question which sightings are expected at it.
+"""
 
 import numpy as np
 
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
+from .._answer import answer_at
+from .._vicinity import choose, expect, places_at
+from ._covariances import joint
 from ._front import solve, solve_rows
 from ._graph import (
     CLIQUES,
@@ -85,3 +91,35 @@ def root_offset(address: int) -> float:
     for i in range(m):
         most = max(most, abs(y[i]))
     return most
+
+
+@compiled
+def ask(
+    address: int,
+    places: int,
+    landmarks: int,
+    variables: Ints,
+    pose: Array,
+    cov: Array,
+    moves: bool,
+    motion: Array,
+    z: Array,
+    R: Array,
+    gate: float,
+    into: int,
+) -> int:
+    """Fills the `Answer` at `into` with the landmarks within the gate after a motion: see `_vicinity`.
+
+    `address` is that of the graph, `places` that of the `Places`, of which the first `landmarks` rows are those of
+    `variables`; `pose` (3,) is the newest one and `cov` (3, 3) its covariance. Returns the number of landmarks whose
+    joint covariance was computed; minus that, and nothing is filled, where there is no room for them.
+    """
+    n, out = choose(places, landmarks, pose, cov, True, moves, motion, z, R, gate), answer_at(into)
+    if n > len(out.ids):
+        return -n
+    out.count[0] = 0
+    if n > 0:
+        at, together = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        joint(address, variables[places_at(places).asked[:n]], pose, cov, at, together)
+        expect(places, pose, at, together, moves, motion, z, R, gate, into)
+    return n

@@ -24,7 +24,6 @@ from ..models import place
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
-from ._covariances import joint
 from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .forest import INDEFINITE_J, NOBODY, Forest
@@ -101,6 +100,7 @@ class Smoother:
         self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
         self._prior, self._vicinity = prior, Vicinity(follows=True)
         self._answer = answer(CAP)
+        self._near = np.zeros(0, np.int64)  # variables of the landmarks in the vicinity, by its rows
         self._given = prior.map is not None and len(prior.map.ids) > 0
         if prior.map is not None:
             self._variable = add_map(forest, prior.map)
@@ -142,15 +142,22 @@ class Smoother:
         """The same, in compiled arrays."""
         if self._steps == 0:
             return filled(into, first_expected(self._prior, seen, gate))
-        more = len(self._variable) - len(self._vicinity)
-        new = list(islice(reversed(self._variable), more))[::-1] if more else []
-        found = self._vicinity.expect_into(
-            self._forest.pose, None, odometry, seen, gate, new, self._marginals, into
-        )  # fmt: skip
+        forest, around = self._forest, self._vicinity
+        new = list(islice(reversed(self._variable), len(self._variable) - around.count))[::-1]
+        moves = around.ready(odometry, new)
+        if new:
+            self._near = np.fromiter(self._variable.values(), np.int64, len(self._variable))
+        while (
+            missing := _step.ask(
+                forest.g.address, around.address, around.count, self._near, forest.pose, forest.cov, moves,
+                around.motion, seen.z, seen.cov, gate, into.address,
+            )
+        ) < 0:  # fmt: skip
+            into = answer(-2 * missing)
         held = self._newcomers.alone() if self._robust else {}
         if held:
-            found = filled(found, with_held(as_expected(found), held, self._newcomers, odometry, self._steps - 1))
-        return found
+            into = filled(into, with_held(as_expected(into), held, self._newcomers, odometry, self._steps - 1))
+        return into
 
     def belief(self) -> Belief:
         """The latest pose and its marginal covariance, from the root's last rows."""
@@ -181,14 +188,6 @@ class Smoother:
     def joint(self, landmarks: list[int]) -> Array:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
-
-    def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
-        """The latest pose, the landmarks' places and their joint covariance, the pose last."""
-        forest, n, variable = self._forest, len(landmarks), self._variable
-        variables = np.array([variable[landmark] for landmark in landmarks], np.int64)
-        at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        joint(forest.g.address, variables, forest.pose, forest.cov, at, cov)
-        return forest.pose, at, cov
 
     def _due(self) -> bool:
         """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""

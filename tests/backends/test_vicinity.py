@@ -11,6 +11,7 @@ from slamduel.backends._vicinity import NOISE, STATE, SUMS
 from slamduel.backends.answers import answer, as_expected, fills
 from slamduel.backends.api import Expected
 from slamduel.backends.gaussian.ekf import Ekf
+from slamduel.backends.smoothing import _step
 from slamduel.backends.vicinity import Vicinity
 from slamduel.bench.speed.world import world
 from slamduel.frontend.factors import Odometry, RangeBearing
@@ -65,21 +66,37 @@ def test_a_landmark_is_remembered_as_the_robot_saw_it() -> None:
         )
 
 
+def counted(name: str, backend: Any, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The number of landmarks whose joint covariance each question needs, from now on."""
+    asked = list[int]()
+    if name == "smoother":
+        ask = _step.ask
+
+        def counting(*arguments: Any) -> int:
+            asked.append(ask(*arguments))
+            return asked[-1]
+
+        monkeypatch.setattr(_step, "ask", counting)
+        return asked
+    attribute = "_joint_marginals" if name == "isam2" else "_marginals"
+    marginals = getattr(backend, attribute)
+
+    def of(landmarks: list[int]) -> Any:
+        asked.append(len(landmarks))
+        return marginals(landmarks)
+
+    monkeypatch.setattr(backend, attribute, of)
+    return asked
+
+
 @pytest.mark.parametrize("name", ["smoother", "isam2", "fixed-lag"])
-def test_few_landmarks_are_asked_for_beside_those_in_view(name: str) -> None:
+def test_few_landmarks_are_asked_for_beside_those_in_view(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nothing but their places in the world says which are near, three times as many are."""
     here = world(60, 60, 6, 0)
     backend = make(name, here.prior, **({"lag": 1e6} if name == "fixed-lag" else {}))
     for step in here.survey:
         backend.step(step)
-    attribute = "_joint_marginals" if name == "isam2" else "_marginals"
-    marginals, asked, offered = getattr(backend, attribute), list[int](), list[int]()
-
-    def counted(landmarks: list[int]) -> Any:
-        asked.append(len(landmarks))
-        return marginals(landmarks)
-
-    setattr(backend, attribute, counted)
+    asked, offered = counted(name, backend, monkeypatch), list[int]()
     for step in here.drive:
         offered.append(len(backend.expected(step.odometry, step.sightings, 18.4).ids))
         backend.step(step)
