@@ -11,7 +11,7 @@ from math import atan2, cos, sin, sqrt
 import numpy as np
 
 from ..frontend.compiled import compiled
-from ..frontend.se2 import Array, Ints
+from ..frontend.se2 import Array
 from ._answer import answer_at
 from ._arrays import Arrays, Integers, Numbers, Table, at
 from ._expected import LEAST_RANGE, carried, jointly, may_be_seen, spread
@@ -174,29 +174,32 @@ def may_be_where_it_was(o: Array, off: Array, apart: float, since: Array, z: Arr
 
 
 @compiled
-def learn(g: Places, rows: Ints, pose: Array, at: Array, joint: Array) -> None:
-    """Remembers landmarks at places `at` (n, 2), and their covariance with the pose, which is last in `joint`."""
-    n, o = 2 * len(rows), g.odometer
+def learn(g: Places, a: int, pose: Array, P: Array, x: float, y: float, C: Array, L: Array) -> None:
+    """Remembers landmark `a` at (x, y).
+
+    P (3, 3), C (3, 2) and L (2, 2), of which the lower triangle is read, are the covariances of the pose, of it with
+    the landmark, and the landmark's own.
+    """
+    o = g.odometer
     c, s = cos(o[HEADING] - pose[2]), sin(o[HEADING] - pose[2])
-    t = joint[n + 2, n + 2]
-    for k in range(len(rows)):
-        a, i = rows[k], 2 * k
-        j = i + 1
-        dx, dy = at[k, 0] - pose[0], at[k, 1] - pose[1]
-        g.xy[a, 0], g.xy[a, 1] = at[k, 0], at[k, 1]
-        g.sd[a] = spread(joint[i, i], joint[j, i], joint[j, j])
-        # of the landmark less the pose's place, less the offset turned with its heading
-        xx = joint[i, i] + joint[n, n] + dy * dy * t
-        xx += 2.0 * (dy * joint[n + 2, i] - joint[n, i] - dy * joint[n + 2, n])
-        yy = joint[j, j] + joint[n + 1, n + 1] + dx * dx * t
-        yy += 2.0 * (dx * joint[n + 2, n + 1] - joint[n + 1, j] - dx * joint[n + 2, j])
-        xy = joint[j, i] - joint[n + 1, i] - dx * joint[n + 2, i] - joint[n, j] + joint[n + 1, n]
-        xy += dx * joint[n + 2, n] + dy * joint[n + 2, j] - dy * joint[n + 2, n + 1] - dx * dy * t
-        g.apart[a] = spread(xx, xy, yy)
-        g.off[a, 0], g.off[a, 1] = o[X] + c * dx - s * dy, o[Y] + s * dx + c * dy
-        for h in range(SUMS):
-            g.since[a, h] = o[NOISE + h]
-    o[SD], o[HEADING_SD] = spread(joint[n, n], joint[n + 1, n], joint[n + 1, n + 1]), sqrt(max(0.0, t))
+    dx, dy, t = x - pose[0], y - pose[1], P[2, 2]
+    g.xy[a, 0], g.xy[a, 1] = x, y
+    g.sd[a] = spread(L[0, 0], L[1, 0], L[1, 1])
+    # of the landmark less the pose's place, less the offset turned with its heading
+    xx = L[0, 0] + P[0, 0] + dy * dy * t + 2.0 * (dy * C[2, 0] - C[0, 0] - dy * P[2, 0])
+    yy = L[1, 1] + P[1, 1] + dx * dx * t + 2.0 * (dx * P[2, 1] - C[1, 1] - dx * C[2, 1])
+    xy = L[1, 0] - C[1, 0] - dx * C[2, 0] - C[0, 1] + P[1, 0]
+    xy += dx * P[2, 0] + dy * C[2, 1] - dy * P[2, 1] - dx * dy * t
+    g.apart[a] = spread(xx, xy, yy)
+    g.off[a, 0], g.off[a, 1] = o[X] + c * dx - s * dy, o[Y] + s * dx + c * dy
+    for h in range(SUMS):
+        g.since[a, h] = o[NOISE + h]
+
+
+@compiled
+def note(o: Array, pose: Array, P: Array) -> None:
+    """Notes in the odometer that it was asked at this pose, with covariance P (3, 3)."""
+    o[SD], o[HEADING_SD] = spread(P[0, 0], P[1, 0], P[1, 1]), sqrt(max(0.0, P[2, 2]))
     for h in range(SUMS):
         o[SINCE + h] = o[NOISE + h]
     for h in range(3):
@@ -223,8 +226,11 @@ def expect(
     """
     g = places_at(address)
     rows = g.asked[: len(at)]
-    learn(g, rows, pose, at, joint)
     n, x, out = 2 * len(rows), pose.copy(), answer_at(into)
+    for k in range(len(rows)):
+        i = 2 * k
+        learn(g, rows[k], pose, joint[n:, n:], at[k, 0], at[k, 1], joint[n:, i : i + 2], joint[i : i + 2, i : i + 2])
+    note(g.odometer, pose, joint[n:, n:])
     Q, C = np.empty((3, 3)), np.empty((3, n))
     for i in range(3):
         for j in range(3):

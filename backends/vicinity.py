@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ..frontend.factors import Odometry, Prior, RangeBearing
-from ..frontend.se2 import Array, compose, rotation
+from ..frontend.se2 import Array, Ints, compose, rotation
 from . import _vicinity
 from ._answer import Answer
 from ._expected import after_motion, near_ones, spreads
@@ -116,9 +116,17 @@ class Vicinity:
         if n == 0:
             into.count[0] = 0
             return into
-        here, at, joint = marginals(self._places.ids[self._places.asked[:n]].tolist())
+        here, at, joint = marginals(self._places.ids[self.asked(n)].tolist())
         _vicinity.expect(address, here, at, joint, moves, self.motion, seen.z, seen.cov, gate, into.address)
         return into
+
+    def place(self, xy: Array, sd: Array) -> None:
+        """Where the first landmarks are, (n, 2) m, with deviations of at most sd (n,) m in any direction."""
+        self._places.xy[: len(sd)], self._places.sd[: len(sd)] = xy, sd
+
+    def asked(self, count: int) -> Ints:
+        """(count,) rows of the landmarks that `choose` has found."""
+        return self._places.asked[:count]
 
     def forget(self, landmark: int) -> None:
         """Leaves a landmark out."""

@@ -7,8 +7,9 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._answer import answer_at
-from .._expected import ROUNDING, cross_block, near_ones, spread, spread_on, within
+from .._expected import ROUNDING, cross_block, spread, spread_on, within
 from .._models import moved
+from .._vicinity import learn, note, places_at
 from ._ekf import ODOMETRY, POSE
 from ._joint_arrays import belief_at
 from ._triangle import row
@@ -49,24 +50,23 @@ def sds(flat: Array, landmarks: int) -> Array:
 
 
 @compiled
-def around(
-    mean: Array,
-    points: Array,
-    pose: Array,
-    moves: bool,
-    motion: Array,
-    where: int,
-    xy: Array,
-    sd: Array,
-    z: Array,
-    R: Array,
-    gate: float,
-) -> Ints:
-    """`near_ones` after a motion, for landmarks that were at xy (n, 2) with standard deviations sd (n,)."""
-    x, point, P = mean[:3].copy(), points[:3].copy(), pose.copy()
-    if moves:
-        predicted(x, point, P, motion, where)
-    return near_ones(x, P, xy, sd, z, R, gate)
+def remember(address: int, members: Ints, pairs: int, places: int) -> None:
+    """Has the `Places` remember the landmarks of the belief at `address`: their rows there are `members` (pairs,).
+
+    Pairs of kept poses are within no distance of a sighting.
+    """
+    g, known = belief_at(address), places_at(places)
+    C, own = np.empty((3, 2)), np.empty((2, 2))
+    for a in range(pairs):
+        if g.agreed[a] == POSE:
+            known.sd[members[a]] = np.nan
+            continue
+        i = 2 * a
+        upper, lower = row(i), row(i + 1)
+        own[0, 0], own[1, 0], own[1, 1] = g.flat[upper + i], g.flat[lower + i], g.flat[lower + i + 1]
+        C[:] = g.cross[:, i : i + 2]
+        learn(known, members[a], g.mean, g.pose, g.mean[3 + i], g.mean[4 + i], C, own)
+    note(known.odometer, g.mean, g.pose)
 
 
 @compiled

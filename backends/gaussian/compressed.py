@@ -19,10 +19,13 @@ only when the part has become too large, and the part then restarts with the lan
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints
+from ...frontend.factors import Odometry, RangeBearing
+from ...frontend.se2 import Ints
+from .._vicinity import choose
+from ..vicinity import Vicinity
 from . import _compressed, _triangle
 from ._ekf import OWED, POSE
-from ._expecting import around, sds
+from ._expecting import remember, sds
 from .joint import Joint
 
 MOST = 64
@@ -43,7 +46,7 @@ class Active(Joint):
         self._place: dict[int, int] = {}  # and the inverse
         self._last_seen: dict[int, int] = {}
         self._frame = 0
-        self._sd = np.zeros(0)  # m, of every landmark of the whole when the part was begun, in any direction at most
+        self._around = Vicinity(follows=True)  # by their indices in the whole
         self._begin([])
 
     def bring(self, slots: list[int], known: int) -> list[int]:
@@ -67,13 +70,31 @@ class Active(Joint):
         self._last_seen.update(dict.fromkeys(slots, self._frame))
         return [place[slot] for slot in slots]
 
-    def bring_near(self, moves: bool, motion: Array, where: int, z: Array, R: Array, gate: float) -> None:
-        """Fetches the landmarks that a sighting z, R after the `motion` may be of; repeated, it does nothing."""
-        whole, place = self._whole, self._place
-        xy = whole.mean[3 : 3 + 2 * len(self._sd)].reshape(-1, 2)
-        near = around(self.mean, self.points, self.pose, moves, motion, where, xy, self._sd, z, R, gate).tolist()
+    def move(self, odometry: Odometry | None) -> None:
+        """The robot moves: which landmarks are near is followed once that has been asked."""
+        if self._around.used:
+            self._around.move(odometry)
+
+    def bring_near(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> None:
+        """Fetches the landmarks that a sighting after the `odometry` may be of; repeated, it does nothing."""
+        whole, around, place, first = self._whole, self._around, self._place, not self._around.used
+        moves = around.ready(odometry, list(range(around.count, whole.pairs)))
+        if first:
+            self._look(self._begun)
+        n = choose(
+            around.address, around.count, self.mean[:3], self.pose, True, moves, around.motion, seen.z, seen.cov, gate
+        )
+        near = around.asked(n).tolist()
         if any(slot not in place for slot in near):
             self.bring(near, whole.pairs)
+        remember(self.address, self._members, self.pairs, around.address)
+
+    def _look(self, pairs: int) -> None:
+        """Looks up in the whole where its first pairs are, and with what deviation."""
+        whole = self._whole
+        sd = sds(whole.flat, pairs)
+        sd[whole.agreed[:pairs] == POSE] = np.nan  # within no distance of a sighting
+        self._around.place(whole.mean[3 : 3 + 2 * pairs].reshape(-1, 2), sd)
 
     def members(self) -> Ints:
         """Indices in the whole of the part's landmarks."""
@@ -107,8 +128,9 @@ class Active(Joint):
         self.grow(a)
         self._members[:a] = slots
         self._place = {slot: i for i, slot in enumerate(slots)}
-        self._sd = sds(whole.flat, whole.pairs)
-        self._sd[whole.agreed[: whole.pairs] == POSE] = np.nan  # within no distance of a sighting
+        self._begun = whole.pairs  # of the whole, whose means and covariance were those of then
+        if self._around.used:
+            self._look(self._around.count)
         self._last_seen = {slot: self._last_seen[slot] for slot in slots}
         _compressed.load(whole.mean, whole.cross, whole.flat, self._members, a, self.mean, self.cross, self.flat)
         self.agreed[:a], self.bound[:] = whole.agreed[slots], np.inf

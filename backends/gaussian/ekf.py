@@ -142,6 +142,7 @@ class Ekf:
         loops = None if self._kept is None else self._loops_of(self._kept, step.loops)
         if self._part is not None:
             part = self._part
+            part.move(step.odometry)
             pairs = [] if loops is None else loops.pairs()
             slots = part.bring([*slots, *pairs], known)
             loops = None if loops is None else loops.moved(dict(zip(pairs, slots[k:], strict=True)))
@@ -190,7 +191,7 @@ class Ekf:
         where = STANDARD if self._where == IDEAL else self._where
         if len(self._slot) > self._options.compress_above:
             part = self._compressed()
-            part.bring_near(moves, self._motion, where, seen.z, seen.cov, gate)
+            part.bring_near(odometry, seen, gate)
             ids = ids[part.members()]
         if self._gate > 0:
             part.bound.fill(np.inf)  # a landmark may have been started again

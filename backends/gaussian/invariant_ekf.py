@@ -32,7 +32,9 @@ import numpy as np
 from ...frontend.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array
+from .._answer import Answer
 from .._blas import routine
+from ..answers import answer, as_expected
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity
 from . import _invariant, _invariant_loops, _triangle
@@ -40,6 +42,9 @@ from .kept_poses import NOWHERE, SUMMARY, KeptPoses
 
 SPACE = 64
 """State entries reserved at first."""
+
+SIGHTINGS = 16
+"""Expected landmarks that there is room for at first."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ class InvariantEkf:
         self._strip[:, :3] = prior.cov  # both errors agree at the origin
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
         self._loops_nis, self._loops_used, self._left_out = 0.0, 0, 0
-        self._vicinity = Vicinity()
+        self._vicinity, self._answer = Vicinity(follows=True), answer(SIGHTINGS)
         self._kept = KeptPoses(options.poses) if prior.loops else None
         self._entries = NOWHERE  # (k, 2) of the kept poses
         if prior.map is not None:
@@ -80,6 +85,8 @@ class InvariantEkf:
 
         Loop closures are next, and the pose is kept, on logs that have some.
         """
+        if self._vicinity.used:
+            self._vicinity.move(step.odometry)
         if step.odometry is not None:
             self._predict(step.odometry)
         self._nis = np.empty(len(step.sightings.ids))
@@ -91,10 +98,15 @@ class InvariantEkf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief in plain coordinates, to first order."""
+        self._answer = self.expect_into(odometry, seen, gate, self._answer)
+        return as_expected(self._answer)
+
+    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+        """The same, in compiled arrays."""
         new = list(islice(reversed(self._slot), len(self._slot) - len(self._vicinity)))
-        believed = self.belief()
-        assert believed.cov is not None
-        return self._vicinity.expected(believed.pose, believed.cov, odometry, seen, gate, new[::-1], self._marginals)
+        return self._vicinity.expect_into(
+            self._placed(), None, odometry, seen, gate, new[::-1], self._marginals, into
+        )  # fmt: skip
 
     def belief(self) -> Belief:
         """The pose's marginal in plain coordinates, and the NIS of known landmarks' sightings and of loop closures."""

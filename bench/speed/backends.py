@@ -40,6 +40,7 @@ class _Size(NamedTuple):
 FULL = _Size((10, 30, 100, 300, 1000), (100, 1000, 10_000), 5000, 5.0)
 QUICK = _Size((10, 30, 100), (100,), 200, 1.0)
 SIGHTINGS = 6
+OF_EACH = 0.5  # s of CPU; of a step's three ways with data association
 
 OVERDUE = 1800.0  # s of wall clock after which a process is killed
 
@@ -60,7 +61,7 @@ def arguments(group: argparse._ArgumentGroup) -> None:  # pyright: ignore[report
         "--seconds",
         type=float,
         metavar="S",
-        help=f"of CPU, after which timing stops ({FULL.seconds:g}; quick {QUICK.seconds:g})",
+        help=f"of CPU, then timing stops ({FULL.seconds:g}; quick {QUICK.seconds:g}; --association: {OF_EACH:g})",
     )
     add(
         "--scattered",
@@ -93,8 +94,13 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     return _written(namespace, rows, together, reached, title)
 
 
-def asked(namespace: argparse.Namespace, sightings: int = SIGHTINGS) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
-    """Returns numbers of landmarks and of particles, and the extent; InputError for invalid ones."""
+def asked(
+    namespace: argparse.Namespace, sightings: int = SIGHTINGS, seconds: float | None = None
+) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
+    """Returns numbers of landmarks and of particles, and the extent; InputError for invalid ones.
+
+    `sightings` and `seconds` are the study's own, where none are given.
+    """
     usual = QUICK if namespace.quick else FULL
     sizes = _counts("--sizes", namespace.sizes, usual.sizes)
     particles = _counts("--particles", namespace.particles, usual.particles)
@@ -107,7 +113,7 @@ def asked(namespace: argparse.Namespace, sightings: int = SIGHTINGS) -> tuple[tu
     extent = Extent(
         namespace.steps or usual.steps,
         namespace.sightings or sightings,
-        namespace.seconds or usual.seconds,
+        namespace.seconds or seconds or usual.seconds,
         namespace.seed,
         namespace.scattered,
     )

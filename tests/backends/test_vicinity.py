@@ -10,6 +10,7 @@ from slamduel.backends import _vicinity
 from slamduel.backends._vicinity import NOISE, STATE, SUMS
 from slamduel.backends.answers import answer, as_expected, fills
 from slamduel.backends.api import Expected
+from slamduel.backends.gaussian import compressed
 from slamduel.backends.gaussian.ekf import Ekf
 from slamduel.backends.smoothing import _step
 from slamduel.backends.vicinity import Vicinity
@@ -69,14 +70,15 @@ def test_a_landmark_is_remembered_as_the_robot_saw_it() -> None:
 def counted(name: str, backend: Any, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The number of landmarks whose joint covariance each question needs, from now on."""
     asked = list[int]()
-    if name == "smoother":
-        ask = _step.ask
+    compiled = {"smoother": (_step, "ask"), "ekf": (compressed, "choose")}
+    if name in compiled:
+        ask = getattr(*compiled[name])
 
         def counting(*arguments: Any) -> int:
             asked.append(ask(*arguments))
             return asked[-1]
 
-        monkeypatch.setattr(_step, "ask", counting)
+        monkeypatch.setattr(*compiled[name], counting)
         return asked
     attribute = "_joint_marginals" if name == "isam2" else "_marginals"
     marginals = getattr(backend, attribute)
@@ -89,11 +91,11 @@ def counted(name: str, backend: Any, monkeypatch: pytest.MonkeyPatch) -> list[in
     return asked
 
 
-@pytest.mark.parametrize("name", ["smoother", "isam2", "fixed-lag"])
+@pytest.mark.parametrize("name", ["ekf", "invariant-ekf", "smoother", "isam2", "fixed-lag"])
 def test_few_landmarks_are_asked_for_beside_those_in_view(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nothing but their places in the world says which are near, three times as many are."""
     here = world(60, 60, 6, 0)
-    backend = make(name, here.prior, **({"lag": 1e6} if name == "fixed-lag" else {}))
+    backend = make(name, here.prior, **{"fixed-lag": {"lag": 1e6}, "ekf": {"compress_above": 20}}.get(name, {}))
     for step in here.survey:
         backend.step(step)
     asked, offered = counted(name, backend, monkeypatch), list[int]()
@@ -106,7 +108,7 @@ def test_few_landmarks_are_asked_for_beside_those_in_view(name: str, monkeypatch
 
 def test_an_answer_grows_and_is_the_same_as_what_is_expected() -> None:
     here = world(40, 5, 12, 1)
-    for name in ("ekf", "ukf", "smoother"):
+    for name in ("ekf", "ukf", "invariant-ekf", "smoother"):
         backend = make(name, here.prior)
         for step in here.survey:
             backend.step(step)

@@ -8,14 +8,25 @@ import pytest
 
 from slamduel.backends import registry
 from slamduel.bench.cli import main
+from slamduel.bench.measure.drive import WARM_UP
 from slamduel.bench.speed import process
-from slamduel.bench.speed.association import AT, COLUMNS, Row, as_csv, expectations, measure, of_one_form
+from slamduel.bench.speed.association import (
+    AT,
+    COLUMNS,
+    Added,
+    Row,
+    added,
+    as_csv,
+    expectations,
+    measure,
+    of_one_form,
+)
 from slamduel.bench.speed.process import Extent, Process, Subject
 from slamduel.bench.speed.timing import Timing
 from slamduel.bench.speed.world import without_ids, world
 from slamduel.frontend.factors import UNKNOWN
 
-LITTLE = Extent(steps=12, sightings=4, seconds=0.5, seed=0, scattered=False)
+LITTLE = Extent(steps=WARM_UP + 12, sightings=4, seconds=0.5, seed=0, scattered=False)
 
 
 def flat(us: float) -> Timing:
@@ -59,9 +70,9 @@ def test_what_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_added_is_held_against_its_limit() -> None:
     rows = [
-        Row("ekf", AT, flat(20.0), flat(34.0)._replace(p99=200.0)),
-        Row("ekf", 30, flat(20.0), flat(90.0)),
-        Row("isam2", AT, flat(300.0), flat(2500.0)),
+        Row("ekf", AT, flat(20.0), flat(34.0)._replace(p99=200.0), None, Added(14.0, 13.0, 16.0)),
+        Row("ekf", 30, flat(20.0), flat(90.0), None, Added(70.0, 70.0, 70.0)),
+        Row("isam2", AT, flat(300.0), flat(2500.0), None, Added(2200.0, 2100.0, 2300.0)),
         Row("ukf", AT, flat(20.0), flat(30.0)),
         Row("smoother", AT, reason="lost"),
     ]
@@ -69,7 +80,19 @@ def test_what_is_added_is_held_against_its_limit() -> None:
     assert [(ratio.reached, ratio.holds) for ratio in found] == [(14.0, True), (180.0, False), (2200.0, False)]
     lines = list(csv.DictReader(as_csv(rows).splitlines()))
     assert tuple(lines[0]) == COLUMNS
+    assert [lines[0][column] for column in ("added_us", "added_low_us", "added_high_us")] == ["14", "13", "16"]
     assert (lines[0]["told_p50_us"], lines[0]["p99_us"], lines[-1]["reason"]) == ("20", "200", "lost")
+
+
+def test_what_is_added_is_the_median_of_tenths_with_the_second_outermost() -> None:
+    """One tenth that is disturbed, and single slow steps, count for nothing; a drive all of one cost has no width."""
+    told = np.full(100, 20_000)
+    found = told + np.repeat(1000 * np.array([7, 3, 9, 5, 900, 4, 6, 8, -800, 2]), 10)
+    found[::10] = 10**9
+    assert added(told, found) == Added(5.5, 2.0, 9.0)
+    assert added(told, told + 13_000) == Added(13.0, 13.0, 13.0)
+    few = added(told[:4], told[:4] + 1000 * np.array([1, 2, 3, 9]))
+    assert few == Added(2.5, 1.0, 9.0)
 
 
 def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
