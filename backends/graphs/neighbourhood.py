@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 from ...frontend.se2 import Array
 from ..api import Diverged
 
-MOST = 20
+MOST = 30
 """Landmarks that are carried, those asked for last; more where more are asked for at once."""
 
 IDLE = 10

@@ -51,7 +51,7 @@ def logs(kind: str) -> Log:
     return with_loops(rng, made, 0.1) if kind == "loops" else made.log
 
 
-@pytest.mark.parametrize("most", [2, 20])
+@pytest.mark.parametrize("most", [2, 30])
 @pytest.mark.parametrize(
     ("kind", "options"),
     [

@@ -178,3 +178,24 @@ def test_a_given_map_is_expected_at_the_first_step(name: str) -> None:
     at, here = ordered(backend.expected(None, ANYWHERE, WIDE), given.ids.tolist())
     assert at == pytest.approx(z, abs=1e-6)
     assert here == pytest.approx(there, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["ekf compressed", "invariant-ekf", "smoother", "isam2", "fixed-lag"])
+def test_what_is_remembered_leaves_out_no_landmark_that_is_sighted(name: str) -> None:
+    """Against another one that is asked for all landmarks at each step, and so has nothing to remember."""
+    gate, number, missing = 18.42, 0, 0
+    for seed in (7, 8):
+        log = random_log(np.random.default_rng(seed), 120, 30, radius=4.0, width=24.0).log
+        backend, other = (make(name.partition(" ")[0], log.prior, **BATCH[name]) for _ in range(2))
+        for k, step in enumerate(log):
+            if k > 0 and len(step.sightings.ids):
+                every = other.expected(step.odometry, ANYWHERE, WIDE)
+                near = set(every.ids[within(step.sightings, every.z, every.cov, gate)].tolist())
+                found = set(backend.expected(step.odometry, step.sightings, gate).ids.tolist())
+                assert found <= near
+                assert not (near - found).intersection(step.sightings.ids.tolist())
+                number, missing = number + len(near), missing + len(near - found)
+            backend.step(step)
+            other.step(step)
+    assert number > 200
+    assert missing <= number / 500
