@@ -76,7 +76,7 @@ class Active(Joint):
             self._around.move(odometry)
 
     def bring_near(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> None:
-        """Fetches the landmarks that a sighting after the `odometry` may be of; repeated, it does nothing."""
+        """Fetches the landmarks that a sighting after the `odometry` may be of; repeated, it fetches none."""
         whole, around, place, first = self._whole, self._around, self._place, not self._around.used
         moves = around.ready(odometry, list(range(around.count, whole.pairs)))
         if first:
