@@ -221,6 +221,7 @@ def expect(
 ) -> None:
     """Remembers the first n landmarks `asked` for, and fills the `Answer` at `into` with those within the gate.
 
+    Nothing is decided yet.
     `pose` (3,) before the motion, the landmarks' places `at` (n, 2) and their covariance (2n + 3, 2n + 3), the pose
     last, of which the rows of the pose and what is on and below the diagonal are read; the answer has room for n.
     """

@@ -10,7 +10,6 @@ import numpy as np
 from ..frontend.factors import Odometry, Prior, RangeBearing
 from ..frontend.se2 import Array, Ints, compose, rotation
 from . import _vicinity
-from ._answer import Answer
 from ._expected import after_motion, near_ones, spreads
 from ._vicinity import STATE, SUMS, Places
 from .answers import answer, as_expected
@@ -91,34 +90,18 @@ class Vicinity:
 
         `new` are the landmarks that were added since this was last asked. With `follows`, `cov` is not needed.
         """
-        self._answer = self.expect_into(pose, cov, odometry, seen, gate, new, marginals, self._answer)
-        return as_expected(self._answer)
-
-    def expect_into(
-        self,
-        pose: Array,
-        cov: Array | None,
-        odometry: Odometry | None,
-        seen: RangeBearing,
-        gate: float,
-        new: list[int],
-        marginals: Marginals,
-        into: Answer,
-    ) -> Answer:
-        """The same, in compiled arrays: `into`, or another one with more room."""
         moves, address = self.ready(odometry, new), self._places.address
         n = _vicinity.choose(
             address, self.count, pose, self._no_cov if cov is None else cov, self._follows, moves, self.motion,
             seen.z, seen.cov, gate,
         )  # fmt: skip
-        if n > len(into.ids):
-            into = answer(2 * n)
         if n == 0:
-            into.count[0] = 0
-            return into
+            return NOTHING
+        if n > len(self._answer.ids):
+            self._answer = answer(2 * n)
         here, at, joint = marginals(self._places.ids[self.asked(n)].tolist())
-        _vicinity.expect(address, here, at, joint, moves, self.motion, seen.z, seen.cov, gate, into.address)
-        return into
+        _vicinity.expect(address, here, at, joint, moves, self.motion, seen.z, seen.cov, gate, self._answer.address)
+        return as_expected(self._answer)
 
     def place(self, xy: Array, sd: Array) -> None:
         """Where the first landmarks are, (n, 2) m, with deviations of at most sd (n,) m in any direction."""

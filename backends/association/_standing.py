@@ -12,8 +12,8 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._expected import distance
+from .._joint_compatibility import extended, search
 from .._models import wrap
-from ._joint_compatibility import extended, search
 
 LOOSE = 0.2
 """Standard deviation of the pose: rad, and as a share of the furthest range."""

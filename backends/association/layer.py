@@ -15,12 +15,12 @@ import numpy as np
 from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...frontend.se2 import Array, Ints, compose
 from .._expected import carried
-from ..answers import answer, fills
+from .._rules import NEW, Decision, decide, decide_frame, decision_by
+from ..answers import answer, filled, fills
 from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from ..locating.locate import locate
 from ..locating.virtual import virtual
 from ._line import agreeing, polar
-from ._rules import NEW, Rule, decide, decide_frame, name_by, name_frame, rule_of
 from .options import RULES
 from .quantiles import gates, quantile
 
@@ -54,10 +54,10 @@ class Associating:
         self._options, self._rule = options, RULES.index(options.association)
         self._match, self._far = quantile(options.match, 1), quantile(options.new, 1)
         self._gates = gates(options.joint, LARGEST)
-        self._by = self._rule_by(self._gates)
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire
         self._into, self._answer = fills(inner), answer(ROOM)
+        self._decision = self._decided_by(self._gates)
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
         given = () if prior.map is None else prior.map.ids.tolist()
@@ -173,22 +173,21 @@ class Associating:
 
         None where a rescue is to be tried.
         """
-        options, (ids, z, cov) = self._options, step.sightings
-        named, gates = np.empty_like(ids), self._gates_for(len(ids))
+        seen, inner = step.sightings, self._inner
+        count = len(seen.ids)
+        self._gates_for(count)
+        decision = self._decision
+        decision.first[0] = self._next
         if self._into:
-            self._answer = answered = self._inner.expect_into(step.odometry, step.sightings, self._far, self._answer)
-            new, tried = name_by(self._by.address, answered.address, z, cov, self._next, named)
+            self._answer = inner.expect_into(step.odometry, seen, self._far, self._answer)
         else:
-            expected = self._inner.expected(step.odometry, step.sightings, self._far)
-            new, tried = name_frame(
-                self._rule, z, cov, expected.ids, expected.z, expected.cov, self._match, gates, self._far,
-                options.nodes, self._next, named,
-            )  # fmt: skip
-        if new and options.rescue and new >= max(FEW_NEW, len(named) / 2):
+            self._answer = filled(self._answer, inner.expected(step.odometry, seen, self._far), seen)
+        new, tried = decision.said.tolist()
+        if new and self._options.rescue and new >= max(FEW_NEW, count / 2):
             return None
         self._next -= new
         self.tried[-1] += tried
-        return named
+        return decision.named[:count].copy()
 
     def _open(self, named: list[int]) -> list[int]:
         """The sightings to be decided on: those without an id, and those with one that comes up after made-up ones."""
@@ -353,12 +352,14 @@ class Associating:
         """Joint gates of up to that many pairs."""
         if pairs >= len(self._gates):
             self._gates = gates(self._options.joint, 2 * pairs)
-            self._by = self._rule_by(self._gates)
+            self._decision = self._decided_by(self._gates)
         return self._gates
 
-    def _rule_by(self, joint: Array) -> Rule:
-        """The rule with these joint gates, for compiled code."""
-        return rule_of(self._rule, self._match, joint, self._far, self._options.nodes)
+    def _decided_by(self, joint: Array) -> Decision:
+        """The decision by these joint gates, for compiled code: that of the answers from now on."""
+        decision = decision_by(self._rule, self._match, joint, self._far, self._options.nodes)
+        self._answer.decision[0] = decision.address
+        return decision
 
     def _translated(self, ids: list[int]) -> Ints:
         """Ids as they are known now: of a made-up one whose landmark has got a known one, that."""

@@ -8,7 +8,7 @@ from ...frontend.errors import InputError
 from ...frontend.options import option
 
 RULES = ("nn", "ml", "jcbb")
-"""Nearest neighbour, maximum likelihood, joint compatibility: in the order of their numbers in `_rules`."""
+"""Nearest neighbour, maximum likelihood, joint compatibility: in the order of their numbers in `backends/_rules.py`."""
 
 OWN_RULES = {"particle": "every particle decides by itself, with `new` as its only gate"}
 """Rules that a backend carries out by itself, and what to say of them."""

@@ -9,6 +9,7 @@ from ...frontend.se2 import Array, Ints
 from .._answer import answer_at
 from .._expected import ROUNDING, cross_block, spread, spread_on, within
 from .._models import moved
+from .._rules import conclude
 from .._vicinity import learn, note, places_at
 from ._ekf import ODOMETRY, POSE
 from ._joint_arrays import belief_at
@@ -85,8 +86,8 @@ def expect(
     """Expected sightings, after the `motion`, of landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
     The belief is that of `JointArrays` at `address`; `ids` (pairs,) are its landmarks, and pairs that it marks as of
-    kept poses are passed over. Fills the `Answer` at `into`; False if it has no room for them. A landmark far away is
-    passed over by the bound of its deviation alone, which is as it was when the landmark was last near.
+    kept poses are passed over. Fills the `Answer` at `into` and makes its decision; False if it has no room. A landmark
+    far away is passed over by the bound of its deviation alone, which is as it was when the landmark was last near.
     """
     g, out = belief_at(address), answer_at(into)
     mean, cross, flat, agreed, bound = g.mean, g.cross, g.flat, g.agreed, g.bound
@@ -134,4 +135,5 @@ def expect(
                 H[p], T[p], C[q], flat[upper + j], l01, flat[lower + j], flat[lower + j + 1], H[q], 2 * p, 2 * q, cov
             )  # fmt: skip
     out.count[0] = m
+    conclude(into, z, R)
     return True

@@ -15,7 +15,7 @@ from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._models import moved, placed, sighted, wrap
 from ._group import retract, retract_all
-from ._triangle import add_square_of, put, row, take_less, take_row
+from ._triangle import add_square_of, put, take_less, take_row
 
 RANK = 48
 """Most deferred updates."""
@@ -250,48 +250,3 @@ def observe(
             break
         owing[0] += 2
     return n, wrong
-
-
-@compiled
-def plain_joint(
-    pose: Array, mean: Array, strip: Array, flat: Array, owed: Array, owing: Ints, slots: Ints, at: Array, cov: Array
-) -> None:
-    """Places, m from the origin, and joint covariance in plain coordinates of n landmarks and the pose, that last.
-
-    Fills at (n, 2) and cov (2n + 3, 2n + 3). An error of a place is that of the group plus the heading's times J f.
-    """
-    n = len(slots)
-    c = 2 * n
-    lever = np.empty(c + 2)
-    for a in range(n):
-        i = 2 * slots[a]
-        at[a, 0], at[a, 1] = mean[i], mean[i + 1]
-        lever[2 * a], lever[2 * a + 1] = -mean[i + 1], mean[i]
-    lever[c], lever[c + 1] = -pose[1], pose[0]
-    turn = strip[2, 2]
-    for a in range(c):
-        i = 2 * slots[a // 2] + a % 2
-        for b in range(a + 1):
-            j = 2 * slots[b // 2] + b % 2
-            value = flat[row(i) + j] if i >= j else flat[row(j) + i]
-            for m in range(owing[0]):
-                value -= owed[m, i] * owed[m, j]
-            for m in range(RANK - owing[1], RANK):
-                value += owed[m, i] * owed[m, j]
-            value += lever[a] * strip[2, 3 + j] + lever[b] * strip[2, 3 + i] + turn * lever[a] * lever[b]
-            cov[a, b] = cov[b, a] = value
-        for h in range(3):
-            value = strip[h, 3 + i] + lever[a] * strip[h, 2]
-            if h < 2:
-                value += lever[c + h] * (strip[2, 3 + i] + lever[a] * turn)
-            cov[a, c + h] = cov[c + h, a] = value
-    for h in range(3):
-        for g in range(3):
-            value = strip[h, g]
-            if h < 2:
-                value += lever[c + h] * strip[2, g]
-            if g < 2:
-                value += lever[c + g] * strip[h, 2]
-            if h < 2 and g < 2:
-                value += lever[c + h] * lever[c + g] * turn
-            cov[c + h, c + g] = value

@@ -27,7 +27,7 @@ from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from .._answer import Answer
 from .._blas import routine
-from ..answers import answer, as_expected
+from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expecting import expect
@@ -199,7 +199,7 @@ class Ekf:
         while not expect(
             address, ids, part.pairs, moves, self._motion, where, seen.z, seen.cov, gate, into.address
         ):  # fmt: skip
-            into = answer(2 * len(into.ids))
+            into = roomier(into, 2 * len(into.ids))
         return into
 
     def belief(self) -> Belief:

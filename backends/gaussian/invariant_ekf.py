@@ -34,10 +34,10 @@ from ...frontend.options import option
 from ...frontend.se2 import Array
 from .._answer import Answer
 from .._blas import routine
-from ..answers import answer, as_expected
+from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity
-from . import _invariant, _invariant_loops, _triangle
+from . import _invariant, _invariant_loops, _plain, _triangle
 from .kept_poses import NOWHERE, SUMMARY, KeptPoses
 
 SPACE = 64
@@ -75,6 +75,7 @@ class InvariantEkf:
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
         self._loops_nis, self._loops_used, self._left_out = 0.0, 0, 0
         self._vicinity, self._answer = Vicinity(follows=True), answer(SIGHTINGS)
+        self._near = np.zeros(0, np.int64)  # numbers of the landmarks in the vicinity, by its rows
         self._kept = KeptPoses(options.poses) if prior.loops else None
         self._entries = NOWHERE  # (k, 2) of the kept poses
         if prior.map is not None:
@@ -103,10 +104,19 @@ class InvariantEkf:
 
     def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
         """The same, in compiled arrays."""
-        new = list(islice(reversed(self._slot), len(self._slot) - len(self._vicinity)))
-        return self._vicinity.expect_into(
-            self._placed(), None, odometry, seen, gate, new[::-1], self._marginals, into
-        )  # fmt: skip
+        around = self._vicinity
+        new = list(islice(reversed(self._slot), len(self._slot) - around.count))[::-1]
+        moves = around.ready(odometry, new)
+        if new:
+            self._near = np.fromiter(self._slot.values(), np.int64, len(self._slot))
+        while (
+            missing := _plain.ask(
+                self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, self._origin,
+                around.address, around.count, self._near, moves, around.motion, seen.z, seen.cov, gate, into.address,
+            )
+        ) < 0:  # fmt: skip
+            into = roomier(into, -2 * missing)
+        return into
 
     def belief(self) -> Belief:
         """The pose's marginal in plain coordinates, and the NIS of known landmarks' sightings and of loop closures."""
@@ -170,7 +180,7 @@ class InvariantEkf:
         n = len(landmarks)
         slots = np.array([self._slot[landmark] for landmark in landmarks], np.int64)
         at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        _invariant.plain_joint(self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, slots, at, cov)
+        _plain.plain_joint(self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, slots, at, cov)
         return self._placed(), at + self._origin, cov
 
     def _placed(self) -> Pose:

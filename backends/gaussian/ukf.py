@@ -28,7 +28,7 @@ from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from .._answer import Answer
 from .._blas import routine
-from ..answers import answer, as_expected
+from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
 from . import _ukf
 from ._ekf import STANDARD
@@ -97,7 +97,7 @@ class Ukf:
             joint.address, self._ids, joint.pairs, odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
             into.address,
         ):  # fmt: skip
-            into = answer(2 * len(into.ids))
+            into = roomier(into, 2 * len(into.ids))
         return into
 
     def belief(self) -> Belief:

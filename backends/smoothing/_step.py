@@ -8,6 +8,7 @@ import numpy as np
 from ...frontend.compiled import compiled
 from ...frontend.se2 import Array, Ints
 from .._answer import answer_at
+from .._rules import conclude
 from .._vicinity import choose, expect, places_at
 from ._covariances import joint
 from ._front import solve, solve_rows
@@ -108,7 +109,7 @@ def ask(
     gate: float,
     into: int,
 ) -> int:
-    """Fills the `Answer` at `into` with the landmarks within the gate after a motion: see `_vicinity`.
+    """Fills the `Answer` at `into` with the landmarks within the gate after a motion (see `_vicinity`), and decides.
 
     `address` is that of the graph, `places` that of the `Places`, of which the first `landmarks` rows are those of
     `variables`; `pose` (3,) is the newest one and `cov` (3, 3) its covariance. Returns the number of landmarks whose
@@ -122,4 +123,5 @@ def ask(
         at, together = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
         joint(address, variables[places_at(places).asked[:n]], pose, cov, at, together)
         expect(places, pose, at, together, moves, motion, z, R, gate, into)
+    conclude(into, z, R)
     return n

@@ -18,7 +18,7 @@ from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...frontend.options import option
 from ...frontend.se2 import Array, Ints
 from .._answer import Answer
-from ..answers import answer, as_expected, filled
+from ..answers import answer, as_expected, filled, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers
@@ -141,7 +141,7 @@ class Smoother:
     def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
         """The same, in compiled arrays."""
         if self._steps == 0:
-            return filled(into, first_expected(self._prior, seen, gate))
+            return filled(into, first_expected(self._prior, seen, gate), seen)
         forest, around = self._forest, self._vicinity
         new = list(islice(reversed(self._variable), len(self._variable) - around.count))[::-1]
         moves = around.ready(odometry, new)
@@ -153,10 +153,11 @@ class Smoother:
                 around.motion, seen.z, seen.cov, gate, into.address,
             )
         ) < 0:  # fmt: skip
-            into = answer(-2 * missing)
+            into = roomier(into, -2 * missing)
         held = self._newcomers.alone() if self._robust else {}
         if held:
-            into = filled(into, with_held(as_expected(into), held, self._newcomers, odometry, self._steps - 1))
+            found = with_held(as_expected(into), held, self._newcomers, odometry, self._steps - 1)
+            into = filled(into, found, seen)
         return into
 
     def belief(self) -> Belief:

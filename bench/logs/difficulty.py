@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...backends import registry as backends
+from ...backends._rules import NEW, decide_frame
 from ...backends.api import Diverged, Expected
-from ...backends.association._rules import NEW, decide_frame
 from ...backends.association.options import RULES, Association
 from ...backends.association.quantiles import gates, quantile
 from ...frontend.factors import UNKNOWN, Dataset, Log, RangeBearing

@@ -4,15 +4,15 @@ from math import log
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.factors import UNKNOWN
-from ...frontend.se2 import Array, Ints
-from .._answer import answer_at
-from .._arrays import Arrays, Integers, Numbers, at
-from .._expected import ROUNDING, distance
-from .._models import wrap
+from ..frontend.compiled import compiled
+from ..frontend.factors import UNKNOWN
+from ..frontend.se2 import Array, Ints
+from ._answer import answer_at
+from ._arrays import Arrays, Integers, Numbers, at
 from ._assignment import cheapest, nearest
+from ._expected import ROUNDING, distance
 from ._joint_compatibility import search
+from ._models import wrap
 
 NEAREST, CHEAPEST, JOINT = 0, 1, 2
 """Rules: nearest neighbour, maximum likelihood, joint compatibility."""
@@ -165,61 +165,53 @@ def decide_frame(
     return decide(rule, z, noise, np.zeros(k, np.int64), expected, cov, match, gates, far, far, most)
 
 
-@compiled
-def name_frame(
-    rule: int,
-    z: Array,
-    R: Array,
-    ids: Ints,
-    expected: Array,
-    cov: Array,
-    match: float,
-    gates: Array,
-    far: float,
-    most: int,
-    first: int,
-    named: Ints,
-) -> tuple[int, int]:
-    """`decide_frame` as ids, `named` (k,): those `ids` (c,) of the landmarks; `first`, `first - 1`, ... of new ones.
+class Decision(Arrays):
+    """How to decide on the sightings of a step, and what has been decided on k of them."""
 
-    Returns the number of new ones, and the pairs or nodes tried.
+    rule: Integers  # (2,) the rule, and the most nodes of a search
+    gates: Numbers  # (n,) joint gates by the number of pairs; then `match` and `far`, which are last
+    first: Integers  # (1,) the id of a new landmark; the next ones are below it
+    named: Integers  # (s,) ids, of which the first k
+    said: Integers  # (2,) the number of new ones, and the pairs or nodes tried
+
+
+decision_at = at(Decision)
+"""The decision at an address."""
+
+
+def decision_by(rule: int, match: float, gates: Array, far: float, most: int) -> Decision:
+    """A decision to be made by these (see `decide`), on fewer sightings than there are joint gates."""
+    return Decision(
+        rule=np.array((rule, most)),
+        gates=np.append(gates, (match, far)),
+        first=np.zeros(1, np.int64),
+        named=np.zeros(len(gates), np.int64),
+        said=np.zeros(2, np.int64),
+    )
+
+
+@compiled
+def conclude(answer: int, z: Array, R: Array) -> None:
+    """Makes the decision that the `Answer` at that address is for, if there is one: `decide_frame`, as ids.
+
+    The sightings z (k, 2), R (k, 2, 2) are those that the answer is to.
     """
-    pair, tried = decide_frame(rule, z, R, expected, cov, match, gates, far, most)
+    a = answer_at(answer)
+    if a.decision[0] == 0:
+        return
+    d, n = decision_at(a.decision[0]), a.count[0]
+    last = len(d.gates) - 2
+    cov = a.cov[: 4 * n * n].reshape((2 * n, 2 * n))
+    pair, tried = decide_frame(
+        d.rule[0], z, R, a.z[:n], cov, d.gates[last], d.gates[:last], d.gates[last + 1], d.rule[1]
+    )
     new = 0
     for i in range(len(pair)):
         if pair[i] >= 0:
-            named[i] = ids[pair[i]]
+            d.named[i] = a.ids[pair[i]]
         elif pair[i] == NEW:
-            named[i] = first - new
+            d.named[i] = d.first[0] - new
             new += 1
         else:
-            named[i] = UNKNOWN
-    return new, tried
-
-
-class Rule(Arrays):
-    """How to decide."""
-
-    numbers: Integers  # (2,) the rule, and the most nodes of a search
-    gates: Numbers  # (n,) joint gates by the number of pairs; then `match` and `far`, which are last
-
-
-rule_at = at(Rule)
-"""The rule at an address."""
-
-
-def rule_of(rule: int, match: float, gates: Array, far: float, most: int) -> Rule:
-    """The arrays of these; see `decide`."""
-    return Rule(numbers=np.array((rule, most)), gates=np.append(gates, (match, far)))
-
-
-@compiled
-def name_by(rule: int, found: int, z: Array, R: Array, first: int, named: Ints) -> tuple[int, int]:
-    """`name_frame` by the `Rule` and the `Answer` at these addresses."""
-    r, g = rule_at(rule), answer_at(found)
-    n, last = g.count[0], len(r.gates) - 2
-    cov = g.cov[: 4 * n * n].reshape((2 * n, 2 * n))
-    return name_frame(
-        r.numbers[0], z, R, g.ids[:n], g.z[:n], cov, r.gates[last], r.gates[:last], r.gates[last + 1], r.numbers[1],
-        first, named,
-    )  # fmt: skip
+            d.named[i] = UNKNOWN
+    d.said[0], d.said[1] = new, tried

@@ -16,9 +16,9 @@ from math import sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
-from .._models import wrap
+from ..frontend.compiled import compiled
+from ..frontend.se2 import Array, Ints
+from ._models import wrap
 
 
 @compiled

@@ -8,9 +8,9 @@ from scipy.optimize import linear_sum_assignment
 from scipy.stats import chi2
 
 from random_logs import random_covariance
-from slamduel.backends.association._assignment import cheapest
-from slamduel.backends.association._joint_compatibility import search
-from slamduel.backends.association._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide, decide_frame
+from slamduel.backends._assignment import cheapest
+from slamduel.backends._joint_compatibility import search
+from slamduel.backends._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide, decide_frame
 from slamduel.backends.association.quantiles import gates, quantile
 from slamduel.frontend.se2 import Array, Ints, wrap
 

@@ -1,0 +1,110 @@
+"""The invariant filter's belief in plain coordinates, and the sightings that it expects after a motion."""
+
+import numpy as np
+
+from ...frontend.compiled import compiled
+from ...frontend.se2 import Array, Ints
+from .._answer import answer_at
+from .._rules import conclude
+from .._vicinity import choose, expect, places_at
+from ._invariant import RANK
+from ._triangle import row
+
+
+@compiled
+def plain_joint(
+    pose: Array, mean: Array, strip: Array, flat: Array, owed: Array, owing: Ints, slots: Ints, at: Array, cov: Array
+) -> None:
+    """Places, m from the origin, and joint covariance in plain coordinates of n landmarks and the pose, that last.
+
+    Fills at (n, 2) and cov (2n + 3, 2n + 3). An error of a place is that of the group plus the heading's times J f.
+    """
+    n = len(slots)
+    c = 2 * n
+    lever = np.empty(c + 2)
+    for a in range(n):
+        i = 2 * slots[a]
+        at[a, 0], at[a, 1] = mean[i], mean[i + 1]
+        lever[2 * a], lever[2 * a + 1] = -mean[i + 1], mean[i]
+    lever[c], lever[c + 1] = -pose[1], pose[0]
+    turn, w = strip[2, 2], np.empty(c)
+    for a in range(c):
+        i = 2 * slots[a // 2] + a % 2
+        for b in range(a + 1):
+            j = 2 * slots[b // 2] + b % 2
+            cov[a, b] = flat[row(i) + j] if i >= j else flat[row(j) + i]
+    for m in range(RANK):
+        less = m < owing[0]
+        if not less and m < RANK - owing[1]:
+            continue
+        for a in range(c):
+            w[a] = owed[m, 2 * slots[a // 2] + a % 2]
+        for a in range(c):
+            weight, entries = -w[a] if less else w[a], cov[a]
+            for b in range(a + 1):
+                entries[b] += weight * w[b]
+    for a in range(c):
+        i = 2 * slots[a // 2] + a % 2
+        for b in range(a + 1):
+            j = 2 * slots[b // 2] + b % 2
+            value = cov[a, b]
+            value += lever[a] * strip[2, 3 + j] + lever[b] * strip[2, 3 + i] + turn * lever[a] * lever[b]
+            cov[a, b] = cov[b, a] = value
+        for h in range(3):
+            value = strip[h, 3 + i] + lever[a] * strip[h, 2]
+            if h < 2:
+                value += lever[c + h] * (strip[2, 3 + i] + lever[a] * turn)
+            cov[a, c + h] = cov[c + h, a] = value
+    for h in range(3):
+        for g in range(3):
+            value = strip[h, g]
+            if h < 2:
+                value += lever[c + h] * strip[2, g]
+            if g < 2:
+                value += lever[c + g] * strip[h, 2]
+            if h < 2 and g < 2:
+                value += lever[c + h] * lever[c + g] * turn
+            cov[c + h, c + g] = value
+
+
+@compiled
+def ask(
+    pose: Array,
+    mean: Array,
+    strip: Array,
+    flat: Array,
+    owed: Array,
+    owing: Ints,
+    origin: Array,
+    places: int,
+    landmarks: int,
+    slots: Ints,
+    moves: bool,
+    motion: Array,
+    z: Array,
+    R: Array,
+    gate: float,
+    into: int,
+) -> int:
+    """Fills the `Answer` at `into` with the landmarks within the gate after a motion (see `_vicinity`), and decides.
+
+    The belief is that of `_invariant`, in metres from the `origin`; `places` is the address of the `Places`, of which
+    the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks whose joint
+    covariance was computed; minus that, and nothing is filled, where there is no room for them.
+    """
+    here, none = pose.copy(), np.empty((3, 3))
+    here[0] += origin[0]
+    here[1] += origin[1]
+    n, out = choose(places, landmarks, here, none, True, moves, motion, z, R, gate), answer_at(into)
+    if n > len(out.ids):
+        return -n
+    out.count[0] = 0
+    if n > 0:
+        at, together = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
+        plain_joint(pose, mean, strip, flat, owed, owing, slots[places_at(places).asked[:n]], at, together)
+        for a in range(n):
+            at[a, 0] += origin[0]
+            at[a, 1] += origin[1]
+        expect(places, here, at, together, moves, motion, z, R, gate, into)
+    conclude(into, z, R)
+    return n
