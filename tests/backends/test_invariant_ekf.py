@@ -53,6 +53,23 @@ def test_it_is_the_papers_filter() -> None:
     agree(random_log(np.random.default_rng(2), 1000, 6, radius=4.0).log)
 
 
+def test_the_joint_covariance_of_some_landmarks_is_a_part_of_that_of_all() -> None:
+    """Whatever is owed, from sightings and from turns, and in any order of the landmarks."""
+    log, rng = random_log(np.random.default_rng(4), 150, 12, radius=4.0).log, np.random.default_rng(1)
+    ours, dense, owed = make(log.prior), DenseInvariantEkf(log.prior), set[tuple[bool, bool]]()
+    for step in log:
+        ours.step(step)
+        dense.step(step)
+        some = rng.permutation(len(dense.ids))[:5]
+        entries = np.concatenate([3 + np.stack((2 * some, 2 * some + 1), axis=1).ravel(), [1, 2, 0]])
+        plain = dense.plain()
+        _, at, cov = ours._marginals([dense.ids[k] for k in some])
+        assert at == pytest.approx(dense.state[:2, 3:].T[some], abs=1e-9)
+        assert cov == pytest.approx((plain @ dense.cov @ plain.T)[np.ix_(entries, entries)], abs=1e-9)
+        owed.add((bool(ours._owing[0]), bool(ours._owing[1])))
+    assert len(owed) > 2
+
+
 @pytest.mark.slow
 def test_a_map_that_outgrows_its_room_and_frames_that_outgrow_what_may_be_owed() -> None:
     log = random_log(np.random.default_rng(3), 12, 60, radius=30.0).log

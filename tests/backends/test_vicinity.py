@@ -8,10 +8,7 @@ import pytest
 from driven import make
 from slamduel.backends import _vicinity
 from slamduel.backends._vicinity import NOISE, STATE, SUMS
-from slamduel.backends.answers import answer, as_expected, fills
-from slamduel.backends.api import Expected
-from slamduel.backends.gaussian import compressed
-from slamduel.backends.gaussian.ekf import Ekf
+from slamduel.backends.gaussian import _plain, compressed
 from slamduel.backends.smoothing import _step
 from slamduel.backends.vicinity import Vicinity
 from slamduel.bench.speed.world import world
@@ -46,9 +43,9 @@ def test_a_landmark_is_remembered_as_the_robot_saw_it() -> None:
     joint = 0.01 * A @ A.T
     vicinity: Any = Vicinity(follows=True)
     vicinity.move(Odometry(np.array([2.0, 1.0, 0.4]), np.diag(SD**2)))
-    vicinity.expect_into(
+    vicinity.expected(
         pose, None, None, RangeBearing(np.zeros(1, np.int64), np.array([[2.0, 0.0]]), np.eye(2)[None]), 10.0,
-        [7, 8, 9, 10], lambda landmarks: (pose, at, joint), answer(1),
+        [7, 8, 9, 10], lambda landmarks: (pose, at, joint),
     )  # fmt: skip
     places = vicinity._places
 
@@ -70,7 +67,7 @@ def test_a_landmark_is_remembered_as_the_robot_saw_it() -> None:
 def counted(name: str, backend: Any, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The number of landmarks whose joint covariance each question needs, from now on."""
     asked = list[int]()
-    compiled = {"smoother": (_step, "ask"), "ekf": (compressed, "choose")}
+    compiled = {"smoother": (_step, "ask"), "invariant-ekf": (_plain, "ask"), "ekf": (compressed, "choose")}
     if name in compiled:
         ask = getattr(*compiled[name])
 
@@ -104,28 +101,3 @@ def test_few_landmarks_are_asked_for_beside_those_in_view(name: str, monkeypatch
         backend.step(step)
     assert np.mean(offered[10:]) >= 6
     assert np.mean(asked[10:]) <= 1.6 * np.mean(offered[10:])
-
-
-def test_an_answer_grows_and_is_the_same_as_what_is_expected() -> None:
-    here = world(40, 5, 12, 1)
-    for name in ("ekf", "ukf", "invariant-ekf", "smoother"):
-        backend = make(name, here.prior)
-        for step in here.survey:
-            backend.step(step)
-        step = here.drive[0]
-        into = answer(1)
-        found = backend.expect_into(step.odometry, step.sightings, 18.4, into)
-        assert found is not into
-        for mine, other in zip(as_expected(found), backend.expected(step.odometry, step.sightings, 18.4), strict=True):
-            assert len(mine) >= 12
-            assert mine.tobytes() == other.tobytes()
-
-
-def test_a_subclass_that_expects_otherwise_is_asked_in_its_own_way() -> None:
-    class Other(Ekf):
-        def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
-            return super().expected(odometry, seen, gate)
-
-    assert fills(object.__new__(Ekf))
-    assert not fills(object.__new__(Other))
-    assert not fills(object())
