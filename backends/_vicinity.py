@@ -97,9 +97,7 @@ def choose(
     Returns their number. The first `landmarks` rows are known. `pose` is the last one, before the motion, P its
     covariance, which is not used if the odometer `follows` every motion. A landmark that has been corrected since
     it was asked for has moved in the world by a normal vector of the covariance it has lost: the sum of that and of
-    an error within the gate is within twice the gate. From the robot, a sighting and what is remembered differ by a
-    normal vector of the covariance of both: that of its own landmark is beyond the gate as rarely as it is beyond
-    that of now.
+    an error within the gate is within twice the gate. So it is with where the robot saw it then and sees it now.
     """
     g = places_at(address)
     if follows and jumped(g.odometer, pose, R):
@@ -121,7 +119,7 @@ def choose(
         reach = furthest + wide * (pose_sd + g.sd[a])
         if dx * dx + dy * dy > reach * reach:
             continue
-        if follows and not may_be_where_it_was(o, g.off[a], g.apart[a], g.since[a], z, R, gate):
+        if follows and not may_be_where_it_was(o, g.off[a], g.apart[a], g.since[a], z, R, twice):
             continue
         if may_be_seen(x, pose_sd, heading_sd, g.xy[a, 0], g.xy[a, 1], g.sd[a], z, R, twice):
             g.asked[n] = a

@@ -1,5 +1,7 @@
 """The invariant EKF against one written with whole matrices of the group, and against what invariance promises."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -56,7 +58,8 @@ def test_it_is_the_papers_filter() -> None:
 def test_the_joint_covariance_of_some_landmarks_is_a_part_of_that_of_all() -> None:
     """Whatever is owed, from sightings and from turns, and in any order of the landmarks."""
     log, rng = random_log(np.random.default_rng(4), 150, 12, radius=4.0).log, np.random.default_rng(1)
-    ours, dense, owed = make(log.prior), DenseInvariantEkf(log.prior), set[tuple[bool, bool]]()
+    ours: Any = make(log.prior)
+    dense, owed = DenseInvariantEkf(log.prior), set[tuple[bool, bool]]()
     for step in log:
         ours.step(step)
         dense.step(step)
