@@ -30,9 +30,6 @@ OUTLIER = 2.5
 LOG_BLUR = math.log(0.65)
 """log px, of the blur that is expected."""
 
-NEIGHBOURS = 1.2
-"""Least factor on the covariance: blur correlates the residuals of neighbouring pixels."""
-
 BLUR_SD, INK_SD, TONE_SD, SHARP_SD, SLOPE_SD, BEND_SD = 1.0, 0.02, 0.5, 1.0, 0.3, 0.1
 """Prior standard deviations: a tiny marker does not determine all of a look.
 
@@ -282,7 +279,7 @@ def spread(normal: Array, by_edge: Array, residual: float) -> Array:
 
     Blur, demosaicing and what the model leaves out correlate the residuals along an edge: each edge counts as one
     (White's covariance by clusters), and the whole covariance is scaled by how much more that gives, on average over
-    the eight, and by NEIGHBOURS at least.
+    the eight.
     """
     inverse = np.linalg.inv(normal)[:8]
     cov = np.ascontiguousarray(inverse[:, :8])
@@ -297,4 +294,4 @@ def spread(normal: Array, by_edge: Array, residual: float) -> Array:
                 pulls[k, i] += inverse[i, j] * (by_edge[k, j] - share_of * whole[j])
     clustered = pulls.T @ pulls
     excess = np.trace(np.linalg.solve(cov, clustered)) / (8.0 * residual * residual)
-    return max(excess, NEIGHBOURS) * residual * residual * cov
+    return max(excess, 1.0) * residual * residual * cov

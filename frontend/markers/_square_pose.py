@@ -13,7 +13,38 @@ ROUNDS = 30
 
 
 @compiled
-def settle(
+def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array) -> tuple[Array, Array, Array]:
+    """Refines n starts, rotation vectors and shifts (n, 3).
+
+    Returns poses (n, 4, 4), covariances (n, 3, 3) of the centres and chi-squares (n,), infinite where a start leads to
+    no square in front of the camera and facing it. LinAlgError for a singular `cov`.
+    """
+    count = len(turns)
+    poses, spreads, squares = np.zeros((count, 4, 4)), np.zeros((count, 3, 3)), np.full(count, np.inf)
+    weight = np.linalg.inv(cov)
+    for k in range(count):
+        start = _rotation(turns[k])
+        if not (np.isfinite(start).all() and np.isfinite(shifts[k]).all()):
+            continue
+        rotation, shift, information, chi2 = _settled(outline, rays, weight, start, shifts[k].copy())
+        facing = rotation[0, 2] * shift[0] + rotation[1, 2] * shift[1] + rotation[2, 2] * shift[2] < 0
+        for corner in outline:
+            facing = facing and rotation[2, 0] * corner[0] + rotation[2, 1] * corner[1] + shift[2] > 0
+        if not (facing and abs(np.linalg.det(information)) > 0):
+            continue
+        inverse = np.linalg.inv(information)
+        for i in range(3):
+            for j in range(3):
+                poses[k, i, j] = rotation[i, j]
+                spreads[k, i, j] = 0.5 * (inverse[3 + i, 3 + j] + inverse[3 + j, 3 + i])
+            poses[k, i, 3] = shift[i]
+        poses[k, 3, 3] = 1.0
+        squares[k] = chi2
+    return poses, spreads, squares
+
+
+@compiled
+def _settled(
     outline: Array, rays: Array, weight: Array, rotation: Array, shift: Array
 ) -> tuple[Array, Array, Array, float]:
     """Levenberg-Marquardt: returns the pose, its (6, 6) information in (turn, shift), and chi-square."""

@@ -117,11 +117,12 @@ class Detector:
         found, ids, others = self._opencv.detectMarkers(grey)
         corners = np.asarray(found, float).reshape(-1, 4, 2)
         names = np.asarray(ids, int).ravel() if len(found) else np.zeros(0, int)
+        rays = self.camera.undistort(corners.reshape(-1, 2)).reshape(-1, 4, 2)
         rejected = Counter[str]()
         sightings: list[Sighting] = []
         for index in np.lexsort((-_area(corners), names)):
             name = int(names[index])
-            refined = self._refine(grey, self._pattern(name), corners[index])
+            refined = self._refine(grey, self._pattern(name), corners[index], rays[index])
             if refined is None:
                 rejected["the printed pattern is not there"] += 1
                 continue
@@ -141,16 +142,18 @@ class Detector:
 
     def _unread(self, grey: Image, quads: Array) -> Iterator[Sighting]:
         """Yields the squares among the outlines `quads` (n, 4, 2) that are printed like a marker."""
-        for corners in quads:
+        for corners, rays in zip(quads, self.camera.undistort(quads.reshape(-1, 2)).reshape(-1, 4, 2), strict=True):
             bits = sample(grey, corners, self.markers.opencv.markerSize)
-            refined = None if bits is None else self._refine(grey, template.pattern(bits), corners)
+            refined = None if bits is None else self._refine(grey, template.pattern(bits), corners, rays)
             sighting = None if refined is None else self.locate(UNKNOWN, *refined)
             if sighting is not None:
                 yield sighting
 
-    def _refine(self, grey: Image, pattern: Array, corners: Array) -> tuple[Array, Array] | None:
-        """The corners' rays (4, 2) and their covariance (8, 8); None where the marker is not in the frame."""
-        rays = self.camera.undistort(corners)
+    def _refine(self, grey: Image, pattern: Array, corners: Array, rays: Array) -> tuple[Array, Array] | None:
+        """The rays (4, 2) of `corners` (4, 2), px, which have about `rays`, and their covariance (8, 8).
+
+        None where the marker is not in the frame.
+        """
         if not np.isfinite(rays).all():
             return None
         if self.refinement != "template":
@@ -158,8 +161,9 @@ class Detector:
         fit = template.fit(grey, self.camera.rays, pattern, rays, corners)
         if fit is None:
             return None
-        moved = self.camera.project(_lifted(fit.rays)) - corners
-        if not np.abs(moved).max() < FARTHEST + LARGEST_SHARE * np.ptp(corners, axis=0).max():
+        size = np.ptp(corners, axis=0).max()
+        moved = np.abs(fit.rays - rays).max() / np.ptp(rays, axis=0).max() * size
+        if not moved < FARTHEST + LARGEST_SHARE * size:
             return None
         # The model's errors are in the image; at its centre a pixel is one over the focal length.
         return fit.rays, fit.cov + (template.MODEL_SD / self.camera.focal[0]) ** 2 * np.eye(8)

@@ -8,11 +8,11 @@ from . import _alignment, _homography, _square_pose
 
 def kernels() -> Kernels:
     """The two that take longest first and last."""
-    table, numbers = np.zeros((3, 3)), np.zeros(3)
+    table = np.zeros((3, 3))
     image, rays = np.zeros((2, 2), np.uint8), np.zeros((2, 2, 2))
     return [
         (_alignment.align, (image, rays, table, table, table)),
         (_homography.corner_rays, (table, 4, table)),
-        (_square_pose.settle, (table, table, table, table, numbers)),
+        (_square_pose.explain, (table, table, table, table, table)),
         (_homography.homography, (table, 4)),
     ]

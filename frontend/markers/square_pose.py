@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ..se2 import Array
-from ._square_pose import settle
+from ._square_pose import explain
 
 SAME = 1e-3
 """Rotations that differ by less in every element count as equal."""
@@ -34,28 +34,15 @@ def square_poses(rays: Array, cov: Array, side: float) -> list[SquarePose]:
     """
     outline = square(side)
     _, turns, shifts, _ = cv2.solvePnPGeneric(outline, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    starts = (np.asarray(each, float).reshape(-1, 3) for each in (turns, shifts))
     try:
-        weight = np.asarray(np.linalg.inv(cov), np.float64)
+        poses, spreads, squares = explain(outline, rays, cov, *starts)
     except np.linalg.LinAlgError:
         return []
     found: list[SquarePose] = []
-    for turn, shift in zip(turns, shifts, strict=True):
-        rotation = np.asarray(cv2.Rodrigues(turn)[0], float)
-        start = np.ravel(shift).astype(float)
-        if not (np.isfinite(rotation).all() and np.isfinite(start).all()):
-            continue
-        rotation, centre, information, chi2 = settle(outline, rays, weight, rotation, start)
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation, centre
-        depths = outline @ rotation[2] + centre[2]
-        if not (np.isfinite(pose).all() and (depths > 0).all() and rotation[:, 2] @ centre < 0):
-            continue
-        try:
-            spread = np.linalg.inv(information)[3:, 3:]
-        except np.linalg.LinAlgError:
-            continue
+    for k in np.argsort(squares).tolist():
         # A large square has one best pose, to which both starts converge.
-        if any(np.abs(other.pose[:3, :3] - rotation).max() < SAME for other in found):
-            continue
-        found.append(SquarePose(pose, (spread + spread.T) / 2, float(chi2)))
-    return sorted(found, key=lambda solution: solution.chi2)
+        twice = any(np.abs(other.pose[:3, :3] - poses[k, :3, :3]).max() < SAME for other in found)
+        if squares[k] < np.inf and not twice:
+            found.append(SquarePose(poses[k], spreads[k], float(squares[k])))
+    return found

@@ -16,7 +16,6 @@ from slamduel.datasets.rendering.clutter import drawn
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.markers import template
 from slamduel.frontend.markers._alignment import (
-    NEIGHBOURS,
     _accumulate,  # pyright: ignore[reportPrivateUsage]
     _moved,  # pyright: ignore[reportPrivateUsage]
     spread,
@@ -356,7 +355,7 @@ def test_the_covariance_grows_by_what_edges_share() -> None:
             plain = 4.0 * np.linalg.inv(normal)[:8, :8]
             growth.append(np.trace(np.linalg.solve(plain, spread(normal, by_edge, 2.0))) / 8)
         factors.append(np.mean(growth))
-    assert NEIGHBOURS <= factors[0] < 1.2 * NEIGHBOURS
+    assert 1 <= factors[0] < 1.2
     # J' J of an edge's mean against the mean of J' J: its pixels' derivatives differ in place and size
     shared = (counts**2).sum() / counts.sum()
     assert 0.15 * shared < factors[1] < 1.2 * shared
@@ -468,10 +467,9 @@ def fit(bench: Bench, image: Image, corners: Array, rng: np.random.Generator, of
 def test_corners_are_as_good_as_stated(name: str, request: pytest.FixtureRequest) -> None:
     """Under a blur of its own in either direction and slanting light.
 
-    The pixels' noise is white here, for which the stated covariance is at least NEIGHBOURS times too large; by how much
-    edges differ by chance adds a fifth at most. Mean of n chi-square
-    sums of 8: standard deviation sqrt(16 / n). At most a quarter of a chi-square is allowed for what the drawing's
-    samples, a sixth of a pixel, put in.
+    The pixels' noise is white here, for which the stated covariance is larger by how much edges differ by chance, a
+    fifth at most. Mean of n chi-square sums of 8: standard deviation sqrt(16 / n). At most a quarter of a chi-square is
+    allowed for what the drawing's samples, a sixth of a pixel, put in.
     """
     bench: Bench = request.getfixturevalue(name)
     rng = np.random.default_rng(6)
@@ -487,7 +485,7 @@ def test_corners_are_as_good_as_stated(name: str, request: pytest.FixtureRequest
         assert found.contrast == pytest.approx(160, rel=0.1)
         assert np.sqrt(np.diag(found.blur)) == pytest.approx([0.85, 0.6], rel=0.25)
     spread = 4 * np.sqrt(2 / (8 * count))
-    assert (1 - spread) / (1.2 * NEIGHBOURS) < np.mean(chi2) < 1.25 / NEIGHBOURS * (1 + spread)
+    assert (1 - spread) / 1.2 < np.mean(chi2) < 1.25 * (1 + spread)
     assert np.sqrt(np.mean(np.square(misses))) < 0.06  # px
     # unbiased: eight means, each of `count`
     assert np.abs(np.mean(misses, axis=0)).max() < 4.5 * np.std(misses) / np.sqrt(count)
