@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from ...frontend.markers.charuco import GRID, Calibration, coverage
+from ...frontend.boards.charuco import GRID, Calibration, coverage
 from ..drawing.axes import short
 from ..drawing.picture import picture
 from ..words.styles import COLOURS

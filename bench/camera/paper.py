@@ -22,9 +22,12 @@ from numpy.typing import NDArray
 
 from ...frontend.files import write_whole
 from ...frontend.se2 import Array
+from .ink_strip import ink_strip
 from .sheets import EDGE, FOOT, PAGES, STRIP, Placed, check_fits
 
 BAR = 100.0  # length of the scale bar
+
+APART = 5.0  # between the scale bar and the strip beside it
 
 TICK = 3.0
 
@@ -35,8 +38,14 @@ _STYLE: dict[str, Any] = {"pdf.fonttype": 42, "text.parse_math": False, "font.si
 Draw = Callable[[Figure, Transform], None]  # draws on a page; the second argument is the transform from millimetres
 
 
-def markers(placed: Sequence[Placed]) -> Draw:
-    """Draws markers with cut marks at the corners of each sheet; a whole frame would be one more square to detect."""
+def markers(placed: Sequence[Placed], page: str) -> Draw:
+    """Draws markers with cut marks at the corners of each sheet; a whole frame would be one more square to detect.
+
+    Beside the page's scale bar is a strip that shows how far black spreads, see `ink_strip`.
+    """
+    left = 2 * EDGE + BAR + APART
+    side = max((sheet.side for sheet, _, _ in placed), default=BAR)
+    strip = ink_strip(PAGES[page][0] - EDGE - left, side)
 
     def draw(figure: Figure, scale: Transform) -> None:
         for sheet, x, y in placed:
@@ -50,6 +59,10 @@ def markers(placed: Sequence[Placed]) -> Draw:
                 size = min(largest, sheet.side / (0.6 * len(words)) / POINT)
                 up = y + STRIP * (0.7 - 0.45 * line)
                 figure.text(x + sheet.rim, up, words, transform=scale, fontsize=size, va="center")
+        for x, y, width, height in strip.boxes:
+            _fill(figure, scale, [_rectangle(left + x, EDGE + y, width, height)])
+        for x, y, words in strip.labels:
+            figure.text(left + x, EDGE + y, words, transform=scale, fontsize=4.5, ha="center", va="center")
 
     return draw
 
@@ -99,7 +112,7 @@ def drawn(page: str, draw: Draw) -> Figure:
     left, low, thin = 2 * EDGE, EDGE + 4.0, 0.3
     ticks = [(left, low - 1, thin, 2 + thin), (left + BAR - thin, low - 1, thin, 2 + thin)]
     for x, y, w, h in [(left, low, BAR, thin), *ticks]:
-        _fill(figure, scale, [np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])])
+        _fill(figure, scale, [_rectangle(x, y, w, h)])
     figure.text(left + BAR / 2, EDGE, "print at 100 %, this bar is 100 mm", transform=scale, ha="center")
     draw(figure, scale)
     return figure
@@ -133,6 +146,11 @@ def _ticks(x: float, y: float, width: float, height: float) -> Path:
         for corner_y, upwards in ((y, TICK), (y + height, -TICK)):
             lines += [(corner_x + inwards, corner_y), (corner_x, corner_y), (corner_x, corner_y + upwards)]
     return Path(lines, [Path.MOVETO, Path.LINETO, Path.LINETO] * 4)
+
+
+def _rectangle(x: float, y: float, width: float, height: float) -> Array:
+    """(4, 2) its corners, from the lower left one."""
+    return np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
 
 
 def _fill(figure: Figure, scale: Transform, loops: Sequence[Array]) -> None:

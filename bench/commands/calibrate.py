@@ -3,6 +3,7 @@
 import argparse
 from collections import defaultdict
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
@@ -13,12 +14,14 @@ from rich.console import Console
 from rich.table import Table
 
 from ...datasets.recordings import frames_folder, video
+from ...frontend.boards.board import Board, View, find_corners, read_board
+from ...frontend.boards.charuco import MODELS, Calibration, calibrate
+from ...frontend.boards.response_fit import BoardResponse, Pictures
 from ...frontend.camera.calibration import write_camera_info, write_opencv
 from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
-from ...frontend.markers.board import Board, View, find_corners, read_board
-from ...frontend.markers.charuco import MODELS, Calibration, calibrate
 from ..camera.calibration_picture import write_picture
+from ..camera.response_words import told
 from ..drawing.picture import KINDS
 from ..plan.values import check_file
 from ..words.console import ProgressBar, plain, screen_console
@@ -41,6 +44,7 @@ class Views(NamedTuple):
     """The views found in the images."""
 
     used: list[View]
+    numbers: list[int]  # of their images
     left_out: dict[str, list[str]]  # reason -> images
     size: tuple[int, int]  # px, width and height of all images
 
@@ -85,12 +89,15 @@ def main(namespace: argparse.Namespace) -> int:
         found = calibrate(views.used, views.size, namespace.model)
     except InputError as error:
         raise InputError(". ".join([str(error), *reasons])) from None
+    seen = _response(namespace.frames, board, found, views.numbers, console)
+    if isinstance(seen, BoardResponse):
+        found = replace(found, camera=replace(found.camera, response=seen.response))
     if namespace.picture is not None:
         write_picture(namespace.picture, found)
     if namespace.camera_info is not None:
         write_camera_info(namespace.camera_info, found.camera)
     write_opencv(namespace.out, found.camera)  # last, so that where it is new all the others are
-    _report(console, found, reasons)
+    _report(console, found, [*told(seen), *reasons])
     for path in (namespace.out, namespace.camera_info, namespace.picture):
         if path is not None:
             console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
@@ -100,12 +107,12 @@ def main(namespace: argparse.Namespace) -> int:
 def _views(places: list[Path], board: Board, console: Console) -> Views:
     """Finds the board in all images; InputError for different sizes, or where none can be read."""
     used: list[View] = []
+    numbers: list[int] = []
     left_out = defaultdict[str, list[str]](list)
     first: tuple[str, tuple[int, int]] | None = None
-    sources = [_source(place) for place in places]
-    total = sum(source.length for source in sources)
-    with ProgressBar(console, "looking for the board", total) as bar:
-        for name, image in chain.from_iterable(source.images for source in sources):
+    source = _all(places)
+    with ProgressBar(console, "looking for the board", source.length) as bar:
+        for number, (name, image) in enumerate(source.images):
             bar.update(advance=1)
             if image is None:
                 left_out["cannot be read as an image"].append(name)
@@ -122,10 +129,31 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
                 left_out[f"the same picture as {twin}"].append(name)
             else:
                 used.append(view)
+                numbers.append(number)
     if first is None:
         names = listed([name for names in left_out.values() for name in names][:NAMED])
         raise InputError(f"{names}: cannot be read as an image, expected views of the board")
-    return Views(used, dict(left_out), first[1])
+    return Views(used, numbers, dict(left_out), first[1])
+
+
+def _response(
+    places: list[Path], board: Board, found: Calibration, numbers: list[int], console: Console
+) -> BoardResponse | str:
+    """Reads the images with the `numbers` of the fitted views again; the response, or why it cannot be told."""
+    source, fits = _all(places), dict(zip(numbers, found.fits, strict=True))
+    pictures = Pictures(board, found.camera)
+    with ProgressBar(console, "measuring the camera's response", source.length) as bar:
+        for number, (_, image) in enumerate(source.images):
+            bar.update(advance=1)
+            if image is not None and number in fits and not fits[number].bad:
+                pictures.add(fits[number], image)
+    return pictures.result()
+
+
+def _all(places: list[Path]) -> Source:
+    """Returns the images of all `places`, in their order."""
+    sources = [_source(place) for place in places]
+    return Source(sum(source.length for source in sources), chain.from_iterable(one.images for one in sources))
 
 
 def _source(place: Path) -> Source:

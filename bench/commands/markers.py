@@ -57,12 +57,14 @@ def _markers(namespace: argparse.Namespace, markers: Markers, names: list[int]) 
     pages = lay_out(sheets(markers, names), namespace.page)
     if namespace.write_dictionary is not None:
         write(namespace.write_dictionary, markers.opencv)
-    paper.write_pdf(namespace.out, namespace.page, [paper.markers(placed) for placed in pages], markers.dictionary)
+    paper.write_pdf(
+        namespace.out, namespace.page, [paper.markers(placed, namespace.page) for placed in pages], markers.dictionary
+    )
     return len(pages)
 
 
 def _board(namespace: argparse.Namespace) -> None:
-    from ...frontend.markers.board import read_board
+    from ...frontend.boards.board import read_board
     from ..camera import paper
 
     board = read_board(namespace.board).opencv

@@ -2,11 +2,14 @@
 
 Accepts OpenCV's key names as its samples of several years spell them, and camera_info both as ROS's calibrator saves it
 and as a printed message. The format is recognised by the content.
+
+A camera's response is a mapping of its own, `camera_response`, which other readers of these files leave out.
 """
 
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -21,6 +24,7 @@ from ..errors import InputError
 from ..files import check_regular, write_whole
 from ..se2 import Array
 from .camera import DISTORTION_LENGTHS, Camera, Model
+from .response import read_response
 
 LARGEST = 1_000_000
 """Bytes; a larger file is not a calibration."""
@@ -38,10 +42,13 @@ MODELS: dict[str, Model] = {
 }
 """Names of lens models in files and ROS messages -> the model."""
 
+RESPONSE = "camera_response"
+
 _MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix")
 _LENS = ("distortioncoefficients", "distcoeffs", "distortion", "d", "d1")
 _WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size")
 _MODEL, _FISHEYE = ("distortionmodel", "cameramodel", "model"), ("fisheyemodel", "fisheye")
+_RESPONSE = ("cameraresponse",)
 """Accepted keys, in lower case and without underscores."""
 
 
@@ -82,7 +89,12 @@ def read(path: Path, mounting: Array, size: tuple[int, int] | None = None) -> Ca
     if model is None:
         fisheye = flag is not None and str(flag.value).strip().lower() in ("1", "true", "yes")
         model = _Entry("distortion_model", "fisheye" if fisheye else "pinhole")
-    return _camera(str(path), (width, height), model, matrix, lens, mounting)
+    camera, response = _camera(str(path), (width, height), model, matrix, lens, mounting), find(_RESPONSE)
+    if response is None:
+        return camera
+    if not isinstance(response.value, Mapping):
+        raise InputError(f"{path}: {response.key}: found {str(response.value)[:60]!r}, expected gamma, sharpening ...")
+    return replace(camera, response=read_response(response.value, f"{path}: {response.key}"))
 
 
 def from_camera_info(
@@ -108,6 +120,11 @@ def write_opencv(path: Path, camera: Camera) -> None:
     storage.write("fisheye_model", int(camera.model == "fisheye"))
     storage.write("camera_matrix", camera.matrix)
     storage.write("distortion_coefficients", camera.coefficients[None] if len(camera.distortion) else np.zeros((1, 5)))
+    if camera.response is not None:
+        storage.startWriteStruct(RESPONSE, cv2.FileNode_MAP)
+        for name, value in camera.response.entries.items():
+            storage.write(name, value)
+        storage.endWriteStruct()
     write_whole(path, storage.releaseAndGetString())
 
 
@@ -132,12 +149,19 @@ def write_camera_info(path: Path, camera: Camera) -> None:
         *_matrix("rectification_matrix", 3, [1, 0, 0, 0, 1, 0, 0, 0, 1]),
         *_matrix("projection_matrix", 3, [fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0]),
     ]
+    if camera.response is not None:
+        lines += [f"{RESPONSE}:", *(f"  {name}: {_text(value)}" for name, value in camera.response.entries.items())]
     write_whole(path, "\n".join(lines) + "\n")
 
 
+def _text(number: float) -> str:
+    """The number as readers of YAML 1.1 know it for one: with a point, and a sign in its exponent."""
+    text = repr(float(number))
+    return text if "." in text else text.replace("e", ".0e")
+
+
 def _matrix(name: str, rows: int, numbers: Sequence[float]) -> list[str]:
-    texts = [repr(float(number)) for number in numbers]
-    texts = [text if "." in text else text.replace("e", ".0e") for text in texts]  # for readers of YAML 1.1
+    texts = [_text(number) for number in numbers]
     return [f"{name}:", f"  rows: {rows}", f"  cols: {len(texts) // rows}", f"  data: [{', '.join(texts)}]"]
 
 

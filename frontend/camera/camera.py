@@ -7,7 +7,7 @@ forward. A ray is the point (x, y) at which it meets the plane z = 1 of the came
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.polynomial.polynomial import polyval
 
 from ..errors import InputError
 from ..se2 import Array
+from .response import Response
 
 Model = Literal["pinhole", "fisheye"]
 
@@ -50,6 +51,22 @@ class Camera:
     distortion: tuple[float, ...]  # in OpenCV's order
     mounting: Array  # (4, 4) T_robot_camera: from the camera's frame to the robot's, m
     model: Model = "pinhole"
+    response: Response | None = None  # None: not calibrated
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The camera as an entry of a log's notes."""
+        response = {} if self.response is None else {"response": self.response.entries}
+        return {
+            "width": self.width,
+            "height": self.height,
+            "focal": self.focal,
+            "centre": self.centre,
+            "distortion": self.distortion,
+            "mounting": self.mounting.tolist(),
+            "model": self.model,
+            **response,
+        }
 
     @cached_property
     def matrix(self) -> Array:

@@ -90,7 +90,7 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
     return {
         **recording.notes,
         **(motion.settings if motion is not None else {}),
-        "camera": {**asdict(camera), "mounting": camera.mounting.tolist()},
+        "camera": camera.settings,
         "depth": {
             "counts": {**counts, **recording.left_out},
             "turned_down": dict(front_end.turned_down),

@@ -27,31 +27,17 @@ GRAIN = 2.0
 OUTLIER = 2.5
 """Standard deviations from which a residual counts linearly (Huber)."""
 
-LOG_BLUR = math.log(0.65)
-"""log px, of the blur that is expected."""
-
-BLUR_SD, INK_SD, TONE_SD, SHARP_SD, SLOPE_SD, BEND_SD = 1.0, 0.02, 0.5, 1.0, 0.3, 0.1
-"""Prior standard deviations: a tiny marker does not determine all of a look.
-
-A factor of e either way for the blur; 0.3 % of the side of a marker of 4 x 4 bits for the ink; gamma 2.2 is 0.8.
-"""
-
-EXPECTED = np.array([LOG_BLUR, 0.0, LOG_BLUR, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-SPREAD = np.array([
-    BLUR_SD, BLUR_SD, BLUR_SD, INK_SD, TONE_SD, SHARP_SD, SLOPE_SD, SLOPE_SD, BEND_SD, BEND_SD, BEND_SD
-])  # fmt: skip
-"""The priors of the parameters from the blur on."""
-
 
 @compiled
 def align(
-    image: NDArray[np.uint8], rays: Array, pattern: Array, homography: Array, corners: Array
+    image: NDArray[np.uint8], rays: Array, pattern: Array, homography: Array, corners: Array, prior: Array
 ) -> tuple[Array, Array, float, Array, Array]:
     """Aligns a pattern from a rough homography (3, 3): first homography and greys, then everything.
 
     Both use a part of the pixels near edges; one Newton step with all of them ends it. `image` (h, w) and its `rays`
-    (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. Returns the homography from
-    rays to (u, v), the normal matrix (21, 21), the residuals' standard deviation (infinite where there are too few
+    (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 11) has the
+    expected values of the look's parameters from the blur on, and their standard deviations. Returns the homography
+    from rays to (u, v), the normal matrix (21, 21), the residuals' standard deviation (infinite where there are too few
     pixels), the look (13,) and the gradient by edge, see `_accumulate`.
     """
     m = pattern.shape[0] - 2 * RIM
@@ -61,6 +47,8 @@ def align(
     look = np.zeros(PARAMETERS - 8)
     darkest, brightest = extremes(image, box)
     look[BLACK], look[WHITE] = max(darkest, BLACKEST), max(brightest, BLACKEST + 1.0)
+    for k in range(INK, len(look)):
+        look[k] = prior[0, k - A]
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (m + 1) * (m + 2), PARAMETERS + 1))
     places = np.empty((2 * ENOUGH, 7))
@@ -73,13 +61,13 @@ def align(
         if count < 2 * PARAMETERS * stride:
             return homography, normal, np.inf, look, by_edge
         homography, look, residual = _settled(
-            places[:count], stride, pattern, homography, look, active, cut, tolerance, normal, gradient, by_edge
+            places[:count], stride, pattern, homography, look, prior, active, cut, tolerance, normal, gradient, by_edge
         )
         if not residual < np.inf:
             return homography, normal, np.inf, look, by_edge
     cut = OUTLIER * max(residual, GRAIN)
     _, chi, total = _accumulate(
-        places[:count], 1, pattern, homography, look, cut, PARAMETERS, normal, gradient, by_edge
+        places[:count], 1, pattern, homography, look, prior, cut, PARAMETERS, normal, gradient, by_edge
     )
     factor = normal.copy()
     if not _solve(factor, gradient, PARAMETERS):
@@ -95,6 +83,7 @@ def _settled(
     pattern: Array,
     homography: Array,
     look: Array,
+    prior: Array,
     active: int,
     cut: float,
     tolerance: float,
@@ -110,7 +99,9 @@ def _settled(
     m = pattern.shape[0] - 2 * RIM
     step = np.zeros(PARAMETERS)
     factor = np.zeros((PARAMETERS, PARAMETERS))
-    loss, chi, total = _accumulate(places, stride, pattern, homography, look, cut, active, normal, gradient, by_edge)
+    loss, chi, total = _accumulate(
+        places, stride, pattern, homography, look, prior, cut, active, normal, gradient, by_edge
+    )
     damping = 1e-4
     for _ in range(ROUNDS):
         for i in range(active):
@@ -122,7 +113,7 @@ def _settled(
             return homography, look, np.inf
         trial_homography, trial_look, largest = _moved(homography, look, step, active, m)
         trial_loss, trial_chi, trial_total = _accumulate(
-            places, stride, pattern, trial_homography, trial_look, cut, active, factor, step, by_edge
+            places, stride, pattern, trial_homography, trial_look, prior, cut, active, factor, step, by_edge
         )
         if not trial_loss < loss * (1.0 + 1e-9):
             damping *= 10.0
@@ -147,6 +138,7 @@ def _accumulate(
     pattern: Array,
     G: Array,
     look: Array,
+    prior: Array,
     cut: float,
     active: int,
     normal: Array,
@@ -212,9 +204,9 @@ def _accumulate(
             gradient[i] += edge[i]
     variance = max(chi / max(total - active, 1.0), 0.25)
     for i in range(STIFF, active):
-        information = variance / (SPREAD[i - STIFF] * SPREAD[i - STIFF])
+        information = variance / (prior[1, i - STIFF] * prior[1, i - STIFF])
         normal[i, i] += information
-        gradient[i] -= information * (look[i - 8] - EXPECTED[i - STIFF])
+        gradient[i] -= information * (look[i - 8] - prior[0, i - STIFF])
     return loss, chi, total
 
 

@@ -19,6 +19,7 @@ from ..se2 import Array
 from . import template
 from .bits import sample
 from .markers import Markers
+from .prior import prior_of
 from .square_pose import SquarePose, square, square_poses
 
 Image = NDArray[np.uint8]
@@ -91,6 +92,10 @@ class Detector:
         return cv2.aruco.ArucoDetector(self.markers.opencv, parameters)
 
     @cached_property
+    def _prior(self) -> Array:
+        return prior_of(self.camera.response)
+
+    @cached_property
     def _patterns(self) -> dict[int, Array]:
         return {}
 
@@ -158,7 +163,7 @@ class Detector:
             return None
         if self.refinement != "template":
             return rays, self._cov_of_rays(rays, ROUGH_SD)
-        fit = template.fit(grey, self.camera.rays, pattern, rays, corners)
+        fit = template.fit(grey, self.camera.rays, pattern, rays, corners, self._prior)
         if fit is None:
             return None
         size = np.ptp(corners, axis=0).max()

@@ -11,7 +11,7 @@ def kernels() -> Kernels:
     table = np.zeros((3, 3))
     image, rays = np.zeros((2, 2), np.uint8), np.zeros((2, 2, 2))
     return [
-        (_alignment.align, (image, rays, table, table, table)),
+        (_alignment.align, (image, rays, table, table, table, table)),
         (_homography.corner_rays, (table, 4, table)),
         (_square_pose.explain, (table, table, table, table, table)),
         (_homography.homography, (table, 4)),

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,7 +127,7 @@ def _settings(recording: Recording) -> dict[str, Any]:
         **recording.notes,
         **recording.motion.settings,
         "noise": recording.noise.settings,
-        "camera": {**asdict(camera), "mounting": camera.mounting.tolist()},
+        "camera": camera.settings,
         "markers": {
             "dictionary": markers.dictionary,
             "side": markers.side,

@@ -21,6 +21,7 @@ from ._grey import BLACK, SHARP, WHITE, A
 from ._homography import corner_rays, homography
 from ._pixels import worst_module
 from ._share import RIM
+from .prior import UNKNOWN_CAMERA
 
 LEAST_CONTRAST = 12.0
 """Least grey levels between black and white."""
@@ -49,25 +50,30 @@ MODEL_SD = 0.002
 
 
 class Fit(NamedTuple):
-    """A pattern aligned with a frame."""
+    """A pattern aligned with a frame; `_grey` says which parameters there are."""
 
     rays: Array  # (4, 2) its corners on the plane z = 1 of the camera frame
     cov: Array  # (8, 8) their covariance
     residual: float  # grey levels, standard deviation
     contrast: float  # grey levels between white and black
     blur: Array  # (2, 2) px^2, the blur's covariance
+    look: Array  # (13,) the parameters from the greys on
+    normal: Array  # (21, 21) of all parameters, per squared grey level; it has the prior's part
 
 
-def fit(image: NDArray[np.uint8], rays: Array, pattern: Array, start: Array, corners: Array) -> Fit | None:
+def fit(
+    image: NDArray[np.uint8], rays: Array, pattern: Array, start: Array, corners: Array, prior: Array = UNKNOWN_CAMERA
+) -> Fit | None:
     """Aligns the square `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, with a grey `image` (h, w); None if it fails.
 
     `rays` (h, w, 2) are the pixels' rays; `start` (4, 2) and `corners` (4, 2) an initial guess of the pattern's
-    corners, to a pixel or two, as rays and in px: clockwise from the one at the pattern's first row and column.
+    corners, to a pixel or two, as rays and in px: clockwise from the one at the pattern's first row and column. `prior`
+    is one of `prior.py`.
     """
     modules = len(pattern) - 2 * RIM
     try:
         guess = homography(start, modules)
-        found, normal, residual, look, by_edge = align(image, rays, pattern, guess, corners)
+        found, normal, residual, look, by_edge = align(image, rays, pattern, guess, corners, prior)
         contrast = float(look[WHITE] - look[BLACK])
         if not (contrast > LEAST_CONTRAST and residual < NO_FIT * contrast):
             return None
@@ -81,7 +87,7 @@ def fit(image: NDArray[np.uint8], rays: Array, pattern: Array, start: Array, cor
         outline, cov = corner_rays(found, modules, change_cov)
     except np.linalg.LinAlgError:
         return None
-    return Fit(outline, cov, float(residual), contrast, root @ root.T)
+    return Fit(outline, cov, float(residual), contrast, root @ root.T, look, normal)
 
 
 def pattern(bits: NDArray[np.bool_]) -> Array:

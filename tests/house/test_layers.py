@@ -36,6 +36,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
+        "boards": {TOP, "camera", "markers"},
         "maps": {TOP, "camera"},
         "laser": {TOP, "maps"},
         "depth": {TOP, "wheels", "camera", "maps"},

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from slamduel.datasets.rendering.sensor import Sensor
+from slamduel.frontend.boards.board import Board, View
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.markers.aruco import Image
-from slamduel.frontend.markers.board import Board, View
 from slamduel.frontend.se2 import Array
 
 BOARD = Board(columns=8, rows=6, square=0.04, marker=0.03, dictionary="4X4_50")
@@ -36,6 +37,46 @@ def corners(camera: Camera, pose: Array, name: str, noise: float, rng: np.random
     seen = camera.project(points @ pose[:3, :3].T + pose[:3, 3])
     inside = ((seen > 2) & (seen < [camera.width - 3, camera.height - 3])).all(axis=1)
     return View(name, np.flatnonzero(inside), (seen + rng.normal(0, noise, seen.shape))[inside], points[inside])
+
+
+def sensed(
+    camera: Camera,
+    places: Sequence[Array],
+    sensor: Sensor,
+    rng: np.random.Generator,
+    board: Board = BOARD,
+    blur: float = 0.6,
+    ink: float = 0.0,
+) -> list[Image]:
+    """Photographs by a `sensor`, of light from 34 to 222 grey levels; `ink` m of growth of every edge of black.
+
+    The light falls off by up to a tenth towards one side of the board. `blur` px is the lens's standard deviation.
+    """
+    sharpness, fine = 240, 4
+    drawn = board.opencv.generateImage((board.columns * sharpness, board.rows * sharpness))
+    grown = round(abs(ink) / board.square * sharpness)
+    if grown:
+        drawn = (cv2.erode if ink > 0 else cv2.dilate)(drawn, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8))
+    drawn = np.pad(drawn, sharpness, constant_values=255)
+    v, u = np.mgrid[: fine * camera.height, : fine * camera.width] / fine - 0.5 + 0.5 / fine
+    rays = camera.undistort(np.stack((u.ravel(), v.ravel()), axis=-1))
+    rays = np.column_stack((rays, np.ones(len(rays)))).T
+    pixel = (1 - 1 / fine**2) / 12  # the variance that the mean over the rays of a pixel adds
+    taken: list[Image] = []
+    for pose in places:
+        x, y, w = np.linalg.inv(pose[:3, [0, 1, 3]]) @ rays
+        column, row = (np.stack((x, y)) / w * sharpness / board.square + sharpness - 0.5).astype(np.float32)
+        shape = u.shape
+        seen = cv2.remap(drawn, column.reshape(shape), row.reshape(shape), cv2.INTER_NEAREST, borderValue=255.0)
+        light = np.float32(34) + np.float32(188 / 255) * seen
+        light *= (1 - 0.1 * np.clip(column / drawn.shape[1], 0, 1)).reshape(shape).astype(np.float32)
+        light = cv2.GaussianBlur(light, (0, 0), fine * np.sqrt(blur**2 - pixel))
+        taken.append(
+            sensor.picture(
+                np.asarray(cv2.resize(light, (camera.width, camera.height), interpolation=cv2.INTER_AREA)), rng
+            )
+        )
+    return taken
 
 
 def photographs(camera: Camera, places: Sequence[Array], board: Board = BOARD) -> list[Image]:

@@ -57,7 +57,7 @@ def test_markers_are_detected_at_their_true_size(
     assert len(made) == pages
     seen: list[int] = []
     for placed in made:
-        found = read(picture(page, paper.markers(placed)), dictionary)
+        found = read(picture(page, paper.markers(placed, page)), dictionary)
         seen += found
         for sheet, x, y in placed:
             corners = found[sheet.name]
@@ -72,7 +72,7 @@ def test_markers_are_detected_at_their_true_size(
 def test_a_white_rim_of_a_module_around_every_marker() -> None:
     markers = Markers("4X4_50", 0.04, {3: 0.07})
     for placed in lay_out(sheets(markers, range(20)), "A4"):
-        image = picture("A4", paper.markers(placed))
+        image = picture("A4", paper.markers(placed, "A4"))
         height = image.shape[0]
         for sheet, x, y in placed:
             assert sheet.rim == pytest.approx(sheet.side / 6)
@@ -101,7 +101,7 @@ def test_sheets_stay_apart_and_on_their_page() -> None:
 
 
 def test_the_scale_bar_is_100_mm() -> None:
-    image = picture("A4", paper.markers([]))
+    image = picture("A4", paper.markers([], "A4"))
     rows, columns = np.nonzero(image < 128)
     bar = np.bincount(rows).argmax()
     ink = columns[rows == bar]
@@ -113,7 +113,7 @@ def test_the_pdf_has_the_pages_and_their_shapes(tmp_path: Path) -> None:
     """The path operators in the file itself, in points of 1/72 inch: no module is a shape of its own."""
     for page, size in (("A4", (595.276, 841.890)), ("letter", (612, 792))):
         placed = lay_out(sheets(Markers("4X4_50", 0.06), [0, 1]), page)
-        paper.write_pdf(tmp_path / "m.pdf", page, [paper.markers(each) for each in [*placed, *placed]], "two")
+        paper.write_pdf(tmp_path / "m.pdf", page, [paper.markers(each, page) for each in [*placed, *placed]], "two")
         pdf = (tmp_path / "m.pdf").read_bytes()
         boxes = [tuple(map(float, box.split())) for box in re.findall(rb"/MediaBox \[ ([^\]]*) \]", pdf)]
         assert len(boxes) == 2
@@ -131,7 +131,7 @@ def test_the_pdf_has_the_pages_and_their_shapes(tmp_path: Path) -> None:
             assert np.abs(points - np.array(corner) / 25.4 * 72).max(axis=1).min() < 1e-3
         assert drawn.count(b"\nf\n") == 1 + 3 + 2  # the page, the bar's three strokes, two markers
     first = (tmp_path / "m.pdf").read_bytes()
-    paper.write_pdf(tmp_path / "m.pdf", "letter", [paper.markers(each) for each in [*placed, *placed]], "two")
+    paper.write_pdf(tmp_path / "m.pdf", "letter", [paper.markers(each, "letter") for each in [*placed, *placed]], "two")
     assert (tmp_path / "m.pdf").read_bytes() == first
     assert [file.name for file in tmp_path.iterdir()] == ["m.pdf"]
 

@@ -23,6 +23,7 @@ from slamduel.frontend.markers._alignment import (
 from slamduel.frontend.markers._grey import BUMP, HALO, PARAMETERS, STIFF, curve_of, predict
 from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers.aruco import Image
+from slamduel.frontend.markers.prior import UNKNOWN_CAMERA
 from slamduel.frontend.markers.square_pose import square
 from slamduel.frontend.se2 import Array
 
@@ -301,7 +302,7 @@ def filled(spots: Array, G: Array, look: Array, active: int) -> tuple[Array, Arr
     """Normal matrix, gradient, and gradient by edge."""
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
-    _accumulate(spots, 1, PATTERN, G, look, np.inf, active, normal, gradient, by_edge)
+    _accumulate(spots, 1, PATTERN, G, look, UNKNOWN_CAMERA, np.inf, active, normal, gradient, by_edge)
     return normal, gradient, by_edge
 
 

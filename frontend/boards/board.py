@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
+from ..markers.aruco import Image
+from ..markers.markers import find
 from ..options import option
 from ..se2 import Array, Ints
-from .aruco import Image
-from .markers import find
 
 FEWEST_CORNERS = 8
 """Fewest corners of a usable image; they must not be collinear."""

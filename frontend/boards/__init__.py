@@ -1,0 +1,1 @@
+"""Boards of known markers: finding them in pictures, and calibrating a camera from these."""
