@@ -59,8 +59,7 @@ def markers(placed: Sequence[Placed], page: str) -> Draw:
                 size = min(largest, sheet.side / (0.6 * len(words)) / POINT)
                 up = y + STRIP * (0.7 - 0.45 * line)
                 figure.text(x + sheet.rim, up, words, transform=scale, fontsize=size, va="center")
-        for x, y, width, height in strip.boxes:
-            _fill(figure, scale, [_rectangle(left + x, EDGE + y, width, height)])
+        _fill(figure, scale, [_rectangle(left + x, EDGE + y, width, height) for x, y, width, height in strip.boxes])
         for x, y, words in strip.labels:
             figure.text(left + x, EDGE + y, words, transform=scale, fontsize=4.5, ha="center", va="center")
 

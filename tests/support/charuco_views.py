@@ -16,9 +16,11 @@ _SHARPNESS = 24
 """px per square of the drawing that views are warped from."""
 
 
-def poses(count: int, rng: np.random.Generator, tilt: float = 35, distance: float = 0.42) -> list[Array]:
+def poses(
+    count: int, rng: np.random.Generator, tilt: float = 35, distance: float = 0.42, board: Board = BOARD
+) -> list[Array]:
     """(4, 4) T_camera_board each: the board's middle ahead of the camera, tilted every way by up to `tilt` degrees."""
-    middle = np.array([BOARD.columns, BOARD.rows, 0]) * BOARD.square / 2
+    middle = np.array([board.columns, board.rows, 0]) * board.square / 2
     found: list[Array] = []
     for k in range(count):
         direction = 2 * np.pi * k / count

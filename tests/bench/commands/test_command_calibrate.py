@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from charuco_views import photographs, poses
+from charuco_views import photographs, poses, sensed
 from slamduel.bench.commands import calibrate
+from slamduel.datasets.rendering.sensor import Sensor
+from slamduel.frontend.boards.board import Board
 from slamduel.frontend.camera.calibration import read
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.errors import InputError
@@ -48,6 +50,31 @@ def test_a_folder_becomes_a_calibration(tmp_path: Path, pictures: Path, capsys: 
     assert "RMS in 6 views" in said
     assert all(f"view_{k}.png" in said for k in range(6))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calibration.yaml", "coverage.png", "info.yaml"]
+    assert found.response is None
+    assert "response to light not measured: found 0 usable markers in 0 pictures" in said
+
+
+def test_the_cameras_response_is_told_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """From two folders with images of the same names, one of them without the board, one a copy."""
+    board, rng = Board(columns=5, rows=4, square=0.05, marker=0.028, dictionary="4X4_50"), np.random.default_rng(1)
+    camera = Camera(480, 360, (440.0, 439.0), (241.0, 177.0), (0.0, 0.0, 0.0, 0.0, 0.0), np.eye(4))
+    images = sensed(camera, poses(6, rng, distance=0.36, board=board), Sensor(tone=1.8), rng, board)
+    for folder, part in (("one", [np.full_like(images[0], 128), *images[:3]]), ("two", [images[0], *images[3:]])):
+        (tmp_path / folder).mkdir()
+        for k, image in enumerate(part):
+            cv2.imwrite(str(tmp_path / folder / f"{k}.png"), image)
+    out, info = tmp_path / "c.yaml", tmp_path / "info.yaml"
+    words = "charuco[columns=5,rows=4,square=0.05,marker=0.028,dictionary=4X4_50]"
+    assert bench(tmp_path / "one", tmp_path / "two", "--board", words, "--out", out, "--camera-info", info) == 0
+    found = read(out, np.eye(4)).response
+    assert found is not None
+    assert found.gamma.value == pytest.approx(1.8, abs=0.15)
+    assert read(info, np.eye(4)).response == found
+    said = capsys.readouterr().out
+    assert f"tone curve of gamma {found.gamma.value:.2f}" in said
+    assert "markers in 6 views" in said
+    assert "the board's black is" in said
+    assert " at 200: variance " in said
 
 
 def test_a_video_becomes_a_calibration(tmp_path: Path, pictures: Path) -> None:

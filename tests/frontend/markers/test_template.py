@@ -14,6 +14,7 @@ from scipy.stats import multivariate_normal, norm
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.clutter import drawn
 from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.camera.response import Measured, Response
 from slamduel.frontend.markers import template
 from slamduel.frontend.markers._alignment import (
     _accumulate,  # pyright: ignore[reportPrivateUsage]
@@ -23,7 +24,7 @@ from slamduel.frontend.markers._alignment import (
 from slamduel.frontend.markers._grey import BUMP, HALO, PARAMETERS, STIFF, curve_of, predict
 from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers.aruco import Image
-from slamduel.frontend.markers.prior import UNKNOWN_CAMERA
+from slamduel.frontend.markers.prior import UNKNOWN_CAMERA, prior_of
 from slamduel.frontend.markers.square_pose import square
 from slamduel.frontend.se2 import Array
 
@@ -529,6 +530,28 @@ def test_what_moves_every_edge_moves_no_corner(webcam: Bench, effect: dict[str, 
     assert np.abs(np.mean(sizes)) < 4 * np.std(sizes) / np.sqrt(count) + 0.02
     assert np.std(sizes) < 0.15
     assert 0.5 < np.mean(chi2) < 1.6
+
+
+def test_a_calibrated_camera_says_more_of_a_small_marker(webcam: Bench) -> None:
+    """With its own tone and sharpening expected the same frames have smaller covariances, which hold."""
+    rng = np.random.default_rng(14)
+    response = Response(Measured(2.2, 0.02), Measured(0.6, 0.02), Measured(0.65, 0.01))
+    chi2, volumes = list[float](), list[float]()
+    for _ in range(40):
+        corners = hang(webcam, rng, span=24.0)
+        image = draw(webcam, corners, (0.65, 0.65), rng, gamma=2.2, sharpen=0.6)
+        pixels = webcam.camera.project(np.column_stack((corners, np.ones(4))))
+        start = webcam.camera.undistort(pixels)
+        unknown, known = (
+            template.fit(image, webcam.rays, PATTERN, start, pixels, prior_of(what)) for what in (None, response)
+        )
+        assert unknown is not None
+        assert known is not None
+        miss = (known.rays - corners).ravel()
+        chi2.append(float(miss @ np.linalg.solve(known.cov, miss)) / 8)
+        volumes.append(np.linalg.slogdet(known.cov)[1] - np.linalg.slogdet(unknown.cov)[1])
+    assert np.mean(volumes) < -0.05
+    assert 0.4 < np.mean(chi2) < 1.6
 
 
 def test_where_the_pattern_is_not() -> None:
