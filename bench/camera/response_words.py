@@ -14,10 +14,10 @@ def told(seen: BoardResponse | str) -> list[str]:
     response = seen.response
     return [
         f"tone curve of gamma {_shown(response.gamma)} (1: linear), by {seen.markers} markers in {seen.pictures} views",
-        f"sharpening of {_shown(response.sharpening)} times the edge's overshoot (0: none)",
+        f"sharpening by {_shown(response.sharpening)} of the difference to a blurred picture (0: none)",
         f"blur {_shown(response.blur)} px (standard deviation; median of the views)",
         *_noise(response),
-        f"ink: the board's black is {_shown(seen.ink, 1000)} mm too large at every edge",
+        f"ink: edges of the board's black are {_shown(seen.ink, 1000)} mm too far out (negative: in)",
     ]
 
 
@@ -31,7 +31,7 @@ def _noise(response: Response) -> list[str]:
 
 
 def _shown(measured: Measured, scale: float = 1.0) -> str:
-    """The value with its standard deviation, both to the second digit of the latter."""
+    """The value with its standard deviation, both to the first digit of the latter, and to two places at least."""
     value, sd = scale * measured.value, scale * measured.sd
-    digits = next((n for n in range(6) if sd * 10**n >= 1), 5) + 1
+    digits = next((n for n in range(2, 6) if sd * 10**n >= 1), 5)
     return f"{value:.{digits}f} ± {sd:.{digits}f}"

@@ -73,7 +73,7 @@ def test_the_cameras_response_is_told_and_kept(tmp_path: Path, capsys: pytest.Ca
     said = capsys.readouterr().out
     assert f"tone curve of gamma {found.gamma.value:.2f}" in said
     assert "markers in 6 views" in said
-    assert "the board's black is" in said
+    assert "edges of the board's black are" in said
     assert " at 200: variance " in said
 
 
