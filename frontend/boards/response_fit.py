@@ -112,6 +112,7 @@ class Pictures:
         prior = UNKNOWN_CAMERA.copy()
         common, sd = np.zeros(3), np.zeros(3)
         fits: list[tuple[int, template.Fit]] = []
+        pictures: set[int] = set()
         for _ in range(PASSES):
             fits = self._fits(prior)
             pictures = {picture for picture, _ in fits}

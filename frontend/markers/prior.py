@@ -21,8 +21,8 @@ INK_SD, TONE_SD, SHARP_SD, SLOPE_SD, BEND_SD = 0.02, 0.5, 1.0, 0.3, 0.1
 DRIFT = 0.1
 """Standard deviation by which a calibrated camera's tone and sharpening change from one picture to another.
 
-By the scene, with cameras that adapt, and by what the model leaves out. Held to less, rendered markers at 4 m got
-biased by 0.02 to 0.04 %.
+By the scene, with cameras that adapt, and by what the model leaves out. Held to a hundredth of it, ranges of
+rendered markers at 4 m had biases of up to 0.03 %.
 """
 
 UNKNOWN_CAMERA = np.array([

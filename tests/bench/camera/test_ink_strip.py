@@ -8,13 +8,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from slamduel.bench.camera import paper
 from slamduel.bench.camera.ink_strip import COARSE, FINE, LINES, STEP, ink_strip
 from slamduel.bench.camera.sheets import EDGE, FOOT, PAGES
-from slamduel.frontend.se2 import Array
+from slamduel.frontend.markers.aruco import Image
 
 PIXEL = 0.005
 """mm, of the drawings."""
 
 
-def drawn(spread: float, room: float = 90.0) -> Array:
+def drawn(spread: float, room: float = 90.0) -> Image:
     """The strip's black, as a printer draws it whose ink spreads so far, mm; rows go up."""
     strip = ink_strip(room, 150.0)
     black = np.zeros((round(7 / PIXEL), round(room / PIXEL)), np.uint8)
@@ -23,7 +23,7 @@ def drawn(spread: float, room: float = 90.0) -> Array:
         black[low:top, left:right] = 1
     reach = round(abs(spread) / PIXEL)
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    return np.asarray(cv2.dilate(black, kernel) if spread > 0 else cv2.erode(black, kernel))
+    return np.asarray((cv2.dilate if spread > 0 else cv2.erode)(black, kernel), np.uint8)
 
 
 @pytest.mark.parametrize("spread", [-0.05, 0.0, 0.05, 0.125, 0.2])

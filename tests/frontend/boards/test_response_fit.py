@@ -135,7 +135,7 @@ def test_pictures_add_up_and_their_errors_are_as_stated() -> None:
     """
     rng = np.random.default_rng(2)
     true, n, draws = np.array([0.01, 0.5, 0.3]), 12, 200
-    ratios = list[float]()
+    ratios, pictures = list[float](), list[_Shared]()
     for _ in range(draws):
         pictures = list[_Shared]()
         for _ in range(n):
