@@ -25,7 +25,7 @@ def _noise(response: Response) -> list[str]:
     noise, by_grey = response.noise, response.noise_by_grey
     if noise is None or by_grey is None:
         return ["noise not measured: too little of the board is plain black and plain white in these views"]
-    dark, bright = (max(noise.value + by_grey.value * grey, 0.0) ** 0.5 for grey in (DARK, BRIGHT))
+    dark, bright = ((response.variance(grey) or 0.0) ** 0.5 for grey in (DARK, BRIGHT))
     variance = f"{_shown(noise)}, and {_shown(by_grey)} more per grey level"
     return [f"noise of {dark:.2g} grey levels at {DARK:g} and {bright:.2g} at {BRIGHT:g}: variance {variance}"]
 
