@@ -1,7 +1,7 @@
 """Measures what each effect of a real camera, and of print and paper, does to the sightings of markers."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ class Effect(NamedTuple):
     name: str
     sensor: Sensor = IDEAL
     prints: Print = PERFECT
+    modelled: bool = True  # detection is given the rolling shutter and the motion of the camera
 
     @property
     def streak(self) -> float:
@@ -54,6 +55,7 @@ EFFECTS = (
     Effect("aberration 0.1 %", Sensor(aberration=0.001)),
     Effect("exposure 8 ms", Sensor(exposure=0.008)),
     Effect("rolling shutter 30 ms", Sensor(readout=0.03)),
+    Effect("rolling shutter 30 ms, ignored", Sensor(readout=0.03), modelled=False),
     Effect("ink +0.5 %", prints=Print(ink=0.005)),
     Effect("ink -0.2 %", prints=Print(ink=-0.002)),
     Effect("curl +3 mm", prints=Print(curl=0.003)),
@@ -84,7 +86,8 @@ class CameraStudy:
             studio = Studio(SMALL, sensor=effect.sensor, prints=effect.prints)
             rngs = (np.random.default_rng([self.seed, 5, round(1000 * distance), k]) for k in range(count))
             shots = (studio.place(distance, rng, effect.streak, effect.skew) for rng in rngs)
-            rows = accuracies(self._detectors, shots, distance, effect.streak, count, progress)
+            detectors = self._detectors[effect.sensor.readout if effect.modelled else 0.0]
+            rows = accuracies(detectors, shots, distance, effect.streak, count, progress)
             found += [CameraAccuracy(effect.name, row) for row in rows]
         return found
 
@@ -94,5 +97,10 @@ class CameraStudy:
         return len(DISTANCES) * len(self.effects)
 
     @cached_property
-    def _detectors(self) -> dict[Refinement, Detector]:
-        return {name: Detector(MARKERS, SMALL, name) for name in COMPARED}
+    def _detectors(self) -> dict[float, dict[Refinement, Detector]]:
+        """The detectors by the time of readout that they are given, s."""
+        readouts = {0.0, *(effect.sensor.readout for effect in self.effects)}
+        cameras = {readout: replace(SMALL, readout=readout) for readout in sorted(readouts)}
+        return {
+            readout: {name: Detector(MARKERS, camera, name) for name in COMPARED} for readout, camera in cameras.items()
+        }

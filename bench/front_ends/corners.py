@@ -179,8 +179,11 @@ def accuracies(
 
 
 def errors_in(detector: Detector, shot: Placement) -> tuple[list[tuple[float, float, float]], int]:
-    """Returns errors of distance (m) and bearing (rad), normalised squared errors, and the number of wrong ids."""
-    sightings, _ = detector.detect(shot.image)
+    """Returns errors of distance (m) and bearing (rad), normalised squared errors, and the number of wrong ids.
+
+    A detector that knows of its camera's rolling shutter is given the shot's motion.
+    """
+    sightings, _ = detector.detect(shot.image, shot.motion if detector.camera.readout else None)
     right = [sighting for sighting in sightings if sighting.id == shot.id]
     mounting = detector.camera.mounting
     z, cov = PropagatedNoise().measure(right, mounting)

@@ -101,7 +101,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     if camera is not None and streams.camera is not None:
         streams.remarks.extend(_contradicted(camera, streams.camera, path))
     if camera is None and streams.camera is not None:
-        camera = replace(streams.camera, mounting=robot.mounting)
+        camera = replace(streams.camera, mounting=robot.mounting, readout=robot.readout)
     if camera is None:
         raise InputError(
             f"{path}: the camera's calibration is unknown, expected {ROBOT} to name its file: "
@@ -167,7 +167,7 @@ class _Frames:
 
     def __iter__(self) -> Iterator[Frame]:
         first, last = self.motion.t[[0, -1]]
-        shift = self.robot.time_offset + self.robot.exposure / 2
+        shift = self.robot.time_offset + (self.robot.exposure + self.robot.readout) / 2
         number, decoded, inside, begin, end = 0, 0, 0, np.inf, -np.inf
         for number, frame in enumerate(self.frames, start=1):
             t = frame.t + shift

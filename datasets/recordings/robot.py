@@ -1,7 +1,7 @@
 """Reads and writes robot.toml, a robot's parameters for reading its recordings.
 
     name = "my robot"
-    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure
+    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout
     [markers]    dictionary, side, sides, max_range
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
@@ -17,7 +17,7 @@ rad, times in s.
 """
 
 import shutil
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,9 @@ from .rosbag import Topics
 CALIBRATION = "calibration.yaml"
 """Name of the file beside a recording."""
 
+LONGEST_READOUT = 0.5
+"""s; the slowest sensors take a tenth of a second for all rows."""
+
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
 
@@ -67,7 +70,8 @@ class Robot:
     # (4, 4) T_robot_camera, the camera's own if there is one; straight ahead from the robot's origin
     mounting: Array = field(default_factory=lambda: mounting(0, 0, 0, 0))
     time_offset: float = 0.0  # s, added to the frames' stamps to get the motion's clock
-    exposure: float = 0.0  # s; frames are stamped at its start
+    exposure: float = 0.0  # s; frames are stamped at its start, that of their first row
+    readout: float = 0.0  # s from the first row's exposure to the last's, the camera's own if there is one
     max_range: float = 3.0  # m
     encoder: Encoder | None = None
     counter_bits: int | None = None  # the width of the wheels' counters; None: they never wrap
@@ -88,20 +92,22 @@ def read_robot(path: Path) -> Robot:
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
-    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
+    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure", "readout"))
     markers = file.table("markers").only(("dictionary", "side", "sides", "max_range"))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
     topics = file.table("topics").only(Topics._fields)
-    placed = pose_in(camera, "mounting")
+    placed, readout = pose_in(camera, "mounting"), _readout(camera)
+    lens = calibrated(camera, placed)
     return Robot(
         name=file.text("name") if file.has("name") else path.absolute().parent.name,
         markers=_markers(markers),
-        camera=calibrated(camera, placed),
+        camera=None if lens is None else replace(lens, readout=readout),
         mounting=placed,
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
+        readout=readout,
         max_range=markers.number("max_range", 3.0, above=0),
         encoder=_encoder(encoder) if file.has("encoder") else None,
         counter_bits=encoder.choice("counter_bits", None, COUNTER_BITS),
@@ -137,6 +143,7 @@ def write_robot(path: Path, robot: Robot) -> None:
             "mounting": {"matrix": robot.mounting.tolist()},
             "time_offset": robot.time_offset,
             "exposure": robot.exposure,
+            "readout": robot.readout,
         },
         "markers": {
             "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
@@ -160,6 +167,14 @@ def write_robot(path: Path, robot: Robot) -> None:
         write_whole(path, tomli_w.dumps(without_none(words)))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
+
+
+def _readout(camera: TomlTable) -> float:
+    """The time of readout; one that is too long was not given in seconds."""
+    readout = camera.number("readout", 0.0, least=0)
+    if readout > LONGEST_READOUT:
+        raise camera.fault("readout", f"a number of seconds, at most {LONGEST_READOUT:g}")
+    return readout
 
 
 def _markers(markers: TomlTable) -> Markers:

@@ -168,13 +168,15 @@ def _write_words(folder: Path, recording: Recording, truth: Truth | None) -> Non
 
 
 def _robot(recording: Recording) -> Robot:
-    """robot.toml of the recording: frames are at the middle of their exposure, on the motion's clock."""
+    """robot.toml of the recording: frames are at the middle of their rows' exposures, on the motion's clock."""
     camera, motion = recording.detector.camera, recording.motion
     robot = Robot(
         name=recording.name,
         markers=recording.detector.markers,
         camera=camera,
         mounting=camera.mounting,
+        time_offset=-camera.readout / 2,
+        readout=camera.readout,
         max_range=recording.max_range,
         noise=recording.noise,
         prior=recording.prior,

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from ...frontend.camera.camera import Camera
+from ...frontend.camera.shutter import CameraMotion
 from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image, square
 from ...frontend.markers.markers import find
@@ -50,6 +51,14 @@ class Placement(NamedTuple):
     id: int
     pose: Array  # (4, 4) T_camera_marker, in the middle of the exposure
     image: Image
+    motion: CameraMotion | None = None  # exact, of a camera with a rolling shutter; None: of others
+
+
+class Swayed(NamedTuple):
+    """A motion of the camera around the middle of a frame."""
+
+    parts: Array  # T_middle_camera: (n, 4, 4) of the exposure's parts; (b, n, 4, 4) of each band's of a rolling shutter
+    motion: CameraMotion | None  # of a rolling shutter
 
 
 class Crowd(NamedTuple):
@@ -67,21 +76,23 @@ class Studio:
     camera: Camera
     samples: int = 8
     tilt: float = np.pi / 4  # rad, largest angle between a marker's normal and the line of sight
-    sensor: Sensor = IDEAL  # its times are unused: `sway` says how far the camera moves in pixels
+    sensor: Sensor = IDEAL  # its exposure is unused: `sway` says how far the camera moves in pixels
     prints: Print = PERFECT
 
     def place(self, distance: float, rng: np.random.Generator, streak: float = 0.0, skew: float = 0.0) -> Placement:
         """A frame with one marker of random id and place in view, `distance` m from the camera.
 
         With a `streak` the camera moves during the exposure, and draws the marker out to between 0 and that many px;
-        with a `skew`, it has a rolling shutter, and between the exposures of its first and its last row the marker
+        with a `skew`, its sensor has to have a time of readout, between the first row and the last of which the marker
         moves by between 0 and that many px. With both it is the same share of both.
         """
         pose, _ = self.hang(distance, rng)
         (name,) = self.any_id(rng)
-        share = rng.uniform(0, 1) if streak or skew else 0.0
-        motion = self.sway(pose, share * streak, rng, share * skew) if streak or skew else None
-        return Placement(name, pose, self.take({name: pose}, rng, motion))
+        if not (streak or skew):
+            return Placement(name, pose, self.take({name: pose}, rng))
+        share = rng.uniform(0, 1)
+        swayed = self.sway(pose, share * streak, rng, share * skew)
+        return Placement(name, pose, self.take({name: pose}, rng, swayed.parts), swayed.motion)
 
     def hang(self, distance: float, rng: np.random.Generator) -> tuple[Array, Array]:
         """T_camera_marker of a marker at a random place in view, randomly turned, and its sheet's corners (4, 2) px.
@@ -121,11 +132,10 @@ class Studio:
         renderer = replace(self._empty, room=replace(self._empty.room, markers=hung))
         return renderer.frame(EYE if motion is None else EYE @ motion, rng)
 
-    def sway(self, pose: Array, streak: float, rng: np.random.Generator, skew: float = 0.0) -> Array:
-        """(n, 4, 4) T_middle_camera: an even random motion that draws a marker out to `streak` px.
+    def sway(self, pose: Array, streak: float, rng: np.random.Generator, skew: float = 0.0) -> Swayed:
+        """An even random motion that draws a marker out to `streak` px: the mean of its corners' streaks.
 
-        That is the mean of its corners' streaks. The middle of the motion is the identity. With a `skew` it is
-        (b, n, 4, 4), one motion for each band of rows of a rolling shutter: `skew` px pass between its first and last.
+        With a `skew`, that many px pass between the first row and the last of the sensor's readout.
         """
         turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
         corners = square(SIDE) @ pose[:3, :3].T + pose[:3, 3]
@@ -135,9 +145,13 @@ class Studio:
         parts = int(np.ceil(streak)) + 1
         within = streak / by_amount * ((np.arange(parts) + 0.5) / parts - 0.5)
         if not skew:
-            return _moved(within, turn, shift)
-        rows = skew / by_amount * Sensor(readout=1.0).delays(self.camera.height)
-        return np.array([_moved(later + within, turn, shift) for later in rows])
+            return Swayed(_moved(within, turn, shift), None)
+        pace = skew / by_amount / self.sensor.readout
+        rows = pace * self.sensor.delays(self.camera.height)
+        rates = pace * np.concatenate((turn, shift))
+        return Swayed(
+            np.array([_moved(later + within, turn, shift) for later in rows]), CameraMotion(rates, np.zeros((6, 6)))
+        )
 
     def any_id(self, rng: np.random.Generator, count: int = 1) -> tuple[int, ...]:
         """That many different ids of the dictionary."""

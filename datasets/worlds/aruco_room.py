@@ -140,7 +140,7 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
         name="aruco-room",
         frames=take(renderer, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
         motion=Wheels(ticks, encoder),
-        detector=Detector(Markers(DICTIONARY, SIDE), camera, unread=options.unreadable > 0),
+        detector=Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0),
         noise=_noise(options),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from ...frontend.camera.camera import Camera
 from ...frontend.options import option
 from ..rendering.sensor import LINEAR, MOSAICS, SENSORS, SRGB, Sensor
 from ..rendering.sheet import Print
@@ -21,6 +22,10 @@ class CameraOptions:
     readout: float | None = option(
         None, "rolling shutter: time from the first row to the last, s", minimum=0.0, maximum=0.1
     )
+    shutter: str = option(
+        "modelled", "whether detection knows of the rolling shutter; ignored: as if it were a global one",
+        choices=("modelled", "ignored"),
+    )  # fmt: skip
     aberration: float | None = option(
         None, "share by which the red image is larger, and the blue one smaller, than the green one",
         minimum=-0.01, maximum=0.01,
@@ -49,6 +54,11 @@ class CameraOptions:
         given = {name: getattr(self, name) for name in names} | {"radius": self.sharpen_radius}
         own = {name: value for name, value in given.items() if value is not None}
         return replace(SENSORS[self.sensor], grain=self.grain, **own)
+
+    def known(self, camera: Camera) -> Camera:
+        """The camera as detection knows it."""
+        readout = self.made_sensor.readout if self.shutter == "modelled" else 0.0
+        return replace(camera, readout=readout) if readout else camera
 
     @property
     def prints(self) -> Print:

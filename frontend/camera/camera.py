@@ -52,6 +52,7 @@ class Camera:
     mounting: Array  # (4, 4) T_robot_camera: from the camera's frame to the robot's, m
     model: Model = "pinhole"
     response: Response | None = None  # None: not calibrated
+    readout: float = 0.0  # s from the first row's exposure to the last's: a rolling shutter; 0: a global one
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -65,6 +66,7 @@ class Camera:
             "distortion": self.distortion,
             "mounting": self.mounting.tolist(),
             "model": self.model,
+            **({"readout": self.readout} if self.readout else {}),
             **response,
         }
 
@@ -102,6 +104,10 @@ class Camera:
         v, u = np.mgrid[: self.height, : self.width]
         rays = self.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
         return np.ascontiguousarray(rays.reshape(*u.shape, 2))
+
+    def delays(self, rows: Array) -> Array:
+        """(...) s, when `rows` (...), px, are exposed, from the middle of the frame, which its time and pose are of."""
+        return self.readout * ((np.asarray(rows, float) + 0.5) / self.height - 0.5)
 
     def undistort(self, pixels: Array) -> Array:
         """Computes the rays (n, 2) of `pixels` (n, 2); each projects to its pixel again to 1e-8 px.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera.camera import Camera
+from ..camera.shutter import CameraMotion, SweptPlane
 from ..compile_ahead import compile_ahead
 from ..errors import InputError
 from ..factors import UNKNOWN
@@ -61,7 +62,7 @@ class Sighting(NamedTuple):
     """A marker found in a frame."""
 
     id: int  # UNKNOWN: of a square whose bits are no marker's
-    corners: Array  # (4, 2) px, clockwise from the marker's own top left one
+    corners: Array  # (4, 2) px, where they are in the image, clockwise from the marker's own top left one
     corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
     centre: Array  # (3,) m, the marker's centre in the camera frame, averaged over the poses that explain the corners
@@ -108,11 +109,12 @@ class Detector:
             self._patterns[name] = template.pattern(drawn[1:-1, 1:-1] > 0)
         return self._patterns[name]
 
-    def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
+    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
         """Detects the markers in a grey or BGR `image`, sorted by id, and counts rejections by reason.
 
-        Of several with one id, unless it is UNKNOWN, the largest in the image stays. InputError for an image that is
-        not of the camera's size.
+        Of several with one id, unless it is UNKNOWN, the largest in the image stays. With the `motion` of a camera that
+        has a rolling shutter, poses and centres are those at the middle of the frame; without it such a camera is taken
+        to stand. InputError for an image that is not of the camera's size.
         """
         height, width = image.shape[:2]
         if (width, height) != (self.camera.width, self.camera.height):
@@ -127,11 +129,11 @@ class Detector:
         sightings: list[Sighting] = []
         for index in np.lexsort((-_area(corners), names)):
             name = int(names[index])
-            refined = self._refine(grey, self._pattern(name), corners[index], rays[index])
+            refined = self._refine(grey, self._pattern(name), corners[index], rays[index], name, motion)
             if refined is None:
                 rejected["the printed pattern is not there"] += 1
                 continue
-            sighting = self.locate(name, *refined)
+            sighting = self._located(name, *refined, motion)
             if sighting is None:
                 rejected["no pose explains the corners"] += 1
             elif sightings and sightings[-1].id == name:
@@ -139,44 +141,84 @@ class Detector:
             else:
                 sightings.append(sighting)
         if self.unread:
-            sightings = [*self._unread(grey, np.asarray(others, float).reshape(-1, 4, 2)), *sightings]
+            sightings = [*self._unread(grey, np.asarray(others, float).reshape(-1, 4, 2), motion), *sightings]
         alone = _alone(sightings)
         if len(alone) < len(sightings):
             rejected["inside another marker"] += len(sightings) - len(alone)
         return alone, rejected
 
-    def _unread(self, grey: Image, quads: Array) -> Iterator[Sighting]:
+    def _unread(self, grey: Image, quads: Array, motion: CameraMotion | None) -> Iterator[Sighting]:
         """Yields the squares among the outlines `quads` (n, 4, 2) that are printed like a marker."""
         for corners, rays in zip(quads, self.camera.undistort(quads.reshape(-1, 2)).reshape(-1, 4, 2), strict=True):
             bits = sample(grey, corners, self.markers.opencv.markerSize)
-            refined = None if bits is None else self._refine(grey, template.pattern(bits), corners, rays)
-            sighting = None if refined is None else self.locate(UNKNOWN, *refined)
+            if bits is None:
+                continue
+            refined = self._refine(grey, template.pattern(bits), corners, rays, UNKNOWN, motion)
+            sighting = None if refined is None else self._located(UNKNOWN, *refined, motion)
             if sighting is not None:
                 yield sighting
 
-    def _refine(self, grey: Image, pattern: Array, corners: Array, rays: Array) -> tuple[Array, Array] | None:
-        """The rays (4, 2) of `corners` (4, 2), px, which have about `rays`, and their covariance (8, 8).
+    def _refine(
+        self, grey: Image, pattern: Array, corners: Array, start: Array, name: int, motion: CameraMotion | None
+    ) -> tuple[Array, Array] | None:
+        """The rays (4, 2) at the middle of the frame, of `corners` (4, 2), px, and their covariance (8, 8).
 
-        None where the marker is not in the frame.
+        `start` (4, 2) are about the rays that see them. None where the marker is not in the frame.
         """
-        if not np.isfinite(rays).all():
+        if not np.isfinite(start).all():
             return None
+        if motion is None:
+            return self._aligned(grey, pattern, start, corners, None)
+        swept = self._swept(name, start, self._cov_of_rays(start, ROUGH_SD), motion)
+        if swept is None:
+            return None
+        start = swept.at_middle(start[:, None], corners[:, 1])[:, 0]
+        aligned = self._aligned(grey, pattern, start, corners, swept) if np.isfinite(start).all() else None
+        if aligned is None:
+            return None
+        # Rough corners give a rough distance; now it is known, and so is how far the plane moved past each row.
+        seen, again = swept.seen(aligned[0]), self._swept(name, *aligned, motion)
+        if again is None:
+            return None
+        rays, motion_cov = again.corners_at_middle(self.camera.undistort(seen), seen[:, 1])
+        return (rays, aligned[1] + motion_cov) if np.isfinite(rays).all() else None
+
+    def _aligned(
+        self, grey: Image, pattern: Array, start: Array, corners: Array, swept: SweptPlane | None
+    ) -> tuple[Array, Array] | None:
+        """`_refine` for corners at the rays `start` (4, 2) and, in the image, `corners` (4, 2) px.
+
+        `swept` is the marker's plane where the camera moves, roughly.
+        """
         if self.refinement != "template":
-            return rays, self._cov_of_rays(rays, ROUGH_SD)
-        fit = template.fit(grey, self.camera.rays, pattern, rays, corners, self._prior)
+            return start, self._cov_of_rays(start, ROUGH_SD)
+        rays = self.camera.rays if swept is None else swept.rays_around(corners)
+        fit = template.fit(grey, rays, pattern, start, corners, self._prior)
         if fit is None:
             return None
         size = np.ptp(corners, axis=0).max()
-        moved = np.abs(fit.rays - rays).max() / np.ptp(rays, axis=0).max() * size
+        moved = np.abs(fit.rays - start).max() / np.ptp(start, axis=0).max() * size
         if not moved < FARTHEST + LARGEST_SHARE * size:
             return None
         # The model's errors are in the image; at its centre a pixel is one over the focal length.
         return fit.rays, fit.cov + (template.MODEL_SD / self.camera.focal[0]) ** 2 * np.eye(8)
 
+    def _swept(self, name: int, rays: Array, cov: Array, motion: CameraMotion) -> SweptPlane | None:
+        """The plane of the marker whose corners have `rays` (4, 2) with covariance (8, 8); None without a pose."""
+        poses = square_poses(rays, cov, self.markers.side_of(name))
+        return SweptPlane(self.camera, poses[0].pose, motion) if poses else None
+
     def _cov_of_rays(self, rays: Array, sd: float) -> Array:
         """(8, 8) the covariance of the `rays` (4, 2) of corners that have `sd` px along both axes of the image."""
         by_pixel = np.linalg.inv(_by_ray(self.camera, rays))
         return sd**2 * by_pixel @ by_pixel.T
+
+    def _located(self, name: int, rays: Array, cov: Array, motion: CameraMotion | None) -> Sighting | None:
+        """`locate`, with the corners where a moving camera sees them."""
+        sighting = self.locate(name, rays, cov)
+        if sighting is None or motion is None:
+            return sighting
+        return sighting._replace(corners=SweptPlane(self.camera, sighting.pose, motion).seen(rays))
 
     def locate(self, name: int, rays: Array, cov: Array) -> Sighting | None:
         """The pose of the marker whose corners have `rays` (4, 2) with covariance (8, 8); None without a solution.

@@ -36,6 +36,15 @@ def test_times_of_a_sensor_are_motion_in_the_image() -> None:
     assert Effect("shutter", Sensor(readout=0.03)).skew == pytest.approx(0.03 * PACE)
 
 
+def test_a_rolling_shutter_that_is_modelled_is_as_good_as_none() -> None:
+    shutter = Effect("rolling", Sensor(readout=0.03))
+    ignored = shutter._replace(name="ignored", modelled=False)
+    rows = CameraStudy(effects=(shutter, ignored)).accuracy(2.0, 8, lambda: None)
+    nees = {row.camera: row.accuracy.nees for row in rows if row.accuracy.refinement == "template"}
+    assert nees["rolling"] < 3
+    assert nees["ignored"] > 100
+
+
 def test_each_effect_is_measured_alone_and_the_cameras_whole() -> None:
     assert EFFECTS[0] == Effect("ideal")
     assert len({effect.name for effect in EFFECTS}) == len(EFFECTS)

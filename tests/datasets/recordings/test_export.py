@@ -72,6 +72,25 @@ def test_lossless_formats_give_the_same_factors(
     np.testing.assert_array_equal(truth.map.xy, drive[1].map.xy)
 
 
+def test_a_rolling_shutter_is_written_and_read(tmp_path: Path) -> None:
+    made, truth = record(Options(seconds=1.0, readout=0.04, noise="propagated"), generator("aruco-room", 3))
+    made = replace(made, frames=list(made.frames))
+    write({tmp_path / "a": "frames"}, made, truth)
+    robot = read_robot(tmp_path / "a" / "robot.toml")
+    assert (robot.readout, robot.time_offset) == (0.04, -0.02)
+    expected, found = build_log(made), build(open_recording(tmp_path / "a")).log
+    np.testing.assert_array_equal(found.ids, expected.ids)
+    for column in ("t", "z", "z_cov"):
+        np.testing.assert_allclose(
+            getattr(found, column), getattr(expected, column), rtol=0, atol=1e-7
+        )  # stamps are rounded
+    (tmp_path / "a" / "robot.toml").write_text(
+        (tmp_path / "a" / "robot.toml").read_text().replace("readout = 0.04", "").replace("time_offset = -0.02", "")
+    )
+    ignored = build(open_recording(tmp_path / "a")).log
+    assert np.abs(ignored.z - expected.z).max() > 1e-3
+
+
 def test_lossy_video_is_within_the_noise(log: Log, folders: dict[str, Path]) -> None:
     found = build(open_recording(folders["mp4"])).log
     np.testing.assert_array_equal(found.t, log.t)

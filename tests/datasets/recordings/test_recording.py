@@ -126,6 +126,16 @@ def test_counts_are_interpolated_at_the_middle_of_the_exposure(tmp_path: Path) -
     np.testing.assert_allclose(log.delta[2], expected.delta, atol=1e-12)
 
 
+def test_a_rolling_shutters_frames_are_stamped_at_their_first_row(tmp_path: Path) -> None:
+    """The middle row is exposed half of the readout and of the exposure later, and detection knows of the shutter."""
+    folder = frames_in(tmp_path / "a", robot=robot_with(time_offset=0.01, exposure=0.02, readout=0.03))
+    opened = open_recording(folder)
+    assert opened.recording.detector.camera.readout == 0.03
+    log = build(opened).log
+    np.testing.assert_allclose(log.t, np.array(TIMES) + 0.035, atol=1e-12)
+    assert log.notes["camera"]["readout"] == 0.03
+
+
 @pytest.mark.parametrize(("digits", "unit"), [(19, 1e-9), (16, 1e-6), (13, 1e-3)])
 def test_names_that_count_from_1970(tmp_path: Path, digits: int, unit: float) -> None:
     begin = 1_403_636_579

@@ -40,6 +40,7 @@ calibration = "calibration.yaml"
 mounting = {xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]}
 time_offset = -0.25
 exposure = 0.02
+readout = 0.03
 [markers]
 dictionary = "4X4_50"
 side = 0.16
@@ -85,8 +86,8 @@ def folder_with(folder: Path, words: str, calibration: str = CALIBRATION) -> Pat
 
 
 def assert_same(found: Robot, expected: Robot) -> None:
-    plain = ("name", "time_offset", "exposure", "max_range", "encoder", "counter_bits", "max_speed", "track_noise")
-    for name in (*plain, "drift", "noise", "topics", "frames"):
+    plain = ("name", "time_offset", "exposure", "readout", "max_range", "encoder", "counter_bits", "max_speed")
+    for name in (*plain, "track_noise", "drift", "noise", "topics", "frames"):
         assert getattr(found, name) == getattr(expected, name), name
     np.testing.assert_allclose(found.mounting, expected.mounting, atol=1e-15)
     for one, other in ((found.markers, expected.markers),):
@@ -95,7 +96,7 @@ def assert_same(found: Robot, expected: Robot) -> None:
     np.testing.assert_array_equal(found.prior.cov, expected.prior.cov)
     assert (found.camera is None) == (expected.camera is None)
     if found.camera is not None and expected.camera is not None:
-        for name in ("width", "height", "focal", "centre", "distortion", "model"):
+        for name in ("width", "height", "focal", "centre", "distortion", "model", "readout"):
             assert getattr(found.camera, name) == getattr(expected.camera, name), name
         np.testing.assert_allclose(found.camera.mounting, expected.camera.mounting, atol=1e-15)
 
@@ -106,10 +107,11 @@ def test_everything_is_read(tmp_path: Path) -> None:
     expected = Robot(
         name="cart",
         markers=Markers("4X4_50", 0.16, {7: 0.2}),
-        camera=Camera(160, 120, (150.5, 149.5), (79.5, 59.5), distortion, placed),
+        camera=Camera(160, 120, (150.5, 149.5), (79.5, 59.5), distortion, placed, readout=0.03),
         mounting=placed,
         time_offset=-0.25,
         exposure=0.02,
+        readout=0.03,
         max_range=4.0,
         encoder=Encoder(1.5e-4, 1.6e-4, 0.36, 0.01, "distance", 0.05, "arc", Floors(position=1e-3)),
         counter_bits=16,
@@ -158,38 +160,40 @@ def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
 
 REFUSALS = [
     ('name = "cart"', "name = 3", "line 2: name: found 3, expected a text in quotes."),
-    ("[drift]", "[drfit]", "line 27: drfit: there is no such key; did you mean 'drift'?"),
-    ("left = 1.5e-4", "left = 0", "line 14: encoder.left: found 0, expected metres per count, a number other than 0."),
-    ("left = 1.5e-4", "", "line 13: encoder has no 'left', expected a number."),
-    ("base = 0.36", "base = -0.36", "line 16: encoder.base: found -0.36, expected a number above 0."),
-    ("k = 0.01", "k = -1", "line 17: encoder.k: found -1, expected a number at least 0."),
-    ('noise = "distance"', 'noise = "far"', "line 18: encoder.noise: found 'far', expected one of 'proportional',"),
-    ("{position = 1e-3}", "{positon = 1e-3}", "line 21: encoder.floors.positon: there is no such key; did you mean"),
-    ("counter_bits = 16", "counter_bits = 12", "line 22: encoder.counter_bits: found 12, expected one of 8, 16, 32."),
-    ("counter_bits = 16", "counterbits = 16", "line 22: encoder.counterbits: there is no such key; did you mean"),
-    ("max_speed = 2.0", "max_speed = 0", "line 23: encoder.max_speed: found 0, expected a number above 0."),
-    ("forward = 0.03", "max_speed = 3.0", "line 25: odometry.max_speed: found 3.0, expected [encoder]'s 2, or nothing"),
-    ("forward = 0.03", "forward = -3", "line 25: odometry.forward: found -3, expected a number at least 0."),
-    ("turning = 0.6", "", "line 27: drift has no 'turning', expected a number above 0."),
+    ("[drift]", "[drfit]", "line 28: drfit: there is no such key; did you mean 'drift'?"),
+    ("left = 1.5e-4", "left = 0", "line 15: encoder.left: found 0, expected metres per count, a number other than 0."),
+    ("left = 1.5e-4", "", "line 14: encoder has no 'left', expected a number."),
+    ("base = 0.36", "base = -0.36", "line 17: encoder.base: found -0.36, expected a number above 0."),
+    ("k = 0.01", "k = -1", "line 18: encoder.k: found -1, expected a number at least 0."),
+    ('noise = "distance"', 'noise = "far"', "line 19: encoder.noise: found 'far', expected one of 'proportional',"),
+    ("{position = 1e-3}", "{positon = 1e-3}", "line 22: encoder.floors.positon: there is no such key; did you mean"),
+    ("counter_bits = 16", "counter_bits = 12", "line 23: encoder.counter_bits: found 12, expected one of 8, 16, 32."),
+    ("counter_bits = 16", "counterbits = 16", "line 23: encoder.counterbits: there is no such key; did you mean"),
+    ("max_speed = 2.0", "max_speed = 0", "line 24: encoder.max_speed: found 0, expected a number above 0."),
+    ("forward = 0.03", "max_speed = 3.0", "line 26: odometry.max_speed: found 3.0, expected [encoder]'s 2, or nothing"),
+    ("forward = 0.03", "forward = -3", "line 26: odometry.forward: found -3, expected a number at least 0."),
+    ("turning = 0.6", "", "line 28: drift has no 'turning', expected a number above 0."),
     ("exposure = 0.02", "exposure = -0.02", "line 7: camera.exposure: found -0.02, expected a number at least 0."),
+    ("readout = 0.03", "readout = -1", "line 8: camera.readout: found -1, expected a number at least 0."),
+    ("readout = 0.03", "readout = 30", "line 8: camera.readout: found 30, expected a number of seconds, at most 0.5."),
     ("exposure = 0.02", "size = [3.5, 2]", "line 7: camera.size: found [3.5, 2], expected width and height in whole"),
     ('"calibration.yaml"', '"else.yaml"', "line 4: camera.calibration: there is no file "),
     ("[0.0, 0.2, -0.1]", "[0.0, 0.2]", "line 5: camera.mounting.rpy: found [0.0, 0.2], expected 3 numbers."),
     ("rpy =", "yaw =", "line 5: camera.mounting.yaw: there is no such key; expected one of matrix, rpy, xyz."),
     ("rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "line 5: camera.mounting.matrix: is given beside xyz or rpy"),
     ("xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "line 5: camera.mounting.matrix: found"),
-    ('dictionary = "4X4_50"', 'dictionary = "4X4_51"', "line 9: markers.dictionary: marker dictionary: there is no"),
-    ('dictionary = "4X4_50"', "", "line 8: markers has no 'dictionary', expected a text in quotes."),
-    ("side = 0.16", "side = 0", "line 10: markers.side: found 0, expected a number above 0."),
-    ("side = 0.16", "side = 160", "line 8: markers: side: found 160, expected metres"),
-    ("{7 = 0.2}", "{seven = 0.2}", "line 11: markers.sides.seven: is not a marker's id, expected a whole number."),
-    ("{7 = 0.2}", "{7 = -1}", "line 11: markers.sides.7: found -1, expected a number above 0."),
-    ('model = "proportional"', 'model = "true"', "line 31: noise.model: found 'true', expected one of 'proportional',"),
-    ("k_range = 0.03", "k_rang = 0.03", "line 32: noise.k_rang: there is no such key; did you mean 'k_range'?"),
-    ("2.0, 0.5]", "2.0, 50.0]", "line 35: prior.pose: found [1.0, 2.0, 50.0], expected a heading from -pi to pi"),
-    ("sd = [0.1, 0.2", "sd = [0.1, 0", "line 36: prior.sd: found [0.1, 0, 0.3], expected 3 numbers above 0."),
-    ("image =", "imgae =", "line 38: topics.imgae: there is no such key; did you mean 'image'?"),
-    ("fps = 30", "fps = 0", "line 41: frames.fps: found 0, expected a number above 0."),
+    ('dictionary = "4X4_50"', 'dictionary = "4X4_51"', "line 10: markers.dictionary: marker dictionary: there is no"),
+    ('dictionary = "4X4_50"', "", "line 9: markers has no 'dictionary', expected a text in quotes."),
+    ("side = 0.16", "side = 0", "line 11: markers.side: found 0, expected a number above 0."),
+    ("side = 0.16", "side = 160", "line 9: markers: side: found 160, expected metres"),
+    ("{7 = 0.2}", "{seven = 0.2}", "line 12: markers.sides.seven: is not a marker's id, expected a whole number."),
+    ("{7 = 0.2}", "{7 = -1}", "line 12: markers.sides.7: found -1, expected a number above 0."),
+    ('model = "proportional"', 'model = "true"', "line 32: noise.model: found 'true', expected one of 'proportional',"),
+    ("k_range = 0.03", "k_rang = 0.03", "line 33: noise.k_rang: there is no such key; did you mean 'k_range'?"),
+    ("2.0, 0.5]", "2.0, 50.0]", "line 36: prior.pose: found [1.0, 2.0, 50.0], expected a heading from -pi to pi"),
+    ("sd = [0.1, 0.2", "sd = [0.1, 0", "line 37: prior.sd: found [0.1, 0, 0.3], expected 3 numbers above 0."),
+    ("image =", "imgae =", "line 39: topics.imgae: there is no such key; did you mean 'image'?"),
+    ("fps = 30", "fps = 0", "line 42: frames.fps: found 0, expected a number above 0."),
 ]  # fmt: skip
 
 

@@ -1,11 +1,13 @@
 """Placed markers are where they are said to be, and clutter holds none."""
 
+import cv2
 import numpy as np
 import pytest
 
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.clutter import clutter, drawn, is_marker
 from slamduel.datasets.rendering.marker_shots import RIM, Studio, crowds, placements
+from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.markers.aruco import Detector, square
 from slamduel.frontend.markers.markers import Markers
@@ -51,7 +53,7 @@ def test_motion_has_the_streak_asked_for_and_the_truth_in_its_middle() -> None:
     studio, rng = Studio(CAMERA), np.random.default_rng(3)
     for streak in (0.5, 4.0):
         pose, _ = studio.hang(2.0, rng)
-        motion = studio.sway(pose, streak, rng)
+        motion, _ = studio.sway(pose, streak, rng)
         assert len(motion) == np.ceil(streak) + 1
         seen = np.array([corners_of(np.linalg.inv(camera) @ pose) for camera in motion])
         np.testing.assert_allclose(seen.mean(axis=0), corners_of(pose), atol=0.01)
@@ -118,24 +120,30 @@ def test_the_same_seed_is_the_same_clutter() -> None:
 
 
 def test_a_rolling_shutter_sees_every_band_later_and_the_truth_in_the_middle_row() -> None:
-    studio, rng = Studio(CAMERA), np.random.default_rng(10)
+    studio, rng = Studio(CAMERA, sensor=Sensor(readout=0.03)), np.random.default_rng(10)
     pose, _ = studio.hang(2.0, rng)
-    motion = studio.sway(pose, 0.0, rng, skew=6.0)
+    motion, exact = studio.sway(pose, 0.0, rng, skew=6.0)
     assert motion.shape == (48, 1, 4, 4)
     seen = np.array([corners_of(np.linalg.inv(camera[0]) @ pose) for camera in motion])
     np.testing.assert_allclose(seen[23:25].mean(axis=0), corners_of(pose), atol=0.01)
     # from the middle of the first band of ten rows to that of the last are 470 rows of 480
     passed = np.linalg.norm(seen[-1] - seen[0], axis=1).mean() * 480 / 470
     assert passed == pytest.approx(6.0, rel=0.02)
-    both = studio.sway(pose, 2.0, rng, skew=6.0)
+    both, _ = studio.sway(pose, 2.0, rng, skew=6.0)
     assert both.shape == (48, 3, 4, 4)
+    # The motion that is handed on is that of the bands: 470 rows of 480 between the middles of the first and the last.
+    assert exact is not None
+    passed_m = motion[-1, 0, :3, 3] - motion[0, 0, :3, 3]
+    turn = np.ravel(cv2.Rodrigues(motion[0, 0, :3, :3].T @ motion[-1, 0, :3, :3])[0])
+    np.testing.assert_allclose(exact.rates * 0.03 * 470 / 480, [*turn, *passed_m], atol=1e-12)
+    assert not exact.cov.any()
 
 
 def test_a_markers_image_leans_as_far_as_the_shutter_takes() -> None:
     """Corners of a rendered frame against their places at the times of their own rows."""
-    studio, rng = Studio(CAMERA, samples=4), np.random.default_rng(12)
+    studio, rng = Studio(CAMERA, samples=4, sensor=Sensor(readout=0.03)), np.random.default_rng(12)
     pose, _ = studio.hang(0.8, rng)
-    motion = studio.sway(pose, 0.0, rng, skew=40.0)
+    motion, _ = studio.sway(pose, 0.0, rng, skew=40.0)
     image = studio.take({7: pose}, rng, motion)
     ((sighting,), _) = Detector(Markers("4X4_50", 0.16), CAMERA, "subpix").detect(image)
     corners = np.array([corners_of(np.linalg.inv(camera[0]) @ pose) for camera in motion])

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from slamduel.datasets.rendering.sensor import SENSORS, Sensor
 from slamduel.datasets.rendering.sheet import Print
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room, record
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Log
+from slamduel.frontend.markers.noise_fit import squares
 
 
 def test_a_camera_has_the_named_sensor_and_every_effect_that_is_given() -> None:
@@ -55,6 +58,16 @@ def test_a_camera_that_cannot_be_is_a_sentence(given: tuple[str, str], said: str
         read_options(Options, [given], "dataset aruco-room")
 
 
+@pytest.mark.parametrize(
+    ("shutter", "readout", "known"), [("modelled", 0.03, 0.03), ("ignored", 0.03, 0.0), ("modelled", None, 0.0)]
+)
+def test_detection_knows_of_the_shutter_if_it_is_to_be_modelled(
+    shutter: str, readout: float | None, known: float
+) -> None:
+    recording, _ = record(Options(readout=readout, shutter=shutter), np.random.default_rng(0))
+    assert recording.detector.camera.readout == known
+
+
 def test_a_shutter_slower_than_the_frames_is_refused() -> None:
     with pytest.raises(InputError, match=r"option readout=0\.05: expected at most .* 0\.03333 s at frame_rate=30"):
         record(Options(readout=0.05, frame_rate=30.0), np.random.default_rng(0))
@@ -76,3 +89,29 @@ def test_a_drive_with_a_real_camera_is_a_log(sensor: str) -> None:
     options = Options(seconds=1.0, frame_rate=2.0, sensor=sensor, ink=0.002, curl=0.002, gloss=40.0, readout=0.02)
     log, _ = aruco_room(options, np.random.default_rng(3))
     assert len(log) == 3
+
+
+@cache
+def without_rocking(**options: Any) -> Log:
+    """The log of a drive of 4 s without rocking, so that sightings have the noise of their corners alone."""
+    return aruco_room(
+        Options(seconds=4.0, frame_rate=2.5, noise="propagated", sway=0.0, **options), np.random.default_rng(1)
+    ).log
+
+
+def test_a_rolling_shutter_that_is_modelled_sees_what_a_global_one_does() -> None:
+    """Sightings of the same drive: modelled they agree within the stated noise, ignored they are far outside."""
+    plain = without_rocking()
+    keys = list(zip(plain.sighting_step.tolist(), plain.ids.tolist(), strict=True))
+    medians = []
+    for shutter in ("modelled", "ignored"):
+        other = without_rocking(readout=0.03, shutter=shutter)
+        rows = {key: row for row, key in enumerate(zip(other.sighting_step.tolist(), other.ids.tolist(), strict=True))}
+        both = [(keys.index(key), row) for key, row in rows.items() if key in keys]
+        assert len(both) > 0.9 * len(keys) > 20
+        one, two = np.array(both).T
+        cov = plain.z_cov[one] + other.z_cov[two]
+        medians.append(float(np.median(squares(plain.z[one] - other.z[two], cov)) / 2))
+    modelled, ignored = medians
+    assert modelled < 2
+    assert ignored > 20

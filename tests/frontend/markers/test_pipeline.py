@@ -1,6 +1,7 @@
 """From a recording to a log: readings cut at frame times, what is left out and counted, what is refused."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,15 +9,16 @@ import pytest
 
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
+from slamduel.frontend.camera.shutter import carried
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Prior
+from slamduel.frontend.factors import Odometry, Prior
 from slamduel.frontend.markers.aruco import Detector, Image
 from slamduel.frontend.markers.markers import Markers, find
-from slamduel.frontend.markers.noise import ProportionalNoise
-from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
+from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
+from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, camera_motion
 from slamduel.frontend.se2 import compose
 from slamduel.frontend.wheels.encoder import Encoder
-from slamduel.frontend.wheels.motion import Ticks, Wheels, readings
+from slamduel.frontend.wheels.motion import Drift, Ticks, Wheels, readings
 
 CAMERA = Camera(160, 120, (150.0, 150.0), (79.5, 59.5), (), mounting(0, 0, 0.3, 0))
 ENCODER = Encoder(1e-3, 1e-3, 0.3, 0.02, "distance")
@@ -139,3 +141,62 @@ def test_covariances_are_positive_definite_at_rest() -> None:
 def test_what_cannot_be_used_is_refused(frames: list[Frame], changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         build_log(recording(frames, **changes))
+
+
+ROLLING = Detector(Markers("4X4_50", 0.1), replace(CAMERA, readout=0.03))
+NARROW = Detector(Markers("4X4_50", 0.1), replace(CAMERA, readout=0.4))
+
+
+def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame() -> None:
+    made = recording(blank(0.5), detector=ROLLING)
+    motion = camera_motion(made, 0.53)
+    assert motion is not None
+    delta, cov = made.motion.odometry(0.43, 0.63)
+    expected = carried(Odometry(delta, cov), 0.2, CAMERA.mounting)
+    np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
+    np.testing.assert_allclose(motion.cov, expected.cov, rtol=1e-9)
+    # The wheels: 100 t^2 and 120 t counts of a millimetre; forward is the camera's z, turning left about its -y.
+    left, right = 0.2 * 0.53, 0.12
+    np.testing.assert_allclose(motion.rates, [0, -(right - left) / 0.3, 0, 0, 0, (left + right) / 2], atol=1e-3)
+    assert (np.linalg.eigvalsh(motion.cov) > -1e-12).all()
+
+
+def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
+    made = recording(blank(0.5), detector=NARROW)
+    motion = camera_motion(made, 0.5)
+    assert motion is not None
+    expected = carried(made.motion.odometry(0.3, 0.7), 0.4, CAMERA.mounting)
+    np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
+
+
+@pytest.mark.parametrize(("t", "start", "end"), [(0.0, 0.0, 0.1), (0.95, 0.85, 1.0)])
+def test_where_readings_begin_or_end_it_is_the_mean_of_those_there_are(t: float, start: float, end: float) -> None:
+    made = recording(blank(0.5), detector=ROLLING)
+    motion = camera_motion(made, t)
+    assert motion is not None
+    expected = carried(made.motion.odometry(start, end), end - start, CAMERA.mounting)
+    np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
+
+
+def test_without_a_rolling_shutter_or_time_between_readings_there_is_no_motion() -> None:
+    assert camera_motion(recording(blank(0.5)), 0.5) is None
+    once = Wheels(Ticks(np.array([0.5]), np.zeros((1, 2))), ENCODER)
+    assert camera_motion(recording(blank(0.5), detector=ROLLING, motion=once), 0.5) is None
+
+
+def test_a_robot_that_may_drift_unmeasured_leaves_its_sightings_uncertain() -> None:
+    """At rest by its readings: the marker is where a global shutter sees it, but less surely, off the middle row."""
+    noise = PropagatedNoise()
+    images = [marked(48), np.roll(marked(48), 30, axis=0)]
+    frames = [Frame(t, image) for t, image in zip((0.1, 0.2), images, strict=True)]
+    drift = Drift(0.3, 0.3)
+    rolling, whole = (
+        build_log(recording(frames, motion=drift, noise=noise, **({"detector": ROLLING} if on else {})))
+        for on in (True, False)
+    )
+    sd, without = (np.sqrt(log.z_cov[:, 1, 1]) for log in (rolling, whole))
+    assert (np.abs(rolling.z[:, 1] - whole.z[:, 1]) < 2 * sd).all()
+    np.testing.assert_allclose(rolling.z[:, 0], whole.z[:, 0], atol=1e-4)
+    # A marker across 40 % of the rows tells most of the motion by its own slant; what it does not tell grows off the middle.
+    assert sd[1] > 3 * sd[0] > 3 * without[0]
+    assert sd[1] > 3 * without[1]
