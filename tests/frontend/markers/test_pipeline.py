@@ -197,6 +197,7 @@ def test_a_robot_that_may_drift_unmeasured_leaves_its_sightings_uncertain() -> N
     sd, without = (np.sqrt(log.z_cov[:, 1, 1]) for log in (rolling, whole))
     assert (np.abs(rolling.z[:, 1] - whole.z[:, 1]) < 2 * sd).all()
     np.testing.assert_allclose(rolling.z[:, 0], whole.z[:, 0], atol=1e-4)
-    # A marker across 40 % of the rows tells most of the motion by its own slant; what it does not tell grows off the middle.
-    assert sd[1] > 3 * sd[0] > 3 * without[0]
-    assert sd[1] > 3 * without[1]
+    # A marker across 40 % of the rows tells most of the motion by its own slant; what is left grows off the middle.
+    assert sd[0] > without[0]
+    assert sd[1] > 2 * without[1]
+    assert sd[1] > 3 * sd[0]
