@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.camera.shutter import CameraMotion
 from slamduel.frontend.factors import Map, Prior, Truth
 from slamduel.frontend.markers.aruco import Detector, Image, Sighting, square
 from slamduel.frontend.markers.markers import Markers
@@ -29,7 +30,7 @@ class Told(Detector):
 
     told: tuple[tuple[list[Sighting], Counter[str]], ...] = ()
 
-    def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
+    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
         """Returns the given sightings."""
         return self.told[256 * int(image[0, 0]) + int(image[0, 1])]
 

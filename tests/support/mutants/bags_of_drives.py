@@ -18,6 +18,7 @@ from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import Robot
 from slamduel.datasets.truth import write_truth
 from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.camera.shutter import CameraMotion
 from slamduel.frontend.factors import Dataset, Truth
 from slamduel.frontend.markers.aruco import Detector, Image, Sighting
 from slamduel.frontend.markers.markers import Markers
@@ -72,7 +73,7 @@ class Numbered(Detector):
 
     told: tuple[list[Sighting], ...] = ()
 
-    def detect(self, image: Image) -> tuple[list[Sighting], Counter[str]]:
+    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
         """The sightings of the frame, none where its number cannot be read."""
         rows = image[:, :2].reshape(-1, 2)
         number = 256 * int(rows[0, 0]) + int(rows[0, 1])
