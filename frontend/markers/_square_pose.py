@@ -21,7 +21,7 @@ def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array
     """
     count = len(turns)
     poses, spreads, squares = np.zeros((count, 4, 4)), np.zeros((count, 3, 3)), np.full(count, np.inf)
-    weight = np.linalg.inv(cov)
+    weight: Any = np.linalg.inv(cov)
     for k in range(count):
         start = _rotation(turns[k])
         if not (np.isfinite(start).all() and np.isfinite(shifts[k]).all()):
