@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compile_ahead import Kernels
-from . import _alignment, _homography, _square_pose
+from . import _alignment, _homography, _pixels, _square_pose
 
 
 def kernels() -> Kernels:
@@ -12,7 +12,9 @@ def kernels() -> Kernels:
     image, rays = np.zeros((2, 2), np.uint8), np.zeros((2, 2, 2))
     return [
         (_alignment.align, (image, rays, table, table, table, table)),
+        (_pixels.worst_module, (image, rays, table, table, np.zeros(3), table)),
         (_homography.corner_rays, (table, 4, table)),
+        (_alignment.spread, (table, table, 1.0)),
         (_square_pose.explain, (table, table, table, table, table)),
         (_homography.homography, (table, 4)),
     ]
