@@ -1,6 +1,7 @@
 # make demo                 a first run on data that comes along, and its report
 # make test                 lint, types and all tests that are quick
 # make test-slow            the other tests: browsers, clusters, kills, large samples
+# make test-dist           the source archive and the wheel, and the quick tests of the one on the other
 # make test-older           the quick tests as two older machines would run them
 # make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries
 # make gallery              the classic studies in their quick size, and one page with all their answers
@@ -22,7 +23,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills \
+.PHONY: demo test test-slow test-dist test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills \
 	study-mutations study-locating
 
 demo: $(VENV)/.installed
@@ -46,6 +47,17 @@ unit: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	$(PYTEST) -m slow
+
+# What is released, alone: the wheel, built from the source archive and installed, and the tests of that archive.
+test-dist: $(VENV)/.installed-dev
+	rm -rf dist build/dist
+	mkdir -p build/dist
+	$(BIN)/python -m build --no-isolation --outdir dist
+	tar -xzf dist/slamduel-*.tar.gz -C build/dist --strip-components 1
+	$(PYTHON) -m venv build/dist/.venv
+	build/dist/.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		"slamduel[dev] @ file://$$(echo $(CURDIR)/dist/slamduel-*.whl)"
+	cd build/dist && env OMP_NUM_THREADS=1 .venv/bin/pytest -n auto --dist worksteal -m "not slow"
 
 # As on two older machines: libraries and kernels leave aside what those processors lacked.
 test-older: $(VENV)/.installed-dev

@@ -144,7 +144,9 @@ def _stated(tree: ast.Module, folder: list[str]) -> Iterator[Import]:
 
 
 def files(root: Path) -> list[Path]:
-    return sorted(f for f in root.rglob("*.py") if f.relative_to(root).parts[0] in (*BELOW, "__init__.py"))
+    return sorted(
+        f for f in root.rglob("*.py") if f.relative_to(root).parts[0] in (*BELOW, "__init__.py", "__main__.py")
+    )
 
 
 def climbing(root: Path) -> list[str]:

@@ -1,7 +1,6 @@
 """What is installed is what is in the repository: the package's files, all of them, under its name, and no others."""
 
 import os
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,18 +14,11 @@ import pytest
 from places import ROOT
 from random_logs import random_log
 from slamduel.datasets.formats import log_folder
+from sources import kept
+from sources import source as copied
 
 SETUPTOOLS = 77  # the first to read a licence expression
-FOLDERS = ("backends", "bench", "datasets", "frontend")
-
-
-def kept() -> list[str]:
-    """The files that git has or would take, as paths from the root."""
-    if shutil.which("git") is None or not (ROOT / ".git").exists():
-        pytest.skip("this is no git checkout, or there is no git")
-    command = ["git", "-C", str(ROOT), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
-    return [name for name in listed if name and (ROOT / name).is_file()]
+MODULES = ("__init__.py", "__main__.py", "backends", "bench", "datasets", "frontend")
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +27,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if int(version("setuptools").split(".")[0]) < SETUPTOOLS:
         pytest.skip(f"setuptools {version('setuptools')} is installed, pyproject.toml asks for {SETUPTOOLS}")
     here = tmp_path_factory.mktemp("wheel")
-    for name in kept():
-        target = here / "source" / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, target)
-    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", here / "dist", here / "source"]
+    source = copied(here / "source")
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", here / "dist", source]
     done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False)
     assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
     (built,) = (here / "dist").glob("slamduel-*.whl")
@@ -47,8 +36,15 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
-    packaged = {name for name in kept() if name.split("/")[0] in (*FOLDERS, "__init__.py", "py.typed")}
-    assert {"__init__.py", "py.typed", "backends/api.py", "frontend/se2.py", "bench/check/suite.py"} <= packaged
+    packaged = {name for name in kept() if name.split("/")[0] in (*MODULES, "py.typed")}
+    assert {
+        "__init__.py",
+        "__main__.py",
+        "py.typed",
+        "backends/api.py",
+        "frontend/se2.py",
+        "bench/check/suite.py",
+    } <= packaged
     with zipfile.ZipFile(wheel) as archive:
         inside = {name for name in archive.namelist() if ".dist-info/" not in name}
     assert inside == {"slamduel/" + name for name in packaged}
@@ -84,7 +80,7 @@ def test_installed_it_runs_and_reports(wheel: Path, tmp_path: Path) -> None:
         archive.extractall(site)
     log_folder.write(log, *random_log(np.random.default_rng(1), 20, 5))
     words = ["--backend", "dead-reckoning", "--dataset", log, "--out", out]
-    command = [sys.executable, "-m", "slamduel.bench.cli", "run", *words]
+    command = [sys.executable, "-m", "slamduel", "run", *words]
     env = os.environ | {"PYTHONPATH": str(site)}
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -95,7 +91,5 @@ def test_every_folder_of_modules_is_listed() -> None:
     """setuptools finds no packages below a root that is a package itself: pyproject.toml lists them."""
     with (ROOT / "pyproject.toml").open("rb") as file:
         listed = tomllib.load(file)["tool"]["setuptools"]["packages"]
-    modules = [
-        Path(name) for name in kept() if name.endswith(".py") and name.split("/")[0] in (*FOLDERS, "__init__.py")
-    ]
+    modules = [Path(name) for name in kept() if name.endswith(".py") and name.split("/")[0] in MODULES]
     assert listed == sorted({".".join(("slamduel", *module.parts[:-1])) for module in modules})

@@ -1,0 +1,96 @@
+"""What a release is made of: its archive, its version, its citation, and the files that other machines read."""
+
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from places import ROOT
+from sources import kept
+from sources import source as copied
+
+
+def loaded(name: str) -> Any:
+    return YAML(typ="safe").load((ROOT / name).read_text())
+
+
+@pytest.fixture(scope="module")
+def project() -> dict[str, Any]:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        return tomllib.load(file)["project"]
+
+
+@pytest.fixture(scope="module")
+def targets() -> set[str]:
+    return set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+
+
+def test_the_source_archive_holds_all_that_git_has(tmp_path: Path) -> None:
+    source = copied(tmp_path / "source")
+    command = [sys.executable, "-m", "build", "--sdist", "--no-isolation", "--outdir", tmp_path / "dist", source]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
+    (archive,) = (tmp_path / "dist").glob("slamduel-*.tar.gz")
+    with tarfile.open(archive) as tar:
+        inside = {name.partition("/")[2] for name in tar.getnames() if not tar.getmember(name).isdir()}
+    assert set(kept()) - inside == {".gitignore"}
+    made = {name for name in inside - set(kept()) if not name.startswith("slamduel.egg-info/")}
+    assert made == {"PKG-INFO", "setup.cfg"}
+
+
+def test_python_dash_m_is_the_command() -> None:
+    command = [sys.executable, "-m", "slamduel", "list", "nothing"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "unrecognized arguments: nothing" in done.stderr
+
+
+def test_the_citation_is_of_this_version(project: dict[str, Any]) -> None:
+    """The keys that version 1.2.0 of the format requires, and those that the package also states."""
+    citation = loaded("CITATION.cff")
+    assert {"cff-version", "message", "title", "authors"} <= set(citation)
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["type"] == "software"
+    assert citation["authors"]
+    assert (citation["version"], citation["license"]) == (project["version"], project["license"])
+    assert citation["keywords"] == project["keywords"]
+
+
+def test_the_workflow_tests_every_python_that_the_package_names(project: dict[str, Any]) -> None:
+    classified = [one.split(" :: ") for one in project["classifiers"]]
+    named = [words[-1] for words in classified if words[1:2] == ["Python"] and "." in words[-1]]
+    matrix = loaded(".github/workflows/tests.yml")["jobs"]["quick"]["strategy"]["matrix"]
+    assert matrix["python"] == named
+    assert project["requires-python"] == f">={named[0]}"
+    systems = {
+        words[-1] for words in (one.split(" :: ") for one in project["classifiers"]) if words[0] == "Operating System"
+    }
+    assert systems == {"MacOS", "Linux"}
+    assert {one.split("-")[0] for one in matrix["os"]} == {"ubuntu", "macos"}
+
+
+def test_the_workflow_and_the_hooks_run_what_exists(targets: set[str]) -> None:
+    jobs = loaded(".github/workflows/tests.yml")["jobs"].values()
+    runs = [step["run"] for job in jobs for step in job["steps"] if "run" in step]
+    hooks = [hook["entry"] for repository in loaded(".pre-commit-config.yaml")["repos"] for hook in repository["hooks"]]
+    assert runs
+    assert hooks
+    for command in (*runs, *hooks):
+        tool, _, target = command.partition(" ")
+        assert target in targets if tool == "make" else (ROOT / tool).is_file(), command
+
+
+def test_the_image_installs_what_the_package_offers(project: dict[str, Any]) -> None:
+    text = (ROOT / "Dockerfile").read_text()
+    (extras,) = re.findall(r"'/source\[([\w,]+)\]'", text)
+    assert set(extras.split(",")) <= set(project["optional-dependencies"])
+    (python,) = re.findall(r"^FROM python:(\d\.\d+)", text, re.MULTILINE)
+    assert f"Programming Language :: Python :: {python}" in project["classifiers"]
+    (command,) = re.findall(r'^ENTRYPOINT \["(\w+)"\]', text, re.MULTILINE)
+    assert command in project["scripts"]
