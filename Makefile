@@ -3,6 +3,7 @@
 # make test-slow            the other tests: browsers, clusters, kills, large samples
 # make test-dist           the source archive and the wheel, and the quick tests of the one on the other
 # make test-older           the quick tests as two older machines would run them
+# make docs                the documentation as a site, build/docs/index.html; its notebook runs
 # make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
@@ -23,8 +24,8 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-dist test-older lint types unit clean docs-tables gallery study-city study-statistics study-kills \
-	study-mutations study-locating
+.PHONY: demo test test-slow test-dist test-older lint types unit clean docs docs-tables gallery study-city \
+	study-statistics study-kills study-mutations study-locating
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -65,6 +66,10 @@ test-older: $(VENV)/.installed-dev
 		$(BIN)/python tests/support/older_machine.py $$kind $(PYTEST) -m "not slow" || exit 1; \
 	done
 
+docs: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -b html -d build/docs-doctrees docs build/docs
+	@echo "site: build/docs/index.html"
+
 docs-tables: $(VENV)/.installed
 	$(BIN)/python docs/tables.py
 
@@ -99,6 +104,10 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 
 $(VENV)/.installed-dev: $(VENV)/.installed
 	$(PIP) --editable '.[dev]'
+	touch $@
+
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(PIP) --editable '.[docs]'
 	touch $@
 
 clean:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ...datasets.remarks import remarks
 from ...frontend.check import check, check_truth
+from ...frontend.errors import InputError
 from ...frontend.factors import Dataset, Log
 from ...frontend.files import write_whole
 from ..drawing.page import rendered
@@ -54,8 +55,10 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
         label, dataset = Path(dataset).stem if isinstance(dataset, Path) else dataset, load(dataset, seed)
     elif isinstance(dataset, Dataset):
         label = dataset.log.name
-    else:
+    elif isinstance(dataset, Log):
         label, dataset = dataset.name, Dataset(dataset, None)
+    else:
+        raise InputError(f"slamduel.show: found {dataset!r}, expected a name, a path, a Log or a Dataset(log, truth).")
     check(dataset.log, label)
     if dataset.truth is not None:
         check_truth(dataset.log, dataset.truth, label)
