@@ -39,14 +39,24 @@ html_theme = "furo"
 html_title = f"slamduel {version}"
 html_copy_source = False
 html_show_sphinx = False
+html_favicon = "site/static/icon.svg"
 html_static_path = ["site/static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_theme_options = {"top_of_page_buttons": []}
 
 
 def setup(app: Any) -> None:
-    """Has signatures name arrays by what they hold."""
+    """Has signatures name arrays by what they hold, and the headings of the contents say their level."""
     app.connect("autodoc-process-signature", _short)
+    app.connect("html-page-context", _levelled, priority=900)
+
+
+def _levelled(*given: Any) -> None:
+    """Gives the theme's headings the attribute that their role requires."""
+    context = given[3]
+    tree = context.get("furo_navigation_tree", "")
+    context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
 
 
 def _short(*given: Any) -> Any:

@@ -4,7 +4,10 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -99,10 +102,23 @@ def test_no_link_is_dead_and_nothing_is_fetched(site: Path) -> None:
                 assert f'id="{anchor}"' in target.read_text(encoding="utf-8"), (page.name, link)
 
 
+@pytest.fixture(scope="module")
+def address(site: Path) -> Iterator[str]:
+    """The site as a server of this machine gives it."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: Any) -> None: ...
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site))) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 @pytest.mark.parametrize("width", WIDTHS)
-def test_pages_fit_are_quiet_and_can_be_read(site: Path, browser: Any, width: int, dark: bool) -> None:
+def test_pages_fit_are_quiet_and_can_be_read(site: Path, address: str, browser: Any, width: int, dark: bool) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
     page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if dark else "light")
     said: list[str] = []
@@ -110,7 +126,7 @@ def test_pages_fit_are_quiet_and_can_be_read(site: Path, browser: Any, width: in
     page.on("pageerror", lambda error: said.append(str(error)))
     faults: list[Any] = []
     for file in sorted(site.glob("*.html")):
-        page.goto(file.as_uri())
+        page.goto(f"{address}/{file.name}")
         beyond = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         found = axe.Axe().run(page).response["violations"]
         grave = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")]
