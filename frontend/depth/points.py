@@ -41,7 +41,8 @@ class Points(NamedTuple):
 
 
 def points_of(camera: Camera, pixels: Array, z: Array, pixel_sd: Array, settings: Settings) -> Points:
-    """Points at `pixels` (n, 2) and depths `z` (n,), m, with the pixels' sd (n,)."""
+    """Points at `pixels` (n, 2) and depths `z` (n,), m, each by nine pixels, with the pixels' sd (n,)."""
     rays = camera.undistort(pixels)
     ray_sd = pixel_sd / np.mean(camera.focal)
-    return Points(rays, z, settings.constant_sd + settings.depth_sd * z**2, ray_sd)
+    z_sd = settings.fitted_sd * (settings.constant_sd + settings.depth_sd * z**2)
+    return Points(rays, z, z_sd, ray_sd)

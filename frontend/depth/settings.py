@@ -34,8 +34,9 @@ class Settings:
     sightings: int = option(30, "most sightings of a step", minimum=1, maximum=1000)
 
     # features
-    pixel_sd = 0.4  # px, of the place of a feature of the finest scale
+    pixel_sd = 0.35  # px, of the place of a feature of the finest scale
     constant_sd = 0.001  # m, of every depth
+    fitted_sd = 0.7  # of a depth by nine pixels, in terms of the sd of one: neighbours within 3 px err alike
     jump, jump_by_depth = 0.02, 0.02  # m, and m a metre, between neighbours of one surface
     ratio = 0.8  # of the distance to the second best descriptor, that to the best one
 
@@ -54,6 +55,7 @@ class Settings:
 
     # landmarks
     seen_often = 4  # sightings that a landmark has at least
+    linked = 10  # landmarks that a step has in common with one before, at least; there, they may be seen twice only
 
     # loops
     loop_after = 5.0  # s
