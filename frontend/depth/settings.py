@@ -55,7 +55,6 @@ class Settings:
 
     # landmarks
     seen_often = 4  # sightings that a landmark has at least
-    linked = 10  # landmarks that a step has in common with one before, at least; there, they may be seen twice only
 
     # loops
     loop_after = 5.0  # s

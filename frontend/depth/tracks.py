@@ -11,6 +11,9 @@ from ..small_matrices import propagated
 from .pairs import Keyframe, Pair
 from .settings import Settings
 
+LINKED = 3
+"""One in so many of a step's sightings, at least, are of landmarks that a step before sees, too."""
+
 BACK = 3
 """Steps back to the first one that a step's landmarks are compared with."""
 
@@ -60,7 +63,8 @@ class Tracks:
             np.concatenate([part.z for part in parts]),
             np.concatenate([part.cov for part in parts]),
         )
-        links, first = _links(all_, s.linked), np.zeros(len(all_.ids), bool)
+        enough = s.sightings // LINKED
+        links, first = _links(all_, enough), np.zeros(len(all_.ids), bool)
         while True:
             kept = self._kept(all_, first)
             there, before = np.zeros(len(first), bool), int(first.sum())
@@ -68,7 +72,7 @@ class Tracks:
             for rows in links:
                 together = there[rows].all(axis=1)
                 others = rows[~together & ~first[rows].all(axis=1)]
-                first[others[: max(s.linked - int(together.sum()), 0)]] = True
+                first[others[: max(enough - int(together.sum()), 0)]] = True
             if first.sum() == before:
                 return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
 

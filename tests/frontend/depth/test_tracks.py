@@ -1,5 +1,7 @@
 """Ids of landmarks, by plain rules on made-up frames."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from depth_scenes import CAMERA
@@ -75,6 +77,39 @@ def test_a_landmark_has_its_sightings_where_steps_have_too_many_and_no_room_is_l
         assert len(chosen) == min(len(there), settings.sightings)
         if len(chosen) < len(there):
             assert often[chosen].min() >= often[there[~np.isin(there, chosen)]].max()
+
+
+def test_steps_between_which_all_landmarks_change_keep_some_in_common() -> None:
+    """A quick turn: those seen often are on either side of it, and few of both. As many as needed come first."""
+    settings, size = Settings(sightings=9), 40
+    tracks, frames = Tracks(settings), [frame(k, size) for k in range(10)]
+    for k in range(9):
+        rows = np.arange(12) if k < 4 else np.arange(12, 24) if k > 4 else np.arange(24, 32)
+        tracks.link(pair(frames[k], frames[k + 1], np.column_stack((rows, rows)).tolist()))
+    seen = tracks.chosen()
+    at = [set(seen.ids[seen.step == k].tolist()) for k in range(10)]
+    assert all(len(ids) == 9 for ids in at)
+    assert [len(a & b) for a, b in pairwise(at)] == [9, 9, 9, 6, 3, 6, 9, 9, 9]  # three sightings of nine
+    turn = at[4] & at[5]
+    assert all(np.count_nonzero(seen.ids == one) == 2 for one in turn)
+    others = np.unique(seen.ids[~np.isin(seen.ids, list(turn))], return_counts=True)[1]
+    assert others.min() >= settings.seen_often
+
+
+def test_a_step_without_a_neighbour_is_linked_to_the_one_before_that() -> None:
+    """Nothing matched from step 4 to 5, but from 2 to 5."""
+    settings, size = Settings(sightings=9), 40
+    tracks, frames = Tracks(settings), [frame(k, size) for k in range(10)]
+    for k in range(9):
+        rows = np.arange(12) if k < 4 else np.arange(12, 24)
+        if k != 4:
+            tracks.link(pair(frames[k], frames[k + 1], np.column_stack((rows, rows)).tolist()))
+    rows = np.arange(30, 35)
+    tracks.link(pair(frames[2], frames[5], np.column_stack((rows, rows)).tolist()))
+    seen = tracks.chosen()
+    at = [set(seen.ids[seen.step == k].tolist()) for k in range(10)]
+    assert len(at[4] & at[5]) == 0
+    assert len(at[2] & at[5]) == 3
 
 
 def test_sightings_are_ranges_and_bearings_of_levelled_points_with_their_covariance() -> None:
