@@ -53,6 +53,37 @@ def depths_at(
 
 
 @compiled
+def crowds(pixels: Array, near: float) -> Array:
+    """The number (n,) of `pixels` (n, 2) within `near` px of each in rows and columns, itself included."""
+    out = np.ones(len(pixels))
+    for i in range(len(pixels)):
+        for j in range(i):
+            if abs(pixels[i, 0] - pixels[j, 0]) < near and abs(pixels[i, 1] - pixels[j, 1]) < near:
+                out[i] += 1.0
+                out[j] += 1.0
+    return out
+
+
+@compiled
+def apart(pixels: Array, taken: NDArray[np.bool_], rows: Ints, near: float) -> NDArray[np.bool_]:
+    """Takes those of `rows` (k,) whose `pixels` (n, 2) have none of `taken` (n,) within `near` px, one after another.
+
+    Marks them in `taken`, and tells for each row (k,) whether it was.
+    """
+    out = np.ones(len(rows), np.bool_)
+    for k in range(len(rows)):
+        row = rows[k]
+        for j in range(len(pixels)):
+            close = abs(pixels[row, 0] - pixels[j, 0]) < near and abs(pixels[row, 1] - pixels[j, 1]) < near
+            if taken[j] and close:
+                out[k] = False
+                break
+        if out[k]:
+            taken[row] = True
+    return out
+
+
+@compiled
 def floor_points(
     depth: NDArray[np.float32],
     rays: Array,

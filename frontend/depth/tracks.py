@@ -8,7 +8,9 @@ import numpy as np
 from ..elementary import arctan2, hypot
 from ..se2 import Array, Ints
 from ..small_matrices import propagated
+from ._depth_image import apart
 from .pairs import Keyframe, Pair
+from .points import SHARED
 from .settings import Settings
 
 LINKED = 3
@@ -34,11 +36,17 @@ class Tracks:
         self._settings, self._parts, self._next = settings, list[Sighted](), 0
 
     def link(self, pair: Pair) -> None:
-        """Makes the features of two keyframes that agree the same landmarks; an id is in a frame once."""
+        """Makes the features of two keyframes that agree the same landmarks; an id is in a frame once.
+
+        A feature whose depth is that of a landmark beside it becomes none: their errors would be alike.
+        """
         first, second = pair.first, pair.second
         free = pair.rows[second.ids[pair.rows[:, 1]] < 0]
         known = first.ids[free[:, 0]]
         free = free[(known < 0) | ~np.isin(known, second.ids)]
+        none = first.ids[free[:, 0]] < 0
+        none[none] = ~apart(first.features.pixels, first.ids >= 0, free[none, 0], SHARED)  # those that stay without one
+        free = free[~none]
         new = free[first.ids[free[:, 0]] < 0, 0]
         first.ids[new] = self._next + np.arange(len(new))
         self._next += len(new)
