@@ -4,6 +4,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elementary import arctan2, hypot
 from ..se2 import Array, Ints
@@ -44,9 +45,9 @@ class Tracks:
         free = pair.rows[second.ids[pair.rows[:, 1]] < 0]
         known = first.ids[free[:, 0]]
         free = free[(known < 0) | ~np.isin(known, second.ids)]
-        none = first.ids[free[:, 0]] < 0
-        none[none] = ~apart(first.features.pixels, first.ids >= 0, free[none, 0], SHARED)  # those that stay without one
-        free = free[~none]
+        without = np.flatnonzero(first.ids[free[:, 0]] < 0)
+        alone = apart(first.features.pixels, first.ids >= 0, free[without, 0], SHARED)
+        free = np.delete(free, without[~alone], axis=0)
         new = free[first.ids[free[:, 0]] < 0, 0]
         first.ids[new] = self._next + np.arange(len(new))
         self._next += len(new)
@@ -84,7 +85,7 @@ class Tracks:
             if first.sum() == before:
                 return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
 
-    def _kept(self, all_: Sighted, first: Array) -> Ints:
+    def _kept(self, all_: Sighted, first: NDArray[np.bool_]) -> Ints:
         """The rows of the sightings that steps have room for, in the order of the steps; those of `first` come first.
 
         Landmarks with a sighting in `first` may be seen twice only.

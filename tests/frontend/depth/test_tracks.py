@@ -19,7 +19,8 @@ NO_MOTION = Planar(np.zeros(3), np.eye(3))
 def frame(step: int, n: int = 6) -> Keyframe:
     rng = np.random.default_rng(step)
     points = Points(rng.uniform(-0.3, 0.3, (n, 2)), rng.uniform(1, 3, n), np.full(n, 0.01), np.full(n, 0.002))
-    features = Features(np.zeros((n, 2)), points, np.zeros((n, 32), np.uint8))
+    pixels = np.column_stack((10.0 * np.arange(float(n)), np.zeros(n)))
+    features = Features(pixels, points, np.zeros((n, 32), np.uint8))
     level = Level(CAMERA.mounting, 1e-7 * np.eye(3), True)
     return Keyframe(step, float(step), features, level, np.zeros((1, 1), np.float32), without_ids(features))
 
@@ -44,6 +45,19 @@ def test_an_id_is_in_a_frame_once_and_is_not_changed() -> None:
     tracks.link(pair(b, c, [[2, 4], [3, 0]]))  # the landmark of 2 is there already, and 0 has another
     assert c.ids.tolist() == [0, -1, -1, -1, -1, -1]
     assert b.ids.tolist() == [-1, -1, 0, 1, -1, -1]
+
+
+def test_a_feature_beside_a_landmark_is_none() -> None:
+    """Those of rows 1 and 4 are 2 px from that of row 0, and one of row 5 is 4 px from it."""
+    tracks, (a, b, c) = Tracks(Settings()), (frame(k) for k in range(3))
+    for one in (a, b, c):
+        one.features.pixels[[1, 4, 5]] = [[2.0, -1.0], [-2.0, 2.0], [4.0, 0.0]]
+    tracks.link(pair(a, b, [[0, 0], [1, 1], [2, 2], [5, 5]]))
+    assert a.ids.tolist() == [0, -1, 1, -1, -1, 2]
+    assert b.ids.tolist() == [0, -1, 1, -1, -1, 2]
+    tracks.link(pair(b, c, [[4, 4], [1, 1], [5, 5]]))
+    assert b.ids.tolist() == [0, -1, 1, -1, -1, 2]
+    assert c.ids.tolist() == [-1, -1, -1, -1, -1, 2]
 
 
 def test_landmarks_seen_too_rarely_are_left_out_and_those_seen_most_come_first() -> None:
