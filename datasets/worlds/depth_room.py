@@ -88,7 +88,7 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
             f"option readout={options.readout:g}: expected at most the time between frames, "
             f"{1 / options.frame_rate:.4g} s at frame_rate={options.frame_rate:g}."
         )
-    layout, decoration, rolling, crossing, sensor = rng.spawn(5)
+    layout, decoration, rolling, crossing, sensor, start = rng.spawn(6)
     path, _ = LOOP.at(np.linspace(0, 2 * np.pi, 200))
     room = furnish_with_boxes(Room(*ROOM, SIDE, ()), options.boxes, path, BERTH, layout)
     painted = decorated(room, paint(room, decoration), options.posters, options.rugs, options.alike, decoration)
@@ -112,7 +112,7 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         camera=camera,
         frames=shots,
         motion=Track(ticks, integrated(drive(LOOP, options.speed, ticks)[0], WHEELS, options.slip, rolling), WHEELS),
-        prior=Prior(poses[0], START_SD**2 * np.eye(3)),
+        prior=known(poses[0], start),
         notes={"source": SOURCE},
     )
     return recording, Truth(t, poses)
@@ -122,6 +122,11 @@ def shots_of(recording: DepthRecording) -> DepthShots:
     """The frames of a recording that is made here: they know the true poses of the camera and the exact depth."""
     assert isinstance(recording.frames, DepthShots)
     return recording.frames
+
+
+def known(pose: Array, rng: np.random.Generator) -> Prior:
+    """A prior of the start `pose` (3,) that is off by as much as it states: what is seen here is as exact as that."""
+    return Prior(pose + START_SD * rng.standard_normal(3), START_SD**2 * np.eye(3))
 
 
 def integrated(poses: Array, noise: TrackNoise, times: float, rng: np.random.Generator) -> Array:

@@ -16,6 +16,9 @@ ROUNDS, WIDEST, NARROWER = 8, 0.02, 0.75
 BELOW = 4.0
 """What a point below a plane counts against its being the floor, by one above it: nothing is below the floor."""
 
+FOOT = 0.5
+"""m a metre, from a point of the floor to the one above it in the image: half-way between a floor and a wall."""
+
 LEAST_AREA = 0.02
 """m^2, twice that of the triangle that tells a plane."""
 
@@ -50,6 +53,37 @@ def depths_at(
 
 
 @compiled
+def crowds(pixels: Array, near: float) -> Array:
+    """The number (n,) of `pixels` (n, 2) within `near` px of each in rows and columns, itself included."""
+    out = np.ones(len(pixels))
+    for i in range(len(pixels)):
+        for j in range(i):
+            if abs(pixels[i, 0] - pixels[j, 0]) < near and abs(pixels[i, 1] - pixels[j, 1]) < near:
+                out[i] += 1.0
+                out[j] += 1.0
+    return out
+
+
+@compiled
+def apart(pixels: Array, taken: NDArray[np.bool_], rows: Ints, near: float) -> NDArray[np.bool_]:
+    """Takes those of `rows` (k,) whose `pixels` (n, 2) have none of `taken` (n,) within `near` px, one after another.
+
+    Marks them in `taken`, and tells for each row (k,) whether it was.
+    """
+    out = np.ones(len(rows), np.bool_)
+    for k in range(len(rows)):
+        row = rows[k]
+        for j in range(len(pixels)):
+            close = abs(pixels[row, 0] - pixels[j, 0]) < near and abs(pixels[row, 1] - pixels[j, 1]) < near
+            if taken[j] and close:
+                out[k] = False
+                break
+        if out[k]:
+            taken[row] = True
+    return out
+
+
+@compiled
 def floor_points(
     depth: NDArray[np.float32],
     rays: Array,
@@ -65,26 +99,42 @@ def floor_points(
     """The points (n, 3), m, in the robot's frame that may be of the floor, with their sd across it as a fourth column.
 
     `rays` (h, w, 2) and `mounting` (4, 4) lift every `every`-th pixel. Points further than `height` (m) and `slope`
-    times their distance from z = 0 are of something else.
+    times their distance from z = 0 are of something else, and so are those at the foot of a wall: their height is that
+    of the floor, but from there to the point above them in the image it goes up. Left in, they would lift the floor.
     """
     rows, columns = depth.shape
     most = ((rows + every - 1) // every) * ((columns + every - 1) // every)
-    x, count = np.empty((most, 4)), 0
+    x, count, above = np.empty((most, 4)), 0, np.empty(3)
     for v in range(every // 2, rows, every):
         for u in range(every // 2, columns, every):
-            z = float(depth[v, u])
-            a, b = rays[v, u, 0], rays[v, u, 1]
-            if not (z > near and z < far and a == a):
+            if not lifted(depth, rays, mounting, v, u, near, far, x[count]):
                 continue
-            for i in range(3):
-                x[count, i] = (mounting[i, 0] * a + mounting[i, 1] * b + mounting[i, 2]) * z + mounting[i, 3]
             away = sqrt(x[count, 0] ** 2 + x[count, 1] ** 2)
-            if abs(x[count, 2]) < height + slope * away:
-                # along the ray; its part across the floor
-                down = mounting[2, 0] * a + mounting[2, 1] * b + mounting[2, 2]
-                x[count, 3] = (constant_sd + sd * z * z) * abs(down)
-                count += 1
+            if not abs(x[count, 2]) < height + slope * away:
+                continue
+            if v >= every and lifted(depth, rays, mounting, v - every, u, near, np.inf, above):
+                along = sqrt((above[0] - x[count, 0]) ** 2 + (above[1] - x[count, 1]) ** 2)
+                if above[2] - x[count, 2] > FOOT * along:
+                    continue
+            # along the ray; its part across the floor
+            z, a, b = float(depth[v, u]), rays[v, u, 0], rays[v, u, 1]
+            down = mounting[2, 0] * a + mounting[2, 1] * b + mounting[2, 2]
+            x[count, 3] = (constant_sd + sd * z * z) * abs(down)
+            count += 1
     return x[:count]
+
+
+@compiled
+def lifted(
+    depth: NDArray[np.float32], rays: Array, mounting: Array, v: int, u: int, near: float, far: float, x: Array
+) -> bool:
+    """Writes the point of a pixel in the robot's frame to `x`, of three or more; False for one without a depth."""
+    z, a, b = float(depth[v, u]), rays[v, u, 0], rays[v, u, 1]
+    if not (z > near and z < far and a == a):
+        return False
+    for i in range(3):
+        x[i] = (mounting[i, 0] * a + mounting[i, 1] * b + mounting[i, 2]) * z + mounting[i, 3]
+    return True
 
 
 @compiled

@@ -55,29 +55,43 @@ class Finder:
         if not keypoints:
             kind = np.uint8 if s.features == "orb" else np.float32
             descriptors = np.zeros((0, LENGTHS[s.features]), kind)
-        pixels = np.array([one.pt for one in keypoints], float).reshape(-1, 2)
-        sd = s.pixel_sd * self._scales(keypoints)
+        pixels, scales = self._places(keypoints, grey.shape)
+        sd = s.pixel_sd * scales
         z = depths_at(depth, pixels, s.near, s.far, s.jump, s.jump_by_depth)
         kept = np.flatnonzero(np.isfinite(z))
         points = points_of(self._camera, pixels[kept], z[kept], sd[kept], s)
         seen = np.isfinite(points.rays).all(axis=1)
         return Features(pixels[kept], points, descriptors[kept]).taken(seen)
 
-    def _scales(self, keypoints: Sequence[cv2.KeyPoint]) -> Array:
-        """(n,) the errors of features' places by those of the finest scale.
+    def _places(self, keypoints: Sequence[cv2.KeyPoint], shape: tuple[int, ...]) -> tuple[Array, Array]:
+        """The places of features (n, 2), px, and their errors (n,) by those of the finest scale.
 
-        ORB has a place by the pixels of its scale, 0.39 px to 1.25 px from the finest to the coarsest as measured in
+        ORB has a place by the pixels of its scale, 0.35 px to 1.2 px from the finest to the coarsest as measured in
         the rendered room; SIFT interpolates, and is as good on all scales.
         """
+        found = np.array([one.pt for one in keypoints], float).reshape(-1, 2)
         if self._settings.features == "sift":
-            return np.ones(len(keypoints))
-        return np.array([one.size for one in keypoints], float) / FINEST
+            return found, np.ones(len(found))
+        scales = np.array([one.size for one in keypoints], float) / FINEST
+        return unscaled(found, scales, shape), scales
+
+
+def unscaled(pixels: Array, scales: Array, shape: tuple[int, ...]) -> Array:
+    """(n, 2) px, the places in an image (h, w) of ORB's features, found in smaller ones: `pixels` as OpenCV tells them.
+
+    OpenCV multiplies a place in a smaller image by the scale. That image has a whole number of rows and columns, which
+    makes its scale another one by up to 0.1 %, and its first pixel covers several: at coarse scales the place is off by
+    up to 2 px, and by another amount on every scale.
+    """
+    size = np.array(shape[1::-1], float)
+    smaller = np.rint(size / scales[:, None])
+    return (pixels / scales[:, None] + 0.5) * (size / smaller) - 0.5
 
 
 def detector(settings: Settings) -> Any:
     """OpenCV's detector of the features."""
-    if settings.features == "sift":
-        return cv2.SIFT.create(nfeatures=settings.most, contrastThreshold=0.01)
+    if settings.features == "sift":  # without a precise doubling of the image, all places are off by a quarter of a px
+        return cv2.SIFT.create(nfeatures=settings.most, contrastThreshold=0.01, enable_precise_upscale=True)
     return cv2.ORB.create(nfeatures=settings.most, scaleFactor=1.2, nlevels=8, fastThreshold=10)
 
 

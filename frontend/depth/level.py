@@ -29,9 +29,6 @@ STEEPEST = 0.15
 DRAWS = 300
 """Planes through three points that are tried. Where a quarter of the points are of the floor, one plane in 64 is."""
 
-KNOWN, UP_KNOWN = 3e-4, 5e-4
-"""rad and m; sd of what a fitted floor tells that the noise of its points does not know."""
-
 
 class Level(NamedTuple):
     """The transform from a camera's frame to the robot's, upright on the floor."""
@@ -62,7 +59,7 @@ class Leveller:
             T = levelling(plane) @ camera.mounting
             # z = a x + b y + c: a turn about y by t tilts by a = -t, one about x by b = t
             J = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-            return Level(T, J @ cov @ J.T + np.diag([KNOWN**2, KNOWN**2, UP_KNOWN**2]), True)
+            return Level(T, J @ cov @ J.T, True)
         up = s.sway * 0.1
         return Level(camera.mounting, np.diag([s.sway**2, s.sway**2, up**2]), False)
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from .pairs import Keyframe, Pair, Pairs, Trial
-from .planar import Planar, distance
+from .planar import Planar, distance, floors
 from .settings import Settings
 from .ways import Ways, joined
 from .words import Words
@@ -48,6 +48,8 @@ class Loops:
             pair = trial.pair
             if pair is None:
                 self.why[trial.reason] += 1
+            elif self._small(pair.motion):
+                self.why["the view in common is too small"] += 1
             else:
                 found.append(pair._replace(motion=pair.motion._replace(cov=pair.motion.cov + self._shared)))
         found.sort(key=lambda pair: -len(pair.rows))
@@ -70,6 +72,11 @@ class Loops:
         if len(old) > s.by_words:
             old = self._words.best(frame.features.descriptors, old, s.candidates)
         return [self._places[k] for k in old]
+
+    def _small(self, motion: Planar) -> bool:
+        """Tells if the features leave the turn so open that errors which they share would move it beyond its sd."""
+        s = self._settings
+        return motion.cov[2, 2] - floors(motion.delta, s)[2, 2] > s.loop_weak_turn**2
 
     def _confirmed(self, pair: Pair) -> list[Pair]:
         """The loop, with one that it agrees with where the steps cannot tell if it is right; none while it waits."""

@@ -16,6 +16,7 @@ from ..se2 import Ints
 from .features import Features, matched
 from .level import Level
 from .planar import Planar, camera_motion, distance, planar
+from .points import Points, sharing
 from .registration import registered
 from .settings import Settings
 from .surfaces import Coarse, Surfaces
@@ -82,7 +83,7 @@ class Pairs:
         rng = np.random.default_rng((first.step, second.step))
         reason, contradicted = "", rows[:0]
         for _ in range(TRIES):
-            one, other = first.features.points.taken(rows[:, 0]), second.features.points.taken(rows[:, 1])
+            one, other = _together(first.features, rows[:, 0]), _together(second.features, rows[:, 1])
             found = registered(one, other, s, rng, guess)
             if found is None or len(found.inliers) < least:
                 reason = reason or "too few matches agree"
@@ -102,3 +103,8 @@ class Pairs:
             contradicted = np.concatenate((contradicted, rows[found.inliers]))
             rows = np.delete(rows, found.inliers, axis=0)
         return Trial(first, second, None, reason, matches, contradicted)
+
+
+def _together(features: Features, rows: Ints) -> Points:
+    """The points of some features, with what is known of all of them together."""
+    return sharing(features.points.taken(rows), features.pixels[rows])

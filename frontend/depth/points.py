@@ -6,7 +6,11 @@ import numpy as np
 
 from ..camera.camera import Camera
 from ..se2 import Array
+from ._depth_image import crowds
 from .settings import Settings
+
+SHARED = 3.0
+"""px; depths of features that are nearer to each other are by the same pixels, and err alike: 0.9 to 0.5 correlated."""
 
 
 class Points(NamedTuple):
@@ -41,7 +45,16 @@ class Points(NamedTuple):
 
 
 def points_of(camera: Camera, pixels: Array, z: Array, pixel_sd: Array, settings: Settings) -> Points:
-    """Points at `pixels` (n, 2) and depths `z` (n,), m, with the pixels' sd (n,)."""
+    """Points at `pixels` (n, 2) and depths `z` (n,), m, each by nine pixels, with the pixels' sd (n,)."""
     rays = camera.undistort(pixels)
     ray_sd = pixel_sd / np.mean(camera.focal)
-    return Points(rays, z, settings.constant_sd + settings.depth_sd * z**2, ray_sd)
+    z_sd = settings.fitted_sd * (settings.constant_sd + settings.depth_sd * z**2)
+    return Points(rays, z, z_sd, ray_sd)
+
+
+def sharing(points: Points, pixels: Array) -> Points:
+    """Points as they count together: the sd of a depth that m of them share, at `pixels` (n, 2), grows by sqrt(m).
+
+    A corner is found on several scales, each time at another place of its own, but always with the same depth.
+    """
+    return points._replace(z_sd=points.z_sd * np.sqrt(crowds(pixels, SHARED)))

@@ -34,8 +34,9 @@ class Settings:
     sightings: int = option(30, "most sightings of a step", minimum=1, maximum=1000)
 
     # features
-    pixel_sd = 0.4  # px, of the place of a feature of the finest scale
+    pixel_sd = 0.35  # px, of the place of a feature of the finest scale
     constant_sd = 0.001  # m, of every depth
+    fitted_sd = 0.7  # of a depth by nine pixels, in terms of the sd of one: neighbours within 3 px err alike
     jump, jump_by_depth = 0.02, 0.02  # m, and m a metre, between neighbours of one surface
     ratio = 0.8  # of the distance to the second best descriptor, that to the best one
 
@@ -60,6 +61,7 @@ class Settings:
     loop_inliers, loop_inliers_alone = 20, 30  # least number; without wheels
     loop_floor, loop_turn_floor = 0.002, 0.0012  # sd that features of one surface share, m and rad: seen from elsewhere
     # the steps of its depths and its foreshortened features err alike, which those of neighbouring frames cancel
+    loop_weak_turn = 0.005  # sd by the features, rad, beyond which they are on a part of one surface, seen from afar
     loops_a_step = 2
     by_words, candidates = 300, 5  # keyframes from which on words choose, and how many they choose
     place_step, place_turn = 0.3, 0.3  # m and rad between keyframes that loops are searched in

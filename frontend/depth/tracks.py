@@ -1,14 +1,24 @@
 """Landmarks: features that are seen again get an id, by descriptor and by the motion that they agree with."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..elementary import arctan2, hypot
 from ..se2 import Array, Ints
 from ..small_matrices import propagated
+from ._depth_image import apart
 from .pairs import Keyframe, Pair
+from .points import SHARED
 from .settings import Settings
+
+LINKED = 3
+"""One in so many of a step's sightings, at least, are of landmarks that a step before sees, too."""
+
+BACK = 3
+"""Steps back to the first one that a step's landmarks are compared with."""
 
 
 class Sighted(NamedTuple):
@@ -27,11 +37,17 @@ class Tracks:
         self._settings, self._parts, self._next = settings, list[Sighted](), 0
 
     def link(self, pair: Pair) -> None:
-        """Makes the features of two keyframes that agree the same landmarks; an id is in a frame once."""
+        """Makes the features of two keyframes that agree the same landmarks; an id is in a frame once.
+
+        A feature whose depth is that of a landmark beside it becomes none: their errors would be alike.
+        """
         first, second = pair.first, pair.second
         free = pair.rows[second.ids[pair.rows[:, 1]] < 0]
         known = first.ids[free[:, 0]]
         free = free[(known < 0) | ~np.isin(known, second.ids)]
+        without = np.flatnonzero(first.ids[free[:, 0]] < 0)
+        alone = apart(first.features.pixels, first.ids >= 0, free[without, 0], SHARED)
+        free = np.delete(free, without[~alone], axis=0)
         new = free[first.ids[free[:, 0]] < 0, 0]
         first.ids[new] = self._next + np.arange(len(new))
         self._next += len(new)
@@ -42,7 +58,9 @@ class Tracks:
     def chosen(self) -> Sighted:
         """The sightings of landmarks that have enough of them; those seen most often where a step has too many.
 
-        A landmark that is left with too few is dropped, those with the fewest first, and others take its place.
+        A landmark that is left with too few is dropped, those with the fewest first, and others take its place. Where
+        a step then has too few landmarks in common with one before, others that both see come first, even those that
+        only these two see: without them nothing but the wheels would tell the motion.
         """
         s = self._settings
         if not self._parts:
@@ -54,19 +72,38 @@ class Tracks:
             np.concatenate([part.z for part in parts]),
             np.concatenate([part.cov for part in parts]),
         )
-        times = np.bincount(all_.ids)[all_.ids]
-        order = np.lexsort((all_.ids, -times, all_.step))
-        order = order[times[order] >= s.seen_often]
+        enough = s.sightings // LINKED
+        links, first = _links(all_, enough), np.zeros(len(all_.ids), bool)
+        while True:
+            kept = self._kept(all_, first)
+            there, before = np.zeros(len(first), bool), int(first.sum())
+            there[kept] = True
+            for rows in links:
+                together = there[rows].all(axis=1)
+                others = rows[~together & ~first[rows].all(axis=1)]
+                first[others[: max(enough - int(together.sum()), 0)]] = True
+            if first.sum() == before:
+                return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
+
+    def _kept(self, all_: Sighted, first: NDArray[np.bool_]) -> Ints:
+        """The rows of the sightings that steps have room for, in the order of the steps; those of `first` come first.
+
+        Landmarks with a sighting in `first` may be seen twice only.
+        """
+        s, times = self._settings, np.bincount(all_.ids)
+        least = np.full(len(times), s.seen_often)
+        least[all_.ids[first]] = 2
+        order = np.lexsort((all_.ids, -times[all_.ids], ~first, all_.step))
+        order = order[(times >= least)[all_.ids[order]]]
         while True:
             step = all_.step[order]
             kept = order[np.arange(len(step)) - np.searchsorted(step, step) < s.sightings]
-            left = np.bincount(all_.ids[kept])  # of each landmark; none of one that other steps have no room for
-            few = left[left > 0].min(initial=s.seen_often)
-            if few >= s.seen_often:
-                break
-            dropped = np.flatnonzero(left == few)
+            left = np.bincount(all_.ids[kept], minlength=len(times))  # of each landmark; none where steps have no room
+            few = (left > 0) & (left < least)
+            if not few.any():
+                return kept
+            dropped = np.flatnonzero(few & (left == left[few].min()))
             order = order[~np.isin(all_.ids[order], dropped)]
-        return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
 
     def _add(self, frame: Keyframe, rows: Ints) -> None:
         z, cov = sightings(frame, rows, self._settings)
@@ -88,3 +125,24 @@ def sightings(frame: Keyframe, rows: Ints, settings: Settings) -> tuple[Array, A
     J = np.stack((x / away, y / away, -y / away**2, x / away**2), axis=-1).reshape(-1, 2, 2)
     cov = propagated(J, cov) + np.diag([settings.floor**2, settings.turn_floor**2])
     return np.column_stack((away, arctan2(y, x))), (cov + cov.swapaxes(1, 2)) / 2
+
+
+def _links(all_: Sighted, enough: int) -> list[Ints]:
+    """For each step the sightings (k, 2) of landmarks that it and one before both see, those seen most often first.
+
+    The one before is the last that has `enough` of them in common, else the one with the most.
+    """
+    times, out = np.bincount(all_.ids), list[Ints]()
+    order = np.lexsort((all_.ids, all_.step))
+    starts = np.searchsorted(all_.step[order], np.arange(all_.step.max() + 2))
+    steps = [order[a:b] for a, b in pairwise(starts)]
+    for k, rows in enumerate(steps):
+        best = np.zeros((0, 2), np.int64)
+        for before in steps[max(k - BACK, 0) : k][::-1]:
+            _, a, b = np.intersect1d(all_.ids[before], all_.ids[rows], assume_unique=True, return_indices=True)
+            if len(a) > len(best):
+                best = np.column_stack((before[a], rows[b]))
+            if len(best) >= enough:
+                break
+        out.append(best[np.argsort(-times[all_.ids[best[:, 0]]], kind="stable")])
+    return out

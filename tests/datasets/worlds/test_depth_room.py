@@ -12,7 +12,7 @@ from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.datasets.rendering.posters import FINEST, poster
 from slamduel.datasets.rendering.sensor import LINES
 from slamduel.datasets.worlds import depth_room
-from slamduel.datasets.worlds.depth_room import WHEELS, Drive, integrated, record
+from slamduel.datasets.worlds.depth_room import START_SD, WHEELS, Drive, integrated, known, record
 from slamduel.datasets.worlds.mover import ASIDE
 from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.depth.frame import DepthFrame
@@ -256,3 +256,13 @@ def test_ids_may_be_hidden() -> None:
     assert truth.assigned is not None
     assert (log.ids == UNKNOWN).all()
     assert (truth.assigned >= 0).all()
+
+
+def test_the_start_is_known_as_well_as_the_prior_says() -> None:
+    rng, pose = np.random.default_rng(4), np.array([1.0, -2.0, 0.5])
+    priors = [known(pose, rng) for _ in range(500)]
+    off = np.array([prior.pose for prior in priors]) - pose
+    np.testing.assert_allclose(priors[0].cov, START_SD**2 * np.eye(3), rtol=1e-12)
+    assert abs((off**2).mean() / START_SD**2 - 1) < 4 * np.sqrt(2 / 1500)
+    recording, truth = record(SHORT, np.random.default_rng(1))
+    assert 0 < np.abs(recording.prior.pose - truth.poses[0]).max() < 5 * START_SD

@@ -31,8 +31,9 @@ def test_a_floor_in_front_of_a_wall_levels_a_body_that_rocks(pitch: float, roll:
     body = rocked(pitch, roll)
     level = Leveller(CAMERA, Settings()).level(depth_at(body, [FLOOR, WALL]))
     assert level.found
-    np.testing.assert_allclose(off(level, body)[:2], 0, atol=np.radians(0.02))
-    assert abs(off(level, body)[2]) < 5e-4
+    # exact depths: what remains is of points of the wall that pass for the floor, a fifth of a millimetre without them
+    np.testing.assert_allclose(off(level, body)[:2], 0, atol=3e-5)
+    assert abs(off(level, body)[2]) < 5e-5
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(0.0, 0.0), (-0.067, -0.051), (-0.06, 0.05), (0.05, -0.02)])
@@ -64,8 +65,7 @@ def test_covariance_is_that_of_drawn_errors() -> None:
         errors[k] = off(level, body)
     assert level is not None
     squared = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(level.cov), errors) / 3
-    # smaller than 1 by what is added for errors that pixels share; the mean of 60 errs by sqrt(2 / 3 / 60) = 0.1
-    assert 0.1 < squared.mean() < 1.3
+    assert 0.6 < squared.mean() < 1.4  # the mean of 60 errs by sqrt(2 / 3 / 60) = 0.1
 
 
 def test_without_a_floor_the_mounting_is_taken_with_the_sway_as_its_error() -> None:

@@ -11,9 +11,9 @@ from slamduel.frontend.depth.features import Features
 from slamduel.frontend.depth.level import Level
 from slamduel.frontend.depth.loops import Loops
 from slamduel.frontend.depth.pairs import Keyframe, Pair, Pairs, Trial
-from slamduel.frontend.depth.planar import Planar
+from slamduel.frontend.depth.planar import Planar, floors
 from slamduel.frontend.depth.points import Points
-from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.depth.settings import RecordedSettings, Settings
 from slamduel.frontend.depth.ways import Ways
 from slamduel.frontend.se2 import Array, between, compose
 
@@ -27,7 +27,7 @@ class Known(Pairs):
 
     def __init__(self, found: dict[tuple[int, int], tuple[Array, int]]) -> None:
         super().__init__(CAMERA, SETTINGS)
-        self.found, self.asked = found, list[tuple[int, int]]()
+        self.found, self.asked, self.cov = found, list[tuple[int, int]](), SHARP
 
     def register(self, first: Keyframe, second: Keyframe, least: int, known: Callable[[], Planar] | None) -> Trial:
         self.asked.append((first.step, second.step))
@@ -35,7 +35,7 @@ class Known(Pairs):
         if delta is None or count < least:
             return Trial(first, second, None, "too few matches", NO_ROWS, NO_ROWS)
         rows = np.zeros((count, 2), np.int64)
-        return Trial(first, second, Pair(first, second, Planar(delta, SHARP), rows), "", rows, NO_ROWS)
+        return Trial(first, second, Pair(first, second, Planar(delta, self.cov), rows), "", rows, NO_ROWS)
 
 
 def frame(step: int, t: float) -> Keyframe:
@@ -55,10 +55,12 @@ def square(n: int) -> Array:
     return np.array(out)
 
 
-def closed(pairs: Known, n: int, sd: float, wheels: bool = True) -> list[tuple[int, int]]:
+def closed(
+    pairs: Known, n: int, sd: float, wheels: bool = True, settings: Settings = SETTINGS
+) -> list[tuple[int, int]]:
     """The loops of a drive whose steps err by `sd` each, as (earlier step, step)."""
     poses, ways, out = square(n), Ways(), list[tuple[int, int]]()
-    loops = Loops(pairs, ways, SETTINGS, wheels)
+    loops = Loops(pairs, ways, settings, wheels)
     for k in range(n):
         if k:
             ways.step(Planar(between(poses[k - 1], poses[k]), sd**2 * np.diag([1, 1, 0.01])))
@@ -90,6 +92,18 @@ def test_places_are_searched_once_they_are_old_enough_and_the_best_loops_are_clo
 def test_a_loop_needs_more_features_without_wheels(wheels: bool, least: int) -> None:
     for count in (least - 1, least):
         assert closed(Known(true_loops([(0, 32)], count)), 34, 0.001, wheels) == [(0, 32)] * (count >= least)
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, RecordedSettings(landmarks=False, loops=True)])
+@pytest.mark.parametrize(("sd", "expected"), [(0.0049, [(0, 32)]), (0.0051, [])])
+def test_a_loop_whose_features_leave_the_turn_open_is_not_closed(
+    settings: Settings, sd: float, expected: list[tuple[int, int]]
+) -> None:
+    """Whatever the floors, which are no part of what features tell."""
+    pairs = Known(true_loops([(0, 32)]))
+    delta = pairs.found[0, 32][0]
+    pairs.cov = np.diag([1e-6, 1e-6, sd**2]) + floors(delta, settings)
+    assert closed(pairs, 34, 0.001, settings=settings) == expected
 
 
 def test_where_the_steps_cannot_tell_two_loops_have_to_agree() -> None:

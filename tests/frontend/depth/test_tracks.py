@@ -1,5 +1,7 @@
 """Ids of landmarks, by plain rules on made-up frames."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from depth_scenes import CAMERA
@@ -17,7 +19,8 @@ NO_MOTION = Planar(np.zeros(3), np.eye(3))
 def frame(step: int, n: int = 6) -> Keyframe:
     rng = np.random.default_rng(step)
     points = Points(rng.uniform(-0.3, 0.3, (n, 2)), rng.uniform(1, 3, n), np.full(n, 0.01), np.full(n, 0.002))
-    features = Features(np.zeros((n, 2)), points, np.zeros((n, 32), np.uint8))
+    pixels = np.column_stack((10.0 * np.arange(float(n)), np.zeros(n)))
+    features = Features(pixels, points, np.zeros((n, 32), np.uint8))
     level = Level(CAMERA.mounting, 1e-7 * np.eye(3), True)
     return Keyframe(step, float(step), features, level, np.zeros((1, 1), np.float32), without_ids(features))
 
@@ -42,6 +45,19 @@ def test_an_id_is_in_a_frame_once_and_is_not_changed() -> None:
     tracks.link(pair(b, c, [[2, 4], [3, 0]]))  # the landmark of 2 is there already, and 0 has another
     assert c.ids.tolist() == [0, -1, -1, -1, -1, -1]
     assert b.ids.tolist() == [-1, -1, 0, 1, -1, -1]
+
+
+def test_a_feature_beside_a_landmark_is_none() -> None:
+    """Those of rows 1 and 4 are 2 px from that of row 0, and one of row 5 is 4 px from it."""
+    tracks, (a, b, c) = Tracks(Settings()), (frame(k) for k in range(3))
+    for one in (a, b, c):
+        one.features.pixels[[1, 4, 5]] = [[2.0, -1.0], [-2.0, 2.0], [4.0, 0.0]]
+    tracks.link(pair(a, b, [[0, 0], [1, 1], [2, 2], [5, 5]]))
+    assert a.ids.tolist() == [0, -1, 1, -1, -1, 2]
+    assert b.ids.tolist() == [0, -1, 1, -1, -1, 2]
+    tracks.link(pair(b, c, [[4, 4], [1, 1], [5, 5]]))
+    assert b.ids.tolist() == [0, -1, 1, -1, -1, 2]
+    assert c.ids.tolist() == [-1, -1, -1, -1, -1, 2]
 
 
 def test_landmarks_seen_too_rarely_are_left_out_and_those_seen_most_come_first() -> None:
@@ -75,6 +91,39 @@ def test_a_landmark_has_its_sightings_where_steps_have_too_many_and_no_room_is_l
         assert len(chosen) == min(len(there), settings.sightings)
         if len(chosen) < len(there):
             assert often[chosen].min() >= often[there[~np.isin(there, chosen)]].max()
+
+
+def test_steps_between_which_all_landmarks_change_keep_some_in_common() -> None:
+    """A quick turn: those seen often are on either side of it, and few of both. As many as needed come first."""
+    settings, size = Settings(sightings=9), 40
+    tracks, frames = Tracks(settings), [frame(k, size) for k in range(10)]
+    for k in range(9):
+        rows = np.arange(12) if k < 4 else np.arange(12, 24) if k > 4 else np.arange(24, 32)
+        tracks.link(pair(frames[k], frames[k + 1], np.column_stack((rows, rows)).tolist()))
+    seen = tracks.chosen()
+    at = [set(seen.ids[seen.step == k].tolist()) for k in range(10)]
+    assert all(len(ids) == 9 for ids in at)
+    assert [len(a & b) for a, b in pairwise(at)] == [9, 9, 9, 6, 3, 6, 9, 9, 9]  # three sightings of nine
+    turn = at[4] & at[5]
+    assert all(np.count_nonzero(seen.ids == one) == 2 for one in turn)
+    others = np.unique(seen.ids[~np.isin(seen.ids, list(turn))], return_counts=True)[1]
+    assert others.min() >= settings.seen_often
+
+
+def test_a_step_without_a_neighbour_is_linked_to_the_one_before_that() -> None:
+    """Nothing matched from step 4 to 5, but from 2 to 5."""
+    settings, size = Settings(sightings=9), 40
+    tracks, frames = Tracks(settings), [frame(k, size) for k in range(10)]
+    for k in range(9):
+        rows = np.arange(12) if k < 4 else np.arange(12, 24)
+        if k != 4:
+            tracks.link(pair(frames[k], frames[k + 1], np.column_stack((rows, rows)).tolist()))
+    rows = np.arange(30, 35)
+    tracks.link(pair(frames[2], frames[5], np.column_stack((rows, rows)).tolist()))
+    seen = tracks.chosen()
+    at = [set(seen.ids[seen.step == k].tolist()) for k in range(10)]
+    assert len(at[4] & at[5]) == 0
+    assert len(at[2] & at[5]) == 3
 
 
 def test_sightings_are_ranges_and_bearings_of_levelled_points_with_their_covariance() -> None:
