@@ -4,12 +4,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..frontend.factors import Dataset
 from ..frontend.options import NoOptions
+
+
+class Member(NamedTuple):
+    """One log of a dataset of many."""
+
+    dataset: str  # the name of the dataset that makes it
+    options: Any  # of that dataset, for this log alone
+    name: str  # tells it from the others
+    cluster: str | None  # logs that share a run, a robot or a building; None: independent of all others
+    seed: int = 0  # that it is made with, where the dataset draws it
 
 
 @dataclass(frozen=True)
@@ -19,7 +29,7 @@ class Source:
     `make(options, rng)` returns the log and, if there is one, its ground truth; `options` is a frozen dataclass made
     with `option(...)` fields. `seeded`: it draws from `rng`, so there is one log per seed. `costly`: it is expensive
     enough for the user's cache; `files(options)` are those that it reads. `portable`: its log is the same to the last
-    bit on every x86-64 machine.
+    bit on every x86-64 machine. `many(options)` are the logs of options that stand for several, else none.
     """
 
     make: Callable[[Any, np.random.Generator], Dataset]
@@ -28,6 +38,7 @@ class Source:
     costly: bool = False
     portable: bool = True
     files: Callable[[Any], Sequence[Path]] = field(default=lambda _: ())
+    many: Callable[[Any], Sequence[Member]] = field(default=lambda _: ())
 
     @property
     def summary(self) -> str:
@@ -55,9 +66,11 @@ BUILTIN = {
     "laser-floor": ".worlds.laser_floor:source",
     "linear": ".worlds.linear:source",
     "log": ".formats.log_folder:source",
+    "logs": ".formats.log_list:source",
     "matlab-report": ".worlds.matlab_report:source",
     "mit-csail": ".published.laser_logs:mit_csail",
     "mrclam": ".published.mrclam:source",
+    "mrclam-all": ".published.mrclam:all_sets",
     "recording": ".recordings.recording:source",
     "toro": ".formats.toro:source",
     "tum-pioneer-360": ".published.tum_pioneer:pioneer_360",

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from slamduel.backends import registry as backends
+from slamduel.bench.plan.many import LIST
 from slamduel.bench.plan.spec import describe
 from slamduel.bench.study.file import FORMAT
 from slamduel.datasets import registry as datasets
@@ -59,7 +60,9 @@ def _backends() -> Iterator[Entry]:
 def _datasets() -> Iterator[Entry]:
     for name in datasets.BUILTIN:
         source = datasets.find(name)
-        yield Entry(name, ("one per seed" if source.seeded else "one", source.summary), describe(source.options))
+        many = len(source.many(source.options()))
+        logs = "one per seed" if source.seeded else "several" if name == LIST else str(many) if many else "one"
+        yield Entry(name, (logs, source.summary), describe(source.options))
 
 
 def _tables(headings: tuple[str, ...], entries: list[Entry]) -> Iterator[str]:

@@ -23,7 +23,7 @@ from .crossing import crossing
 from .finding import FIGURES, Finding, Verdict, nothing
 from .median import exponents, median
 from .ratio import alike, less
-from .side import Untestable, numbered, parameters, selected, side, standard_error
+from .side import Untestable, numbered, parameters, selected, side, standard_error, units_of
 from .words import remarks
 
 HEADS: Mapping[Verdict, str] = {"fails": "Fails", "open": "Not decided", "holds": "Holds"}  # what an answer begins with
@@ -119,14 +119,18 @@ def _tested(claim: Claim, value: Any, table: CellTable) -> Finding:
     where = {**claim.where, claim.each: value} if claim.each else claim.where
     rows = [selected(table, own, where) for own in _sides(claim)]
     logs = numbered(table, rows, claim.along)
+    of = units_of(table, logs)
     sides = [
-        side(table, own.get("measure", claim.measure), mine, logs, claim.along)
+        side(table, own.get("measure", claim.measure), mine, logs, claim.along, of)
         for own, mine in zip(_sides(claim), rows, strict=True)
     ]
     found = KINDS[claim.kind](claim, *sides)
     waiting = sum(side.waiting for side in sides)
     said = [f"{waiting:,} of {counted(sum(side.cells for side in sides), 'cell')} have not run"] * (waiting > 0)
-    said += [f"{FEWEST} logs at least are needed"] * (not waiting and 0 < found.n < FEWEST and isnan(found.low))
+    short = 0 < found.units < FEWEST and isnan(found.low)
+    noun = "clusters" if found.units < found.n else "logs"
+    said += [f"{FEWEST} {noun} at least are needed"] * (not waiting and short)
+    said += [f"all logs are of {of.within}"] * bool(of.within)
     lacking = "one side has" if len(sides) > 1 else f"some {claim.along} has"
     said += [*found.remarks, *[f"{counted(found.lost, 'log')} left out, where {lacking} no value"] * (found.lost > 0)]
     found = found._replace(waiting=waiting, remarks=(*said, *remarks(sides)))

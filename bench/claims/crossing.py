@@ -1,5 +1,6 @@
 """Tests claims on where two sides cross: the value of a parameter from which on the first is the smaller."""
 
+from collections.abc import Hashable, Sequence
 from math import inf, isinf, isnan, nan
 
 import numpy as np
@@ -29,16 +30,18 @@ def crossing(claim: Claim, first: Side, second: Side) -> Finding:
         return nothing("no log has both sides at two values or more")
     x, d = np.array(both.along, float), log_ratios(both.first, both.second)
     early, late = _first(x, np.where(np.isnan(d), np.inf, d)), _last(x, np.where(np.isnan(d), -np.inf, d))
-    one, other = _estimate(early, x), _estimate(late, x)
-    low, high, n = one.low, other.high, one.n
+    one, other = _estimate(early, x, both.units), _estimate(late, x, both.units)
+    low, high, n, units = one.low, other.high, one.n, one.units
     least, most = (x[0] if isinf(claim.low) else claim.low), (x[-1] if isinf(claim.high) else claim.high)
     outside = low >= most or high <= least
     verdict: Verdict = "fails" if outside else "holds" if least <= low and high <= most else "open"
     at = (one.value * other.value) ** 0.5 if 0 < one.value <= other.value < inf else nan
     with np.errstate(divide="ignore"):
         room = margin(*(float(np.log(end)) for end in (low, high, max(least, 0), most)))
-    said = _said(x, at, low, high, n)
-    return Finding(verdict, at, low, high, n, room, said, _wanted(claim, verdict), lost=both.lost, remarks=_remarks(d))
+    said = _said(x, at, low, high, n, units)
+    return Finding(
+        verdict, at, low, high, n, room, said, _wanted(claim, verdict), lost=both.lost, remarks=_remarks(d), units=units
+    )
 
 
 def _wanted(claim: Claim, verdict: Verdict) -> str:
@@ -47,17 +50,17 @@ def _wanted(claim: Claim, verdict: Verdict) -> str:
     return f"{claim.along} {bounds(claim.low, claim.high)}"
 
 
-def _said(x: Array, at: float, low: float, high: float, n: int) -> str:
+def _said(x: Array, at: float, low: float, high: float, n: int, units: int) -> str:
     start, end = plain(float(x[0])), plain(float(x[-1]))
-    if n >= FEWEST and high <= x[0]:
-        return f"no crossing: less at every value, from {start} on ({interval(nan, nan, n)})"
-    if n >= FEWEST and low >= x[-1]:
-        return f"no crossing: not less at any value, up to {end} ({interval(nan, nan, n)})"
+    if units >= FEWEST and high <= x[0]:
+        return f"no crossing: less at every value, from {start} on ({interval(nan, nan, n, units)})"
+    if units >= FEWEST and low >= x[-1]:
+        return f"no crossing: not less at any value, up to {end} ({interval(nan, nan, n, units)})"
 
     def written(value: float) -> str:
         return f"below {start}" if value < x[0] else f"beyond {end}" if isinf(value) else number(value)
 
-    return f"{'place unknown' if isnan(at) else f'at {number(at)}'} ({interval(low, high, n, written)})"
+    return f"{'place unknown' if isnan(at) else f'at {number(at)}'} ({interval(low, high, n, units, written)})"
 
 
 def _remarks(d: Array) -> tuple[str, ...]:
@@ -101,12 +104,12 @@ def _root(x: Array, d: Array, place: Rows, *, early: bool) -> Array:
     return np.exp(start + share * (end - start))
 
 
-def _estimate(places: Array, x: Array) -> Estimate:
+def _estimate(places: Array, x: Array, units: Sequence[Hashable]) -> Estimate:
     """Estimates the median on a logarithmic scale; exactly at an end of x (m,) if it is there but for rounding."""
     with np.errstate(divide="ignore"):
-        found = estimate(np.log(places).tolist())
+        found = estimate(np.log(places).tolist(), units)
     ends = np.exp([found.value, found.low, found.high])
     for end in (x[0], x[-1]):
         ends[np.isclose(ends, end, rtol=SAME, atol=0)] = end
     value, low, high = ends.tolist()
-    return Estimate(value, low, high, found.n)
+    return Estimate(value, low, high, found.n, found.units)

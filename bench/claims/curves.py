@@ -1,6 +1,6 @@
 """Computes a study's figure: the median and its interval at every x, for every value of `by`."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from ..record.cell_table import CellTable
 from ..record.statuses import FAILED
 from ..study.study import Figure
 from ..verdict.statistics import FEWEST, estimate
+from ..verdict.units import units
 from ..words.columns import about
 from ..words.names import tags
 
@@ -76,27 +77,37 @@ def medians(figure: Figure, table: CellTable) -> Medians:
     group = at * len(bys) + line
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+    of = _units(table, rows)
     places: dict[tuple[Any, Any], Place] = {}
     for members in np.split(order, starts[1:]) if len(order) else ():
         x, by = xs[at[members[0]]], bys[line[members[0]]]
         having = values[members]
-        known = np.sort(having[~np.isnan(having)])
+        there = ~np.isnan(having)
+        known, own = np.sort(having[there]), _typical(having[there], [of[place] for place in members[there]])
         counts = int(failed[members].sum()), int(waiting[members].sum())
-        places[x, by] = Place(x, by, *_typical(known), known, *counts)
+        places[x, by] = Place(x, by, *own, known, *counts)
     return Medians(
         figure, _sorted(xs), _sorted(bys), places, _called(figure, table, bys), _lacking(figure.x, figure, table)
     )
 
 
-def _typical(values: Array) -> tuple[float, float, float]:
+def _units(table: CellTable, rows: Any) -> list[Hashable]:
+    """Returns the unit of each of the rows' cells: the cluster of its log, else the cell by itself."""
+    clusters = table.columns.get("cluster")
+    stated = [] if clusters is None else clusters[rows].tolist()
+    found = units(dict(enumerate(stated)))
+    return [found.unit(place) for place in range(len(table.columns["status"][rows]))]
+
+
+def _typical(values: Array, of: Sequence[Hashable]) -> tuple[float, float, float]:
     if not len(values):
         return np.nan, np.nan, np.nan
-    if len(values) > MANY:
-        return _of_many(values)
-    found = estimate(values.tolist())
-    if found.n >= FEWEST:
+    if len(values) > MANY and len(set(of)) == len(of):
+        return _of_many(np.sort(values))
+    found = estimate(values.tolist(), of)
+    if found.units >= FEWEST:
         return found.value, found.low, found.high
-    return found.value, float(values[0]), float(values[-1])
+    return found.value, float(values.min()), float(values.max())
 
 
 def _of_many(sorted_: Array) -> tuple[float, float, float]:

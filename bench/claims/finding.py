@@ -23,6 +23,7 @@ class Finding(NamedTuple):
     waiting: int = 0  # cells that have not run
     lost: int = 0  # logs that lack a value
     remarks: tuple[str, ...] = ()  # for the reader
+    units: int = 0  # independent ones that the logs are of: as many as logs unless these are in clusters
 
 
 def judged(low: float, high: float, least: float, most: float) -> Verdict:

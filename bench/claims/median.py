@@ -1,8 +1,10 @@
 """Tests claims on a median over logs: of a measure, and of the exponent with which it grows."""
 
+from collections.abc import Hashable, Sequence
 from math import isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...frontend.se2 import Array
 from ..study.study import Claim
@@ -23,15 +25,15 @@ def median(claim: Claim, side: Side) -> Finding:
     counts as the lowest for the one end of the interval, and as the highest for the other. On a single log, of a mean
     over the log that has a standard error, the interval is of that mean.
     """
-    found = cautious(side.values[:, 0][side.present[:, 0]])
+    found = cautious(side.values[:, 0][there := side.present[:, 0]], _those(side.units, there))
     if not found.n:
         return nothing(f"no cell has {side.measure}")
     if isfinite(side.within) and found.n == 1:
         reach = BATCHES * side.within
         found = found._replace(low=found.value - reach, high=found.value + reach)
-        said = f"mean {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n)})"
+        said = f"mean {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n, found.units)})"
         return _judged(claim, found, said, bounds(claim.low, claim.high, side.measure))
-    said = f"median {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n)})"
+    said = f"median {sized(found.value, side.measure)} ({interval(found.low, found.high, found.n, found.units)})"
     return _judged(claim, found, said, bounds(claim.low, claim.high, side.measure))
 
 
@@ -53,23 +55,28 @@ def exponents(claim: Claim, side: Side) -> Finding:
     x = np.log(np.array(whole.along, float))
     x -= x.mean()
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = cautious((np.log(whole.values) * x).sum(axis=1) / (x @ x))
+        found = cautious((np.log(whole.values) * x).sum(axis=1) / (x @ x), whole.units)
     places = f"{claim.along} {plain(whole.along[0])} to {plain(whole.along[-1])}"
-    said = f"exponent {exponent(found.value)} ({interval(found.low, found.high, found.n, exponent)}, {places})"
+    ends = interval(found.low, found.high, found.n, found.units, exponent)
+    said = f"exponent {exponent(found.value)} ({ends}, {places})"
     lost = len(side.logs) - len(whole.logs)
     return _judged(claim, found, said, bounds(claim.low, claim.high))._replace(lost=lost)
 
 
-def cautious(values: Array) -> Estimate:
-    """Estimates the median over logs (n,) with an interval that holds whatever the NaN, unknown, are."""
+def cautious(values: Array, units: Sequence[Hashable]) -> Estimate:
+    """Estimates the median over logs (n,) of these units with an interval that holds whatever the NaN, unknown, are."""
     unknown = np.isnan(values)
     if not unknown.any():
-        return estimate(values.tolist()) if len(values) else Estimate(np.nan, np.nan, np.nan, 0)
-    known = cautious(values[~unknown])
-    low, high = (estimate(np.where(unknown, end, values).tolist()) for end in (-np.inf, np.inf))
-    return Estimate(known.value, low.low, high.high, len(values))
+        return estimate(values.tolist(), units) if len(values) else Estimate(np.nan, np.nan, np.nan, 0, 0)
+    known = cautious(values[~unknown], _those(units, ~unknown))
+    low, high = (estimate(np.where(unknown, end, values).tolist(), units) for end in (-np.inf, np.inf))
+    return Estimate(known.value, low.low, high.high, len(values), low.units)
+
+
+def _those(units: Sequence[Hashable], there: NDArray[np.bool_]) -> Sequence[Hashable]:
+    return [unit for unit, kept in zip(units, there.tolist(), strict=True) if kept]
 
 
 def _judged(claim: Claim, found: Estimate, words: str, wanted: str) -> Finding:
     ends = found.low, found.high, claim.low, claim.high
-    return Finding(judged(*ends), *found, margin(*ends), words, wanted)
+    return Finding(judged(*ends), *found[:4], margin(*ends), words, wanted, units=found.units)

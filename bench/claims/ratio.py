@@ -1,5 +1,6 @@
 """Tests claims on the ratio of two sides, paired by log: that one is smaller, or that they are alike."""
 
+from collections.abc import Hashable
 from math import log
 from typing import NamedTuple
 
@@ -65,27 +66,42 @@ class _Ratios(NamedTuple):
     first: Array  # (n,)
     second: Array
     d: Array  # (n,) log of second / first; NaN where it is unknown
+    units: tuple[Hashable, ...]  # (n,)
     lost: int
 
     def shifts(self, against: float) -> tuple[Shift, Shift]:
         """Estimates the shift with unknown values at the low end, and at the high one."""
         unknown = np.isnan(self.d)
         if not unknown.any():
-            found = shift(self.d, against)
+            found = shift(self.d, against, self.units)
             return found, found
-        low, high = (shift(np.where(unknown, end, self.d), against) for end in (-np.inf, np.inf))
+        low, high = (shift(np.where(unknown, end, self.d), against, self.units) for end in (-np.inf, np.inf))
         return low, high
 
     def told(self, low: float, high: float, p: float | None, *, fine: bool) -> Finding:
         """Makes the finding's figures from the interval of d; verdict and bounds are still missing."""
-        medians = tuple(cautious(values).value for values in (self.first, self.second))
+        medians = tuple(cautious(values, self.units).value for values in (self.first, self.second))
         one, other = (sized(value, measure) for value, measure in zip(medians, self.measures, strict=True))
-        at, start, end = (exponential(value) for value in (shift(self.d[~np.isnan(self.d)]).value, low, high))
-        n = len(self.d)
+        known = ~np.isnan(self.d)
+        of = [unit for unit, there in zip(self.units, known.tolist(), strict=True) if there]
+        at, start, end = (exponential(value) for value in (shift(self.d[known], units=of).value, low, high))
+        n, units = len(self.d), len(set(self.units))
         said = f"{one} against {other}"
         if not np.isnan(low):
             said += f", {ratio(start, end, fine=fine)}"
-        return Finding("open", at, start, end, n, 0.0, f"{said} ({tested(n, p)})", "", medians=medians, lost=self.lost)
+        return Finding(
+            "open",
+            at,
+            start,
+            end,
+            n,
+            0.0,
+            f"{said} ({tested(n, units, low, p)})",
+            "",
+            medians=medians,
+            lost=self.lost,
+            units=units,
+        )
 
 
 def _paired(first: Side, second: Side) -> _Ratios | None:
@@ -96,4 +112,4 @@ def _paired(first: Side, second: Side) -> _Ratios | None:
     if len(both.first) > MOST:
         raise Untestable(f"there are {len(both.first):,} logs of both sides, and at most {MOST:,} can be compared")
     a, b = both.first[:, 0], both.second[:, 0]
-    return _Ratios((first.measure, second.measure), a, b, log_ratios(a, b), both.lost)
+    return _Ratios((first.measure, second.measure), a, b, log_ratios(a, b), both.units, both.lost)

@@ -10,13 +10,16 @@ from ...frontend.se2 import Array, Ints
 from ..record.cell_table import CellTable
 from ..record.statuses import FAILED
 from ..verdict.ranking import ROUNDING
+from ..verdict.units import INDEPENDENT, Units, units
 from ..words.columns import about
 from ..words.numerals import listed
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 
-NO_PARAMETERS = frozenset(("status", "reason", "digest", "host", "executor"))  # columns of words, not parameters
+NO_PARAMETERS = frozenset(
+    ("status", "reason", "digest", "cluster", "host", "executor")
+)  # columns of words, not parameters
 SHOWN = 6  # values that a sentence has room for
 
 
@@ -30,6 +33,7 @@ class Side(NamedTuple):
     measure: str
     along: list[Any]  # (m,) rising; [None] where a claim goes along nothing, or no cell has what it goes along
     logs: Ints  # (k,) numbers, the same on both sides of a claim
+    units: tuple[Hashable, ...]  # (k,) of these logs: the same where they are of one cluster of several
     values: Array  # (k, m) infinite where an error's cell failed, NaN where a cell failed of what is no error
     present: Bools  # (k, m) where there is a value, or a cell has failed
     cells: int
@@ -52,7 +56,10 @@ class Side(NamedTuple):
         whole = self.present[:, some].all(axis=1)
         along = [self.along[place] for place in np.flatnonzero(some)]
         kept = np.ix_(whole, some)
-        return self._replace(along=along, logs=self.logs[whole], values=self.values[kept], present=self.present[kept])
+        units = tuple(self.units[place] for place in np.flatnonzero(whole))
+        return self._replace(
+            along=along, logs=self.logs[whole], units=units, values=self.values[kept], present=self.present[kept]
+        )
 
 
 class Pairs(NamedTuple):
@@ -61,6 +68,7 @@ class Pairs(NamedTuple):
     along: list[Any]  # (m,)
     first: Array  # (k, m)
     second: Array
+    units: tuple[Hashable, ...]  # (k,)
     lost: int  # other logs of either side
 
 
@@ -78,7 +86,7 @@ def pairs(first: Side, second: Side) -> Pairs:
             raise Untestable(
                 f"{side.measure} has negative values, such as {np.nanmin(values):.3g}, which have no ratio"
             )
-    return Pairs(along, a, b, lost)
+    return Pairs(along, a, b, tuple(one.units[row] for row in rows), lost)
 
 
 def _columns(side: Side, along: list[Any]) -> Array:
@@ -148,6 +156,14 @@ def numbered(table: CellTable, sides: Sequence[Rows], along: str) -> Ints:
     return numbers
 
 
+def units_of(table: CellTable, logs: Ints) -> Units:
+    """Finds the units of the logs that `numbered` numbers, (n,), from the clusters that they are stated to be of."""
+    clusters = table.columns.get("cluster")
+    rows = np.flatnonzero(logs >= 0)
+    stated = [None] * len(rows) if clusters is None else clusters[rows].tolist()
+    return units(dict(zip(logs[rows].tolist(), stated, strict=True)))
+
+
 def _several(table: CellTable, rows: Rows, along: str) -> bool:
     """Returns True if a side has several datasets; Untestable where it has several values of another parameter."""
     several = False
@@ -167,8 +183,8 @@ def _ambiguous(name: str, values: Sequence[Any]) -> str:
     return f"a side has cells with {name} = {listed(shown)}; expected one value, by a side's own {name}, where or each"
 
 
-def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> Side:
-    """Collects the rows' values of the measure; `logs` (n,) as from `numbered`.
+def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str, of: Units = INDEPENDENT) -> Side:
+    """Collects the rows' values of the measure; `logs` (n,) as from `numbered`, `of` their units.
 
     Several cells on one log, of a random backend, are averaged. Untestable unless `along` is a number above 0 in all of
     them, or in none.
@@ -198,7 +214,8 @@ def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str) -> 
     skipped = status == "skipped"
     reasons = set(table.columns["reason"][rows][skipped].tolist()) if skipped.any() else set[str]()
     return Side(
-        measure, xs, own, mean.reshape(shape), (count > 0).reshape(shape), len(rows), int((status == "waiting").sum()),
+        measure, xs, own, tuple(map(of.unit, own.tolist())), mean.reshape(shape), (count > 0).reshape(shape),
+        len(rows), int((status == "waiting").sum()),
         int(failed.sum()), int(skipped.sum()), int((done & ~present).sum()),
         0 if beside is None else int((beside[rows] == 0).sum()),
         within, reasons.pop() if len(reasons) == 1 else "",

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import inf, isinf, isnan
 
-from ..verdict.statistics import FEWEST
+from ..verdict.units import logs_in
 from ..words.columns import about
 from ..words.numerals import chance, counted, larger, listed, number, plain, times
 from .side import Side
@@ -29,9 +29,9 @@ def bounds(low: float, high: float, measure: str = "") -> str:
     return f"above {plain(low)}{unit}" if isinf(high) else f"within {plain(low)} to {plain(high)}{unit}"
 
 
-def interval(low: float, high: float, n: int, written: Callable[[float], str] = number) -> str:
+def interval(low: float, high: float, n: int, units: int, written: Callable[[float], str] = number) -> str:
     """Writes 95 % interval 1.2 to 2.3; 50 logs. The logs alone where there are too few for one."""
-    logs = counted(n, "log")
+    logs = logs_in(n, units)
     if isnan(low):
         return logs
     if (low, high) == (-inf, inf):
@@ -39,12 +39,12 @@ def interval(low: float, high: float, n: int, written: Callable[[float], str] = 
     return f"95 % interval {written(low)} to {written(high)}; {logs}"
 
 
-def tested(n: int, p: float | None) -> str:
+def tested(n: int, units: int, low: float, p: float | None) -> str:
     """Writes 95 % interval; 50 logs, p < 0.0001. The logs alone where there are too few for either."""
-    logs = counted(n, "log")
-    if n < FEWEST:
+    logs = logs_in(n, units)
+    if isnan(low):
         return logs
-    return f"95 % interval; {logs}" if p is None else f"95 % interval; {logs}, {chance(p)}"
+    return f"95 % interval; {logs}" if p is None or isnan(p) else f"95 % interval; {logs}, {chance(p)}"
 
 
 def ratio(low: float, high: float, *, fine: bool) -> str:

@@ -9,7 +9,8 @@ from ...frontend.errors import InputError
 from ..check.contract import BLIND, sightings_make_a_difference
 from ..check.isolated import examined
 from ..check.suite import Outcome, check_name, chosen
-from ..plan.spec import BackendVariant, backend_variants
+from ..plan.spec import backend_variants
+from ..plan.variant import BackendVariant
 from ..words.console import plain
 from ..words.reason import reason
 

@@ -10,8 +10,9 @@ from rich.console import Console
 
 from ...datasets.cache import generator
 from ...frontend.errors import InputError
-from ..plan.spec import DatasetVariant, dataset_variants
+from ..plan.spec import dataset_variants
 from ..plan.values import seed
+from ..plan.variant import DatasetVariant
 from ..words.console import ProgressBar
 
 MARKERS, DEPTH = RENDERED = ("aruco-room", "depth-room")

@@ -32,7 +32,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     d = DEFAULTS
     add = parser.add_argument
     add("--backend", action="append", metavar="NAMES", help=f"backends, separated by commas (default {d['backend']})")
-    add("--dataset", action="append", metavar="NAMES", help=f"datasets, separated by commas (default {d['dataset']})")
+    add(
+        "--dataset",
+        action="append",
+        metavar="NAMES",
+        help=f"datasets, separated by commas; log[path='drives/*'] or a TOML file: many logs, one verdict "
+        f"(default {d['dataset']})",
+    )
     add(
         "--seeds",
         type=count,

@@ -13,8 +13,8 @@ from ..logs.facts import facts, headline, noted
 from ..logs.numbers import Subject, described
 from ..logs.shown_path import LARGEST
 from ..plan.load import made, one
-from ..plan.spec import DatasetVariant
 from ..plan.values import check_file, seed
+from ..plan.variant import DatasetVariant
 from ..words.console import plain, screen_console
 from ..words.names import called
 
@@ -54,10 +54,11 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.strict:
         refuse(variant.label, remarks(dataset))
     console = screen_console(quiet=namespace.quiet or namespace.json)
-    if namespace.seed and not variant.source.seeded:
+    if namespace.seed and not variant.numbered:
         console.print(f"{variant.name} draws nothing at random: it is the same for every --seed", highlight=False)
     label = _file(variant, namespace.log) or called([variant.label])[variant.label]
-    label += f", seed {namespace.seed}" if variant.source.seeded else ""
+    label += f", seed {namespace.seed}" if variant.numbered else ""
+    label += f", {name}" if (name := variant.log(namespace.seed).name) else ""
     subject = described(label, dataset, namespace.solve)
     if namespace.json:
         print(json.dumps(as_json(variant.label, namespace.seed, subject), indent=2, allow_nan=False))

@@ -13,8 +13,9 @@ from ...frontend.errors import InputError
 from ...frontend.factors import UNKNOWN, Dataset
 from ...frontend.scan import Scan, attempted
 from ..plan.load import made
-from ..plan.spec import DatasetVariant, dataset_variants
+from ..plan.spec import dataset_variants
 from ..plan.values import seed
+from ..plan.variant import DatasetVariant
 from ..words.console import announced
 from ..words.numerals import counted
 

@@ -12,7 +12,7 @@ from ...backends import registry as backends
 from ...datasets.remarks import refuse
 from ...frontend.errors import InputError
 from ..measure.cell import Job, Result
-from ..plan.spec import Variant
+from ..plan.variant import Variant
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed
 from ..record.machine import environment
@@ -22,7 +22,7 @@ from ..record.store import Known, Store
 from ..words.reason import reason, traceback
 from ..workers.batch import Batch, Finished, KeptLog, unmade
 from ..workers.executor import Executor
-from .key import log_seed, result_key
+from .key import result_key
 from .log_files import FOLDER as LOGS
 from .logs import KnownLogs
 
@@ -163,10 +163,11 @@ class _Engine:
                 refuse(cell.cell.dataset.label, finished.log.remarks)
             if told := self.logs.looked(cell, finished):
                 self.watcher.say(told)
-            self.watcher.looked(f"{cell.cell.dataset.label} \N{MIDDLE DOT} seed {log_seed(cell.cell)}")
+            self.watcher.looked(f"{cell.cell.dataset.label} \N{MIDDLE DOT} seed {cell.cell.seed}")
+        self.logs.refuse_unlike()
         self.keys = [self._key(place) for place in range(len(self.work.cells))]
         rows = zip(self.work.cells, self.log_keys, self.keys, strict=True)
-        self.store.put_plan([(*cell.cell.key, dict(cell.parameters), log, key) for cell, log, key in rows])
+        self.store.put_plan([_planned(cell, log, key) for cell, log, key in rows])
 
     def _key(self, place: int) -> str | None:
         """Returns the key of the cell's result, where its log is known."""
@@ -222,7 +223,9 @@ class _Engine:
 
     def _row(self, cell: PlannedCell, finished: Finished, log: Known) -> dict[str, Any]:
         result = finished.result
-        row = dict(zip(KEY, cell.cell.key, strict=True)) | {"status": result.status, "reason": result.reason}
+        of = cell.cell.log
+        row = dict(zip(KEY, cell.cell.key, strict=True)) | {"log_name": of.name, "cluster": of.cluster}
+        row |= {"status": result.status, "reason": result.reason}
         row |= {"digest": log.digest, "truth_kind": log.truth_kind, "timing_alone": int(finished.alone)}
         row |= {"seconds": finished.seconds, "host": finished.host, "executor": self.executor.name}
         return row | {"recorded": time.time(), "traceback": result.traceback} | result.row
@@ -237,13 +240,18 @@ def batch_of(
     work: Work, cell: PlannedCell, cells: Mapping[int, PlannedCell], kept: KeptLog | None = None, *, whole: bool = False
 ) -> Batch:
     """Makes a batch of cells by place, all on the log of `cell`; none to look at the log."""
-    dataset = cell.cell.dataset
+    log = cell.cell.log
+    dataset = log.dataset
     jobs = tuple((place, job_of(work, one)) for place, one in cells.items())
-    known = None if work.map is None else work.map.of(dataset, cell.cell.seed)
+    known = None if work.map is None else work.map.of(cell.cell.dataset, cell.cell.seed)
     start = "known" if work.map is None else work.map.start
-    return Batch(
-        dataset.name, dataset.options, log_seed(cell.cell), jobs, work.timeout_s, work.keep, kept, whole, known, start
-    )
+    return Batch(dataset.name, dataset.options, log.seed, jobs, work.timeout_s, work.keep, kept, whole, known, start)
+
+
+def _planned(cell: PlannedCell, log: str, key: str | None) -> tuple[Any, ...]:
+    """Writes the cell for the record's plan, with the keys of its log and result."""
+    of = cell.cell.log
+    return (*cell.cell.key, dict(cell.parameters), log, key, of.name, of.cluster)
 
 
 def job_of(work: Work, cell: PlannedCell) -> Job:

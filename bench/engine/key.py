@@ -16,6 +16,7 @@ from ...datasets import registry as datasets
 from ..measure import cell as judge
 from ..plan import reference
 from ..plan.plan import Cell
+from ..plan.variant import OneLog
 from ..record.fingerprint import fingerprint
 from ..record.store import Known
 
@@ -25,28 +26,23 @@ ELSEWHERE = REGISTRIES | {cache.__name__, archive.__name__, reference.__name__} 
 MAKER = cache.__name__  # the module that seeds a log's random generator
 
 
-def log_seed(cell: Cell) -> int:
-    """Returns the seed that the cell's log is made with."""
-    return cell.seed if cell.dataset.source.seeded else 0
-
-
-def from_files(cell: Cell) -> bool:
-    """True where the cell's log, or a part of it, is read from files, which may change without its key."""
-    source, options = cell.dataset.source, cell.dataset.options
+def from_files(log: OneLog) -> bool:
+    """True where the log, or a part of it, is read from files, which may change without its key."""
+    source, options = log.dataset.source, log.dataset.options
     return not source.seeded or hasattr(options, "path") or bool(source.files(options))
 
 
-def made_once(cell: Cell) -> bool:
+def made_once(log: OneLog) -> bool:
     """True where another worker might make a different log, in last bits or from other files, so that one is kept.
 
     A reference, which logs from files may need, is not the same to the last bit on every processor.
     """
-    return from_files(cell) or not cell.dataset.source.portable
+    return from_files(log) or not log.dataset.source.portable
 
 
-def log_key(cell: Cell, given: str = "") -> str:
-    """Returns the key of the cell's log; `given` is the digest of the map in its prior."""
-    return _digest(f"log {source_key(cell.dataset.name, cell.dataset.options)} {log_seed(cell)} {given}")
+def log_key(log: OneLog, given: str = "") -> str:
+    """Returns the key of a log; `given` is the digest of the map in its prior."""
+    return _digest(f"log {source_key(log.dataset.name, log.dataset.options)} {log.seed} {given}")
 
 
 def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:

@@ -6,11 +6,15 @@ from pathlib import Path
 from ...datasets import archive
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
+from ..plan.variant import OneLog
 from ..plan.work import PlannedCell, Work
 from ..record.store import Known, Store
 from ..workers.batch import Finished, KeptLog, LogFacts, facts_of
-from .key import from_files, log_key, log_seed, made_once
+from .key import from_files, log_key, made_once
 from .log_files import LogFiles
+
+KINDS = {"truth": "ground truth", "relations": "true motions", "reference": "a batch optimum alone", "": "no truth"}
+"""What the errors on a log are measured from, by its truth kind."""
 
 
 class KnownLogs:
@@ -29,21 +33,21 @@ class KnownLogs:
 
     def key(self, cell: PlannedCell) -> str:
         """Returns the key of the cell's log."""
-        return log_key(cell.cell, self._map)
+        return log_key(cell.cell.log, self._map)
 
     def are_kept(self, cell: PlannedCell) -> bool:
         """True where all cells run on one copy of the cell's log: another worker might make a different one."""
-        return self._work.logs_first or made_once(cell.cell)
+        return self._work.logs_first or made_once(cell.cell.log)
 
     def is_doubtful(self, cell: PlannedCell) -> bool:
         """True where the log must be made first: from files, made by other code, or the work wants all logs first."""
-        if from_files(cell.cell) or (self.key(cell) not in self.known and _name(cell) in self._made):
+        if from_files(cell.cell.log) or (self.key(cell) not in self.known and _name(cell) in self._made):
             return True
         return self._work.logs_first and not self.is_at_hand(cell)
 
     def is_at_hand(self, cell: PlannedCell) -> bool:
         """True where the cell's log is kept, need not be, or could not be made."""
-        key, dataset = self.key(cell), cell.cell.dataset.name
+        key, dataset = self.key(cell), cell.cell.log.dataset.name
         log = self.known.get(key)
         if key in self.kept or key in self.lost or not self.are_kept(cell):
             return True
@@ -51,6 +55,29 @@ class KnownLogs:
             return False
         self.kept[key] = self._files.entry(dataset, log)
         return True
+
+    def refuse_unlike(self) -> None:
+        """Raises InputError where two logs of one dataset of many are the same, or are judged by different things."""
+        for dataset in {cell.cell.dataset for cell in self._work.cells}:
+            before: dict[str, OneLog] = {}
+            kinds: dict[str, OneLog] = {}
+            for log in map(dataset.log, range(len(dataset.members))):
+                known = self.known.get(log_key(log, self._map))
+                if known is None:
+                    continue
+                twin = before.setdefault(known.digest, log)
+                if twin is not log:
+                    raise InputError(
+                        f"dataset {dataset.label}: {twin.name} and {log.name} are the same log, whose digest is "
+                        f"{known.digest[:12]}; expected each log once."
+                    )
+                kinds.setdefault(known.truth_kind, log)
+                if len(kinds) > 1:
+                    said = " and ".join(f"{one.name} has {KINDS[kind]}" for kind, one in kinds.items())
+                    raise InputError(
+                        f"dataset {dataset.label}: found logs whose errors are not of one kind, {said}; expected the "
+                        "same of all: run them as datasets of their own."
+                    )
 
     def looked(self, cell: PlannedCell, finished: Finished) -> str:
         """Takes in a log that was made, or could not be; returns a remark for the user, or ""."""
@@ -82,7 +109,7 @@ class KnownLogs:
 
     def _keep(self, cell: PlannedCell, made_now: LogFacts) -> str:
         """Keeps a new log, or stays with an earlier one that differs by rounding alone."""
-        key, dataset, made = self.key(cell), cell.cell.dataset.name, archive.unpacked(made_now.archive)
+        key, dataset, made = self.key(cell), cell.cell.log.dataset.name, archive.unpacked(made_now.archive)
         log = facts_of(self._files.like(dataset, made, self._comparable(cell, made)) or made)
         before, known = self.known.get(key), Known(*log[:3])
         self._refuse_another(cell, known)
@@ -117,7 +144,7 @@ class KnownLogs:
         are comparable.
         """
         own = self.known.get(self.key(cell))
-        if own is not None and not cell.cell.dataset.source.portable:
+        if own is not None and not cell.cell.log.dataset.source.portable:
             yield own
         same = [known for known in self._made.get(_name(cell), ()) if known.digest == made.log.digest]
         yield from sorted(same, key=lambda known: known != own)
@@ -125,7 +152,7 @@ class KnownLogs:
 
 def _told(cell: PlannedCell, path: Path) -> str:
     """Makes the remark on a kept log that is lost and was not made the same again."""
-    seed = f", seed {cell.cell.seed}" if cell.cell.dataset.source.seeded else ""
+    seed = f", seed {cell.cell.seed}" if cell.cell.dataset.numbered else ""
     return (
         f"{cell.cell.dataset.label}{seed}: the kept copy, {path}, is gone or damaged, and the log made in its place "
         "differs: its results are computed again."
@@ -133,4 +160,5 @@ def _told(cell: PlannedCell, path: Path) -> str:
 
 
 def _name(cell: PlannedCell) -> tuple[str, str, int]:
-    return cell.cell.dataset.name, cell.cell.dataset.given, log_seed(cell.cell)
+    log = cell.cell.log
+    return log.dataset.name, log.dataset.given, log.seed

@@ -8,7 +8,8 @@ from typing import Any
 
 from ...datasets.grid_file import NAME
 from ...frontend.errors import InputError
-from .spec import DatasetVariant
+from .spec import dataset_variant
+from .variant import DatasetVariant
 
 FILES = (".npz", ".pgm", ".png")
 """Endings of what lies in the folder of a grid, or beside the .yaml of a map."""
@@ -50,5 +51,5 @@ def on_grid(
             raise InputError(
                 f"--map {source}: {dataset.label} has the option start, expected --start {dataset.options.start}."
             )
-        found.append(DatasetVariant(dataset.name, replace(dataset.options, grid=source, start=start), dataset.source))
+        found.append(dataset_variant(dataset.name, replace(dataset.options, grid=source, start=start)))
     return tuple(found), {**words, "map": None, "start": "known"}

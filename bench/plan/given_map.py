@@ -20,7 +20,7 @@ from ..record.schema import FILE, Row, label
 from ..record.store import Store
 from ..words.numerals import counted
 from .landmark_file import block_diagonal, read_landmarks
-from .spec import DatasetVariant
+from .variant import DatasetVariant
 
 NAMED = 6  # cells that are named where one has to be chosen
 

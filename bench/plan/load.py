@@ -5,8 +5,9 @@ from pathlib import Path
 from ...datasets.cache import prepared
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
-from .spec import DatasetVariant, dataset_at, dataset_variants
+from .spec import dataset_at, dataset_variants
 from .values import as_text, as_whole
+from .variant import DatasetVariant
 
 
 def load(name: str | Path, seed: int = 0) -> Dataset:
@@ -27,4 +28,5 @@ def one(text: str, caller: str) -> DatasetVariant:
 
 def made(variant: DatasetVariant, seed: int) -> Dataset:
     """Makes the dataset for `seed`; InputError where it cannot be made."""
-    return prepared(variant.name, variant.source, variant.options, seed)
+    log = variant.log(seed)
+    return prepared(log.dataset.name, log.dataset.source, log.dataset.options, log.seed)

@@ -9,8 +9,9 @@ from ...frontend.factors import STARTS
 from . import given_map
 from .given_grid import is_grid, on_grid
 from .given_map import GivenMap
-from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
+from .spec import backend_variants, dataset_variants
 from .values import as_choice, as_positive, as_switch, as_text, as_whole, too_many
+from .variant import BackendVariant, DatasetVariant, OneLog
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,11 @@ class Cell:
     def key(self) -> tuple[str, str, str, str, int]:
         """Returns the cell's key in the record."""
         return self.dataset.name, self.dataset.given, self.backend.name, self.backend.given, self.seed
+
+    @property
+    def log(self) -> OneLog:
+        """Returns the log that it runs on."""
+        return self.dataset.log(self.seed)
 
     def __str__(self) -> str:
         return f"{self.dataset.label} · {self.backend.label} · seed {self.seed}"
@@ -56,8 +62,9 @@ class Plan:
         if wrong := too_many(sum(len(self._wanted(d, b)) for d in self.datasets for b in self.backends)):
             raise InputError(f"seeds: {wrong}")
 
-    def _wanted(self, dataset: DatasetVariant, backend: BackendVariant) -> range:
-        return range(self.seeds if dataset.source.seeded or (backend.builder and backend.builder.random) else 1)
+    def _wanted(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
+        random = backend.builder is not None and backend.builder.random
+        return dataset.seeds(range(self.seeds), random=random)
 
     def _seeds(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
         wanted = self._wanted(dataset, backend)
@@ -75,7 +82,7 @@ class Plan:
             elif made_of:
                 sentences.append(f"{dataset.label}: the map is of {made_of}, and only helps in the same place.")
             run = self.map.seeds(dataset, range(self.seeds))
-            if dataset.source.seeded and len(run) < self.seeds:
+            if dataset.numbered and not dataset.members and len(run) < self.seeds:
                 seeds = ", ".join(str(seed) for seed in run)
                 sentences.append(f"{dataset.label}: of {self.seeds} seeds, only those of the map are run: {seeds}.")
         return " ".join(sentences)
@@ -85,6 +92,7 @@ class Plan:
         return {
             "backend": ",".join(variant.label for variant in self.backends),
             "dataset": ",".join(variant.label for variant in self.datasets),
+            "logs": {dataset.label: _logs(dataset) for dataset in self.datasets if dataset.members},
             "seeds": self.seeds,
             "timeout_s": self.timeout_s,
             "memory_mb": self.memory_mb,
@@ -103,6 +111,7 @@ class Plan:
             if name not in known:
                 raise InputError(f"the plan of the run has no {name}, expected what bench run was asked for.")
         found = tuple(dataset_variants(as_text("dataset", words["dataset"])))
+        _refuse_other_logs(found, words.get("logs"))
         if is_grid(words.get("map")):
             found, words = on_grid(found, words)
         plan = cls(
@@ -116,6 +125,23 @@ class Plan:
         )
         plan.check_number()
         return plan
+
+
+def _logs(dataset: DatasetVariant) -> list[list[str]]:
+    """Writes the logs of a dataset of many with their clusters, "" for none, in the order of their seeds."""
+    return [[str(log), log.cluster or ""] for log in map(dataset.log, range(len(dataset.members)))]
+
+
+def _refuse_other_logs(found: Sequence[DatasetVariant], recorded: Any) -> None:
+    """Raises InputError where a dataset of many has not the logs that a run was begun with."""
+    known: Any = recorded if isinstance(recorded, dict) else {}
+    for dataset in found:
+        before, now = known.get(dataset.label), _logs(dataset)
+        if before is not None and before != now:
+            raise InputError(
+                f"dataset {dataset.label}: its logs, or their clusters, have changed since this run was begun: found "
+                f"{len(now)}, expected the {len(before)} of then, in that order; run into another folder."
+            )
 
 
 def _map(words: dict[str, Any]) -> GivenMap | None:

@@ -1,73 +1,23 @@
 """Parses names from the command line, `ekf,fastslam[particles=1000]`, into backends and datasets with options."""
 
-import hashlib
 import os
 import re
 import types
 import typing
 from collections.abc import Sequence
-from dataclasses import Field, dataclass, fields
-from functools import cached_property
+from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 from ...backends import registry as backends
-from ...backends.api import Builder, NoOptions
+from ...backends.api import NoOptions
 from ...backends.association import options as association
 from ...datasets import registry as datasets
 from ...datasets.formats import file_kind
-from ...datasets.registry import Source
 from ...frontend.errors import InputError
 from ...frontend.nearest import nearest
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A backend or dataset with its options resolved."""
-
-    name: str
-    options: Any  # the options' dataclass
-
-    @cached_property
-    def given(self) -> str:
-        """Returns the options that differ from their defaults, as `name=value,...`."""
-        changed = [
-            (field.name, value)
-            for field in fields(self.options)
-            if (value := getattr(self.options, field.name)) != field.default
-        ]
-        texts = [(name, _text(value)) for name, value in changed]
-        odd = {text for _, text in texts if any(c in text for c in ",[]") or text != text.strip()}
-        return ",".join(f'{name}="{text}"' if text in odd else f"{name}={text}" for name, text in texts)
-
-    @cached_property
-    def label(self) -> str:
-        """Returns the name, and in brackets the options that differ from their defaults, as on the command line."""
-        return f"{self.name}[{self.given}]" if self.given else self.name
-
-    @property
-    def slug(self) -> str:
-        """Returns the label as the name of a folder: with options, the name and a short hash."""
-        plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in self.name)
-        if plain == self.name and not self.given:
-            return plain
-        return f"{plain}-{hashlib.sha256(self.label.encode()).hexdigest()[:8]}"
-
-
-@dataclass(frozen=True)
-class BackendVariant(Variant):
-    """A backend; `builder` is None, and `missing` says why, for a known name that cannot be imported."""
-
-    builder: Builder | None
-    missing: str = ""
-
-
-@dataclass(frozen=True)
-class DatasetVariant(Variant):
-    """A dataset."""
-
-    source: Source
-
+from . import many
+from .variant import BackendVariant, DatasetVariant, Variant, text_of
 
 V = TypeVar("V", bound=Variant)
 
@@ -98,7 +48,7 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
     """Finds the datasets named in `text`, or at the path of a log, graph or recording. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, asker):
-        file = name.lower().endswith(file_kind.SUFFIXES)
+        file = name.lower().endswith((*file_kind.SUFFIXES, many.FILE))
         if name not in datasets.BUILTIN and ("/" in name or file or os.path.exists(name)):
             name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
         try:
@@ -110,8 +60,14 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
             ) from None
         options = read_options(source.options, given, f"dataset {name}")
         _check_beside(source.options, given, f"dataset {name}")
-        found.append(DatasetVariant(name, options, source))
+        found.append(dataset_variant(name, options))
     return _without_repeats(found, asker)
+
+
+def dataset_variant(name: str, options: Any) -> DatasetVariant:
+    """Makes the variant of a known dataset, with its logs where the options stand for several; InputError as there."""
+    source = datasets.find(name)
+    return DatasetVariant(name, options, source, many.members(name, options, source, dataset_variants))
 
 
 def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVariant:
@@ -122,11 +78,22 @@ def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVarian
     kind = kind or _kind(text)
     source = datasets.find(kind)
     text = os.path.join(".", text) if text == "none" else text  # an option that is none is not given
-    return DatasetVariant(kind, source.options(path=text), source)
+    return dataset_variant(kind, source.options(path=text))
 
 
 def _kind(path: str) -> str:
-    """Returns the dataset that reads a path; a laser log with a robot.toml beside it is a recording."""
+    """Returns the dataset that reads a path, or all that fit a pattern; InputError where these are of several kinds.
+
+    A laser log with a robot.toml beside it is a recording.
+    """
+    if many.is_pattern(path):
+        kinds = {_kind(one): one for one in many.matches(path)}
+        if len(kinds) > 1:
+            said = " and ".join(f"{one}, {kind}" for kind, one in list(kinds.items())[:2])
+            raise InputError(f"{path}: found datasets of several kinds, {said}; expected one, or a TOML file of them.")
+        return next(iter(kinds))
+    if path.lower().endswith(many.FILE) and not os.path.isdir(path):
+        return many.LIST
     if path.lower().endswith(file_kind.SUFFIXES) and not os.path.isdir(path):
         kind = file_kind.format_of(Path(path))
         beside = os.path.join(os.path.dirname(path), "robot.toml")
@@ -165,7 +132,7 @@ def _check_beside(cls: type, given: Sequence[tuple[str, str]], where: str) -> No
 
 def describe(cls: type) -> list[tuple[str, str, str]]:
     """Lists (name, default, summary with range or choices) of every option of a dataclass."""
-    return [(field.name, _text(field.default), _help(field)) for field in fields(cls)]
+    return [(field.name, text_of(field.default), _help(field)) for field in fields(cls)]
 
 
 def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
@@ -273,7 +240,3 @@ def _without_repeats(found: list[V], flag: str) -> list[V]:
             raise InputError(f"{flag}: {variant.label} is named twice, expected once.")
         seen.add(variant.label)
     return found
-
-
-def _text(value: Any) -> str:
-    return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)

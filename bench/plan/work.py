@@ -10,7 +10,8 @@ from ..record.schema import label
 from ..record.store import Store
 from .given_map import GivenMap
 from .plan import Cell, Plan
-from .spec import BackendVariant, DatasetVariant, backend_variants, dataset_variants
+from .spec import backend_variants, dataset_variants
+from .variant import BackendVariant, DatasetVariant
 
 
 class PlannedCell(NamedTuple):

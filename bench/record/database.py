@@ -4,7 +4,7 @@ import sqlite3
 from pathlib import Path
 
 from ...frontend.errors import InputError
-from .schema import APPLICATION, FILE, KINDS, SCHEMA, VERSION, VIEW
+from .schema import ABOUT, APPLICATION, FILE, KINDS, PLANNED, RESULT, SCHEMA, VERSION, VIEW
 
 BROKEN = (sqlite3.Error, UnicodeDecodeError)  # raised by a damaged file: the words of an error may be damaged, too
 DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")  # prefixes; the last: missing table or column
@@ -127,8 +127,14 @@ def _make_sound(db: sqlite3.Connection) -> None:
             raise sqlite3.DatabaseError(fault)
     if "remarks" not in {row[1] for row in db.execute("PRAGMA table_info(logs)")}:
         db.execute("ALTER TABLE logs ADD COLUMN remarks TEXT")
-    there = {row[1] for row in db.execute("PRAGMA table_info(results)")}
-    lacking = [name for name in KINDS if name not in there]
+    kinds = KINDS | ABOUT
+    lacking = [
+        (table, name)
+        for table, names in (("results", RESULT), ("plan", PLANNED))
+        for there in [{row[1] for row in db.execute(f"PRAGMA table_info({table})")}]
+        for name in names
+        if name not in there
+    ]
     if lacking:
-        added = "".join(f"ALTER TABLE results ADD COLUMN {name} {KINDS[name]};" for name in lacking)
+        added = "".join(f"ALTER TABLE {table} ADD COLUMN {name} {kinds[name]};" for table, name in lacking)
         db.executescript(f"BEGIN; {added} DROP VIEW IF EXISTS cells; {VIEW} COMMIT;")

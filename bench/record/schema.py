@@ -19,6 +19,7 @@ from ..words.columns import CELLS, METRICS
 COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
 KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell
 MORE = tuple(column.name for column in METRICS)  # the columns of metrics.csv after those that name the cell, in order
+PLANNED = tuple(column.name for column in CELLS if column.kind.of_plan)  # those of the plan alone
 KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}  # the SQL types of both
 TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")  # those of both that hold no number
 
@@ -28,15 +29,15 @@ APPLICATION = 0x536C6144  # SQLite's application_id: "SlaD"
 
 SKIPPED = "skipped: "  # what begins the trouble of a cell that is skipped as its log is not there
 
-MEASURED = {name: kind for name, kind in KINDS.items() if name not in (*KEY, "status", "reason")}
+MEASURED = {name: kind for name, kind in KINDS.items() if name not in (*KEY, *PLANNED, "status", "reason")}
 
 ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REAL", "traceback": "TEXT"}
 """where a result came from: wall time, machine, time of recording (s since 1970), and an error's traceback"""
 
-RESULT = (*COLUMNS, *MORE, *ABOUT)  # the columns of a result after its key
+RESULT = tuple(name for name in (*COLUMNS, *MORE, *ABOUT) if name not in PLANNED)  # those of a result after its key
 
 _LAST = ", ".join(f"results.{name}" for name in (*MEASURED, *ABOUT, "key"))
-_FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log"))
+_FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log", *PLANNED))
 
 VIEW = f"""
 CREATE VIEW cells AS
@@ -55,11 +56,11 @@ SCHEMA = f"""
 CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE logs (key TEXT PRIMARY KEY, dataset TEXT, dataset_options TEXT, seed INTEGER, digest TEXT,
                    truth_digest TEXT, truth_kind TEXT, sketch TEXT, remarks TEXT);
-CREATE TABLE results (key TEXT PRIMARY KEY, {", ".join(f"{name} {kind}" for name, kind in KINDS.items())},
-                      {", ".join(f"{name} {what}" for name, what in ABOUT.items())});
+CREATE TABLE results (key TEXT PRIMARY KEY, {", ".join(f"{name} {(KINDS | ABOUT)[name]}" for name in RESULT)});
 CREATE TABLE arrays (key TEXT PRIMARY KEY, archive BLOB NOT NULL);
 CREATE TABLE plan (place INTEGER PRIMARY KEY, dataset TEXT, dataset_options TEXT, backend TEXT, options TEXT,
-                   seed INTEGER, parameters TEXT, log TEXT, key TEXT, trouble TEXT);
+                   seed INTEGER, parameters TEXT, log TEXT, key TEXT, trouble TEXT,
+                   {", ".join(f"{name} {KINDS[name]}" for name in PLANNED)});
 {VIEW}
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION};

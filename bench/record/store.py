@@ -20,7 +20,7 @@ from ...frontend.errors import InputError
 from .beside_arrays import kept_beside, kept_name
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
-from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, RESULT, SKIPPED, Row, label, packed, unpacked
+from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, PLANNED, RESULT, SKIPPED, Row, label, packed, unpacked
 from .statuses import FAILED
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
@@ -204,8 +204,8 @@ class Store:
         """Reads what is odd in the planned logs, by dataset label, with the seeds of which it is said if not of all."""
         if "remarks" not in {row[1] for row in self._all("PRAGMA table_info(logs)")}:
             return {}  # an earlier version's record
-        query = """SELECT DISTINCT plan.dataset, plan.dataset_options, logs.seed, logs.remarks
-                   FROM plan JOIN logs ON plan.log = logs.key ORDER BY 1, 2, 3"""
+        query = """SELECT plan.dataset, plan.dataset_options, min(plan.seed), logs.remarks
+                   FROM plan JOIN logs ON plan.log = logs.key GROUP BY 1, 2, logs.key ORDER BY 1, 2, 3"""
         seeds: dict[str, dict[str, list[int]]] = {}
         logs: dict[str, int] = {}
         with self._read():
@@ -250,18 +250,19 @@ class Store:
         return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
 
     def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
-        """Writes changes of the plan: (dataset, its options, backend, its options, seed, parameters, log, key) each."""
+        """Writes changes of the plan: the cell's KEY, parameters, key of log and of result, and PLANNED, each."""
         texts: dict[str, str] = {}
         encoded = [(*row[:5], _encoded(row[5], texts), *row[6:]) for row in rows]
-        query = f"SELECT {', '.join(KEY)}, parameters, log, key FROM plan ORDER BY place"
-        before = self._all(query)
+        names = ", ".join((*KEY, "parameters", "log", "key", *PLANNED))
+        before = self._all(f"SELECT {names} FROM plan ORDER BY place")
         if before == encoded:
             return
         old = dict(enumerate(before))
         changed = [(place, *row) for place, row in enumerate(encoded) if old.get(place) != row]
         with self._writing() as db:
             db.execute("DELETE FROM plan WHERE place >= ?", (len(encoded),))
-            db.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", changed)
+            marks = ", ".join("?" * (1 + len(KEY) + 3 + len(PLANNED)))
+            db.executemany(f"INSERT OR REPLACE INTO plan (place, {names}) VALUES ({marks})", changed)
 
     def settle(self, place: int, key: str | None, trouble: str | None, *, skipped: bool = False) -> None:
         """Writes the key of a cell's result, or why there is none: an error, or a log that is not there."""
@@ -271,12 +272,17 @@ class Store:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
     def table(self, measures: Sequence[str]) -> CellTable:
-        """Reads parameters, status, reason, digest and these columns; a parameter precedes a column of its name."""
+        """Reads parameters, status, reason, digest, cluster and these columns.
+
+        A parameter precedes a column of its name.
+        """
         there = {row[1] for row in self._all("PRAGMA table_info(results)")}
         names = ["status", "reason", *(name for name in dict.fromkeys(("digest", *measures)) if name in there)]
         keys, *columns = _columns(self._all(f"SELECT key, {', '.join(names)} FROM results"), 1 + len(names))
-        plan = self._all("SELECT parameters, seed, key, trouble FROM plan ORDER BY place")
-        texts, seeds, wanted, troubles = _columns(plan, 4)
+        known_clusters = "cluster" in {row[1] for row in self._all("PRAGMA table_info(plan)")}  # not in an earlier one
+        cluster = "cluster" if known_clusters else "NULL"
+        plan = self._all(f"SELECT parameters, seed, key, trouble, {cluster} FROM plan ORDER BY place")
+        texts, seeds, wanted, troubles, clusters = _columns(plan, 5)
         known = dict(zip(keys, range(len(keys)), strict=True))
         at = np.array([known.get(key, -1) for key in wanted], int)  # -1: the None at the end of every column
         with self._read():
@@ -285,6 +291,7 @@ class Store:
                 table.setdefault(name, (words if COLUMN_KINDS[name] == "TEXT" else numbers)([*values, None])[at])
         for name in measures:  # an earlier version's record lacks some
             table.setdefault(name, numbers([None] * len(at)))
+        table["cluster"] = words(clusters)
         trouble, missing = words(troubles), at < 0
         table["status"][missing] = [_status(said) for said in trouble[missing]]
         table["reason"][missing] = [said and said.removeprefix(SKIPPED) for said in trouble[missing]]

@@ -18,11 +18,11 @@ from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.se2 import Array, Ints
 from ..engine.engine import job_of
-from ..engine.key import log_seed
 from ..engine.log_files import LogFiles
 from ..plan.plan import Cell
 from ..plan.prepare import prepared
-from ..plan.spec import Variant, pieces
+from ..plan.spec import pieces
+from ..plan.variant import Variant
 from ..plan.work import PlannedCell, Work, recorded
 from ..record.schema import Row
 from ..record.store import Store
@@ -120,11 +120,12 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
             "plan, expected every cell of the run."
         )
     before = store.logs().get(of)
-    made = None if before is None else LogFiles(store.folder).read(dataset.name, before)
+    made = None if before is None else LogFiles(store.folder).read(cell.log.dataset.name, before)
     if made is None:
         known = None if given is None else given.of(dataset, request.seed)
         start = "known" if given is None else given.start
-        made = prepared(dataset.name, dataset.options, log_seed(cell), known, start)
+        log = cell.log
+        made = prepared(log.dataset.name, log.dataset.options, log.seed, known, start)
     if before is not None and made.log.digest != before.digest:
         raise InputError(
             f"{store.folder}: {dataset.label}, seed {request.seed}, has changed since this run: its "
@@ -200,7 +201,7 @@ def _cell(cells: Sequence[Cell], backend: Variant, seed: int) -> Cell | None:
     """Finds the backend's cell on the log; the only one where log and backend are the same for all seeds."""
     own = [cell for cell in cells if cell.backend == backend]
     same = [cell for cell in own if cell.seed == seed]
-    return next(iter(same or [cell for cell in own if not cell.dataset.source.seeded]), None)
+    return next(iter(same or [cell for cell in own if not cell.dataset.numbered]), None)
 
 
 def _named(name: str, there: Sequence[V], flag: str) -> V:

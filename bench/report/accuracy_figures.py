@@ -27,10 +27,10 @@ STRETCHES = 100  # of a log, each drawn as one point
 
 def bars(found: Iterable[Typical]) -> str:
     """Names the ends of these bars."""
-    counts = {one.n for one in found if one.n > 1}
-    if not counts or max(counts) < FEWEST:
+    known = {one.interval for one in found if one.n > 1}
+    if True not in known:
         return "range"
-    return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (min(counts) < FEWEST)
+    return "95 % interval" + f", the range of fewer than {FEWEST} logs" * (False in known)
 
 
 def by_log(name: str, log: DrawnLog) -> ReportFigure | None:

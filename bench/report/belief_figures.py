@@ -24,7 +24,9 @@ def nees(name: str, log: DrawnLog) -> ReportFigure | None:
 
 
 def _over_logs(name: str, log: DrawnLog) -> ReportFigure | None:
-    found = {label: mean for label, runs in log.nees.items() if (mean := averaged(runs)) is not None}
+    found = {
+        label: mean for label, runs in log.nees.items() if (mean := averaged(runs, log.units.get(label))) is not None
+    }
     if not found:
         return None
     series: list[Series] = []
@@ -36,8 +38,10 @@ def _over_logs(name: str, log: DrawnLog) -> ReportFigure | None:
     widest = max(found.values(), key=lambda mean: mean.n.max())
     t, low = stretches(widest.t, widest.low, STRETCHES)
     _, high = stretches(widest.t, widest.high, STRETCHES)
+    clustered = any(len(set(units)) < len(units) for units in log.units.values())
+    what = "clusters of logs" if clustered else "independent logs"
     caption = (
-        f"Mean over {widest.n.max()} independent logs. 1 is consistent, above is overconfident, below cautious. "
+        f"Mean over {widest.n.max()} {what}. 1 is consistent, above is overconfident, below cautious. "
         "Grey: where 95 % of a consistent filter's means lie."
     )
     called = tags(look)

@@ -1,7 +1,7 @@
 """Chooses the log that a dataset's figures show: the known path, and every backend's run along it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,8 +41,10 @@ class DrawnLog(NamedTuple):
     comparisons: Mapping[str, Sequence[Comparison]] = {}  # the verdict's, by column
     order: Sequence[str] = ()  # the backends, the lowest median error first
     nees: Mapping[str, Sequence[tuple[Array, Array]]] = {}  # by backend, times and NEES of one run on every log
+    units: Mapping[str, Sequence[Hashable]] = {}  # of each of these runs, as in the verdict
     nis: Mapping[str, Sequence[tuple[Array, Array, Array]]] = {}  # the same of NIS, with its degrees of freedom
     logs: int = 1  # different ones that the dataset has
+    name: str = ""  # of the log, where the dataset names its logs
     typical: bool = False  # the log was chosen among several by its errors
     scans: Scans | None = None  # of a laser log
     clouds: Clouds | None = None  # of a depth camera's
@@ -57,7 +59,9 @@ class DrawnLog(NamedTuple):
         """Says which of the logs is drawn; "" where there is one."""
         if self.logs == 1:
             return ""
-        return f"seed {self.seed}" + ", the log nearest to the medians" * self.typical
+        return (
+            f"seed {self.seed}" + f", {self.name}" * bool(self.name) + ", the log nearest to the medians" * self.typical
+        )
 
 
 def drawn_log(
@@ -74,6 +78,7 @@ def drawn_log(
     seed, typical = _drawn(done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
     first = {row.columns["seed"]: row for _, row in reversed(done)}  # of each log
+    nees = {line.backend: _nees(store, line) for line in lines}
     return DrawnLog(
         kind=lines[0].truth_kind,
         seed=seed,
@@ -88,9 +93,11 @@ def drawn_log(
         looks=looks,
         comparisons=comparisons or {},
         order=[line.backend for line in sorted(lines, key=_error)],
-        nees={line.backend: _nees(store, line) for line in lines},
+        nees={backend: [*runs.values()] for backend, runs in nees.items()},
+        units={line.backend: [line.units.unit(log) for log in nees[line.backend]] for line in lines},
         nis={line.backend: found for line in lines if (found := _nis(store, line))},
         logs=logs(lines),
+        name=shown[0][1].columns["log_name"] or "",
         typical=typical,
         scans=store.scans(shown[0][1]),
         clouds=store.clouds(shown[0][1]),
@@ -127,15 +134,15 @@ def _error(line: Line) -> tuple[int, float]:
     return len(line.rows) - line.done, medians[0] if medians else np.inf
 
 
-def _nees(store: Store, line: Line) -> list[tuple[Array, Array]]:
-    """Reads NEES of each log's first run that has it: several on one log are not independent."""
+def _nees(store: Store, line: Line) -> dict[str, tuple[Array, Array]]:
+    """Reads NEES of the first run that has it, by log: several on one log are not independent."""
     by_log: dict[str, tuple[Array, Array]] = {}
     for row in line.rows:
         if row.columns["nees"] is not None and row.columns["digest"] not in by_log:
             arrays = store.arrays(row, ("t", "at", "nees"))
             if "nees" in arrays and "at" in arrays:
                 by_log[row.columns["digest"]] = arrays["t"][arrays["at"]], arrays["nees"]
-    return list(by_log.values())
+    return by_log
 
 
 def _nis(store: Store, line: Line) -> list[tuple[Array, Array, Array]]:

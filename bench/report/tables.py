@@ -9,11 +9,11 @@ from ..verdict.accuracy import between
 from ..verdict.consistency import belief_word
 from ..verdict.ranking import PATHS, RELATIONS, ordered, ranking, standing
 from ..verdict.statistics import FEWEST, Comparison
-from ..verdict.summary import Line, Typical, logs, representative, typical
+from ..verdict.summary import Line, Typical, representative, typical, units_of
 from ..verdict.verdict import Verdict
 from ..words.columns import PAIRS, about
 from ..words.names import called
-from ..words.numerals import counted, number
+from ..words.numerals import number
 
 WHOSE = "implementation"  # the column of words before those of numbers wherever costs are compared
 
@@ -82,7 +82,7 @@ def accuracy_table(lines: Sequence[Line]) -> Table:
         if name not in line.values:
             return _words(line, name)._replace(word=word)
         found = typical(line, name)
-        note = _ends(found, logs(lines)) if name in WITH_ENDS else ""
+        note = _ends(found, units_of(lines).n) if name in WITH_ENDS else ""
         return Entry(
             shown(name, found.value, alone=line.alone), word, note, line.backend in best.get(name, ()), found.value
         )
@@ -205,7 +205,7 @@ def _row(line: Line, entries: Sequence[Entry]) -> TableRow:
 def _best(lines: Sequence[Line], name: str) -> list[str]:
     """Lists those that are not significantly beaten; [] where nothing is tested or none is beaten."""
     found = ranking(lines, name)
-    if found is None or found.logs < FEWEST:
+    if found is None or found.units.n < FEWEST:
         return []
     beaten = {c.second for c in found.comparisons if c.first == found.lines[0].backend and standing(c) == "better"}
     return [line.backend for line in found.lines if line.backend not in beaten] if beaten else []
@@ -240,16 +240,16 @@ def _ends(found: Typical, of: int) -> str:
 
 
 def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
-    n = logs(lines)
-    if n == 1:
+    of = units_of(lines)
+    if of.logs == 1:
         runs = max(len(line.rows) for line in lines)
         if runs == 1:
             return "one run on one log"
         return f"one log; of the {runs} runs of a backend that draws at random, medians{' and ranges' * ends}"
     if not ends:
-        return f"medians over {counted(n, 'log')}"
-    what = "95 % intervals" if n >= FEWEST else "their range, as there are too few for intervals"
-    return f"medians over {counted(n, 'log')} and {what}"
+        return f"medians over {of}"
+    what = "95 % intervals" if of.n >= FEWEST else "their range, as there are too few for intervals"
+    return f"medians over {of} and {what}"
 
 
 def _marks(lines: Sequence[Line]) -> str:
@@ -282,11 +282,11 @@ def pairs_table(found: Verdict) -> Table:
 
 
 def _entries(c: Comparison) -> list[Entry]:
-    tested = c.n >= FEWEST
-    ends = f"{number(c.low)}\N{EN DASH}{number(c.high)}" if tested else ""
+    known, tested = not isnan(c.low), c.units >= FEWEST
+    ends = f"{number(c.low)}\N{EN DASH}{number(c.high)}" if known else ""
     return [
         Entry("" if isnan(c.ratio) else number(c.ratio), note=ends, value=None if isnan(c.ratio) else c.ratio),
-        Entry(WORDS[standing(c)], note=between(c) if tested and standing(c) == "open" else ""),
+        Entry(WORDS[standing(c)], note=between(c) if known and standing(c) == "open" else ""),
         Entry(("<0.0001" if c.adjusted < 1e-4 else f"{c.adjusted:.2g}") * tested, value=c.adjusted if tested else None),
         Entry(f"{c.effect:.2f}" if tested else "", value=c.effect if tested else None),
         Entry(f"{c.closer} of {c.n}", value=c.closer),

@@ -13,6 +13,7 @@ from ..record.schema import FILE
 from ..record.store import Store
 from ..report.report import write_report
 from ..verdict.statistics import MOST
+from ..words.numerals import listed
 from ..workers.executor import Executor
 from .progress import Screen
 from .runner import recorded_plan, run
@@ -67,11 +68,21 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
         if not given:
             _refuse_a_misspelling(out)
         plan = Plan.from_words(DEFAULTS | dict(given))
+        if "seeds" in given:
+            _refuse_seeds(plan)
         if len(plan.backends) > 1 and plan.seeds > MOST and any(dataset.source.seeded for dataset in plan.datasets):
             raise InputError(f"seeds: found {plan.seeds:,}, expected at most {MOST:,} to compare backends on.")
         return plan
     _refuse_another(plan, given, out)
     return plan
+
+
+def _refuse_seeds(plan: Plan) -> None:
+    """Raises InputError for a number of seeds where every dataset has logs of its own, another number of them."""
+    logs = {dataset.label: len(dataset.members) for dataset in plan.datasets if len(dataset.members) > 1}
+    if len(logs) == len(plan.datasets) and set(logs.values()) != {plan.seeds}:
+        said = listed([f"{label} has {count} logs" for label, count in logs.items()])
+        raise InputError(f"seeds: found {plan.seeds}, expected none: {said}, and all of them are run.")
 
 
 def _refuse_a_misspelling(out: Path) -> None:

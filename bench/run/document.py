@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..record.schema import Row
-from ..verdict.statistics import estimate
-from ..verdict.summary import Line, logs
+from ..verdict.summary import Line, units_of
 from ..verdict.verdict import Verdict
 
 ESTIMATES = (
@@ -23,17 +22,20 @@ datasets          one each:
   dataset, name   its label, and its display name
   truth_kind      "truth", "relations", "reference" or ""
   logs            the number of different ones
+  units           the number of independent ones: of clusters, else of logs
+  cluster         the one that all logs are of, else null
   remarks         [text], what is legal in them yet odd
   verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],
                   comparisons: {column: [{first, second, n, closer, ratio, low,
-                  high, p, adjusted, effect}]}
+                  high, p, adjusted, effect, units}]}
   lines           one per backend: backend, implementation, done, cells,
-                  timing_alone, estimates: {column: {value, low, high, n}}
+                  timing_alone, estimates: {column: {value, low,
+                  high, n, units}}
 cells             one each, by column of cells.csv and of metrics.csv
 remarks           on a given map
 
-An estimate is the median over n logs with its 95 % interval, whose ends are
-null where there are too few. Errors are infinite where the backend failed:
+An estimate is the median over n logs of so many units with its 95 %
+interval, whose ends are null where there are too few. Errors are infinite where the backend failed:
 infinity is the text "inf", and what is not a number is null."""
 """the document's content"""
 
@@ -69,7 +71,9 @@ def _dataset(lines: Sequence[Line], verdict: Verdict, remarks: Sequence[str]) ->
         "dataset": lines[0].dataset,
         "name": lines[0].name,
         "truth_kind": lines[0].truth_kind,
-        "logs": logs(lines),
+        "logs": units_of(lines).logs,
+        "units": units_of(lines).n,
+        "cluster": units_of(lines).within or None,
         "remarks": list(remarks),
         "verdict": verdict,
         "lines": [_line(line) for line in lines],
@@ -83,9 +87,7 @@ def _line(line: Line) -> dict[str, Any]:
         "done": line.done,
         "cells": len(line.rows),
         "timing_alone": line.alone,
-        "estimates": {
-            column: estimate(list(line.by_log(column).values())) for column in ESTIMATES if column in line.values
-        },
+        "estimates": {column: line.estimate(column) for column in ESTIMATES if column in line.values},
     }
 
 

@@ -2,21 +2,16 @@
 
 import base64
 import contextlib
-import re
-import shutil
-import tempfile
 import time
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...datasets import truth as truths
-from ...datasets.formats import log_folder
 from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log, Truth
+from ...frontend.factors import Truth
 from ...frontend.se2 import Array
 from ..drawing.page import rendered
-from ..plan.spec import backend_variants, dataset_at, dataset_variants
+from ..plan.spec import backend_variants
 from ..plan.values import as_whole
 from ..record.store import Store
 from ..report.section import sections
@@ -25,13 +20,9 @@ from ..verdict.verdict import Verdict
 from ..words.console import screen_console
 from ..workers.local_executor import Local
 from .benchmark import begun, benchmark, planned
+from .held import ASKER, EXPECTED, Held, Named, each, needless_truth
 from .progress import Screen
-from .runner import LOGS
 from .terminal import conclude, verdicts
-
-ASKER = "slamduel.run"  # who refuses arguments, in messages
-LONGEST = 60  # letters of a log's name in its folder's: no file system takes more than 255 bytes
-Named = str | Path | Log | Dataset  # on the command line or as a path, or a log in memory
 
 
 class Result:
@@ -124,6 +115,7 @@ def run(
     dataset: Named | Iterable[Named] | None = None,
     backend: str | Sequence[str] | None = None,
     *,
+    logs: Iterable[Named] | Mapping[str, Iterable[Named]] | None = None,
     truth: Truth | None = None,
     seeds: int | None = None,
     out: Path | str | None = None,
@@ -141,8 +133,10 @@ def run(
     """Runs backends on datasets as `bench run` does and returns the results.
 
     `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
-    `Log`. Results go to `out`, by default results/DATE-TIME; a run that was stopped is continued. The other arguments
-    are the options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
+    `Log`. `logs` are the logs of one dataset, with one verdict: a list of such, or lists by the name of the cluster
+    that they are of, as logs that share a run, a robot or a building are not independent. Results go to `out`, by
+    default results/DATE-TIME; a run that was stopped is continued. The other arguments are the options of the command
+    line. SlamduelError, with a sentence, for anything that cannot be used.
     """
     folder = (
         Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
@@ -158,19 +152,22 @@ def run(
         "backend": None if backend is None else _backends(backend),
     }
     given: dict[str, Any] = {name: value for name, value in said.items() if value is not None}
-    held: dict[Path, Dataset] = {}
-    if dataset is not None:
-        given["dataset"] = ",".join(_word(one, folder, held) for one in _each(dataset, truth))
-    elif truth is not None:
-        raise _needless_truth()
-    elif backend is not None and not begun(folder):
-        raise InputError(f"{ASKER}: dataset is None, expected a name, a path, a Log or a Dataset(log, truth).")
+    held = Held(folder)
+    words = [held.word(one) for one in each(dataset, truth)] if dataset is not None else []
+    words += [held.together(logs)] if logs is not None else []
+    if words:
+        given["dataset"] = ",".join(words)
+    if dataset is None and truth is not None:
+        raise needless_truth()
+    if not words and backend is not None and not begun(folder):
+        raise InputError(f"{ASKER}: dataset is None, expected {EXPECTED}.")
     as_whole("jobs", jobs, 1)
-    planned(given, folder)
-    with _written(held, folder), Screen(screen_console(quiet=quiet)) as screen:
-        words = [ASKER, *(f"{name}={value}" for name, value in given.items())]
+    if logs is None:
+        planned(given, folder)
+    with held.written(), Screen(screen_console(quiet=quiet)) as screen:
+        command = [ASKER, *(f"{name}={value}" for name, value in given.items())]
         with contextlib.closing(Local(jobs)) as executor:
-            benchmark(given, folder, executor, words, screen, retry=retry, strict=strict)
+            benchmark(given, folder, executor, command, screen, retry=retry, strict=strict)
     return Result(folder)
 
 
@@ -187,77 +184,3 @@ def _backends(backend: Any) -> str:
     names = ",".join(several)
     backend_variants(names, ASKER)
     return names
-
-
-def _each(dataset: Any, truth: Any) -> list[Named]:
-    several: list[Any] = [dataset]
-    if isinstance(dataset, Iterable) and not isinstance(dataset, str | Log | Dataset):
-        several = list(dataset)
-    for found in several:
-        if not isinstance(found, str | Path | Log | Dataset):
-            raise InputError(f"{ASKER}: dataset is {found!r}, expected a name, a path, a Log or a Dataset(log, truth).")
-    if not several:
-        raise InputError(f"{ASKER}: dataset is empty, expected at least one.")
-    if truth is None:
-        return several
-    if len(several) != 1 or not isinstance(several[0], Log):
-        raise _needless_truth()
-    return [Dataset(several[0], truth)]
-
-
-def _needless_truth() -> InputError:
-    return InputError(f"{ASKER}: found a truth, expected one Log that it belongs to, or Dataset(log, truth).")
-
-
-def _word(dataset: Named, folder: Path, held: dict[Path, Dataset]) -> str:
-    """Returns the dataset's label; a log in memory is put into `held`. InputError where it cannot be used."""
-    if isinstance(dataset, str):
-        dataset_variants(dataset, ASKER)
-        return dataset
-    if isinstance(dataset, Path):
-        return dataset_at(dataset, ASKER).label
-    log, truth = dataset if isinstance(dataset, Dataset) else (dataset, None)
-    if not isinstance(log, Log):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
-        raise InputError(f"{ASKER}: the log of a dataset is {log!r}, expected a Log.")
-    log_folder.check_writable(log, truth)
-    place = folder / LOGS / (re.sub(r"[^\w.-]+", "-", log.name)[:LONGEST].strip("-.") or "log")
-    if place in held:
-        both = f"{held[place].log.name!r} and {log.name!r}"
-        raise InputError(
-            f"{ASKER}: found logs named {both}, which would both be kept in {place}; expected other names."
-        )
-    label = dataset_at(place, ASKER, "log").label
-    if place.exists() and not _same(log_folder.read(place), Dataset(log, truth)):
-        raise InputError(
-            f"{place}: holds another log named {log.name}, or another truth of it, expected the same, or another name "
-            "or folder."
-        )
-    held[place] = Dataset(log, truth)
-    return label
-
-
-def _same(kept: Dataset, given: Dataset) -> bool:
-    """Returns True if `given` is the `kept` log: written and read, it has the same factors and the same truth."""
-    with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
-        log_folder.write(Path(scratch) / LOGS, *given)
-        again = log_folder.read(Path(scratch) / LOGS)
-    told = [None if truth is None else truths.digest(truth) for truth in (kept.truth, again.truth)]
-    return kept.log.digest == again.log.digest and told[0] == told[1]
-
-
-@contextlib.contextmanager
-def _written(held: Mapping[Path, Dataset], folder: Path) -> Generator[None]:
-    """Writes the logs that Python holds into their places; removes them again if no run was begun."""
-    missing = [path for path in (folder / LOGS, folder, *folder.parents) if not path.exists()]
-    new = [place for place in held if not place.exists()]
-    try:
-        for place in new:
-            log_folder.write(place, *held[place])
-        yield
-    finally:
-        if not begun(folder):
-            for place in new:
-                shutil.rmtree(place, ignore_errors=True)
-            for path in missing if new else ():
-                with contextlib.suppress(OSError):  # not empty: of another program
-                    path.rmdir()

@@ -16,7 +16,7 @@ from ..verdict.consistency import void
 from ..verdict.implementations import sentence
 from ..verdict.ranking import path_errors
 from ..verdict.statistics import FEWEST
-from ..verdict.summary import Line, logs, typical
+from ..verdict.summary import Line, typical, units_of
 from ..verdict.verdict import Verdict, verdict
 from ..words.console import plain, watched, wrapped
 from ..words.names import called
@@ -182,15 +182,15 @@ def _ends(line: Line, column: str, *, final: bool) -> tuple[float, float, float]
 
 
 def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Entry]], form: _Form) -> Table:
-    n = logs(lines)
-    title = f"[bold]{plain(name)}[/], {counted(n, 'log')}"
+    of = units_of(lines)
+    title = f"[bold]{plain(name)}[/], {plain(str(of))}"
     known = next((line for line in lines if line.rows), lines[0])
     if known.truth_kind == "reference":
         title += f"; truth unknown: errors{' of paths' * known.surveyed} are distances from {known.reference}"
     if known.truth_kind == "relations":
         title += "; truth of the path unknown: errors are of true motions between pairs of poses"
     if form.ranges and any(entry.ends for row in entries for entry in row.values()):
-        title += f"; medians ({'95 % intervals' if n >= FEWEST else 'ranges'})"
+        title += f"; medians ({'95 % intervals' if of.n >= FEWEST else 'ranges'})"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", no_wrap=True, overflow="ellipsis", max_width=form.label + 2)
     absent = {"NEES", "in 95 %"} if known.truth_kind == "relations" else set[str]()

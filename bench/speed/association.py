@@ -29,7 +29,8 @@ from ...frontend.errors import InputError
 from ...frontend.files import write_whole
 from ...frontend.se2 import Array, Ints
 from ..measure.drive import WARM_UP
-from ..plan.spec import BackendVariant, backend_variants
+from ..plan.spec import backend_variants
+from ..plan.variant import BackendVariant
 from ..words.console import plain
 from ..words.numerals import number
 from .backends import OF_EACH, asked, executed

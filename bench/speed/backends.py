@@ -14,7 +14,8 @@ from rich.console import Console
 
 from ...frontend.errors import InputError
 from ...frontend.files import write_whole
-from ..plan.spec import BackendVariant, backend_variants
+from ..plan.spec import backend_variants
+from ..plan.variant import BackendVariant
 from ..words.console import ProgressBar, plain
 from ..workers.tasks import execute
 from .mrpt import built

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from ...backends import registry as backends
 from ...backends.api import Backend
 from ...frontend import compiled
-from ..plan.spec import BackendVariant
+from ..plan.variant import BackendVariant
 from .mrpt import Program, mrpt_row
 from .process import PATIENCE, Process, Subject, said_of, surveyed
 from .timing import Row, in_turns, timing

@@ -11,8 +11,9 @@ from ...frontend.nearest import nearest
 from ...frontend.toml.lines import Place
 from ...frontend.toml.table import TomlTable, shown
 from ..plan.plan import Cell
-from ..plan.spec import BackendVariant, DatasetVariant, Variant, backend_variants, dataset_variants, read_values
+from ..plan.spec import backend_variants, dataset_variants, read_values
 from ..plan.values import MOST_CELLS, too_many
+from ..plan.variant import BackendVariant, DatasetVariant, Variant
 from ..plan.work import PlannedCell
 
 KEYS = ("dataset", "backend", "seeds", "first_seed", "grid", "zip", "list", "timed")
@@ -161,8 +162,8 @@ def _combined(block: _Block, names: Mapping[str, str], *, timed: bool) -> Iterat
                 parameters[name] = "none" if value is None else value
             else:
                 parameters[name] = together[full][0] if full in together else None
-        random = d.source.seeded or (b.builder is not None and b.builder.random)
-        yield Combination(d, b, parameters, block.seeds if random else block.seeds[:1], timed, (d_label, b_label))
+        seeds = d.seeds(block.seeds, random=b.builder is not None and b.builder.random)
+        yield Combination(d, b, parameters, seeds, timed, (d_label, b_label))
 
 
 def _names(swept: Iterable[str]) -> dict[str, str]:

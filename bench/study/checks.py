@@ -123,7 +123,7 @@ def _logs(side: Cells, sides: Sequence[Cells]) -> set[tuple[str, int]]:
     """Identifies the side's logs: by seed where it makes the log, by dataset where there are several."""
     several = any(len(_values("dataset", one)) > 1 for one in sides)
     return {
-        (one.parameters["dataset"] if several else "", seed if one.dataset.source.seeded else 0)
+        (one.parameters["dataset"] if several else "", seed if one.dataset.numbered else 0)
         for one in side
         for seed in one.seeds
     }
@@ -172,7 +172,7 @@ def _check_one(words: TomlTable, key: str, along: str, side: Cells) -> None:
     """Raises InputError unless only the seed and `along` vary, or the dataset where each is a single log."""
     for name in side[0].parameters:
         found = dict.fromkeys(one.parameters[name] for one in side)
-        single = name == "dataset" and not any(one.dataset.source.seeded and len(one.seeds) > 1 for one in side)
+        single = name == "dataset" and not any(one.dataset.numbered and len(one.seeds) > 1 for one in side)
         if len(found) > 1 and name != along and not single:
             known = ", ".join(shown(one) for one in list(found)[:MOST]) + ", ..." * (len(found) > MOST)
             raise words.refused(key, f"has cells with {name} = {known}, expected one value, by its own, where or each.")

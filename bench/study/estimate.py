@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ..engine.engine import RunRequest, batch_of
-from ..engine.key import log_key, log_seed, made_once, result_key
+from ..engine.key import log_key, made_once, result_key
 from ..engine.log_files import LogFiles
 from ..plan.work import PlannedCell
 from ..record.statuses import FAILED
@@ -141,9 +141,10 @@ def _done(study: Study, store: Store | None, request: RunRequest) -> list[bool]:
     known: dict[tuple[int, int], str | Known] = {}  # by dataset and seed: several cells share a log
     done: list[bool] = []
     for cell in study.cells:
-        place = id(cell.cell.dataset), log_seed(cell.cell)
+        of = cell.cell.log
+        place = id(cell.cell.dataset), cell.cell.seed if cell.cell.dataset.numbered else 0
         if place not in known:
-            made_of = log_key(cell.cell)
+            made_of = log_key(of)
             known[place] = logs.get(made_of, made_of)
         log = known[place]
         key = log if isinstance(log, str) else result_key(cell.cell, log, timed=cell.timed, oracle=study.oracle)
@@ -187,8 +188,9 @@ def _first_of_each(cells: Iterable[PlannedCell]) -> list[PlannedCell]:
 
 def _kept(store: Store, cell: PlannedCell) -> KeptLog | None:
     """Returns the cell's log, where the study has a copy of it."""
-    log = store.logs().get(log_key(cell.cell)) if made_once(cell.cell) else None
-    entry = log and LogFiles(store.folder).entry(cell.cell.dataset.name, log)
+    of = cell.cell.log
+    log = store.logs().get(log_key(of)) if made_once(of) else None
+    entry = log and LogFiles(store.folder).entry(of.dataset.name, log)
     return entry if entry and entry.path.is_file() else None
 
 

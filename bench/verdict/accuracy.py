@@ -5,7 +5,7 @@ from math import inf, isinf
 
 from ..words.numerals import chance, counted, factor, larger, listed, number, times
 from .ranking import Ranking, needed, standing
-from .statistics import FEWEST, Comparison, median
+from .statistics import FEWEST, Comparison, median, median_over
 
 LEAST = 1.0005  # ratio from which on a percentage of it is not written as 0 %
 SHOWN = 3  # comparisons that a sentence spells out; of more only the extremes, and the table of pairs has all
@@ -17,9 +17,9 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
     `what` is "online path", `where` the dataset's name. Too few logs for a test give measurements only, `again` without
     the reason.
     """
-    if found.logs < FEWEST:
+    if not found.compared:
         return [_measured(found, what, where, again=again), *_repeats(found)]
-    best, on = found.lines[0].backend, f"on {where}, {counted(found.logs, 'log')}"
+    best, on = found.lines[0].backend, f"on {where}, {found.units}"
     if len(found.lines) == 1:
         error = _errors(found)[best]
         return [f"{best} alone has an estimate of the {what} {on}: median error {error}.", *_baseline(found, what)]
@@ -36,8 +36,8 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
     said += _open(best, pairs.get("open", []), what, on)
     said += _unproven(best, pairs.get("unproven", []), what, on, len(found.comparisons))
     if "few" in pairs:
-        names = listed([f"{c.second} ({c.n})" for c in pairs["few"]])
-        said.append(f"Too few logs in common with {best} to test, {FEWEST} at least: {names}.")
+        names = listed([f"{c.second} ({c.units})" for c in pairs["few"]])
+        said.append(f"Too few {found.units.noun}s in common with {best} to test, {FEWEST} at least: {names}.")
     return [*said, *_baseline(found, what)]
 
 
@@ -121,8 +121,10 @@ def _unproven(best: str, pairs: Sequence[Comparison], what: str, on: str, family
 
 def unborne(pairs: Sequence[Comparison], family: int) -> str:
     """Says why the test does not support a difference that the interval does; `family`: pairs tested."""
-    if pairs[0].n < needed(family):
-        return f"{pairs[0].n} logs are too few to test {family} pairs, {needed(family)} would do"
+    if pairs[0].units < needed(family):
+        noun = "clusters" if pairs[0].units < pairs[0].n else "logs"
+        tested = counted(family, "pair")
+        return f"{pairs[0].units} {noun} are too few to test {tested}, {max(FEWEST, needed(family))} would do"
     return f"the test does not support it (Wilcoxon, Holm: {chance(min(c.adjusted for c in pairs))})"
 
 
@@ -149,25 +151,26 @@ def _measured(found: Ranking, what: str, where: str, *, again: bool) -> str:
     """States medians alone: there are too few logs to test anything."""
     each = ", ".join(f"{name} {error}" for name, error in _errors(found).items())
     if again:
-        return f"Measured{', median' * (found.logs > 1)} error of the {what}: {each}."
-    if found.logs == 1:
+        return f"Measured{', median' * (found.units.logs > 1)} error of the {what}: {each}."
+    if found.units.logs == 1:
         return f"{where} is one log, nothing to test; measured error of the {what}: {each}."
-    little = f"{where}: {found.logs} logs are too few to test, {FEWEST} at least"
+    little = f"{where}: {found.units} are too few to test, {found.units.at_least(FEWEST)}"
     return f"{little}; measured, median error of the {what}: {each}."
 
 
 def _errors(found: Ranking) -> dict[str, str]:
     medians = {
-        line.backend: median([value for _, value in line.runs(found.column)] if found.logs == 1 else values)
+        line.backend: median([value for _, value in line.runs(found.column)])
+        if found.units.logs == 1
+        else median_over(found.errors[line.backend], found.units)
         for line in found.lines
-        for values in [list(found.errors[line.backend].values())]
     }
     return {name: f"{number(value)} m" if value < inf else "failed" for name, value in medians.items()}
 
 
 def _repeats(found: Ranking) -> list[str]:
     """States the spread of a random backend's runs on a single log, and which backends lie outside of it."""
-    if found.logs != 1:
+    if found.units.logs != 1:
         return []
     said: list[str] = []
     for line in found.lines:

@@ -41,10 +41,11 @@ def advice(purpose: str, found: Ranking) -> Use:
     none where only too few logs stand in the way; those without a failure; those that are not overconfident, and have
     a covariance at every step; the cheapest, and of about the same cost the more accurate.
     """
-    if found.logs < FEWEST:
+    of = found.units
+    if of.n < FEWEST:
         return Use(purpose, "", _too_few(found))
-    if len(found.errors[found.lines[0].backend]) < FEWEST:
-        return Use(purpose, "", f"No ranked backend has enough of the {found.logs} logs, {FEWEST} at least.")
+    if len({of.unit(log) for log in found.errors[found.lines[0].backend]}) < FEWEST:
+        return Use(purpose, "", f"No ranked backend has enough of the {of}, {of.at_least(FEWEST)}.")
     tested = [c for c in found.baseline if standing(c) != "few"]
     ahead = {c.first for c in tested if standing(c) == "better"}
     if found.circular:
@@ -108,13 +109,14 @@ def _amount(column: str, line: Line) -> str:
 
 
 def _too_few(found: Ranking) -> str:
-    if found.logs > 1:
-        return f"{found.logs} logs are too few, {FEWEST} at least (--seeds)."
+    of, first = found.units, found.lines[0].rows[0].columns
+    if of.logs > 1:
+        more = " (--seeds)" if first["log_name"] is None else ""
+        return f"{of} are too few, {of.at_least(FEWEST)}{more}."
     if any(len(line.rows) > 1 for line in found.lines):
         return "There is one log, nothing to test."
-    drawn = seeded(found.lines[0].rows[0].columns["dataset"])
     return f"One log is too few, {FEWEST} at least " + (
-        "(--seeds)." if drawn else "of a dataset; --seeds draws no others of a recording."
+        "(--seeds)." if seeded(first["dataset"]) else "of a dataset; --seeds draws no others of a recording."
     )
 
 

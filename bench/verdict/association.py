@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..words.numerals import chance, counted, listed
-from .statistics import FEWEST, LEVEL, Shift, holm, median, shift
-from .summary import Line, logs
+from ..words.numerals import chance, listed
+from .statistics import FEWEST, LEVEL, Shift, holm, median_over, shift
+from .summary import Line
+from .units import Units
 
 MOST = 6  # backends that the sentence names
 COLUMNS = ("wrong_share", "final_wrong_share")
@@ -22,25 +23,26 @@ def association_sentences(lines: Sequence[Line]) -> list[str]:
         for line in lines
         if column in line.values
     }
-    medians = {name: median(values.values()) for name, values in wrong.items()}
+    of = lines[0].units
+    medians = {name: median_over(values, of) for name, values in wrong.items()}
     order = sorted(medians, key=lambda name: medians[name])
     best, others = order[0], order[1:]
-    shifts = [_shift(wrong[best], wrong[name]) for name in others]
+    shifts = [_shift(wrong[best], wrong[name], of) for name in others]
     adjusted = holm([found.p for found in shifts])
     parts = [f"{best}'s ids are right for {_percent(1 - medians[best])} of the sightings that it used"]
     for name, found, p in list(zip(others, shifts, adjusted.tolist(), strict=True))[: MOST - 1]:
-        test = f" ({_words(found, p)})" if found.n >= FEWEST else ""
+        test = f" ({_words(found, p)})" if found.units >= FEWEST else ""
         parts.append(f"{name}'s for {_percent(1 - medians[name])}{test}")
     if len(others) >= MOST:
         parts.append(f"those of {len(others) - MOST + 1} others for {_percent(1 - medians[order[-1]])} or more")
-    n = logs(lines)
-    which = f"{counted(n, 'log')}, median" if n > 1 else "one log"
+    which = f"{of}, median" if of.logs > 1 else "one log"
     return [f"Data association ({which}): {listed(parts)}."]
 
 
-def _shift(best: dict[str, float], other: dict[str, float]) -> Shift:
+def _shift(best: dict[str, float], other: dict[str, float], of: Units) -> Shift:
     """Compares the shares on the logs that both have."""
-    return shift(np.array([other[log] - best[log] for log in best if log in other]))
+    both = [log for log in best if log in other]
+    return shift(np.array([other[log] - best[log] for log in both]), units=[of.unit(log) for log in both])
 
 
 def _words(found: Shift, p: float) -> str:

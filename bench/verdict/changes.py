@@ -13,7 +13,8 @@ from ..record.statuses import FAILED
 from ..words.numerals import chance, counted, listed, number
 from .pairing import Pair, PairedRuns
 from .ranking import ROUNDING
-from .statistics import FEWEST, LEVEL, Comparison, compare, holm, median
+from .statistics import FEWEST, LEVEL, Comparison, compare, holm, median_over
+from .units import logs_in, units
 
 REGRESSION, GAIN = "regression", "gain"
 NOTHING, FEW = "no difference shown", "too few logs to test"
@@ -71,6 +72,7 @@ class Change(NamedTuple):
     adjusted: float = math.nan
     effect: float = math.nan  # 1 where the new one is the worse on every log, -1 where it is the better
     beyond: bool = False  # it has changed by `least` or more
+    units: int = 0  # independent ones that the logs are of: as many as logs unless these are in clusters
 
 
 class _Found(NamedTuple):
@@ -91,7 +93,7 @@ def changes(found: PairedRuns, least: float | None = None) -> list[Change]:
     told = [change for pair in found.pairs for change in (*_endings(pair), *_lost(pair))]
     for kind in dict.fromkeys(one.quantity.kind for one in measured):
         of_kind = [one for one in measured if one.quantity.kind == kind]
-        tested = [one for one in of_kind if not one.same and one.comparison.n >= FEWEST]
+        tested = [one for one in of_kind if not one.same and one.comparison.units >= FEWEST]
         adjusted = dict(zip(map(id, tested), holm([one.comparison.p for one in tested]).tolist(), strict=True))
         for one in of_kind:
             corrected = one.comparison._replace(adjusted=adjusted.get(id(one), math.nan))
@@ -117,7 +119,8 @@ def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float)
         known = [(log, a, b) for log, a, b in known if math.isfinite(a) and math.isfinite(b) and min(a, b) > 0]
     if not any(math.isfinite(value) for _, a, b in known for value in (a, b)):
         return None
-    shown = median(a for _, a, _ in known), median(b for _, _, b in known)
+    of = units({str(b.columns["seed"]): b.columns["cluster"] for _, b in cells})
+    shown = median_over({log: a for log, a, _ in known}, of), median_over({log: b for log, _, b in known}, of)
     if column == "nees":
         known = [(log, _off(a), _off(b)) for log, a, b in known]
     old, new = {log: a for log, a, _ in known}, {log: b for log, _, b in known}
@@ -125,7 +128,7 @@ def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float)
     apart = {
         name: {log: max(value, least_error) for log, value in of.items()} for name, of in (("old", old), ("new", new))
     }
-    return _Found(pair, quantity, old, new, compare(apart)[0], shown, _same(old, new, rounding))
+    return _Found(pair, quantity, old, new, compare(apart, of)[0], shown, _same(old, new, rounding))
 
 
 def _same(old: Mapping[str, float], new: Mapping[str, float], rounding: float) -> str:
@@ -150,7 +153,7 @@ def _change(one: _Found, tested: int) -> Change:
     c = one.comparison
     return Change(
         one.pair.dataset, one.pair.backend, one.quantity.words, one.quantity.kind, verdict, words,
-        c.n, *one.shown, c.ratio, c.low, c.high, c.adjusted, c.effect, _beyond(one),
+        c.n, *one.shown, c.ratio, c.low, c.high, c.adjusted, c.effect, _beyond(one), c.units,
     )  # fmt: skip
 
 
@@ -163,7 +166,7 @@ def _judged(one: _Found, tested: int) -> tuple[str, str]:
     if one.same:
         return one.same, _logs(one)
     towards = (REGRESSION if c.ratio > 1 else GAIN) if _beyond(one) else NOTHING
-    if c.n >= FEWEST and _least_p(c.n, tested) < LEVEL:
+    if c.units >= FEWEST and _least_p(c.units, tested) < LEVEL:
         if not c.holds:
             return NOTHING, f"{_logs(one)}, {chance(c.adjusted)}"
         return towards, f"{_logs(one)}, {chance(c.adjusted)}" + f": real, but {count}" * (towards == NOTHING)
@@ -171,17 +174,17 @@ def _judged(one: _Found, tested: int) -> tuple[str, str]:
         on = "on this log" if c.n == 1 else f"on these {c.n} logs"
         return towards, f"{on}: {count if towards == NOTHING else 'the same factors, and nothing random'}"
     enough = next(n for n in range(FEWEST, 99) if _least_p(n, max(tested, 1)) < LEVEL)
-    return FEW, f"{_logs(one)}, a test of so many comparisons needs {enough}"
+    return FEW, f"{_logs(one)}, a test of so many comparisons needs {enough}" + " clusters" * (c.units < c.n)
 
 
 def _least_p(n: int, tested: int) -> float:
-    """Returns the least p of a signed-rank test on n logs, corrected for so many tests."""
+    """Returns the least p of a signed-rank test on n units, corrected for so many tests."""
     return 2.0 ** (1 - n) * tested
 
 
 def _logs(one: _Found) -> str:
     n, digests = one.comparison.n, {b.columns["digest"] for _, b in one.pair.cells}
-    return counted(n, "log") if len(digests) > 1 or n == 1 else f"{n} runs on one log"
+    return logs_in(n, one.comparison.units) if len(digests) > 1 or n == 1 else f"{n} runs on one log"
 
 
 def _endings(pair: Pair) -> list[Change]:

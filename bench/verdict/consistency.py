@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..words.numerals import listed, number
 from ..words.styles import BASELINE
-from .statistics import FEWEST, Estimate, estimate
+from .statistics import FEWEST, Estimate
 from .summary import Line
 
 OVERCONFIDENT, CAUTIOUS = 1.25, 0.7
@@ -35,13 +35,13 @@ class Belief(NamedTuple):
 
 
 def belief(line: Line, column: str = "nees") -> Belief | None:
-    """Judges a line by an interval over six logs or more, else by a rule of thumb; None without NEES."""
+    """Judges a line by an interval over six logs or clusters or more, else by a rule of thumb; None without NEES."""
     if column not in line.values:
         return None
-    found = estimate(list(line.by_log(column).values()))
+    found = line.estimate(column)
     if void(line, column):
         return Belief(NO_COVARIANCE, found)
-    return Belief(_word(found) if found.n >= FEWEST else _thumb(line, column), found)
+    return Belief(_word(found) if found.units >= FEWEST else _thumb(line, column), found)
 
 
 def void(line: Line, column: str = "nees") -> bool:
@@ -91,9 +91,10 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
         names = [name for name, word_of in told.items() if word_of == word]
         if names:
             sized = [
-                f"{name} ({number(nees.value) if nees.n < FEWEST else f'{number(nees.low)} to {number(nees.high)}'})"
+                f"{name} ({number(nees.value) if nees.units < FEWEST else ends})"
                 for name in names
                 for nees in [found[name].nees]
+                for ends in [f"{number(nees.low)} to {number(nees.high)}"]
             ]
             is_are = "is" if len(names) == 1 else "are"
             said.append(
@@ -101,9 +102,9 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
             )
     using = [known for name, known in found.items() if name != BASELINE]
     lost = len(using) > 1 and all(known.nees.value > LOST for known in using)
-    few = [name for name, known in found.items() if known.nees.n < FEWEST]
+    few = [name for name, known in found.items() if known.nees.units < FEWEST]
     whose = "" if len(few) == len(found) else f"{listed(few)} " if few else ""
-    thumb = f" ({whose}by a rule of thumb: an interval takes {FEWEST} logs)" * bool(few)
+    thumb = f" ({whose}by a rule of thumb: an interval takes {FEWEST} {lines[0].units.noun}s)" * bool(few)
     return [
         f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}",
         *last,
@@ -112,6 +113,6 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
 
 def _between(nees: Estimate) -> str:
     """Returns the two words between which an unclear NEES lies."""
-    if nees.n >= FEWEST and nees.high < 1:
+    if nees.units >= FEWEST and nees.high < 1:
         return TOWARDS_CAUTIOUS
-    return TOWARDS_OVERCONFIDENT if nees.n >= FEWEST and nees.low > 1 else UNCLEAR
+    return TOWARDS_OVERCONFIDENT if nees.units >= FEWEST and nees.low > 1 else UNCLEAR

@@ -13,7 +13,7 @@ from ..words.numerals import counted, listed
 from .summary import Line, lines
 
 MACHINE = ("processor", "cores", "memory_gb")
-NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "map_digest")  # may differ
+NOT_COMPARED = ("packages", "backend", "dataset", "seeds", "logs", "map_digest")  # may differ
 MEMORY = 0.02  # share by which the memory that a machine's kernel reports may differ
 
 BETWEEN_PROCESSORS = 1e-6

@@ -5,8 +5,9 @@ from math import isnan
 from typing import NamedTuple
 
 from ..words.styles import BASELINE
-from .statistics import LEVEL, Comparison, compare, holm, median
-from .summary import Line, logs, representative
+from .statistics import FEWEST, LEVEL, Comparison, compare, holm, median_over
+from .summary import Line, representative
+from .units import Units
 
 ALIKE = 1.01  # errors whose ratio is significantly within this and its inverse are alike, whatever the test says
 ROUNDING = 1e-9  # m below which errors are all the same, so that rounding on a log without noise decides nothing
@@ -48,7 +49,12 @@ class Ranking(NamedTuple):
     errors: Mapping[str, Mapping[str, float]]  # by backend and by log; infinite where it failed
     comparisons: Sequence[Comparison]  # every pair of `lines`, in their order, Holm-corrected
     baseline: Sequence[Comparison]  # each of `lines` with dead reckoning, if that has the measure; Holm-corrected
-    logs: int  # of the dataset
+    units: Units  # of the dataset's logs
+
+    @property
+    def compared(self) -> bool:
+        """True where there are enough logs, of several units, for intervals."""
+        return self.units.logs >= FEWEST and self.units.n > 1
 
     def between(self, first: Line, second: Line) -> Comparison:
         """Returns the comparison of two of `lines`, the first one before the second."""
@@ -78,22 +84,23 @@ def ranking(lines: Sequence[Line], column: str) -> Ranking | None:
     if not entered:
         return None
     errors = {line.backend: line.by_log(column) for line in having}
-    medians = {name: median(values.values()) for name, values in errors.items()}
+    of = having[0].units
+    medians = {name: median_over(values, of) for name, values in errors.items()}
     entered.sort(key=lambda line: medians[line.backend])
     apart = {name: {log: max(error, ROUNDING) for log, error in of.items()} for name, of in errors.items()}
-    found = compare({line.backend: apart[line.backend] for line in entered})
+    found = compare({line.backend: apart[line.backend] for line in entered}, of)
     beaten = _beaten(found)
     tested = {name for c in found if standing(c) != "few" for name in (c.first, c.second)}
     entered.sort(key=lambda line: (line.backend not in tested, beaten.count(line.backend)))
-    found = compare({line.backend: apart[line.backend] for line in entered})
+    found = compare({line.backend: apart[line.backend] for line in entered}, of)
     against = (
-        [compare({line.backend: apart[line.backend], BASELINE: apart[BASELINE]})[0] for line in entered]
+        [compare({line.backend: apart[line.backend], BASELINE: apart[BASELINE]}, of)[0] for line in entered]
         if BASELINE in apart
         else []
     )
     adjusted = holm([c.p for c in against])
     against = [c._replace(adjusted=float(p)) for c, p in zip(against, adjusted, strict=True)]
-    return Ranking(column, entered, errors, found, against, logs(lines))
+    return Ranking(column, entered, errors, found, against, of)
 
 
 def _beaten(found: Sequence[Comparison]) -> list[str]:
@@ -106,7 +113,7 @@ def standing(c: Comparison) -> str:
     """Classifies a comparison of the first with the second.
 
     "better" or "worse" where interval and test say so; "alike" where they are significantly within 1 %; "open" where
-    the interval contains 1; "unproven" where it does not, but the test does not support it; "few" without a test.
+    the interval contains 1; "unproven" where it does not, but the test does not support it; "few" without an interval.
     """
     if isnan(c.low):
         return "few"
@@ -118,7 +125,7 @@ def standing(c: Comparison) -> str:
 
 
 def needed(pairs: int) -> int:
-    """Returns the logs that a test of so many pairs needs: with fewer, Holm's correction leaves no p below 5 %."""
+    """Returns the units that a test of so many pairs needs: with fewer, Holm's correction leaves no p below 5 %."""
     n = 1
     while 2.0 ** (1 - n) * pairs >= LEVEL:
         n += 1

@@ -5,17 +5,22 @@ python -m slamduel.bench.verdict.simulation [COMPARISONS]
 Each figure is over that many comparisons (default 10,000), made by the functions that judge a run, and is printed with
 the bounds it has to keep; the exit status is 1 if one does not. A log is harder or easier for all backends alike, and
 each backend adds its own luck, so that the logarithms of the ratios of two backends' errors have standard deviation SD.
+Of logs in clusters, a share of either variance is common to the logs of a cluster, their correlation r: "9 of 5, r =
+0.4" are 9 clusters of 5 logs.
 """
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 
-from .statistics import compare, estimate
+from ...frontend.se2 import Array
+from .candidates import accelerated, mixed_model, percentile
+from .statistics import compare, estimate, log_ratios
+from .units import INDEPENDENT, Units, units
 
 COMPARISONS = 10_000
 
@@ -38,17 +43,27 @@ class World:
     ratios: Sequence[float] = (1.0, 1.0)  # of the errors, by backend
     failing: float = 0.0  # the share of logs on which a backend fails
     same: float = 0.0  # the share of logs on which all backends have the very same error
+    correlation: float = 0.0  # of two logs of a cluster, in what all backends share and in a backend's luck
     tails: float = np.inf  # degrees of freedom of Student's t, of which a backend's luck is; infinite: normal
 
-    def errors(self, logs: int, rng: np.random.Generator) -> Errors:
-        """Draws a run's errors."""
+    def errors(self, logs: int, rng: np.random.Generator, clusters: Sequence[int] = ()) -> Errors:
+        """Draws a run's errors; `clusters` are the sizes of the logs' clusters, where they are in such."""
         shape = len(self.ratios), logs
-        luck = rng.standard_normal(shape) if np.isinf(self.tails) else rng.standard_t(self.tails, shape)
+        luck = self._luck(shape, rng)
         luck[:, rng.random(logs) < self.same] = 0
-        drawn = np.exp(HARDNESS * rng.standard_normal(logs) + SD / 2**0.5 * luck) * np.reshape(self.ratios, (-1, 1))
+        hard = rng.standard_normal(logs)
+        if clusters:
+            of = np.repeat(np.arange(len(clusters)), clusters)
+            own, common = (1 - self.correlation) ** 0.5, self.correlation**0.5
+            luck = own * luck + common * self._luck((len(self.ratios), len(clusters)), rng)[:, of]
+            hard = own * hard + common * rng.standard_normal(len(clusters))[of]
+        drawn = np.exp(HARDNESS * hard + SD / 2**0.5 * luck) * np.reshape(self.ratios, (-1, 1))
         drawn[rng.random(shape) < self.failing] = np.inf
         names = list(map(str, range(logs)))
         return {f"backend {k}": dict(zip(names, row, strict=True)) for k, row in enumerate(drawn.tolist())}
+
+    def _luck(self, shape: tuple[int, int], rng: np.random.Generator) -> Array:
+        return rng.standard_normal(shape) if np.isinf(self.tails) else rng.standard_t(self.tails, shape)
 
     @property
     def median(self) -> float:
@@ -57,26 +72,47 @@ class World:
         return float(np.exp(NormalDist(sigma=sd).inv_cdf(0.5 / (1 - self.failing))))
 
 
-def covers_ratio(world: World, errors: Errors) -> bool:
+Asked = Callable[[World, Errors, Units], bool]
+Method = Callable[[Array, Sequence[Hashable]], tuple[float, float]]
+
+
+def covers_ratio(world: World, errors: Errors, of: Units) -> bool:
     """Returns True if the interval of the first two backends' ratio holds the true one."""
-    found = compare(errors)[0]
+    found = compare(errors, of)[0]
     return found.low <= world.ratios[1] / world.ratios[0] <= found.high
 
 
-def covers_median(world: World, errors: Errors) -> bool:
+def covers_median(world: World, errors: Errors, of: Units) -> bool:
     """Returns True if the interval of the first backend's median holds the true one."""
-    found = estimate(list(errors["backend 0"].values()))
+    mine = errors["backend 0"]
+    found = estimate(list(mine.values()), [of.unit(log) for log in mine])
     return found.low <= world.median <= found.high
 
 
-def claims(_: World, errors: Errors) -> bool:
+def covers_by(method: Method) -> Asked:
+    """Returns the question if another method's interval of the first two backends' ratio holds the true one."""
+
+    def covers(world: World, errors: Errors, of: Units) -> bool:
+        one, other = (np.array(list(errors[f"backend {k}"].values())) for k in (0, 1))
+        low, high = method(log_ratios(one, other), [of.unit(log) for log in errors["backend 0"]])
+        return low <= np.log(world.ratios[1] / world.ratios[0]) <= high
+
+    return covers
+
+
+def claims(_: World, errors: Errors, of: Units) -> bool:
     """Returns True if any difference is claimed."""
-    return any(pair.holds for pair in compare(errors))
+    return any(pair.holds for pair in compare(errors, of))
 
 
-def finds(_: World, errors: Errors) -> bool:
+def claims_by_logs(world: World, errors: Errors, _: Units) -> bool:
+    """Returns True if any difference is claimed where logs of a cluster are taken as independent."""
+    return claims(world, errors, INDEPENDENT)
+
+
+def finds(_: World, errors: Errors, of: Units) -> bool:
     """Returns True if the first backend is claimed to be closer than the second, which it is."""
-    found = compare(errors)[0]
+    found = compare(errors, of)[0]
     return found.holds and found.ratio > 1
 
 
@@ -86,18 +122,21 @@ class Case(NamedTuple):
     logs: int
     world: World
     name: str = ""
+    clusters: Sequence[int] = ()  # the sizes of the logs' clusters, where they are in such
 
-    def share(self, asked: Callable[[World, Errors], bool], comparisons: int) -> float:
+    def share(self, asked: Asked, comparisons: int) -> float:
         """Returns the share of so many comparisons for which it is true: the same each time."""
         rng = np.random.default_rng(0)
-        return sum(asked(self.world, self.world.errors(self.logs, rng)) for _ in range(comparisons)) / comparisons
+        of = units({str(log): str(k) for log, k in enumerate(np.repeat(range(len(self.clusters)), self.clusters))})
+        found = (self.world.errors(self.logs, rng, self.clusters) for _ in range(comparisons))
+        return sum(asked(self.world, errors, of) for errors in found) / comparisons
 
 
 class Question(NamedTuple):
     """A question with the bounds of its share in every case; None: no bounds."""
 
     title: str
-    asked: Callable[[World, Errors], bool]
+    asked: Asked
     bounds: tuple[float, float] | None
     cases: Sequence[Case]
 
@@ -106,6 +145,76 @@ _NUMBERS = (6, 8, 10, 15, 20, 30, 50)
 _APART = World((1, BETTER))
 _FAILING = World((1, BETTER), FAILING)
 _FAILURES = "5 % failures"
+_UNEVEN = (1, 2, 5, 8, 9)
+_CORRELATIONS = (0.0, 0.4, 0.8)
+
+
+def in_clusters(sizes: Sequence[int], world: World, name: str = "") -> Case:
+    """Makes the case of clusters of these sizes."""
+    each = f"{sizes[0]}" if len(set(sizes)) == 1 else f"{min(sizes)} to {max(sizes)}"
+    said = f"{len(sizes)} of {each}, r = {world.correlation:g}" + f", {name}" * bool(name)
+    return Case(sum(sizes), world, said, tuple(sizes))
+
+
+def _related(world: World) -> list[World]:
+    return [replace(world, correlation=one) for one in _CORRELATIONS]
+
+
+CLUSTERED = (
+    Question(
+        "95 % interval of a ratio, clusters",
+        covers_ratio,
+        COVERAGE,
+        (
+            *(in_clusters((5,) * k, world) for k in (5, 6, 9) for world in _related(_APART)),
+            *(in_clusters((5,) * k, replace(_APART, correlation=0.4)) for k in (3, 20)),
+            *(in_clusters(sizes, replace(_APART, correlation=0.4)) for sizes in (_UNEVEN, 2 * _UNEVEN)),
+            in_clusters((5,) * 5, replace(_APART, correlation=0.4, tails=3), "heavy tails"),
+            in_clusters((5,) * 9, replace(_FAILING, correlation=0.4), _FAILURES),
+        ),
+    ),
+    Question(
+        "95 % interval of a median, clusters",
+        covers_median,
+        COVERAGE,
+        (
+            *(in_clusters((5,) * k, world) for k in (6, 9) for world in _related(_APART)),
+            in_clusters((5,) * 20, replace(_APART, correlation=0.4)),
+        ),
+    ),
+    Question(
+        "difference claimed, clusters",
+        claims,
+        FALSE_CLAIMS,
+        (
+            *(in_clusters((5,) * k, world) for k in (5, 6, 9) for world in _related(World())),
+            in_clusters(2 * _UNEVEN, World(correlation=0.4)),
+            in_clusters((5,) * 20, World((1,) * 4, correlation=0.4), "4 backends"),
+            in_clusters((5,) * 9, World(failing=FAILING, correlation=0.4), _FAILURES),
+        ),
+    ),
+    Question(
+        "if logs counted, no bound set",
+        claims_by_logs,
+        None,
+        tuple(in_clusters((5,) * 5, world) for world in _related(World())),
+    ),
+    *(
+        Question(
+            f"by {what}, no bound set",
+            covers_by(method),
+            None,
+            tuple(in_clusters((5,) * 5, world) for world in _related(_APART)),
+        )
+        for what, method in (("percentiles", percentile), ("BCa", accelerated), ("a mixed model", mixed_model))
+    ),
+    Question(
+        "20 % found in clusters, no bound set",
+        finds,
+        None,
+        tuple(in_clusters((5,) * 9, world) for world in _related(_APART)),
+    ),
+)
 
 QUESTIONS = (
     Question(
@@ -146,6 +255,7 @@ QUESTIONS = (
             *(Case(logs, _APART, "2 backends") for logs in (10, 20)),
         ),
     ),
+    *CLUSTERED,
 )
 
 

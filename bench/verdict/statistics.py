@@ -2,12 +2,16 @@
 
 Nothing is drawn at random, so the same errors always give the same answer. An infinite error stands for a failure:
 worse than every other error and as bad as another failure. It has the largest rank; an interval that it reaches into
-has an infinite end, or one of 0 as a ratio. `python -m slamduel.bench.verdict.simulation` measures how often intervals
+has an infinite end, or one of 0 as a ratio.
+
+Logs may belong to units that alone are independent of each other (`units.py`). Each unit then counts once, with the
+estimate from its own logs, and everything below is over units: a test flips the signs of whole units. A log without
+units is one by itself. `python -m slamduel.bench.verdict.simulation` measures how often intervals
 and claims are right.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
 from math import comb, erfc, exp, isfinite, lgamma, log, sqrt
@@ -17,31 +21,40 @@ import numpy as np
 
 from ...frontend.errors import InputError
 from ...frontend.se2 import Array
+from .units import INDEPENDENT, Units
 
-FEWEST = 6  # logs below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %
+FEWEST = 6  # units below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %
 LEVEL = 0.05  # accepted share of false claims
 SAME = 1e-9  # errors whose logarithms differ by less are the same: rounding always points one way
-EXACT = 100  # logs up to which distributions are exact; beyond, the signed-rank statistic's is normal
+EXACT = 100  # units up to which distributions are exact; beyond, the signed-rank statistic's is normal
+
+
+STUDENT = {2: 12.706205, 3: 4.302653, 4: 3.182446, 5: 2.776445}
+"""The 97.5 % points of Student's t for so many units, one more than its degrees of freedom."""
+
+OfLogs = Sequence[Hashable] | None  # the unit of each value; None: each is one by itself
 
 
 class Estimate(NamedTuple):
-    """The median over logs, and its 95 % interval: NaN ends where there are fewer than FEWEST."""
+    """The median over logs, and its 95 % interval: NaN ends where there are fewer than FEWEST units."""
 
     value: float
     low: float
     high: float
     n: int  # logs
+    units: int
 
 
 class Shift(NamedTuple):
     """The typical difference of paired values."""
 
     value: float  # NaN with none
-    low: float  # 95 % interval; NaN where there are fewer than FEWEST
+    low: float  # 95 % interval; NaN where there are fewer than FEWEST logs, or one unit
     high: float
-    p: float  # two-sided Wilcoxon signed-rank, of a difference from `against`; NaN as the interval
+    p: float  # two-sided Wilcoxon signed-rank, of a difference from `against`; NaN with fewer than FEWEST units
     effect: float  # matched-pairs rank-biserial correlation; likewise
     n: int
+    units: int
 
 
 class Comparison(NamedTuple):
@@ -52,11 +65,12 @@ class Comparison(NamedTuple):
     n: int  # logs that both ran on
     closer: int  # logs on which the first one's error is the lower
     ratio: float  # the second's error over the first's, typically: see compare; NaN with no log
-    low: float  # 95 % interval of the ratio, from 0 to infinity; NaN where there are fewer than FEWEST logs
+    low: float  # 95 % interval of the ratio, from 0 to infinity; NaN with fewer than FEWEST logs, or one unit
     high: float
-    p: float  # two-sided Wilcoxon signed-rank; NaN where there are fewer than FEWEST logs
+    p: float  # two-sided Wilcoxon signed-rank; NaN where there are fewer than FEWEST units
     adjusted: float  # the same after Holm's correction over all pairs that were compared
-    effect: float  # matched-pairs rank-biserial correlation: 1 where the first is closer on every log, -1 on none
+    effect: float  # matched-pairs rank-biserial correlation: 1 where the first is closer on every unit, -1 on none
+    units: int  # independent ones that the logs are of: as many as logs unless these are in clusters
 
     @property
     def holds(self) -> bool:
@@ -64,21 +78,27 @@ class Comparison(NamedTuple):
         return self.adjusted < LEVEL and not self.low <= 1 <= self.high
 
 
-def estimate(values: Sequence[float]) -> Estimate:
+def estimate(values: Sequence[float], units: OfLogs = None) -> Estimate:
     """Estimates the median of one value per log, none NaN, with an interval between order statistics.
+
+    Of logs in units, it is that of the units' medians.
 
     Hettmansperger and Sheather, Confidence intervals based on interpolated order statistics (Statistics and Probability
     Letters 4, 1986): from the two nested intervals whose coverage, a binomial sum whatever the distribution, is next
     above and below 95 %. Infinite values are taken as they are.
     """
-    known = np.sort(np.asarray(values, float))
+    known = np.asarray(values, float)
+    logs = len(known)
+    if (groups := _groups(known, units)) is not None:
+        known = np.array([_middle(np.sort(group)) for group in groups])
+    known = np.sort(known)
     n = len(known)
     low = high = np.nan
     if n >= FEWEST:
         depth, share = _depth(n)
         low = _between(known[depth - 1], known[depth], share)
         high = _between(known[n - depth], known[n - depth - 1], share)
-    return Estimate(_middle(known), low, high, n)
+    return Estimate(_middle(known), low, high, logs, n)
 
 
 def median(values: Iterable[float]) -> float:
@@ -88,7 +108,15 @@ def median(values: Iterable[float]) -> float:
     return (low + high) / 2 if isfinite(low + high) else _middle(np.array((low, high)))
 
 
-def compare(errors: Mapping[str, Mapping[str, float]]) -> list[Comparison]:
+def median_over(values: Mapping[str, float], units: Units) -> float:
+    """Returns the median of values by log, one at least: of logs in clusters, that of the units' medians."""
+    by_unit: dict[Hashable, list[float]] = {}
+    for name, value in values.items():
+        by_unit.setdefault(units.unit(name), []).append(value)
+    return median(median(group) for group in by_unit.values())
+
+
+def compare(errors: Mapping[str, Mapping[str, float]], units: Units = INDEPENDENT) -> list[Comparison]:
     """Compares every pair of backends; `errors`, from 0 to infinity, are by backend and by log.
 
     Each pair is in the order of the mapping. On each log that both ran on, the logarithm of the ratio of their errors
@@ -100,7 +128,7 @@ def compare(errors: Mapping[str, Mapping[str, float]]) -> list[Comparison]:
     make nearly identical backends differ. Ties share their ranks, and the test's distribution is that of the ranks as
     they are; the interval then covers more than 95 %.
     """
-    found = [_paired(first, second, errors[first], errors[second]) for first, second in combinations(errors, 2)]
+    found = [_paired(first, second, errors[first], errors[second], units) for first, second in combinations(errors, 2)]
     adjusted = holm([c.p for c in found])
     return [c._replace(adjusted=float(p)) for c, p in zip(found, adjusted, strict=True)]
 
@@ -115,22 +143,57 @@ def holm(p: Sequence[float]) -> Array:
     return adjusted
 
 
-def shift(differences: Array, against: float = 0.0) -> Shift:
-    """Estimates the shift of paired differences (n,), infinite ones included; less than SAME is rounding."""
+def shift(differences: Array, against: float = 0.0, units: OfLogs = None) -> Shift:
+    """Estimates the shift of paired differences (n,), infinite ones included; less than SAME is rounding.
+
+    Of logs in units, it is that of the units' own shifts. Where there are 2 to 5 of these, no test by their signs can
+    reach 5 %, and the interval is Student's t of the units' shifts: it covers at least as often as stated also where
+    they are not equally exact (Ibragimov and Mueller, Journal of Business & Economic Statistics 28(4), 2010), as a
+    unit of few logs is less exact than one of many.
+    """
     d = np.where(abs(differences) < SAME, 0.0, differences)
+    logs = len(d)
+    if (groups := _groups(d, units)) is not None:
+        d = np.array([_typical(group) for group in groups])
+        d[abs(d) < SAME] = 0
     n = len(d)
     if not n:
-        return Shift(np.nan, np.nan, np.nan, np.nan, np.nan, 0)
+        return Shift(np.nan, np.nan, np.nan, np.nan, np.nan, 0, 0)
     count = n * (n + 1) // 2
     if n < FEWEST:
-        return Shift(_middle(np.array(ranked(d, _central(count)))), np.nan, np.nan, np.nan, np.nan, n)
+        ends = _student(d) if logs >= FEWEST and n > 1 else (np.nan, np.nan)
+        return Shift(_typical(d), *ends, np.nan, np.nan, logs, n)
     depth = _rejected(n)
     *central, low, high = (
         0.0 if abs(average) < SAME else average for average in ranked(d, (*_central(count), depth - 1, count - depth))
     )
     off = d - against
     off[abs(off) < SAME] = 0
-    return Shift(_middle(np.array(central)), low, high, *signed_rank(off), n)
+    return Shift(_middle(np.array(central)), low, high, *signed_rank(off), logs, n)
+
+
+def _groups(values: Array, units: OfLogs) -> list[Array] | None:
+    """Splits the values (n,) by their units; None where each is a unit by itself."""
+    if units is None or len(set(units)) == len(units):
+        return None
+    places: dict[Hashable, list[int]] = {}
+    for place, unit in enumerate(units):
+        places.setdefault(unit, []).append(place)
+    return [values[group] for group in places.values()]
+
+
+def _typical(d: Array) -> float:
+    """Returns the median of the Walsh averages of d (n,)."""
+    return _middle(np.array(ranked(d, _central(len(d) * (len(d) + 1) // 2))))
+
+
+def _student(d: Array) -> tuple[float, float]:
+    """Returns Student's 95 % interval of the mean of d (n,), 2 to 5 values; of infinite ones, everything."""
+    if not np.isfinite(d).all():
+        return -np.inf, np.inf
+    reach = STUDENT[len(d)] * float(d.std(ddof=1)) / sqrt(len(d))
+    low, high = float(d.mean()) - reach, float(d.mean()) + reach
+    return (0.0 if abs(low) < SAME else low), (0.0 if abs(high) < SAME else high)
 
 
 def _central(count: int) -> tuple[int, int]:
@@ -138,12 +201,14 @@ def _central(count: int) -> tuple[int, int]:
     return (count - 1) // 2, count // 2
 
 
-def _paired(first: str, second: str, one: Mapping[str, float], other: Mapping[str, float]) -> Comparison:
+def _paired(first: str, second: str, one: Mapping[str, float], other: Mapping[str, float], units: Units) -> Comparison:
     logs = [log for log in one if log in other]
     d = log_ratios(*(np.array([side[log] for log in logs], float) for side in (one, other)))
-    found = shift(d)
+    found = shift(d, units=[units.unit(log) for log in logs])
     ratio, low, high = exponential(found.value), exponential(found.low), exponential(found.high)
-    return Comparison(first, second, len(logs), int((d > 0).sum()), ratio, low, high, found.p, np.nan, found.effect)
+    return Comparison(
+        first, second, len(logs), int((d > 0).sum()), ratio, low, high, found.p, np.nan, found.effect, found.units
+    )
 
 
 def log_ratios(first: Array, second: Array) -> Array:

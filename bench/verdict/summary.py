@@ -1,13 +1,14 @@
 """Summarises a run's cells over their seeds, for the terminal and the report."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..record.schema import Row, label
 from ..record.statuses import FAILED
 from ..words.columns import about
 from ..words.names import called
-from .statistics import FEWEST, estimate, median
+from .statistics import FEWEST, Estimate, estimate, median, median_over
+from .units import INDEPENDENT, Units, units
 
 
 class Spread(NamedTuple):
@@ -29,6 +30,7 @@ class Line(NamedTuple):
     values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
     name: str  # the dataset's display name
     implementation: str = ""  # whose program the backend is; "" where the run does not say
+    units: Units = INDEPENDENT  # of the dataset's logs, by digest
 
     @property
     def done(self) -> int:
@@ -41,6 +43,11 @@ class Line(NamedTuple):
         for log, value in self.runs(column):
             found.setdefault(log, []).append(value)
         return {log: sum(values) / len(values) for log, values in found.items()}
+
+    def estimate(self, column: str) -> Estimate:
+        """Estimates the median of a column over the logs."""
+        by_log = self.by_log(column)
+        return estimate([*by_log.values()], [self.units.unit(log) for log in by_log])
 
     def runs(self, column: str) -> list[tuple[str, float]]:
         """Lists (digest, value) of every done cell that has one; of an error, of every failed cell too: infinite."""
@@ -85,17 +92,25 @@ def representative(lines: Sequence[Line]) -> Line:
 
 def logs(lines: Sequence[Line]) -> int:
     """Counts the different logs of one dataset's lines: a dataset without randomness has one for all seeds."""
-    return len({row.columns["digest"] for line in lines for row in line.rows})
+    return units_of(lines).logs
+
+
+def units_of(lines: Sequence[Line]) -> Units:
+    """Returns the units of one dataset's logs; during a run some lines have none yet."""
+    return max((line.units for line in lines), key=lambda found: found.logs)
 
 
 def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None) -> list[Line]:
     """Groups a run's rows into lines, one per (dataset, backend); `implementations` by backend label."""
     made_by = implementations or {}
     groups: dict[tuple[str, str], list[Row]] = {}
+    clusters: dict[str, dict[Hashable, str | None]] = {}  # by dataset and log
     for row in rows:
         c = row.columns
         key = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
         groups.setdefault(key, []).append(row)
+        clusters.setdefault(key[0], {})[c["digest"]] = c["cluster"]
+    of = {dataset: units(by_log) for dataset, by_log in clusters.items()}
     names = called([dataset for dataset, _ in groups])
     return [
         Line(
@@ -106,6 +121,7 @@ def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None)
             _spreads(members),
             names[dataset],
             made_by.get(backend, ""),
+            of[dataset],
         )
         for (dataset, backend), members in groups.items()
     ]
@@ -141,6 +157,8 @@ def typical(line: Line, column: str) -> Typical:
     """Computes a column's typical value; on a single log, the median and range of the runs on it."""
     by_log = line.by_log(column)
     values = list(by_log.values()) if len(by_log) > 1 else [value for _, value in line.runs(column)]
-    if len(by_log) >= FEWEST:
-        return Typical(*estimate(values), interval=True)
-    return Typical(median(values), min(values), max(values), len(by_log), interval=False)
+    found = line.estimate(column)
+    if found.units >= FEWEST:
+        return Typical(*found[:4], interval=True)
+    middle = median_over(by_log, line.units) if len(by_log) > 1 else median(values)
+    return Typical(middle, min(values), max(values), len(by_log), interval=False)

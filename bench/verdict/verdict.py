@@ -11,7 +11,7 @@ from .association import association_sentences
 from .consistency import belief_sentences
 from .ranking import ESTIMATES, PATHS, Ranking, judged_by, ordered, ranking
 from .statistics import Comparison
-from .summary import Line, logs, representative
+from .summary import Line, representative
 
 MOST = 6  # backends whose cost a sentence names
 
@@ -36,7 +36,7 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     lines = ordered(lines)
     known = representative(lines)
     name, kind = known.name, known.truth_kind
-    basis = f"{counted(logs(lines), 'log')}; {_known(known)}"
+    basis = f"{known.units}; {_known(known)}"
     failures = _not_done(lines)
     if not any(line.done for line in lines):
         return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
@@ -52,6 +52,7 @@ def verdict(lines: Sequence[Line]) -> Verdict:
         said.append(f"{name}: no ranked backend gave a path.")
     for k, found in enumerate(rankings.values()):
         said += claims(found, ESTIMATES[found.column], name, again=k > 0)
+    said += [known.units.scope] * bool(known.units.scope)
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
     sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *association_sentences(lines)]
     sentences += [*_cost(lines), *failures]

@@ -24,6 +24,7 @@ class Kind:
     unit: str = ""  # "" for words, counts, shares and plain numbers
     sql_type: Literal["TEXT", "INTEGER", "REAL"] = "REAL"
     names_cell: bool = False  # part of the key of a cell
+    of_plan: bool = False  # said by the plan alone, so that a result does not depend on it
     is_error: bool = False  # a cell that failed counts as infinite in it
     is_time: bool = False  # depends on a clock, and is marked * where other cells ran beside
     never_negative: bool = True
@@ -42,6 +43,7 @@ class Kind:
 
 
 TEXT = Kind(sql_type="TEXT")
+PLANNED = Kind(sql_type="TEXT", of_plan=True)
 NAME = Kind(sql_type="TEXT", names_cell=True)
 SEED = Kind(sql_type="INTEGER", names_cell=True, shown=_count)
 COUNT = Kind(sql_type="INTEGER", shown=_count)

@@ -83,8 +83,13 @@ CELLS = (
            "compiled meanwhile."),
     Column("timing_alone", "alone", kind.COUNT,
            "0: other cells ran at the same time, so times are marked * and less exact."),
+    Column("log_name", "log", kind.PLANNED,
+           "Name of the log within a dataset of many logs. Blank where the dataset is one log, or draws them."),
+    Column("cluster", "cluster", kind.PLANNED,
+           "Logs of one cluster share a run, a robot or a building, and are not independent of each other. Blank: the "
+           "log is independent of all others."),
 )  # fmt: skip
-"""The columns of cells.csv, in order; other tools read them, so they stay as they are."""
+"""The columns of cells.csv, in order; other tools read them, so new ones come last."""
 
 ONLINE = (
     Column("align_x_m", "alignment x", kind.METRES, "Translation of the path before its ATE is taken, along x."),

@@ -24,7 +24,8 @@ def _called(label: str, depth: int) -> str:
         return label
     parts = [part for part in (found[1] or found[2]).split("/") if part not in ("", ".")]
     rest = f"[{found[3]}]" if found[3] else ""
-    return "/".join(parts[-depth:] or [label]) + rest
+    patterns = next((k for k, part in enumerate(reversed(parts)) if not {"*", "?"} & set(part)), 0)
+    return "/".join(parts[-depth - patterns :] or [label]) + rest
 
 
 def tags(labels: Iterable[str]) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The UTIAS Multi-Robot Cooperative Localization and Mapping logs, one robot of them at a time.
+"""The UTIAS Multi-Robot Cooperative Localization and Mapping logs, of one robot or of several in one dataset.
 
 K. Y. K. Leung, Y. Halpern, T. D. Barfoot and H. H. T. Liu, "The UTIAS multi-robot cooperative localization and mapping
 dataset", International Journal of Robotics Research 30(8):969-974, 2011. Nine datasets of five robots that drive among
@@ -9,7 +9,7 @@ times of the sightings that are kept and every full second between; the motion u
 no covariances: those of the factors follow from the options, the motion's in the body frame before it.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ from ...frontend.se2 import Array, Ints, wrap
 from ...frontend.table import Table
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..hidden_ids import HiddenIds
-from ..registry import Source
+from ..registry import Member, Source
 from .catalogue import fetched
 from .mrclam_files import LAST_ROBOT, NOBODY, Recorded, folder_of, read_files, since
 from .mrclam_noise import noise
@@ -35,6 +35,9 @@ SETS = 9
 
 GAP = 0.15
 """s. Steps in longer gaps between truth samples have no ground truth; usually samples are 0.01 to 0.03 s apart."""
+
+ALL = "all"
+"""Stands for every dataset, or every robot, in options."""
 
 LONGEST = 1e5
 """s; dataset 6 lasts a quarter of an hour, and every second is a step."""
@@ -55,8 +58,8 @@ class Options(HiddenIds):
     distance (0.07 m at 1 to 2 m, 0.3 m at 6 to 9 m), but a noise that grows likewise does not improve the results.
     """
 
-    dataset: int = option(6, "number of the dataset", minimum=1, maximum=SETS)
-    robot: int = option(1, "whose log", minimum=1, maximum=LAST_ROBOT)
+    dataset: int | str = option(6, "number of the dataset; all: every one", minimum=1, maximum=SETS, choices=(ALL,))
+    robot: int | str = option(1, "whose log; all: every robot's", minimum=1, maximum=LAST_ROBOT, choices=(ALL,))
     path: str | None = option(
         None, "the dataset's folder or the one that holds it; not given: the copy from bench fetch"
     )
@@ -67,6 +70,14 @@ class Options(HiddenIds):
     lateral: float = option(0.01, "motion noise across the body, m per root second", minimum=1e-6)
     turn: float = option(0.05, "noise of the turn, rad per root second", minimum=1e-6)
     rest: float = option(0.05, "share of the motion noise while commanded to stand", minimum=1e-6)
+
+
+@dataclass(frozen=True)
+class AllSets(Options):
+    """The same, with all datasets and robots where none is named."""
+
+    dataset: int | str = option(ALL, "number of the dataset; all: every one", minimum=1, maximum=SETS, choices=(ALL,))
+    robot: int | str = option(ALL, "whose log; all: every robot's", minimum=1, maximum=LAST_ROBOT, choices=(ALL,))
 
 
 class Sightings(NamedTuple):
@@ -82,17 +93,48 @@ class Sightings(NamedTuple):
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """UTIAS MRCLAM: a small robot among barcodes, commanded speeds, Vicon ground truth: mrclam[dataset=6,robot=1]."""
     number = options.dataset
+    if isinstance(number, str) or isinstance(options.robot, str):
+        raise InputError(f"dataset mrclam: found {len(many(options))} logs, expected one dataset and one robot.")
     given = f"mrclam[dataset={number},path=FOLDER]"
     path = Path(options.path) if options.path else fetched(f"mrclam-{number}", given)
     return read(folder_of(path, number), options)
 
 
-source = Source(make, Options)
+def make_all(options: AllSets, rng: np.random.Generator) -> Dataset:
+    """UTIAS MRCLAM, all nine sets of five robots in one verdict, each set a cluster: mrclam-all[path=FOLDER]."""
+    return make(options, rng)
+
+
+def many(options: Options) -> list[Member]:
+    """Lists the logs of options with an `all`.
+
+    A set is a cluster: its robots drive in one hall at the same time, under the same motion capture, among the same
+    landmarks at the same places, and are in each other's way. Each set is a recording of its own.
+    """
+    if ALL not in (options.dataset, options.robot):
+        return []
+    numbers = range(1, SETS + 1) if isinstance(options.dataset, str) else [options.dataset]
+    robots = range(1, LAST_ROBOT + 1) if isinstance(options.robot, str) else [options.robot]
+    own = {field.name: getattr(options, field.name) for field in fields(Options)}
+    each: list[tuple[int, int]] = [(int(number), int(robot)) for number in numbers for robot in robots]
+    return [
+        Member(
+            "mrclam",
+            replace(Options(**own), dataset=number, robot=robot),
+            f"set {number}, robot {robot}",
+            f"set {number}",
+        )
+        for number, robot in each
+    ]
+
+
+source = Source(make, Options, many=many)
+all_sets = Source(make_all, AllSets, many=many)
 
 
 def read(folder: Path, options: Options) -> Dataset:
     """Reads the log and ground truth of one robot; InputError names the file and line of a fault."""
-    recorded = read_files(folder, options.robot)
+    recorded = read_files(folder, int(options.robot))
     start, end = _span(recorded.odometry, recorded.truth)
     seen = _sightings(recorded, start, end, options.robots == "unknown")
     t = np.union1d(np.arange(np.floor(round(end - start, 6)) + 1), seen.t)

@@ -17,7 +17,8 @@ import pytest
 
 from slamduel.backends.api import Diverged, WantsTruth
 from slamduel.bench.measure.metrics import nees
-from slamduel.bench.plan.spec import BackendVariant, backend_variants
+from slamduel.bench.plan.spec import backend_variants
+from slamduel.bench.plan.variant import BackendVariant
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.circle import Options, circle
 from slamduel.frontend.factors import Dataset, Step

@@ -49,7 +49,9 @@ class Record:
         named = tuple(row[name] for name in KEY)
         key, log = f"result {named}", f"log {(row['dataset'], row['dataset_options'], row['seed'])}"
         self._plan = [planned for planned in self._plan if planned[:5] != named]
-        self._plan.append((*named, {"dataset": named[0], "backend": named[2]}, log, key))
+        self._plan.append(
+            (*named, {"dataset": named[0], "backend": named[2]}, log, key, row.get("log_name"), row.get("cluster"))
+        )
         put(self.store, key, row | {"traceback": traceback}, arrays)
         self.store.put_plan(self._plan)
 

@@ -36,7 +36,9 @@ def small_study(folder: Path, name: str, text: str, outcomes: Iterable[Outcome],
         words |= {"executor": "local", "workers": 2, "folders": folders, "options": {}, "timing_policy": "alone"}
         words |= {"environment": ENVIRONMENT, "started": 1.8e9}
         store.put_about(words)
-        store.put_plan([(*_key(cell), cell.parameters, f"log {k}", f"key {k}") for k, cell in enumerate(cells)])
+        store.put_plan(
+            [(*_key(cell), cell.parameters, f"log {k}", f"key {k}", None, None) for k, cell in enumerate(cells)]
+        )
         for k, cell in enumerate(cells):
             if cell.status != "waiting":
                 named = dict(zip(("dataset", "dataset_options", "backend", "options", "seed"), _key(cell), strict=True))

@@ -461,3 +461,63 @@ def test_a_claim_holds_at_its_bound_no_more_often_than_it_says() -> None:
     assert _held(less(1.5), lambda rng, logs: both(luck(rng, logs), 1.5 * luck(rng, logs))) <= MOST
     assert _held(alike(0.5), lambda rng, logs: both(luck(rng, logs), 1.5 * luck(rng, logs))) <= MOST
     assert _held(crosses(60, inf), lambda rng, logs: crossing((60 * luck(rng, logs)).tolist(), (10, 300))) <= MOST
+
+
+# ------------------------------------------------------------------------------------------------- logs in clusters
+
+
+def grouped(values: Sequence[float] | Array, each: int, **same: Any) -> list[dict[str, Any]]:
+    """Cells of logs, of which so many in a row are of one cluster."""
+    return [cell | {"cluster": f"set {cell['seed'] // each}"} for cell in cells(values, **same)]
+
+
+def test_a_median_over_clusters_counts_each_once() -> None:
+    values = np.random.default_rng(1).uniform(0.1, 0.2, 40)
+    found = answer(value(0.0, 1.0), table(grouped(values, 5)))
+    medians = np.median(values.reshape(8, 5), axis=1)
+    assert ends(found) == pytest.approx(estimate(medians.tolist())[1:3])
+    assert "; 40 logs in 8 clusters)" in found.sentence
+    few = answer(value(0.0, 1.0), table(grouped(values[:25], 5)))
+    assert few.verdict == "open"
+    assert few.sentence.endswith("6 clusters at least are needed.")
+
+
+def test_a_ratio_over_clusters_takes_six_of_them_for_a_test() -> None:
+    rng = np.random.default_rng(2)
+    first = rng.uniform(0.1, 0.2, 40)
+    second = 2 * first * np.exp(rng.normal(0, 0.02, 40))
+    both_sides = table([*grouped(first, 5), *grouped(second, 5, backend="ukf")])
+    found = answer(less(), both_sides)
+    each = [shift(d).value for d in np.log(second / first).reshape(8, 5)]
+    assert ends(found) == pytest.approx(np.exp(shift(np.array(each))[1:3]))
+    assert found.verdict == "holds"
+    assert "40 logs in 8 clusters, p = 0.0078" in found.sentence
+    few = answer(less(), table([*grouped(first[:25], 5), *grouped(second[:25], 5, backend="ukf")]))
+    assert few.verdict == "open"
+    assert few.figures["low"] > 1  # what was measured
+    assert "25 logs in 5 clusters" in few.sentence
+    assert answer(alike(1.5), both_sides).verdict == "holds"
+
+
+def test_logs_of_one_cluster_are_tested_among_themselves_and_the_answer_says_so() -> None:
+    found, plain = (answer(value(0, 1), table(made)) for made in (grouped(SIX, 6), cells(SIX)))
+    assert (ends(found), found.verdict) == (ends(plain), plain.verdict)
+    assert found.sentence.endswith("; all logs are of set 0.")
+
+
+def test_of_few_clusters_a_crossing_is_open() -> None:
+    def side(factor: float, **same: Any) -> list[dict[str, Any]]:
+        return [
+            cell | {"steps": steps}
+            for steps in (10, 100)
+            for cell in grouped([0.1 * (steps / 30) ** factor] * 10, 2, **same)
+        ]
+
+    claim = Claim("crosses", "They cross", "ate_m", EKF, UKF, 1, 1000, along="steps")
+    found = answer(claim, table([*side(0.0), *side(1.0, backend="ukf")]))
+    assert found.verdict == "open"
+    assert "10 logs in 5 clusters" in found.sentence
+    plain = [
+        {name: v for name, v in cell.items() if name != "cluster"} for cell in (*side(0.0), *side(1.0, backend="ukf"))
+    ]
+    assert answer(claim, table(plain)).verdict == "holds"

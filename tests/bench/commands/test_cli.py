@@ -136,7 +136,10 @@ BAD = [
     (["--backend", "fastslam[particles=0]"], "out of range"),
     (["--dataset", "mrclam"], "path"),
     (["--dataset", "mrclam[path=/no/such/folder]"], "/no/such/folder"),
-    (["--dataset", "mrclam[path=/tmp,robot=9]"], "robot=9 is out of range; expected a whole number from 1 to 5"),
+    (
+        ["--dataset", "mrclam[path=/tmp,robot=9]"],
+        "robot=9 is out of range; expected one of all, or a whole number from 1 to 5",
+    ),
     (["--dataset", "./no/such/log"], "no/such/log"),
 ]
 

@@ -71,7 +71,7 @@ def cell(dataset: str = "circle", backend: str = "ekf", seed: int = 0) -> Cell:
 
 def keys() -> dict[str, str]:
     """Of some logs, and of results of some backends."""
-    found = {name: log_key(cell(name)) for name in ("circle", "matlab-report", "victoria-park")}
+    found = {name: log_key(cell(name).log) for name in ("circle", "matlab-report", "victoria-park")}
     backends = ("dead-reckoning", "ekf", "ukf", "isam2", "graph", "fastslam")
     return found | {name: result_key(cell(backend=name), LOG, timed=False, oracle=False) for name in backends}
 
@@ -164,8 +164,8 @@ def test_a_log_that_is_read_from_files_is_looked_at_anew() -> None:
         found: Source = datasets.find(name)
         reads = any(field.name == "path" for field in fields(found.options))
         assert not (reads and found.seeded), f"{name} draws a log a seed, and reads files that may change"
-    assert from_files(cell("victoria-park"))
-    assert not from_files(cell("circle"))
+    assert from_files(cell("victoria-park").log)
+    assert not from_files(cell("circle").log)
 
 
 def test_each_thing_that_determines_a_result_is_in_its_key() -> None:
@@ -183,10 +183,10 @@ def test_each_thing_that_determines_a_result_is_in_its_key() -> None:
     ]  # fmt: skip
     assert len(set(others)) == len(others)
     assert key(replace(cell(), seed=5)) == key()  # it draws nothing: the log's digest tells seeds apart
-    assert log_key(replace(cell(), seed=5)) != log_key(cell())
-    assert log_key(cell("victoria-park", seed=5)) == log_key(cell("victoria-park"))
-    assert log_key(cell("circle[steps=30]")) != log_key(cell("circle"))
-    assert log_key(cell("circle[steps=30]")) == log_key(cell("circle[steps=30]", "ukf"))
+    assert log_key(replace(cell(), seed=5).log) != log_key(cell().log)
+    assert log_key(cell("victoria-park", seed=5).log) == log_key(cell("victoria-park").log)
+    assert log_key(cell("circle[steps=30]").log) != log_key(cell("circle").log)
+    assert log_key(cell("circle[steps=30]").log) == log_key(cell("circle[steps=30]", "ukf").log)
 
 
 def test_numbers_stand_in_a_key_to_the_last_bit() -> None:

@@ -44,6 +44,8 @@ def cell(seed: int, key: str | None, **swept: Any) -> tuple[Any, ...]:
         {"dataset": "circle", "backend": "ekf", "seed": seed, **swept},
         f"log {seed}",
         key,
+        None,
+        None,
     )
 
 

@@ -36,7 +36,7 @@ def study(tmp_path: Path) -> Path:
     with Store(folder, writing=True) as store:
         store.put_about({"kind": "study"})
         plan = [
-            ("circle", "", "ekf", "gate=1", k, _parameters(k, *row[:5]), "log", f"k{k}")
+            ("circle", "", "ekf", "gate=1", k, _parameters(k, *row[:5]), "log", f"k{k}", None, None)
             for k, row in enumerate([*ROWS, ROWS[0]])
         ]
         store.put_plan(plan)

@@ -341,3 +341,24 @@ def changed(folder: Path, column: str, value: Any) -> Path:
         record.execute(f"UPDATE results SET {column} = ?", (value,))
     record.close()
     return folder
+
+
+def test_clusters_count_once_and_the_sentence_says_so(tmp_path: Path) -> None:
+    def made(name: str, factor: float, each: int) -> Path:
+        record = Record(tmp_path / name)
+        rng = np.random.default_rng(4)
+        for seed in range(24):
+            ate = 0.1 * rng.uniform(0.8, 1.2) * factor
+            record.cell("room", "truth", "ekf", seed=seed, ate_m=ate, cluster=f"set {seed // each}")
+        return tmp_path / name
+
+    def found(each: int) -> Change:
+        folders = [made(f"{name}-{each}", factor, each) for name, factor in (("old", 1.0), ("new", 1.5))]
+        told = changes(paired_runs(*map(side, folders)))
+        return next(change for change in told if change.quantity == "ATE online, m")
+
+    eight, four = found(3), found(6)
+    assert (eight.verdict, eight.n, eight.units) == (REGRESSION, 24, 8)
+    assert "24 logs in 8 clusters" in eight.words
+    assert (four.n, four.units) == (24, 4)
+    assert four.words.startswith("on these 24 logs")  # too few clusters for a test, but nothing in it is random

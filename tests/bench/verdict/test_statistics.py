@@ -212,7 +212,7 @@ def test_a_median_among_failures_has_an_end_at_infinity() -> None:
     found = estimate([1, 2, 3, 4, 5, 6, 7, 8, INF, INF])
     assert (found.value, found.high, found.n) == (5.5, INF, 10)
     assert 1 < found.low < 3
-    assert estimate([INF] * 8) == (INF, INF, INF, 8)
+    assert estimate([INF] * 8) == (INF, INF, INF, 8, 8)
     assert estimate([1.0] + [INF] * 5)[:3] == (INF, 1, INF)
     assert estimate([2.0] * 7)[:3] == (2, 2, 2)
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.bench.record.schema import COLUMNS, MORE, Row
+from judged_rows import LOGS, SEED, rows, told
+from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.accuracy import between
 from slamduel.bench.verdict.association import association_sentences
 from slamduel.bench.verdict.consistency import belief_sentences, belief_word
@@ -15,36 +16,6 @@ from slamduel.bench.verdict.ranking import needed, ordered, ranking, standing
 from slamduel.bench.verdict.statistics import Comparison
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.verdict.verdict import Use, Verdict, verdict
-
-SEED = 4
-LOGS = np.exp(np.random.default_rng(SEED).normal(-3, 0.4, 40))
-"""How hard each log is: errors are this times a backend's own."""
-
-
-def told(backend: str, kind: str = "truth", *, one_log: bool = False, **columns: Any) -> list[Row]:
-    """Cells of a backend, one a value of the columns; a cell is done unless its status says otherwise."""
-    n = max(map(len, columns.values()))
-    about: dict[str, Any] = dict.fromkeys((*COLUMNS, *MORE))
-    about |= {"dataset": "room", "dataset_options": "", "backend": backend, "options": "", "truth_kind": kind}
-    about |= {"status": "done", "reason": "", "timing_alone": 1}
-    rows = [about | {"seed": k, "digest": "d" if one_log else f"d{k}"} for k in range(n)]
-    for name, values in columns.items():
-        for row, value in zip(rows, values, strict=True):
-            row[name] = value
-    return [Row(row, "") for row in rows]
-
-
-def rows(backend: str, times: float, n: int = 20, *, sd: float = 0.05, step: float = 10.0, **more: Any) -> list[Row]:
-    """Cells whose error is that many times what the log's is, give or take."""
-    rng = np.random.default_rng([SEED, *backend.encode()])
-    made: dict[str, Any] = {
-        "ate_m": (LOGS[:n] * times * np.exp(rng.normal(0, sd, n))).tolist(),
-        "step_us_p50": [step] * n,
-    }
-    made |= {"cpu_s": [step] * n}
-    for name, value in more.items():
-        made[name] = value if isinstance(value, list) else [value] * n
-    return told(backend, **made)
 
 
 def failing(found: list[Row], *seeds: int, status: str = "diverged") -> list[Row]:
@@ -495,7 +466,7 @@ def test_an_error_of_nothing_makes_no_failure_of_the_others_nor_rounding_a_diffe
     ],
 )
 def test_a_difference_without_an_end_is_told_by_the_other(low: float, high: float, words: str) -> None:
-    assert between(Comparison("a", "b", 9, 9, 1, low, high, 0.01, 0.1, 1)) == words
+    assert between(Comparison("a", "b", 9, 9, 1, low, high, 0.01, 0.1, 1, 9)) == words
 
 
 def test_a_cost_of_nothing_is_not_about_that_of_another() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import slamduel
 from fuzzing import survivors
 from motions import chain
 from slamduel.datasets.formats import log_folder
@@ -296,3 +297,55 @@ def test_set_6_is_read_as_an_independent_reader_reads_it(set_6: Path, robot: int
     path = driven(log)[place, :2]
     assert rmse(path, truth.poses[:, :2]) == pytest.approx(from_start, rel=0.005)
     assert rmse(aligned(path, truth.poses[:, :2]), truth.poses[:, :2]) == pytest.approx(best, rel=0.005)
+
+
+@pytest.fixture
+def nine_sets(tmp_path: Path) -> Path:
+    """A made-up publisher's: nine sets of five robots, each of which drives another way among the same landmarks."""
+    for number in range(1, 10):
+        (folder := tmp_path / "sets" / f"{'MRSLAM' if number == 4 else 'MRCLAM'}_Dataset{number}").mkdir(parents=True)
+        for name in ("Barcodes.dat", "Landmark_Groundtruth.dat"):
+            (folder / name).write_text(FILES[name])
+        for robot in range(1, 6):
+            rng = np.random.default_rng([number, robot])
+            t = np.arange(0, 8, 0.1)
+            path = [(s, 0.5 * s, 0.1 * robot, 0.0) for s in t.tolist()]
+            ranges = np.hypot(1.5 - 0.5 * t[::10], -2.5 - 0.1 * robot) + rng.normal(0, 0.1, 8)
+            bearings = np.arctan2(-2.5 - 0.1 * robot, 1.5 - 0.5 * t[::10])
+            seen = zip(t[::10].tolist(), [63] * 8, ranges.tolist(), bearings.tolist(), strict=True)
+            (folder / f"Robot{robot}_Odometry.dat").write_text(
+                rows(*((s, 0.5, 0.01 * rng.normal()) for s in t.tolist()))
+            )
+            (folder / f"Robot{robot}_Groundtruth.dat").write_text(rows(*path))
+            (folder / f"Robot{robot}_Measurement.dat").write_text(rows(*seen))
+    return tmp_path / "sets"
+
+
+@pytest.mark.usefixtures("no_report")
+def test_nine_sets_of_five_robots_are_one_verdict_over_nine_clusters(nine_sets: Path, tmp_path: Path) -> None:
+    found = slamduel.run(f"mrclam-all[path={nine_sets}]", "dead-reckoning,ekf", out=tmp_path / "out")
+    cells = [cell for cell in found.cells if cell["backend"] == "ekf"]
+    assert [(cell["seed"], cell["status"]) for cell in cells] == [(seed, "done") for seed in range(45)]
+    assert (cells[16]["log_name"], cells[16]["cluster"]) == ("set 4, robot 2", "set 4")
+    assert len({cell["digest"] for cell in cells}) == 45
+    (ruling,) = found.verdict.values()
+    assert ruling.basis == "45 logs in 9 clusters; the true path is known"
+    (c,) = ruling.comparisons["ate_m"]
+    assert (c.n, c.units) == (45, 9)
+    assert "are over the 9 clusters, and hold for clusters like these." in " ".join(ruling.sentences)
+
+
+@pytest.mark.usefixtures("no_report")
+def test_the_robots_of_one_set_speak_for_it_alone(nine_sets: Path, tmp_path: Path) -> None:
+    found = slamduel.run(f"mrclam[dataset=4,robot=all,path={nine_sets}]", "ekf", out=tmp_path / "out")
+    (ruling,) = found.verdict.values()
+    assert ruling.basis == "5 logs of set 4; the true path is known"
+    assert "All 5 logs are of one cluster, set 4: what is said holds for logs of set 4, and nothing" in " ".join(
+        ruling.sentences
+    )
+
+
+def test_several_robots_are_no_single_log(folder: Path) -> None:
+    for options in (Options(path=str(folder), robot="all"), Options(path=str(folder), dataset="all")):
+        with pytest.raises(InputError, match=r"dataset mrclam: found \d logs, expected one dataset and one robot\."):
+            mrclam.source.make(options, np.random.default_rng(0))

@@ -1,0 +1,104 @@
+"""Backends and datasets with their options resolved, and the logs of a dataset by their seeds."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from ...backends.api import Builder
+from ...datasets import registry as datasets
+from ...datasets.registry import Member, Source
+from ...frontend.errors import InputError
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A backend or dataset with its options resolved."""
+
+    name: str
+    options: Any  # the options' dataclass
+
+    @cached_property
+    def given(self) -> str:
+        """Returns the options that differ from their defaults, as `name=value,...`."""
+        changed = [
+            (field.name, value)
+            for field in fields(self.options)
+            if (value := getattr(self.options, field.name)) != field.default
+        ]
+        texts = [(name, text_of(value)) for name, value in changed]
+        odd = {text for _, text in texts if any(c in text for c in ",[]") or text != text.strip()}
+        return ",".join(f'{name}="{text}"' if text in odd else f"{name}={text}" for name, text in texts)
+
+    @cached_property
+    def label(self) -> str:
+        """Returns the name, and in brackets the options that differ from their defaults, as on the command line."""
+        return f"{self.name}[{self.given}]" if self.given else self.name
+
+    @property
+    def slug(self) -> str:
+        """Returns the label as the name of a folder: with options, the name and a short hash."""
+        plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in self.name)
+        if plain == self.name and not self.given:
+            return plain
+        return f"{plain}-{hashlib.sha256(self.label.encode()).hexdigest()[:8]}"
+
+
+@dataclass(frozen=True)
+class BackendVariant(Variant):
+    """A backend; `builder` is None, and `missing` says why, for a known name that cannot be imported."""
+
+    builder: Builder | None
+    missing: str = ""
+
+
+@dataclass(frozen=True)
+class DatasetVariant(Variant):
+    """A dataset: one log, a log per seed, or the logs of `members`, which the seeds then number."""
+
+    source: Source
+    members: tuple[Member, ...] = ()
+
+    def log(self, seed: int) -> "OneLog":
+        """Returns the log of a seed; InputError beyond the logs of a dataset of many."""
+        if not self.members:
+            return OneLog(self, seed if self.source.seeded else 0)
+        if len(self.members) > 1 and seed >= len(self.members):
+            last = len(self.members) - 1
+            raise InputError(
+                f"dataset {self.label}: found seed {seed}, expected 0 to {last}, one for each of its logs."
+            )
+        name, options, called, cluster, drawn_with = self.members[seed if len(self.members) > 1 else 0]
+        return OneLog(DatasetVariant(name, options, datasets.find(name)), drawn_with, called, cluster)
+
+    @property
+    def numbered(self) -> bool:
+        """True where each seed is another log."""
+        return len(self.members) > 1 or (self.source.seeded and not self.members)
+
+    def seeds(self, wanted: Sequence[int], *, random: bool) -> Sequence[int]:
+        """Returns the seeds that a backend runs with, `random` or not: of a dataset of many logs, all of them.
+
+        Of any other dataset those `wanted`, the first one alone where neither log nor backend is random.
+        """
+        if len(self.members) > 1:
+            return range(len(self.members))
+        return wanted if self.numbered or random else wanted[:1]
+
+
+class OneLog(NamedTuple):
+    """One log of a dataset."""
+
+    dataset: DatasetVariant  # that makes it, alone
+    seed: int  # that it is made with
+    name: str | None = None  # tells it from the others of a dataset of many
+    cluster: str | None = None  # that it belongs to
+
+    def __str__(self) -> str:
+        return self.dataset.label + f", seed {self.seed}" * self.dataset.source.seeded
+
+
+def text_of(value: Any) -> str:
+    """Writes the value of an option as on the command line."""
+    return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
