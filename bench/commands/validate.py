@@ -47,7 +47,10 @@ def _found_and_validated(text: str, seed: int, shown: float, strict: bool) -> in
     except InputError as error:
         print(error)
         return 2
-    return max(_validated(variant, seed, shown, strict) for variant in variants)
+    logs = [
+        variant.log(at) for variant in variants for at in (range(len(variant.members)) if variant.members else (seed,))
+    ]
+    return max(_validated(log.dataset, log.seed, shown, strict) for log in logs)
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float, strict: bool) -> int:

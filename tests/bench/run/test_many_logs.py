@@ -133,6 +133,17 @@ def test_what_is_no_log_is_refused_by_its_name(drives: Path, capsys: pytest.Capt
     assert "drives/readme.txt: there is no such folder, expected that of a log" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("drives")
+def test_every_log_of_many_is_validated(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "log[path=drives/*]"]) == 0
+    assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == [
+        f"drives/{k}" for k in range(LOGS)
+    ]
+    Path("drives/2/odometry.csv").unlink()
+    assert main(["validate", "drives.toml"]) == 2
+    assert "drives/2/odometry.csv" in capsys.readouterr().out
+
+
 # ------------------------------------------------------------------------------------------------------- from Python
 
 
