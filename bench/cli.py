@@ -16,6 +16,7 @@ COMMANDS = {
     "run": ("run backends on datasets and write a report", ".commands.run"),
     "list": ("list backends and datasets with their options", ".commands.list"),
     "show": ("draw a log and print its numbers", ".commands.show"),
+    "noise": ("measure the noise of logs, and write a log whose stated noise holds", ".commands.noise"),
     "validate": ("list everything that is wrong with a log, with file and row", ".commands.validate"),
     "fetch": ("download a published log from its publisher", ".commands.fetch"),
     "export": ("write a log, or the cells of a study or run, for other programs", ".commands.export"),

@@ -75,6 +75,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "run": {"engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words"},
         "check": {"workers", "plan", "measure", "words"},
         "logs": {"drawing", "plan", "measure", "words"},
+        "noise": {"drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
         "laser": {"camera", "drawing", "words"},
         "depth": {"camera", "drawing", "words"},
@@ -86,6 +87,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "study_report": {"claims", "study", "run", "engine", "workers", "verdict", "drawing", "record", "words"},
         "commands": {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
+            "noise",
             "camera", "laser", "depth", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
         },
         TOP: {"words"},  # cli.py loads one command, by its name

@@ -1,0 +1,114 @@
+"""Measures the noise of logs: by their true paths, or by the innovations of a filter."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import Dataset, Log
+from ...frontend.se2 import Array
+from .gauss_markov import Chains, Fitted, fitted
+from .innovations import Innovations, by_innovations
+from .likelihood import Estimate
+from .model import Model, SightingModel
+from .motions import Motions, fitted_motions
+from .sightings import Sighted, sighted
+from .together import together
+
+
+class SightingNoise(NamedTuple):
+    """The noise of ranges, or of bearings."""
+
+    fitted: Fitted
+    together: Estimate | None  # correlation between landmarks sighted at one step; None: too few of them
+    chains: Chains
+    t: Array  # (n,) s, since the start of each error's log
+    first: int  # errors of the first log, which come first
+
+    @property
+    def model(self) -> SightingModel:
+        """The numbers to state: a correlation that may be zero is none."""
+        found = self.together
+        return self.fitted.model(min(found.value, 1.0) if found is not None and found.low > 0 else 0.0)
+
+
+class Noise(NamedTuple):
+    """The noise of logs."""
+
+    labels: Sequence[str]
+    range: SightingNoise | None  # None: too few errors
+    bearing: SightingNoise | None
+    motions: Motions | None
+    innovations: Innovations | None  # without a true path, what the EKF's innovations say
+    remarks: Sequence[str]  # what cannot be said, without full stops
+
+    @property
+    def model(self) -> Model:
+        """The numbers to state in a log."""
+        sightings = [None if one is None else one.model for one in (self.range, self.bearing)]
+        odometry = None if self.motions is None else [one.value for one in self.motions.scales]
+        if self.innovations is not None:
+            return Model(self.labels, *self.innovations.stated(sightings))
+        return Model(self.labels, odometry, *sightings)
+
+
+def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
+    """Measures the noise that `datasets` have in common, by the true paths of those that have one.
+
+    Without any, by the innovations of the EKF on the first log, which takes a minute. InputError where the logs tell
+    nothing.
+    """
+    by_truth = [k for k, (_, truth) in enumerate(datasets) if truth is not None and truth.exact and len(truth.t) > 1]
+    if not by_truth:
+        return _without_truth(datasets, labels)
+    known = [datasets[k] for k in by_truth]
+    left = [labels[k] for k in range(len(datasets)) if k not in by_truth]
+    remarks = [f"{one} has no true path, and is left out" for one in left]
+    found = [sighted(log, truth) for log, truth in known if truth is not None]
+    noises = [_sightings(found, axis) for axis in (0, 1)]
+    if noises == [None, None]:
+        remarks.append("too few sightings have a known error: their noise stays as stated")
+    motions = fitted_motions(known, _matters([log for log, _ in known], noises))
+    if motions is None:
+        remarks.append("too few motions lie between true poses: the odometry's noise stays as stated")
+    if motions is None and noises == [None, None]:
+        raise InputError(f"{labels[0]}: found too few measurements with a known error, expected some 30.")
+    return Noise([labels[k] for k in by_truth], *noises, motions, None, remarks)
+
+
+def _sightings(found: Sequence[Sighted], axis: int) -> SightingNoise | None:
+    chains = Chains(*map(np.concatenate, zip(*(one.chains(axis) for one in found), strict=True)))
+    fit = fitted(chains)
+    if fit is None:
+        return None
+    first = np.cumsum([0, *(int(one.step.max(initial=0)) + 1 for one in found)])
+    step = np.concatenate([one.step + start for one, start in zip(found, first, strict=False)])
+    size = np.hypot(fit.model(0.0).spread(chains.stated, chains.reach), 0.0 if fit.bias is None else fit.bias.value)
+    alike = together(step[fit.used], (chains.error / size)[fit.used])
+    t = np.concatenate([one.t for one in found])
+    return SightingNoise(fit, alike, chains, t, len(found[0].row))
+
+
+def _matters(logs: Sequence[Log], noises: Sequence[SightingNoise | None]) -> float:
+    """Seconds until landmarks have told the pose anew.
+
+    The time between steps with sightings, nearly always; and twice the time of correlation, in which sightings of a
+    landmark have the information of one more.
+    """
+    spans = [np.diff(log.t[np.unique(log.sighting_step)]) for log in logs]
+    spans = [one for one in spans if len(one)]
+    between = float(np.percentile(np.concatenate(spans), 95)) if spans else np.inf
+    times = [2 * c.time.value for one in noises if one is not None and (c := one.fitted.correlation) is not None]
+    return max(between, *times) if times else between
+
+
+def _without_truth(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
+    remarks = [f"{label} is left out: without a true path one log is fitted" for label in labels[1:]]
+    found, rough = by_innovations(datasets[0], labels[0])
+    remarks.append(
+        "without a true path, slow errors of sightings look like motion: sizes hold if errors are independent from "
+        "sighting to sighting"
+    )
+    noises = [None if rough is None else _sightings([rough], axis) for axis in (0, 1)]
+    return Noise(labels[:1], *noises, None, found, remarks)

@@ -1,0 +1,57 @@
+"""Errors of sightings by the true path, as chains of one landmark each."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...frontend.factors import Log, Truth
+from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import named, rows_of, sighting_errors
+from ..measure.landmark_places import judge, placed
+from .gauss_markov import Chains
+
+AXES = ("range", "bearing")
+
+
+class Sighted(NamedTuple):
+    """Sightings with known errors, sorted by landmark, then by time."""
+
+    row: Ints  # (n,) of the log
+    t: Array  # (n,) s since the log's start
+    ids: Ints  # (n,)
+    step: Ints  # (n,) of the log
+    error: Array  # (n, 2) m, rad
+    stated: Array  # (n, 2) standard deviations
+    reach: Array  # (n,) m, as sighted
+    gap: Array  # (n,) s since the landmark's last one; inf for its first
+
+    def chains(self, axis: int) -> Chains:
+        """The errors of range (0) or bearing (1)."""
+        return Chains(self.error[:, axis], self.stated[:, axis], self.reach, self.gap)
+
+
+def sighted(log: Log, truth: Truth) -> Sighted:
+    """Sightings whose error the truth tells; landmarks without a true place are at the median of their sightings."""
+    log = named(log, truth)
+    right = truth
+    if truth.map is None:
+        right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
+    row, error = sighting_errors(log, right)
+    ids = log.ids[row]
+    order = in_chains(ids, log.sighting_step[row])
+    row, error = row[order], error[order]
+    t = log.t[log.sighting_step[row]]
+    stated = np.sqrt(np.stack((log.z_cov[row, 0, 0], log.z_cov[row, 1, 1]), axis=-1))
+    return Sighted(row, t - log.t[0], ids[order], log.sighting_step[row], error, stated, log.z[row, 0], gaps(ids[order], t))
+
+
+def in_chains(ids: Ints, step: Ints) -> Ints:
+    """The order of sightings by landmark, then by step."""
+    return np.lexsort((step, ids))
+
+
+def gaps(ids: Ints, t: Array) -> Array:
+    """Seconds (n,) since the sighting before, of the same landmark, of sightings in that order; inf for the first."""
+    gap = np.diff(t, prepend=np.nan)
+    gap[np.diff(ids, prepend=ids[:1] - 1) != 0] = np.inf
+    return gap

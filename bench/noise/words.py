@@ -1,0 +1,148 @@
+"""Says in words and rows what the noise of logs is."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from ..words.numerals import listed, number
+from .gauss_markov import IN_A_ROW, Fitted
+from .likelihood import Estimate
+from .measured import Noise, SightingNoise
+from .motions import AXES, Motions
+
+SENSORS = {"range": "m", "bearing": "rad"}
+"""Name of a kind of sighting -> its unit."""
+
+MATTERS = 0.3  # correlation of landmarks sighted at one step, share of correlated variance: said from here on
+HEAVY = 10.0  # degrees of freedom below which tails are called heavy
+ALIKE = 1.25  # times by which factors at two horizons may differ
+
+
+class Row(NamedTuple):
+    """One number of the noise."""
+
+    name: str
+    estimate: Estimate
+    unit: str  # "" for a factor, a power or a share
+
+    @property
+    def value(self) -> str:
+        """The number with its unit."""
+        return f"{number(self.estimate.value)} {self.unit}".strip()
+
+    @property
+    def interval(self) -> str:
+        """Its 95 % interval."""
+        return f"{number(self.estimate.low)} to {number(self.estimate.high)}"
+
+
+def rows(noise: Noise) -> Iterator[Row]:
+    """Yields all numbers of the noise."""
+    found = noise.innovations
+    if found is not None:
+        for name in ("translation", "turn", "range", "bearing"):
+            yield Row(f"{name}: sd over the stated one", getattr(found, name), "")
+    for name, unit in SENSORS.items():
+        one: SightingNoise | None = getattr(noise, name)
+        if one is not None:
+            yield from _sighting_rows(name, unit, one, sizes=found is None)
+    if noise.motions is not None:
+        for k, axis in enumerate(AXES):
+            for horizon in noise.motions.horizons:
+                seconds = number(horizon.seconds)
+                yield Row(f"odometry, {axis}: sd over the stated one, in {seconds} s", horizon.scales[k], "")
+            yield Row(f"odometry, {axis}: to state", noise.motions.scales[k], "")
+
+
+def _sighting_rows(name: str, unit: str, one: SightingNoise, *, sizes: bool) -> Iterator[Row]:
+    fit = one.fitted
+    if sizes:
+        yield Row(f"{name}: sd at {number(fit.reach)} m", fit.sd, unit)
+        yield Row(f"{name}: sd over the stated one", fit.scale, "")
+        if fit.power is not None:
+            yield Row(f"{name}: power of the distance beyond the stated one", fit.power, "")
+        yield Row(f"{name}: mean error", fit.mean, unit)
+        if fit.bias is not None:
+            yield Row(f"{name}: sd of one bias per landmark", fit.bias, unit)
+    if fit.correlation is not None:
+        yield Row(f"{name}: time of correlation", fit.correlation.time, "s")
+        yield Row(f"{name}: share of variance that is correlated", fit.correlation.share, "")
+    if sizes and one.together is not None:
+        yield Row(f"{name}: correlation of landmarks sighted at one step", one.together, "")
+    if fit.tails is not None:
+        yield Row(f"{name}: degrees of freedom of Student's tails", fit.tails, "")
+    yield Row(f"{name}: share of outliers", fit.outliers, "")
+
+
+def sentences(noise: Noise) -> list[str]:
+    """Says what was found, the most important first."""
+    said = [
+        sentence
+        for name in SENSORS
+        if (one := getattr(noise, name)) is not None
+        for sentence in _correlated(name, one.fitted)
+    ]
+    for name, unit in SENSORS.items():
+        one = getattr(noise, name)
+        if one is not None and noise.innovations is None:
+            said += _sized(name, unit, one)
+    if noise.innovations is not None:
+        found = noise.innovations
+        names = ("translation", "turn", "range", "bearing")
+        parts = [f"{number(getattr(found, name).value)} for {name}" for name in names]
+        said.append(
+            "By the EKF's innovations the standard deviations are these multiples of the stated ones: "
+            f"{listed(parts)}."
+        )
+    if noise.motions is not None:
+        said += _driven(noise.motions)
+    return said
+
+
+def _correlated(name: str, fit: Fitted) -> Iterator[str]:
+    if fit.correlation is None:
+        yield f"{name.capitalize()} errors are not correlated from one sighting of a landmark to the next."
+        return
+    yield (
+        f"{name.capitalize()} errors stay correlated for {number(fit.correlation.time.value)} s: {IN_A_ROW} sightings "
+        f"of a landmark in a row carry the information of {number(fit.in_a_row)}."
+    )
+
+
+def _sized(name: str, unit: str, one: SightingNoise) -> Iterator[str]:
+    fit = one.fitted
+    sentence = (
+        f"{name.capitalize()}s have a standard deviation of {number(fit.sd.value)} {unit} at {number(fit.reach)} m, "
+        f"{number(fit.scale.value)} times the stated one"
+    )
+    if fit.power is not None and not fit.power.low <= 0 <= fit.power.high:
+        grows = "grows" if fit.power.value > 0 else "falls"
+        sentence += f", which {grows} with the distance to the power {number(abs(fit.power.value))} beside what is stated"
+    yield sentence + "."
+    if one.together is not None and one.together.low > 0 and one.together.value > MATTERS:
+        yield (
+            f"{name.capitalize()} errors of landmarks sighted at one step are {number(one.together.value)} correlated: "
+            "several landmarks tell little more than one, as with an error of time or of heading."
+        )
+    if fit.bias is not None:
+        yield f"Each landmark has a {name} bias of its own, of {number(fit.bias.value)} {unit} typically."
+    if fit.tails is not None and fit.tails.value < HEAVY:
+        yield (
+            f"{name.capitalize()} errors have heavy tails, as Student's t with {number(fit.tails.value)} degrees of "
+            "freedom: use a robust loss or a gate."
+        )
+    if fit.outliers.value > 0:
+        yield f"{number(100 * fit.outliers.value)} % of {name}s are outliers, left out of these numbers."
+
+
+def _driven(motions: Motions) -> Iterator[str]:
+    parts = [f"{number(one.value)} {axis}" for axis, one in zip(AXES, motions.scales, strict=True)]
+    yield f"The odometry's standard deviations are these multiples of the stated ones: {listed(parts)}."
+    for k, axis in enumerate(AXES):
+        step, held = motions.horizons[0].scales[k], motions.scales[k]
+        ratio = held.value / step.value
+        if max(ratio, 1 / ratio) > ALIKE:
+            how = "add up" if ratio > 1 else "cancel"
+            yield (
+                f"Its errors {'of' if axis == 'turn' else ''} {axis} {how} over time: of single steps the multiple is "
+                f"{number(step.value)}."
+            ).replace("errors  ", "errors ")
