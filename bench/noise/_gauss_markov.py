@@ -30,7 +30,9 @@ def innovations(error: Array, scale: Array, gap: Array, share: float, time: floa
         e = error[i] - h * g - b
         found[i], spread[i] = e, v
         g, b = g + to_g * e / v, b + to_b * e / v
-        gg, gb, bb = gg - to_g * to_g / v, gb - to_g * to_b / v, bb - to_b * to_b / v
+        gg, bb = max(gg - to_g * to_g / v, 0.0), max(bb - to_b * to_b / v, 0.0)
+        most = np.sqrt(gg * bb)  # rounding may not make the covariance of g and b indefinite
+        gb = min(max(gb - to_g * to_b / v, -most), most)
     return found, spread
 
 

@@ -124,7 +124,7 @@ class _Parts(NamedTuple):
         """Start, least and largest value (3, p) of every parameter, the logarithm of the scale's being last."""
         parts = [(0.0, -5.0, 5.0)] * self.growing
         parts += [(0.0, -_LOGIT, _LOGIT), (np.log(2.0), np.log(1e-3), np.log(1e5))] * self.correlated
-        return np.array([*parts, *[(np.log(0.3), np.log(1e-3), np.log(10.0))] * self.biased, (0.0, -9.0, 9.0)]).T
+        return np.array([*parts, *[(np.log(0.3), np.log(1e-3), np.log(10.0))] * self.biased, (0.0, -5.0, 5.0)]).T
 
 
 class _Values(NamedTuple):

@@ -5,11 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.factors import Dataset, Log, Truth
-from ...frontend.se2 import Array, Ints, between
-from ...frontend.truth_errors import difference, rows_of
-from ...frontend.wheels.encoder import Floors, compose
+from ...frontend.se2 import Array, Ints
+from ...frontend.truth_errors import odometry_errors
 from .likelihood import Estimate, maximum
 
 AXES = ("forward", "sideways", "turn")
@@ -106,42 +104,35 @@ def _horizon(stretches: _Stretches) -> Horizon:
 
 
 def _stretches(log: Log, truth: Truth, horizon: float) -> _Stretches:
-    """Stretches of `horizon` s, or of single steps for 0, whose ends both have a true pose, none overlapping."""
-    at = rows_of(truth.t, log.t)
-    first, last = _ends(log, at, horizon)
-    driven = dead_reckoned(log)
-    errors = difference(between(driven[first], driven[last]), between(truth.poses[at[first]], truth.poses[at[last]]))
+    """Stretches of `horizon` s, or of single steps for 0, along which the true path is known, none overlapping.
+
+    Errors are added axis by axis, in the body's frame of their step: a turn's error is no error of what is driven
+    later, and sums are exact where composed motions would be so to first order alone.
+    """
+    row, values = odometry_errors(log, truth)
+    errors, known = np.zeros((len(log), 3)), np.zeros(len(log))
+    errors[row], known[row] = values, 1.0
     split = np.zeros((len(_PAIRS), 3, 3))
     for k, (i, j) in enumerate(_PAIRS):
         split[k, i, j] = split[k, j, i] = 1.0
-    pieces = log.delta_cov[:, None] * split
-    if horizon == 0.0:
-        return _Stretches(errors, pieces[last], log.t[last] - log.t[first])
-    parts = np.empty((len(first), len(_PAIRS), 3, 3))
-    for k, (a, b) in enumerate(zip((first + 1).tolist(), (last + 1).tolist(), strict=True)):
-        motions = np.broadcast_to(log.delta[a:b], (len(_PAIRS), b - a, 3))
-        parts[k] = compose(motions, pieces[a:b].swapaxes(0, 1), Floors(0.0, 0.0)).cov
-    return _Stretches(errors, parts, log.t[last] - log.t[first])
+    parts = np.concatenate((np.zeros((1, 3, 3)), log.delta_cov[1:]))[:, None] * split
+    first, last = _ends(log, horizon)
+    errors, known, parts = (np.cumsum(column, axis=0) for column in (errors, known, parts))
+    whole = known[last] - known[first] == last - first
+    first, last = first[whole], last[whole]
+    return _Stretches(errors[last] - errors[first], parts[last] - parts[first], log.t[last] - log.t[first])
 
 
-def _ends(log: Log, at: Ints, horizon: float) -> tuple[Ints, Ints]:
-    """First and last step of every stretch."""
+def _ends(log: Log, horizon: float) -> tuple[Ints, Ints]:
+    """First and last step of every stretch; those of up to twice the horizon where steps are long."""
     if horizon == 0.0:
-        first = np.arange(len(log) - 1)
-    else:
-        first = np.unique(np.searchsorted(log.t, np.arange(log.t[0], log.t[-1] - horizon, horizon)))
-    last = np.minimum(np.searchsorted(log.t, log.t[first] + horizon - 1e-9), len(log) - 1)
-    last = np.maximum(last, np.minimum(first + 1, len(log) - 1))
-    right = (at[first] >= 0) & (at[last] >= 0) & (last > first)
-    if horizon > 0:
-        right &= log.t[last] - log.t[first] <= 2 * horizon
-    first, last = first[right], last[right]
-    apart = np.ones(len(first), bool)
-    end = -1
-    for k in range(len(first)):
-        apart[k] = first[k] >= end
-        end = last[k] if apart[k] else end
-    return first[apart], last[apart]
+        return np.arange(len(log) - 1), np.arange(1, len(log))
+    found = [0]
+    while (end := max(int(np.searchsorted(log.t, log.t[found[-1]] + horizon - 1e-9)), found[-1] + 1)) < len(log):
+        found.append(end)
+    ends = np.array(found)
+    fair = np.diff(log.t[ends]) <= 2 * horizon
+    return ends[:-1][fair], ends[1:][fair]
 
 
 def _joined(several: Sequence[_Stretches]) -> _Stretches:

@@ -10,7 +10,8 @@ from ...frontend.truth_errors import named, rows_of, sighting_errors
 from ..measure.landmark_places import judge, placed
 from .gauss_markov import Chains
 
-AXES = ("range", "bearing")
+NEAREST = 1e-3
+"""m, the least distance of a landmark."""
 
 
 class Sighted(NamedTuple):
@@ -22,7 +23,7 @@ class Sighted(NamedTuple):
     step: Ints  # (n,) of the log
     error: Array  # (n, 2) m, rad
     stated: Array  # (n, 2) standard deviations
-    reach: Array  # (n,) m, as sighted
+    reach: Array  # (n,) m, the true distance
     gap: Array  # (n,) s since the landmark's last one; inf for its first
 
     def chains(self, axis: int) -> Chains:
@@ -42,7 +43,8 @@ def sighted(log: Log, truth: Truth) -> Sighted:
     row, error = row[order], error[order]
     t = log.t[log.sighting_step[row]]
     stated = np.sqrt(np.stack((log.z_cov[row, 0, 0], log.z_cov[row, 1, 1]), axis=-1))
-    return Sighted(row, t - log.t[0], ids[order], log.sighting_step[row], error, stated, log.z[row, 0], gaps(ids[order], t))
+    reach = np.maximum(log.z[row, 0] - error[:, 0], NEAREST)
+    return Sighted(row, t - log.t[0], ids[order], log.sighting_step[row], error, stated, reach, gaps(ids[order], t))
 
 
 def in_chains(ids: Ints, step: Ints) -> Ints:

@@ -116,7 +116,7 @@ def _sized(name: str, unit: str, one: SightingNoise) -> Iterator[str]:
     )
     if fit.power is not None and not fit.power.low <= 0 <= fit.power.high:
         grows = "grows" if fit.power.value > 0 else "falls"
-        sentence += f", which {grows} with the distance to the power {number(abs(fit.power.value))} beside what is stated"
+        sentence += f"; the ratio {grows} with the distance, to the power {number(abs(fit.power.value))}"
     yield sentence + "."
     if one.together is not None and one.together.low > 0 and one.together.value > MATTERS:
         yield (
@@ -142,7 +142,4 @@ def _driven(motions: Motions) -> Iterator[str]:
         ratio = held.value / step.value
         if max(ratio, 1 / ratio) > ALIKE:
             how = "add up" if ratio > 1 else "cancel"
-            yield (
-                f"Its errors {'of' if axis == 'turn' else ''} {axis} {how} over time: of single steps the multiple is "
-                f"{number(step.value)}."
-            ).replace("errors  ", "errors ")
+            yield f"{axis.capitalize()} errors {how} over time: single steps alone would ask for {number(step.value)}."
