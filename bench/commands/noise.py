@@ -27,11 +27,11 @@ from ..words.names import called
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the command's arguments."""
     parser.epilog = (
-        "With a true path, errors of odometry and sightings are measured by it; several logs are taken to have the same "
-        "noise. Without one, the EKF's innovations tell the sizes, which takes a minute. Noise measured on some logs is "
-        "stated in another one in two commands: --save NOISE.toml, then bench noise LOG --noise NOISE.toml --apply "
-        "FOLDER. Where errors are correlated in time, each sighting is given a larger covariance, so that the sightings "
-        "of a landmark together have the information that correlated ones have."
+        "With a true path, errors of odometry and sightings are measured by it; several logs are taken to have the "
+        "same noise. Without one, the EKF's innovations tell the sizes, which takes up to a minute. Noise measured on "
+        "some logs is stated in another one by two commands: --save NOISE.toml, then bench noise LOG --noise "
+        "NOISE.toml --apply FOLDER. Where errors are correlated in time, each sighting is given a larger covariance, "
+        "so that the sightings of a landmark together have the information that correlated ones have."
     )
     add = parser.add_argument
     add("log", nargs="+", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")

@@ -87,7 +87,8 @@ def _correlations(known: dict[str, SightingNoise]) -> ReportFigure:
         axes = figure.subplots()
         largest: list[float] = []
         for k, (name, one) in enumerate(known.items()):
-            chains = Chains(*(column[one.fitted.used] for column in one.chains[:3]), _gaps(one))
+            used, all_ = one.fitted.used, one.chains
+            chains = Chains(all_.error[used], all_.stated[used], all_.reach[used], closed(all_.gap, used))
             model = one.fitted.model(0.0)
             spread = np.hypot(model.spread(chains.stated, chains.reach), model.bias)
             found = autocorrelation(chains, spread)
@@ -107,10 +108,6 @@ def _correlations(known: dict[str, SightingNoise]) -> ReportFigure:
 
     caption = "At 0 each sighting tells something new; near 1 the next one repeats the error of the last."
     return report_figure("noise-correlation", "Correlation in time", caption, HEIGHT, draw)
-
-
-def _gaps(one: SightingNoise) -> Array:
-    return closed(one.chains.gap, one.fitted.used)
 
 
 def _quantiles(known: dict[str, SightingNoise]) -> ReportFigure:

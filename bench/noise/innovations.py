@@ -1,4 +1,4 @@
-"""The noise of a log without a true path: the likelihood of the EKF's innovations, and residuals of the batch optimum."""
+"""The noise of a log without a true path: the EKF's innovations, and residuals of the batch optimum."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,11 +42,12 @@ class Innovations(NamedTuple):
         self, residuals: Sequence[SightingModel | None]
     ) -> tuple[Sequence[float], SightingModel | None, SightingModel | None]:
         """Factors of odometry and both noises, with the correlation that the residuals show."""
-        sightings = [
-            SightingModel(found.value, 0.0, 1.0, 0.0, *((0.0, 1.0) if one is None else (one.share, one.time)), 0.0)
+        range_, bearing = (
+            SightingModel(found.value, 0.0, 1.0, 0.0, share, time, 0.0)
             for found, one in zip((self.range, self.bearing), residuals, strict=True)
-        ]
-        return [self.translation.value, self.translation.value, self.turn.value], *sightings
+            for share, time in [(0.0, 1.0) if one is None else (one.share, one.time)]
+        )
+        return [self.translation.value, self.translation.value, self.turn.value], range_, bearing
 
 
 def by_innovations(dataset: Dataset, label: str) -> tuple[Innovations, Sighted | None]:
@@ -66,26 +67,26 @@ def by_innovations(dataset: Dataset, label: str) -> tuple[Innovations, Sighted |
     head = log.head(min(len(log), LONGEST))
 
     def log_likelihood(p: Array) -> float:
-        factors = np.exp(p)
-        found = _likelihood(_scaled(head, factors))
+        found = likelihood(scaled_by(head, np.exp(p)))
         return -1e12 if found is None else found
 
     best = maximum(log_likelihood, np.zeros(4), np.full(4, -_WIDEST), np.full(4, _WIDEST))
     if best.value == -1e12:
         raise InputError(f"{label}: the EKF gets lost, expected a log that it can follow, or a true path.")
-    estimates = [best.estimate(k, lambda p: float(np.exp(p))) for k in range(4)]
+    translation, turn, range_, bearing = (best.estimate(k, lambda p: float(np.exp(p))) for k in range(4))
     used = len(head.ids) - len(np.unique(head.ids))
     optimum = reference(log)
     rough = None if optimum is None else sighted(log, optimum)
-    return Innovations(*estimates, used, len(head)), rough
+    return Innovations(translation, turn, range_, bearing, used, len(head)), rough
 
 
-def _scaled(log: Log, factors: Array) -> Log:
+def scaled_by(log: Log, factors: Array) -> Log:
+    """The log with its standard deviations times `factors` (4,): of translation, turn, range and bearing."""
     size = np.outer(factors[2:], factors[2:])
     return replace(log, delta_cov=scaled(log.delta_cov, factors[[0, 0, 1]]), z_cov=log.z_cov * size)
 
 
-def _likelihood(log: Log) -> float | None:
+def likelihood(log: Log) -> float | None:
     """The log-likelihood of the EKF's innovations; None where it gets lost."""
     builder = backends.find("ekf")
     ekf: Any = builder.make(log.prior, builder.options(), np.random.default_rng(0))

@@ -46,11 +46,11 @@ class Noise(NamedTuple):
     @property
     def model(self) -> Model:
         """The numbers to state in a log."""
-        sightings = [None if one is None else one.model for one in (self.range, self.bearing)]
+        range_, bearing = (None if one is None else one.model for one in (self.range, self.bearing))
         odometry = None if self.motions is None else [one.value for one in self.motions.scales]
         if self.innovations is not None:
-            return Model(self.labels, *self.innovations.stated(sightings))
-        return Model(self.labels, odometry, *sightings)
+            odometry, range_, bearing = self.innovations.stated((range_, bearing))
+        return Model(self.labels, odometry, range_, bearing)
 
 
 def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
@@ -66,15 +66,15 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     left = [labels[k] for k in range(len(datasets)) if k not in by_truth]
     remarks = [f"{one} has no true path, and is left out" for one in left]
     found = [sighted(log, truth) for log, truth in known if truth is not None]
-    noises = [_sightings(found, axis) for axis in (0, 1)]
-    if noises == [None, None]:
+    range_, bearing = (_sightings(found, axis) for axis in (0, 1))
+    if range_ is None and bearing is None:
         remarks.append("too few sightings have a known error: their noise stays as stated")
-    motions = fitted_motions(known, _matters([log for log, _ in known], noises))
+    motions = fitted_motions(known, _matters([log for log, _ in known], (range_, bearing)))
     if motions is None:
         remarks.append("too few motions lie between true poses: the odometry's noise stays as stated")
-    if motions is None and noises == [None, None]:
+    if motions is None and range_ is None and bearing is None:
         raise InputError(f"{labels[0]}: found too few measurements with a known error, expected some 30.")
-    return Noise([labels[k] for k in by_truth], *noises, motions, None, remarks)
+    return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks)
 
 
 def _sightings(found: Sequence[Sighted], axis: int) -> SightingNoise | None:
@@ -110,5 +110,5 @@ def _without_truth(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
         "without a true path, slow errors of sightings look like motion: sizes hold if errors are independent from "
         "sighting to sighting"
     )
-    noises = [None if rough is None else _sightings([rough], axis) for axis in (0, 1)]
-    return Noise(labels[:1], *noises, None, found, remarks)
+    range_, bearing = (None if rough is None else _sightings([rough], axis) for axis in (0, 1))
+    return Noise(labels[:1], range_, bearing, None, found, remarks)

@@ -38,10 +38,10 @@ def read_noise(path: Path) -> Model:
     if file.has("odometry"):
         table = file.table("odometry").only(MOTIONS)
         odometry = [table.number(name, above=0.0) for name in MOTIONS]
-    sightings = [_sightings(file.table(name)) if file.has(name) else None for name in ("range", "bearing")]
-    if odometry is None and sightings == [None, None]:
+    range_, bearing = (_sightings(file.table(name)) if file.has(name) else None for name in ("range", "bearing"))
+    if odometry is None and range_ is None and bearing is None:
         raise InputError(f"{path}: found no noise, expected a table [odometry], [range] or [bearing].")
-    return Model(fitted_on, odometry, *sightings)
+    return Model(fitted_on, odometry, range_, bearing)
 
 
 _LIMITS: Mapping[str, dict[str, float]] = {

@@ -90,8 +90,7 @@ def sentences(noise: Noise) -> list[str]:
         names = ("translation", "turn", "range", "bearing")
         parts = [f"{number(getattr(found, name).value)} for {name}" for name in names]
         said.append(
-            "By the EKF's innovations the standard deviations are these multiples of the stated ones: "
-            f"{listed(parts)}."
+            f"By the EKF's innovations the standard deviations are these multiples of the stated ones: {listed(parts)}."
         )
     if noise.motions is not None:
         said += _driven(noise.motions)

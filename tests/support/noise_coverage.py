@@ -4,7 +4,6 @@ import sys
 from collections import Counter
 
 from noisy_logs import REACH, Slow, noisy
-
 from slamduel.bench.noise.likelihood import Estimate
 from slamduel.bench.noise.measured import Noise, measured
 
@@ -18,7 +17,9 @@ EXPECTED = (0.93, 0.97)
 
 def found(noise: Noise) -> dict[str, tuple[Estimate | None, float]]:
     """Estimates with their true values."""
-    assert noise.range is not None and noise.bearing is not None and noise.motions is not None
+    assert noise.range is not None
+    assert noise.bearing is not None
+    assert noise.motions is not None
     one, other = noise.range.fitted, noise.bearing.fitted
     slow = one.correlation
     values = {

@@ -22,14 +22,23 @@ class Slow(NamedTuple):
 
 
 REACH = 3.0
+"""m, the distance of the scale."""
+
+PLAIN = Slow()
+"""Errors as stated."""
 
 
 def noisy(
-    world: str, seed: int, range_: Slow = Slow(), bearing: Slow = Slow(), odometry: tuple[float, float, float] = (1, 1, 1)
+    world: str,
+    seed: int,
+    range_: Slow = PLAIN,
+    bearing: Slow = PLAIN,
+    odometry: tuple[float, float, float] = (1, 1, 1),
 ) -> Dataset:
     """The world's log with other errors, drawn from `seed`; what it states stays."""
     log, truth = load(world, seed)
-    assert truth is not None and truth.map is not None
+    assert truth is not None
+    assert truth.map is not None
     rng = np.random.default_rng([seed, 1])
     right = sighted_from(truth.poses[log.sighting_step], truth.map.xy[rows_of(truth.map.ids, log.ids)])
     z = right + np.stack([_errors(log, right[:, 0], one, k, rng) for k, one in enumerate((range_, bearing))], axis=-1)
@@ -39,9 +48,7 @@ def noisy(
     drawn = np.linalg.cholesky(log.delta_cov[1:]) @ rng.standard_normal((len(log) - 1, 3, 1))
     delta[1:] = true + np.array(odometry) * drawn[..., 0]
     delta[:, 2] = wrap(delta[:, 2])
-    changed = Log.from_arrays(
-        "noisy", log.prior, log.t, delta, log.delta_cov, log.sighting_step, log.ids, z, log.z_cov
-    )
+    changed = Log.from_arrays("noisy", log.prior, log.t, delta, log.delta_cov, log.sighting_step, log.ids, z, log.z_cov)
     return Dataset(changed, truth)
 
 

@@ -5,12 +5,12 @@ import pytest
 
 from slamduel.bench.noise._gauss_markov import information, innovations, sum_variance
 from slamduel.bench.noise.gauss_markov import IN_A_ROW, Chains, closed, fitted
-from slamduel.frontend.se2 import Array
+from slamduel.frontend.se2 import Array, Ints
 
 SHARE, TIME, BIAS = 0.7, 3.0, 0.4
 
 
-def times(rng: np.random.Generator) -> tuple[Array, Array, Array]:
+def times(rng: np.random.Generator) -> tuple[Array, Array, Ints]:
     """Gaps, times and chain numbers of three chains of uneven spacing."""
     sizes = [7, 1, 12]
     gap = np.concatenate([np.concatenate(([np.inf], rng.exponential(2.0, n - 1))) for n in sizes])
@@ -19,7 +19,7 @@ def times(rng: np.random.Generator) -> tuple[Array, Array, Array]:
     return gap, t, chain
 
 
-def dense(scale: Array, t: Array, chain: Array, share: float, time: float, bias: float) -> Array:
+def dense(scale: Array, t: Array, chain: Ints, share: float, time: float, bias: float) -> Array:
     """The covariance of all errors."""
     same = chain[:, None] == chain
     slow = share * np.exp(-np.abs(t[:, None] - t) / time)
@@ -55,7 +55,9 @@ def test_information_is_that_of_the_dense_covariance_after_every_error(share: fl
     assert (added > 0).all()
 
 
-def drawn(rng: np.random.Generator, chains: int, each: int, share: float, time: float, bias: float, power: float) -> Chains:
+def drawn(
+    rng: np.random.Generator, chains: int, each: int, share: float, time: float, bias: float, power: float
+) -> Chains:
     """Errors of standard deviation 1 at 1 m, stated as 0.5, a sighting per second."""
     gap = np.tile(np.concatenate(([np.inf], np.ones(each - 1))), chains)
     slow = rng.standard_normal((chains, each))
@@ -71,7 +73,9 @@ def drawn(rng: np.random.Generator, chains: int, each: int, share: float, time: 
 def test_white_errors_have_no_further_parts() -> None:
     found = fitted(drawn(np.random.default_rng(2), 20, 60, 0.0, 1.0, 0.0, 0.0))
     assert found is not None
-    assert found.correlation is None and found.bias is None and found.tails is None
+    assert found.correlation is None
+    assert found.bias is None
+    assert found.tails is None
     assert found.used.all()
     assert found.scale.value == pytest.approx(2.0, rel=6 / np.sqrt(2 * 1200))
     assert found.in_a_row == pytest.approx(IN_A_ROW)
@@ -79,7 +83,10 @@ def test_white_errors_have_no_further_parts() -> None:
 
 def test_correlation_growth_and_bias_are_found() -> None:
     found = fitted(drawn(np.random.default_rng(3), 40, 100, 0.8, 6.0, 1.0, 0.5))
-    assert found is not None and found.correlation is not None and found.bias is not None and found.power is not None
+    assert found is not None
+    assert found.correlation is not None
+    assert found.bias is not None
+    assert found.power is not None
     for one, true in (
         (found.correlation.time, 6.0),
         (found.correlation.share, 0.8),
@@ -94,7 +101,8 @@ def test_correlation_growth_and_bias_are_found() -> None:
 
 def test_the_information_of_sightings_in_a_row_is_that_of_their_covariance() -> None:
     found = fitted(drawn(np.random.default_rng(4), 40, 100, 1.0, 5.0, 0.0, 0.0))
-    assert found is not None and found.correlation is not None
+    assert found is not None
+    assert found.correlation is not None
     share, time = found.correlation.share.value, found.correlation.time.value
     lag = np.abs(np.subtract.outer(np.arange(IN_A_ROW), np.arange(IN_A_ROW)))
     cov = share * np.exp(-lag / time) + (1 - share) * np.eye(IN_A_ROW)
@@ -112,7 +120,8 @@ def test_outliers_are_left_out_and_heavy_tails_are_named() -> None:
     assert found.outliers.low < 0.01 < found.outliers.high
     assert found.scale.value == pytest.approx(2.0, rel=6 / np.sqrt(2 * 1200))
     heavy = fitted(chains._replace(error=rng.standard_t(4, len(error))))
-    assert heavy is not None and heavy.tails is not None
+    assert heavy is not None
+    assert heavy.tails is not None
     assert heavy.tails.value == pytest.approx(4.0, abs=2.0)
 
 

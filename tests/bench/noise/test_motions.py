@@ -16,7 +16,9 @@ def straight(errors: Array, stated: Array) -> Dataset:
     delta[1:] = errors
     none = np.zeros(0, np.int64)
     t = np.arange(n, dtype=float)
-    log = Log.from_arrays("still", Prior(np.zeros(3), np.eye(3)), t, delta, cov, none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    log = Log.from_arrays(
+        "still", Prior(np.zeros(3), np.eye(3)), t, delta, cov, none, none, np.zeros((0, 2)), np.zeros((0, 2, 2))
+    )
     return Dataset(log, Truth(t, np.zeros((n, 3))))
 
 
@@ -53,7 +55,8 @@ def test_a_slow_error_asks_for_more_over_longer_times_and_the_horizon_that_matte
     assert turn[-1] > 2 * turn[0]
     assert found.scales[2] == found.horizons[[h.seconds for h in found.horizons].index(10.0)].scales[2]
     at_once = fitted_motions([dataset], 1.0)
-    assert at_once is not None and at_once.scales[2] == found.horizons[0].scales[2]
+    assert at_once is not None
+    assert at_once.scales[2] == found.horizons[0].scales[2]
 
 
 def test_too_few_motions_have_no_noise() -> None:

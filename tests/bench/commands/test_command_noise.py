@@ -1,0 +1,88 @@
+"""bench noise: what it prints and writes, and what it refuses."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from noisy_logs import Slow, noisy
+from slamduel.bench.cli import main
+from slamduel.bench.noise.noise_file import read_noise
+from slamduel.bench.plan.load import load
+from slamduel.datasets.formats import log_folder
+
+DATA = Path(os.environ.get("SLAMDUEL_DATA", "nowhere")) / "mrclam"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    log_folder.write(tmp_path / "log", *noisy("circle[steps=300]", 0, Slow(share=0.9, time=9.0)))
+    return tmp_path / "log"
+
+
+def test_the_noise_is_printed_saved_and_stated_in_another_log(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved, page, out = (folder.parent / name for name in ("noise.toml", "noise.html", "stated"))
+    assert main(["noise", str(folder), "--save", str(saved), "--out", str(page)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("Range errors stay correlated for")
+    assert "95 % interval" in printed
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    model = read_noise(saved)
+    assert model.range is not None
+    assert model.range.share > 0.5
+    assert main(["noise", "circle[steps=50]", "--noise", str(saved), "--apply", str(out)]) == 0
+    before, after = load("circle[steps=50]").log, load(out).log
+    assert (after.z == before.z).all()
+    assert np.median(after.z_cov[:, 0, 0] / before.z_cov[:, 0, 0]) > 2
+    assert after.notes["noise"]["range"]["time"] == model.range.time
+    assert main(["validate", str(out)]) == 0
+
+
+def test_one_command_measures_and_states(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder.parent / "stated"
+    assert main(["noise", str(folder), "--apply", str(out), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    assert load(out).log.notes["noise"]["fitted_on"]
+
+
+def test_json_has_every_number_with_its_interval(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["noise", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {"logs", "sentences", "remarks", "numbers", "noise"}
+    assert all(one["low"] <= one["value"] <= one["high"] for one in found["numbers"])
+    assert found["noise"]["range"]["time"] == pytest.approx(9.0, rel=0.8)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["circle", "city", "--apply", "x"], "--apply x: found 2 logs, expected one"),
+        (["circle", "--noise", "n.toml"], "--noise: expected --apply FOLDER beside it"),
+        (["circle", "--noise", "n.toml", "--apply", "x", "--json"], "--json: nothing is measured with --noise"),
+        (["circle", "--noise", "n.toml", "--apply", "x"], "n.toml"),
+        (["circle", "--out", "page.pdf"], "--out page.pdf: found the ending '.pdf'"),
+        (["circle", "--save", "noise.json"], "--save noise.json: found the ending '.json'"),
+        (["nothing"], "bench noise: there is no dataset 'nothing'"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_a_sentence(
+    given: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["noise", *given]) == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="SLAMDUEL_DATA is not set, or has no mrclam")
+@pytest.mark.slow
+def test_mrclams_errors_are_found_to_stay_correlated(capsys: pytest.CaptureFixture[str]) -> None:
+    logs = [f"mrclam[robot={robot},path={DATA}]" for robot in (1, 2, 3)]
+    assert main(["noise", *logs, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["noise"]
+    for name in ("range", "bearing"):
+        assert 3 < found[name]["time"] < 30
+        assert found[name]["share"] > 0.5
+    assert found["bearing"]["together"] > 0.5

@@ -1,0 +1,86 @@
+"""A log that is stated with its noise: information that holds, and a filter that is as sure as it may be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from noisy_logs import Slow, noisy
+from slamduel.backends import registry
+from slamduel.bench.measure.metrics import nees
+from slamduel.bench.noise.apply import WEAKEST, factors, stated
+from slamduel.bench.noise.measured import measured
+from slamduel.bench.noise.model import Model, SightingModel
+from slamduel.frontend.factors import UNKNOWN, Dataset
+
+PLAIN = SightingModel(1.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0)
+SLOW = Slow(scale=1.5, share=0.95, time=20.0)
+
+
+def test_a_noise_that_is_as_stated_changes_nothing() -> None:
+    log, _ = noisy("circle[steps=100]", 0)
+    same = stated(log, Model(["x"], (1.0, 1.0, 1.0), PLAIN, PLAIN))
+    assert same.z_cov == pytest.approx(log.z_cov, rel=1e-12)
+    assert same.delta_cov[1:] == pytest.approx(log.delta_cov[1:], rel=1e-12)
+    assert same.notes["noise"]["fitted_on"] == ["x"]
+    left = stated(log, Model([], None, None, None))
+    assert (left.z_cov == log.z_cov).all()
+    assert (left.delta_cov[1:] == log.delta_cov[1:]).all()
+
+
+def test_sightings_of_a_landmark_have_together_the_information_of_their_covariance() -> None:
+    log, _ = noisy("circle[steps=200]", 1)
+    model = PLAIN._replace(scale=1.3, power=0.5, share=0.8, time=7.0, bias=0.02)
+    new = stated(log, Model([], None, model, None))
+    t, reach = log.t[log.sighting_step], log.z[:, 0]
+    for landmark in np.unique(log.ids):
+        rows = np.flatnonzero(log.ids == landmark)
+        sd = 1.3 * np.sqrt(log.z_cov[rows, 0, 0]) * (reach[rows] / 3.0) ** 0.5
+        lag = np.abs(t[rows][:, None] - t[rows])
+        cov = np.outer(sd, sd) * (0.8 * np.exp(-lag / 7.0) + 0.2 * np.eye(len(rows))) + 0.02**2
+        whole = np.linalg.inv(cov).sum()
+        assert (1 / new.z_cov[rows, 0, 0]).sum() == pytest.approx(whole, rel=len(rows) / WEAKEST)
+    assert (new.z_cov[:, 1, 1] == log.z_cov[:, 1, 1]).all()
+
+
+def test_landmarks_sighted_at_one_step_share_what_they_tell() -> None:
+    log, _ = noisy("circle[steps=100]", 2)
+    beside = np.bincount(log.sighting_step)[log.sighting_step]
+    assert factors(log, PLAIN._replace(together=0.5), 1) == pytest.approx(1 + (beside - 1) * 0.5)
+
+
+def test_sightings_without_data_association_have_the_median_of_the_others() -> None:
+    log, _ = noisy("circle[steps=100]", 3)
+    model = PLAIN._replace(share=0.9, time=5.0)
+    whole = factors(log, model, 0)
+    ids = log.ids.copy()
+    ids[::7] = UNKNOWN
+    found = factors(replace(log, ids=ids), model, 0)
+    assert found[::7] == pytest.approx(np.median(found[ids != UNKNOWN]))
+    assert (whole > 1 - 1e-9).all()
+
+
+def consistency(dataset: Dataset) -> float:
+    """The EKF's median NEES over that of chi-square with three degrees of freedom."""
+    log, truth = dataset
+    assert truth is not None
+    builder = registry.find("ekf")
+    ekf = builder.make(log.prior, builder.options(), np.random.default_rng(0))
+    path, cov = np.zeros((len(log), 3)), np.zeros((len(log), 3, 3))
+    for k, step in enumerate(log):
+        ekf.step(step)
+        belief = ekf.belief()
+        assert belief.cov is not None
+        path[k], cov[k] = belief.pose, belief.cov
+    return float(np.median(nees(path, cov, truth.poses))) / 2.366
+
+
+def test_a_filter_that_was_too_sure_is_consistent_with_the_noise_of_other_logs() -> None:
+    """Correlated errors, as on real logs: sightings of 12 steps in a row tell little more than one."""
+    world = "circle[steps=400]"
+    noise = measured([noisy(world, seed, SLOW, Slow(share=0.9, time=20.0)) for seed in range(3)], ["a", "b", "c"])
+    logs = [noisy(world, seed, SLOW, Slow(share=0.9, time=20.0)) for seed in range(10, 15)]
+    before = np.median([consistency(one) for one in logs])
+    after = np.median([consistency(one._replace(log=stated(one.log, noise.model))) for one in logs])
+    assert before > 3
+    assert 0.3 < after < 2
