@@ -18,7 +18,7 @@ from ..noise.model import Model
 from ..noise.noise_file import noted, read_noise, write_noise
 from ..noise.words import rows, sentences
 from ..plan.load import made
-from ..plan.spec import DatasetVariant, dataset_variants
+from ..plan.spec import dataset_variants
 from ..plan.values import check_file, seed
 from ..words.console import announced, plain, screen_console
 from ..words.names import called
@@ -46,15 +46,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Measures or reads the noise, prints it and writes what is asked for; 0."""
-    variants = [variant for text in namespace.log for variant in dataset_variants(text, "bench noise")]
-    _check(namespace, variants)
+    logs = [
+        variant.log(at)
+        for text in namespace.log
+        for variant in dataset_variants(text, "bench noise")
+        for at in (range(len(variant.members)) if variant.members else (namespace.seed,))
+    ]
+    _check(namespace, len(logs))
     model = None if namespace.noise is None else read_noise(namespace.noise)
-    datasets = [made(variant, namespace.seed) for variant in variants]
+    datasets = [made(log.dataset, log.seed) for log in logs]
     console = screen_console(quiet=namespace.quiet or namespace.json)
     if model is None:
-        names = called([variant.label for variant in variants])
+        names = called([log.dataset.label for log in logs])
         with announced("measuring the noise", partial(print, file=sys.stderr, flush=True)):
-            noise = measured(datasets, [names[variant.label] for variant in variants])
+            noise = measured(datasets, [names[log.dataset.label] for log in logs])
         model = noise.model
         _written(noise, namespace)
         _print(console, noise, namespace)
@@ -64,12 +69,12 @@ def main(namespace: argparse.Namespace) -> int:
     return 0
 
 
-def _check(namespace: argparse.Namespace, variants: list[DatasetVariant]) -> None:
+def _check(namespace: argparse.Namespace, logs: int) -> None:
     check_file("--out", namespace.out, (".html",))
     check_file("--save", namespace.save, (".toml",))
-    if namespace.apply is not None and len(variants) > 1:
+    if namespace.apply is not None and logs > 1:
         raise InputError(
-            f"--apply {namespace.apply}: found {len(variants)} logs, expected one; --save the noise of several, and "
+            f"--apply {namespace.apply}: found {logs} logs, expected one; --save the noise of several, and "
             "state it in one with --noise."
         )
     if namespace.noise is None:
