@@ -55,7 +55,7 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
         label, dataset = Path(dataset).stem if isinstance(dataset, Path) else dataset, load(dataset, seed)
     elif isinstance(dataset, Dataset):
         label = dataset.log.name
-    elif isinstance(dataset, Log):
+    elif isinstance(dataset, Log):  # pyright: ignore[reportUnnecessaryIsInstance]
         label, dataset = dataset.name, Dataset(dataset, None)
     else:
         raise InputError(f"slamduel.show: found {dataset!r}, expected a name, a path, a Log or a Dataset(log, truth).")

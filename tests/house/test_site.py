@@ -13,12 +13,10 @@ from typing import Any
 
 import pytest
 from docutils.utils.math import latex2mathml
+from excerpts import documents, excerpt
 
 from narrow_window import CHROMIUM
 from places import ROOT
-
-sys.path.insert(0, str(ROOT / "docs" / "site"))
-from excerpts import documents, excerpt
 
 NUMBERED = {
     "ArUco": [f"({k})" for k in range(1, 21)],
@@ -107,7 +105,7 @@ def address(site: Path) -> Iterator[str]:
     """The site as a server of this machine gives it."""
 
     class Quiet(SimpleHTTPRequestHandler):
-        def log_message(self, *_: Any) -> None: ...
+        def log_message(self, format: str, *args: Any) -> None: ...  # noqa: A002
 
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site))) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
