@@ -387,6 +387,8 @@ def test_a_notebook_shows_it_too(tmp_path: Path) -> None:
     assert "<svg" in (tmp_path / "log.svg").read_text()
     with pytest.raises(slamduel.SlamduelError, match="there is no dataset"):
         slamduel.show("circel")
+    with pytest.raises(slamduel.InputError, match="expected a name, a path, a Log or a Dataset"):
+        slamduel.show((log, truth))  # pyright: ignore[reportArgumentType]
 
 
 def wandering() -> tuple[Dataset, Map, list[int]]:
