@@ -21,11 +21,17 @@ ENOUGH = 500
 ROUNDS = 12
 """Most steps in a pass; three to five suffice."""
 
+LITTLE = 1e-3
+"""Share of the loss below which a step's gain is not worth another."""
+
 GRAIN = 2.0
 """Grey levels: residuals within OUTLIER of these are never outliers."""
 
 OUTLIER = 2.5
 """Standard deviations from which a residual counts linearly (Huber)."""
+
+RESIDUAL, WEIGHT, EDGE, COLUMNS = PARAMETERS, PARAMETERS + 1, PARAMETERS + 2, PARAMETERS + 3
+"""Columns of a pixel's row after its derivatives: residual, weight, and the number of the nearest edge."""
 
 
 @compiled
@@ -38,7 +44,7 @@ def align(
     (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 11) has the
     expected values of the look's parameters from the blur on, and their standard deviations. Returns the homography
     from rays to (u, v), the normal matrix (21, 21), the residuals' standard deviation (infinite where there are too few
-    pixels), the look (13,) and the gradient by edge, see `_accumulate`.
+    pixels), the look (13,) and the gradient by edge, see `_edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
     across, along = corners[2] - corners[0], corners[3] - corners[1]
@@ -52,6 +58,7 @@ def align(
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (m + 1) * (m + 2), PARAMETERS + 1))
     places = np.empty((2 * ENOUGH, 7))
+    rows = np.zeros((2 * ENOUGH, COLUMNS))
     residual = np.inf
     for everything in (False, True):
         most, active, stride = (ENOUGH, PARAMETERS, 3) if everything else (ENOUGH // 2, STIFF, 2)
@@ -61,14 +68,15 @@ def align(
         if count < 2 * PARAMETERS * stride:
             return homography, normal, np.inf, look, by_edge
         homography, look, residual = _settled(
-            places[:count], stride, pattern, homography, look, prior, active, cut, tolerance, normal, gradient, by_edge
+            places[:count], stride, pattern, homography, look, prior, active, cut, tolerance, rows
         )
         if not residual < np.inf:
             return homography, normal, np.inf, look, by_edge
     cut = OUTLIER * max(residual, GRAIN)
-    _, chi, total = _accumulate(
-        places[:count], 1, pattern, homography, look, prior, cut, PARAMETERS, normal, gradient, by_edge
+    _, chi, total, seen = _accumulate(
+        places[:count], 1, pattern, homography, look, prior, cut, PARAMETERS, rows, normal, gradient
     )
+    _gather_edges(rows[:seen], by_edge)
     factor = normal.copy()
     if not _solve(factor, gradient, PARAMETERS):
         return homography, normal, np.inf, look, by_edge
@@ -87,20 +95,20 @@ def _settled(
     active: int,
     cut: float,
     tolerance: float,
-    normal: Array,
-    gradient: Array,
-    by_edge: Array,
+    rows: Array,
 ) -> tuple[Array, Array, float]:
     """The homography and the look that fit best, and the residuals' standard deviation; infinite if there are none.
 
-    Uses every `stride`-th of the `places` and changes the first `active` parameters. `tolerance` is the step of the
-    homography, modules, at which it ends. `normal`, `gradient` and `by_edge` are overwritten.
+    Uses every `stride`-th of the `places` and changes the first `active` parameters. It ends with a step that by the
+    normal equations gains little or changes the homography by less than `tolerance`, modules: that step is made and not
+    evaluated. `rows` is overwritten.
     """
     m = pattern.shape[0] - 2 * RIM
-    step = np.zeros(PARAMETERS)
-    factor = np.zeros((PARAMETERS, PARAMETERS))
-    loss, chi, total = _accumulate(
-        places, stride, pattern, homography, look, prior, cut, active, normal, gradient, by_edge
+    step, trial_gradient = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
+    gradient = np.zeros(PARAMETERS)
+    normal, trial_normal, factor = np.zeros((3, PARAMETERS, PARAMETERS))
+    loss, chi, total, _ = _accumulate(
+        places, stride, pattern, homography, look, prior, cut, active, rows, normal, gradient
     )
     damping = 1e-4
     for _ in range(ROUNDS):
@@ -111,23 +119,24 @@ def _settled(
             factor[i, i] += damping * normal[i, i] + 1e-9
         if not _solve(factor, step, active):
             return homography, look, np.inf
+        gain = 0.0
+        for i in range(active):
+            gain += step[i] * gradient[i]
         trial_homography, trial_look, largest = _moved(homography, look, step, active, m)
-        trial_loss, trial_chi, trial_total = _accumulate(
-            places, stride, pattern, trial_homography, trial_look, prior, cut, active, factor, step, by_edge
+        if largest < tolerance or gain < LITTLE * loss:
+            homography, look = trial_homography, trial_look
+            break
+        trial_loss, trial_chi, trial_total, _ = _accumulate(
+            places, stride, pattern, trial_homography, trial_look, prior, cut, active, rows, trial_normal, trial_gradient
         )
         if not trial_loss < loss * (1.0 + 1e-9):
             damping *= 10.0
-            settled = largest < 3.0 * tolerance or damping > 1e4
+            if largest < 3.0 * tolerance or damping > 1e4:
+                break
         else:
-            settled = largest < tolerance or loss - trial_loss < 1e-3 * loss
             homography, look, loss, chi, total = trial_homography, trial_look, trial_loss, trial_chi, trial_total
-            for i in range(active):
-                gradient[i] = step[i]
-                for j in range(active):
-                    normal[i, j] = factor[i, j]
+            gradient, trial_gradient, normal, trial_normal = trial_gradient, gradient, trial_normal, normal
             damping = max(damping * 0.1, 1e-7)
-        if settled:
-            break
     return homography, look, math.sqrt(chi / max(total - active, 1.0))
 
 
@@ -141,32 +150,22 @@ def _accumulate(
     prior: Array,
     cut: float,
     active: int,
+    rows: Array,
     normal: Array,
     gradient: Array,
-    by_edge: Array,
-) -> tuple[float, float, float]:
-    """Fills the normal equations; returns the robust loss, the weighted sum of squares and the sum of weights.
+) -> tuple[float, float, float, int]:
+    """Fills the normal equations; returns the robust loss, the weighted sum of squares, the sum of weights and a count.
 
-    Only the first `active` parameters may change. `by_edge` (2 (m + 1) (m + 2), 22) gets the gradient's parts, and in
-    its last column the sum of weights: row k (m + 2) + j is that of the pixels nearest to edge k across u in row j of
-    modules, from the margin's -1 on; the other half likewise across v.
+    Only the first `active` parameters may change. As many of the `rows` as that count get a pixel each: its
+    derivatives, residual, weight and nearest edge, see `_edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
-    half = (m + 1) * (m + 2)
-    for i in range(active):
-        gradient[i] = 0.0
-        for j in range(active):
-            normal[i, j] = 0.0
-    for i in range(len(by_edge)):
-        for j in range(PARAMETERS + 1):
-            by_edge[i, j] = 0.0
-    J = np.zeros(PARAMETERS)
     table, seen, place_in, curve = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2), np.empty(10)
     curve_of(look, curve)
-    loss, chi, total = 0.0, 0.0, 0.0
+    loss, chi, total, count = 0.0, 0.0, 0.0, 0
     for index in range(0, len(places), stride):
-        place = places[index]
-        grey = predict(place, pattern, G, look, curve, active > STIFF, table, seen, place_in, J)
+        place, row = places[index], rows[count]
+        grey = predict(place, pattern, G, look, curve, active > STIFF, table, seen, place_in, row)
         if math.isnan(grey):
             continue
         residual = place[0] - grey
@@ -177,37 +176,66 @@ def _accumulate(
             loss += cut * (2.0 * size - cut)
         else:
             loss += size * size
-        u, v = place_in
-        line_u, line_v = math.floor(u + 0.5), math.floor(v + 0.5)
-        if abs(u - line_u) < abs(v - line_v):
-            row = min(max(line_u, 0), m) * (m + 2) + min(max(math.floor(v), -1), m) + 1
-        else:
-            row = half + min(max(line_v, 0), m) * (m + 2) + min(max(math.floor(u), -1), m) + 1
-        edge = by_edge[row]
-        edge[PARAMETERS] += weight
-        if active == STIFF:
-            for i in range(STIFF):
-                weighted = weight * J[i]
-                edge[i] += weighted * residual
-                for j in range(STIFF):
-                    normal[i, j] += weighted * J[j]
-        else:
-            for i in range(PARAMETERS):
-                weighted = weight * J[i]
-                edge[i] += weighted * residual
-                for j in range(PARAMETERS):
-                    normal[i, j] += weighted * J[j]
+        row[RESIDUAL], row[WEIGHT], row[EDGE] = residual, weight, _edge_of(place_in[0], place_in[1], m)
         chi += weight * residual * residual
         total += weight
-    for edge in by_edge:
-        for i in range(active):
-            gradient[i] += edge[i]
+        count += 1
+    product = np.zeros((PARAMETERS, COLUMNS))
+    _multiply(rows[:count], active, product)
     variance = max(chi / max(total - active, 1.0), 0.25)
+    for i in range(active):
+        gradient[i] = product[i, RESIDUAL]
+        for j in range(active):
+            normal[i, j] = product[i, j]
     for i in range(STIFF, active):
         information = variance / (prior[1, i - STIFF] * prior[1, i - STIFF])
         normal[i, i] += information
         gradient[i] -= information * (look[i - 8] - prior[0, i - STIFF])
-    return loss, chi, total
+    return loss, chi, total, count
+
+
+@compiled
+def _edge_of(u: float, v: float, m: int) -> int:
+    """The number of the edge nearest to (u, v), modules: k (m + 2) + j is edge k across u in row j of modules.
+
+    Rows count from the margin's -1 on. The numbers' other half, from (m + 1) (m + 2) on, are edges across v.
+    """
+    line_u, line_v = math.floor(u + 0.5), math.floor(v + 0.5)
+    if abs(u - line_u) < abs(v - line_v):
+        return min(max(line_u, 0), m) * (m + 2) + min(max(math.floor(v), -1), m) + 1
+    return (m + 1 + min(max(line_v, 0), m)) * (m + 2) + min(max(math.floor(u), -1), m) + 1
+
+
+@compiled
+def _multiply(rows: Array, active: int, product: Array) -> None:
+    """Adds to `product` (21, 24) the sum over pixels of weight times derivative times row.
+
+    Four pixels at a time: each of the product's numbers is read and written once for them.
+    """
+    whole = len(rows) // 4 * 4
+    for k in range(0, whole, 4):
+        a, b, c, d = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
+        for i in range(active):
+            by_a, by_b, by_c, by_d = a[i] * a[WEIGHT], b[i] * b[WEIGHT], c[i] * c[WEIGHT], d[i] * d[WEIGHT]
+            line = product[i]
+            for j in range(COLUMNS):
+                line[j] += (by_a * a[j] + by_b * b[j]) + (by_c * c[j] + by_d * d[j])
+    for a in rows[whole:]:
+        for i in range(active):
+            by_a = a[i] * a[WEIGHT]
+            for j in range(COLUMNS):
+                product[i, j] += by_a * a[j]
+
+
+@compiled
+def _gather_edges(rows: Array, by_edge: Array) -> None:
+    """Adds to `by_edge` (edges, 22) the parts of the gradient that each edge's pixels have, and their weights' sum."""
+    for row in rows:
+        edge = by_edge[int(row[EDGE])]
+        weighted = row[WEIGHT] * row[RESIDUAL]
+        for i in range(PARAMETERS):
+            edge[i] += weighted * row[i]
+        edge[PARAMETERS] += row[WEIGHT]
 
 
 @compiled
@@ -219,12 +247,16 @@ def _moved(G: Array, look: Array, step: Array, active: int, m: int) -> tuple[Arr
     largest = 0.0
     for k in range(8):
         largest = max(largest, abs(step[k]))
-    d = np.empty(8)
-    for k in range(8):
-        d[k] = step[k] * (0.7 / max(largest, 0.7) / m)
-    change = np.array([[1.0 + d[1], d[2], d[0]], [d[4], 1.0 + d[5], d[3]], [-d[6], -d[7], 1.0]])
-    centred = np.array([[1.0 / m, 0.0, -0.5], [0.0, 1.0 / m, -0.5], [0.0, 0.0, 1.0]])
-    back = np.array([[float(m), 0.0, m / 2.0], [0.0, float(m), m / 2.0], [0.0, 0.0, 1.0]])
+    scale = 0.7 / max(largest, 0.7) / m
+    # P, Q and W are the centred coordinates times the homography's third row
+    moved_homography = np.empty((3, 3))
+    for k in range(3):
+        W = G[2, k]
+        P, Q = G[0, k] / m - 0.5 * W, G[1, k] / m - 0.5 * W
+        p = P + scale * (step[0] * W + step[1] * P + step[2] * Q)
+        q = Q + scale * (step[3] * W + step[4] * P + step[5] * Q)
+        w = W - scale * (step[6] * P + step[7] * Q)
+        moved_homography[0, k], moved_homography[1, k], moved_homography[2, k] = m * (p + 0.5 * w), m * (q + 0.5 * w), w
     moved = look.copy()
     for k in range(active - 8):
         moved[k] = look[k] + (min(max(step[8 + k], -0.7), 0.7) if k in (A, A + 1, C) else step[8 + k])
@@ -234,7 +266,7 @@ def _moved(G: Array, look: Array, step: Array, active: int, m: int) -> tuple[Arr
     moved[INK] = min(max(moved[INK], -0.1), 0.1)
     moved[TONE] = min(max(moved[TONE], -0.5), 1.3)
     moved[SHARP] = min(max(moved[SHARP], -0.5), 2.0)
-    return back @ (change @ (centred @ G)), moved, largest
+    return moved_homography, moved, largest
 
 
 @compiled
