@@ -13,6 +13,9 @@ from ._share import RIM
 MARGIN = 0.5
 """Modules of paper outside the black border that are used; beyond, anything may be in the image."""
 
+COUNTED = 200
+"""About how many pixels of a box estimate how many of it are near edges."""
+
 REACH = 3.0
 """Standard deviations of the blur within which a pixel is near an edge."""
 
@@ -63,14 +66,15 @@ def gather(
     s00, s01, s11 = covariance(look)
     share = 1.0
     count = 0
+    lattice = max(math.floor(math.sqrt((box[1] - box[0]) * (box[3] - box[2]) / COUNTED)), 1)
     for counting in (True, False):
         seen = 0
-        # a ninth of the box estimates their number
-        step = 3 if counting else 1
+        step = lattice if counting else 1
         for y in range(box[0], box[1], step):
             for x in range(box[2], box[3], step):
                 # Roberts' R2 sequence is even along edges of any direction, where a lattice would miss some.
-                if share < 1.0 and (x * 0.7548776662466927 + y * 0.5698402909980532) % 1.0 >= share:
+                turn = x * 0.7548776662466927 + y * 0.5698402909980532
+                if turn - math.floor(turn) >= share:
                     continue
                 rx = rays[y, x, 0]
                 ry = rays[y, x, 1]
@@ -104,8 +108,8 @@ def gather(
                     place[5] = rxy
                     place[6] = ryy
                     count += 1
-        if 9 * seen > most:
-            share = most / (9 * seen)
+        if lattice * lattice * seen > most:
+            share = most / (lattice * lattice * seen)
     return count
 
 
