@@ -160,8 +160,8 @@ def _accumulate(
     derivatives, residual, weight and nearest edge, see `_edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
-    table, seen, place_in, curve = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2), np.empty(10)
-    curve_of(look, curve)
+    table, seen, place_in, curve = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2), np.empty(14)
+    curve_of(look, m, curve)
     loss, chi, total, count = 0.0, 0.0, 0.0, 0
     for index in range(0, len(places), stride):
         place, row = places[index], rows[count]

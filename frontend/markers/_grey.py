@@ -52,11 +52,12 @@ def covariance(look: Array) -> tuple[float, float, float]:
 
 
 @compiled
-def curve_of(look: Array, curve: Array) -> None:
-    """Fills `curve` (10,) with what all pixels share: the blur's xx, xy, yy, gamma, the logarithms of black and white.
+def curve_of(look: Array, m: int, curve: Array) -> None:
+    """Fills `curve` (14,) with what all pixels share: the blur's xx, xy, yy, gamma, the logarithms of black and white.
 
     Then the light of black and of white, the bend, which is four times how far the curve is above a line in its middle,
-    as a share of the contrast, and the bend's derivative by the tone.
+    as a share of the contrast, and the bend's derivative by the tone. The light of black over its grey level, that of white
+    over its, one over the modules `m` and one over gamma.
     """
     curve[0], curve[1], curve[2] = covariance(look)
     gamma = math.exp(look[TONE])
@@ -68,6 +69,8 @@ def curve_of(look: Array, curve: Array) -> None:
     curve[8] = 4.0 * (middle - look[BLACK]) / contrast - 2.0
     steeper = (dark * log_black + bright * log_white) / (dark + bright) - math.log(middle)
     curve[9] = 4.0 * middle * steeper / contrast
+    curve[10], curve[11] = dark / look[BLACK], bright / look[WHITE]
+    curve[12], curve[13] = 1.0 / m, 1.0 / gamma
 
 
 @compiled
@@ -110,7 +113,7 @@ def predict(
     ux, uy, vx, vy = slopes(G, u, v, w, place[3], place[4], place[5], place[6])
     s00, s01, s11 = curve[0], curve[1], curve[2]
     black, white, ink = look[BLACK], look[WHITE], look[INK]
-    gamma, log_black, log_white, dark, bright, bend = curve[3], curve[4], curve[5], curve[6], curve[7], curve[8]
+    log_black, log_white, dark, bright, bend = curve[4], curve[5], curve[6], curve[7], curve[8]
     sigma_u = math.sqrt(s00 * ux * ux + 2.0 * s01 * ux * uy + s11 * uy * uy)
     sigma_v = math.sqrt(s00 * vx * vx + 2.0 * s01 * vx * vy + s11 * vy * vy)
     askew = s00 * ux * vx + s01 * (ux * vy + uy * vx) + s11 * uy * vy
@@ -119,14 +122,15 @@ def predict(
     # light of black and white, and of the pixel
     light = max(dark + (bright - dark) * near[VALUE], 0.05 * dark)
     log_light = math.log(light)
-    grey = math.exp(log_light / gamma)
-    slope = grey / (gamma * light)
+    grey = math.exp(log_light * curve[13])
+    by_light = grey / light
+    slope = by_light * curve[13]
     gain = slope * (bright - dark)
-    by_black = slope * (1.0 - near[VALUE]) * gamma * dark / black
-    by_white = slope * near[VALUE] * gamma * bright / white
+    by_black = by_light * (1.0 - near[VALUE]) * curve[10]
+    by_white = by_light * near[VALUE] * curve[11]
     by_tone = (
-        grey * ((1.0 - near[VALUE]) * dark * log_black + near[VALUE] * bright * log_white) / light
-        - grey * log_light / gamma
+        by_light * ((1.0 - near[VALUE]) * dark * log_black + near[VALUE] * bright * log_white)
+        - grey * log_light * curve[13]
     )
     by_u, by_v, by_uv = gain * near[BY_U], gain * near[BY_V], gain * near[BY_UV]
     by_sigma_u, by_sigma_v = gain * near[BY_SIGMA_U], gain * near[BY_SIGMA_V]
@@ -155,8 +159,8 @@ def predict(
         by_black = more * by_black - amount * (1.0 - far[VALUE])
         by_white = more * by_white - amount * far[VALUE]
         by_tone = more * by_tone + less * curve[9] * BUMP * 0.5 * (sigma_u + sigma_v) * far[BY_INK]
-    p = u / m - 0.5
-    q = v / m - 0.5
+    p = u * curve[12] - 0.5
+    q = v * curve[12] - 0.5
     lit = 1.0 + look[8] * p + look[9] * q + look[10] * p * p + look[11] * p * q + look[12] * q * q
     by_u *= lit
     by_v *= lit

@@ -115,14 +115,15 @@ def _weigh(u: float, sigma: float, ink: float, weights: Array) -> int:
     what changes when it lies `ink` later, or sooner, and its step.
     """
     edge = math.floor(u + 0.5)
+    steepness = 1.0 / sigma
     before = (1.0, 0.0, 0.0)
     for k in range(3):
-        here = _step(u - (edge - 1 + k), sigma)
+        here = _step(u - (edge - 1 + k), steepness)
         for row in range(3):
             weights[row, k] = before[row] - here[row]
         if k == 1:
-            later = here if ink == 0.0 else _step(u - edge - ink, sigma)
-            sooner = here if ink == 0.0 else _step(u - edge + ink, sigma)
+            later = here if ink == 0.0 else _step(u - edge - ink, steepness)
+            sooner = here if ink == 0.0 else _step(u - edge + ink, steepness)
             for row in range(3):
                 weights[row, _LATER] = later[row] - here[row]
                 weights[row, _SOONER] = sooner[row] - here[row]
@@ -134,9 +135,9 @@ def _weigh(u: float, sigma: float, ink: float, weights: Array) -> int:
 
 
 @compiled
-def _step(beyond: float, sigma: float) -> tuple[float, float, float]:
-    """A step from 0 to 1 as it is seen so far `beyond` it, and its derivatives by place and sigma."""
-    s = beyond / sigma
+def _step(beyond: float, steepness: float) -> tuple[float, float, float]:
+    """A step from 0 to 1 as it is seen so far `beyond` it, with 1 / sigma, and its derivatives by place and sigma."""
+    s = beyond * steepness
     if s > CUT_OFF:
         return 1.0, 0.0, 0.0
     if s < -CUT_OFF:
@@ -145,5 +146,5 @@ def _step(beyond: float, sigma: float) -> tuple[float, float, float]:
     k = min(int(x), len(_NORMAL) - 1)
     x -= k
     c = _NORMAL[k]
-    by_u = (c[4] + x * (c[5] + x * (c[6] + x * c[7]))) / sigma
+    by_u = (c[4] + x * (c[5] + x * (c[6] + x * c[7]))) * steepness
     return c[0] + x * (c[1] + x * (c[2] + x * c[3])), by_u, -s * by_u

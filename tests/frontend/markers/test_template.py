@@ -41,7 +41,7 @@ class Model(NamedTuple):
 
 def at_pixel(place: Array, G: Array, look: Array, sharpened: bool = True) -> Model:
     curve, jacobian = np.empty(10), np.zeros(PARAMETERS)
-    curve_of(look, curve)
+    curve_of(look, m, curve)
     scratch = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2)
     return Model(predict(place, PATTERN, G, look, curve, sharpened, *scratch, jacobian), jacobian)
 
