@@ -49,11 +49,7 @@ def extremes(image: NDArray[np.uint8], box: tuple[int, int, int, int]) -> tuple[
 
 @compiled
 def scattered(x: int, y: int) -> float:
-    """A number from 0 to 1 that looks random, for a pixel: its place, multiplied and mixed.
-
-    Along an edge no pattern of it repeats with the pixels' colours, as that of an even sequence does where edges run in
-    certain directions. Demosaicing then moved markers by four standard deviations.
-    """
+    """A number from 0 to 1, 1 excluded, that looks random, for a place: it is multiplied and mixed."""
     mixed = ((x * 0x9E3779B1) ^ (y * 0x85EBCA77)) & 0xFFFFFFFF
     mixed = ((mixed ^ (mixed >> 15)) * 0x2C1B3C6D) & 0xFFFFFFFF
     return (mixed ^ (mixed >> 13)) / 4294967296.0
@@ -72,7 +68,9 @@ def gather(
 ) -> int:
     """Fills `places` (n, 7) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy; returns their number.
 
-    Of more than `most`, a sample is taken, the same in every frame.
+    Of more than `most`, a sample is taken: each row is divided evenly, and of each part a random pixel is looked at.
+    Along an edge nothing of it then repeats with the pixels' colours, as an even sequence does where edges run in
+    certain directions: demosaicing moved such markers by four standard deviations.
     """
     height, width = image.shape
     s00, s01, s11 = covariance(look)
@@ -83,9 +81,12 @@ def gather(
         seen = 0
         step = lattice if counting else 1
         for y in range(box[0], box[1], step):
-            for x in range(box[2], box[3], step):
-                if share < 1.0 and scattered(x, y) >= share:
+            last = -1
+            for part in range(math.ceil((box[3] - box[2]) * share / step)):
+                x = box[2] + (part * step if counting else math.floor((part + scattered(part, y)) / share))
+                if x >= box[3] or x == last:
                     continue
+                last = x
                 rx = rays[y, x, 0]
                 ry = rays[y, x, 1]
                 w = 1.0 / (G[2, 0] * rx + G[2, 1] * ry + G[2, 2])
