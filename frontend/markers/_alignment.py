@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..compiled import compiled
 from ..se2 import Array
+from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
 from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARP, STIFF, TONE, WHITE, A, C, curve_of, predict
 from ._pixels import box_of, extremes, gather
 from ._share import RIM
@@ -30,9 +31,6 @@ GRAIN = 2.0
 OUTLIER = 2.5
 """Standard deviations from which a residual counts linearly (Huber)."""
 
-RESIDUAL, WEIGHT, EDGE, COLUMNS = PARAMETERS, PARAMETERS + 1, PARAMETERS + 2, PARAMETERS + 3
-"""Columns of a pixel's row after its derivatives: residual, weight, and the number of the nearest edge."""
-
 
 @compiled
 def align(
@@ -44,7 +42,7 @@ def align(
     (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 11) has the
     expected values of the look's parameters from the blur on, and their standard deviations. Returns the homography
     from rays to (u, v), the normal matrix (21, 21), the residuals' standard deviation (infinite where there are too few
-    pixels), the look (13,) and the gradient by edge, see `_edge_of`.
+    pixels), the look (13,) and the gradient by edge, see `edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
     across, along = corners[2] - corners[0], corners[3] - corners[1]
@@ -68,7 +66,16 @@ def align(
         if count < PARAMETERS * least:
             return homography, normal, np.inf, look, by_edge
         homography, look, residual = _settled(
-            places[:count], min(4, count // (2 * PARAMETERS)), pattern, homography, look, prior, active, cut, tolerance, rows
+            places[:count],
+            min(4, count // (2 * PARAMETERS)),
+            pattern,
+            homography,
+            look,
+            prior,
+            active,
+            cut,
+            tolerance,
+            rows,
         )
         if not residual < np.inf:
             return homography, normal, np.inf, look, by_edge
@@ -79,7 +86,7 @@ def align(
     factor = normal.copy()
     if not _solve(factor, gradient, PARAMETERS):
         return homography, normal, np.inf, look, by_edge
-    _sum_edges(rows[:seen], gradient, by_edge)
+    sum_edges(rows[:seen], gradient, by_edge)
     homography, look, _ = _moved(homography, look, gradient, PARAMETERS, m)
     return homography, normal, math.sqrt(chi / max(total - PARAMETERS, 1.0)), look, by_edge
 
@@ -127,7 +134,17 @@ def _settled(
             homography, look = trial_homography, trial_look
             break
         trial_loss, trial_chi, trial_total, _ = _accumulate(
-            places, stride, pattern, trial_homography, trial_look, prior, cut, active, rows, trial_normal, trial_gradient
+            places,
+            stride,
+            pattern,
+            trial_homography,
+            trial_look,
+            prior,
+            cut,
+            active,
+            rows,
+            trial_normal,
+            trial_gradient,
         )
         if not trial_loss < loss * (1.0 + 1e-9):
             damping *= 10.0
@@ -157,7 +174,7 @@ def _accumulate(
     """Fills the normal equations; returns the robust loss, the weighted sum of squares, the sum of weights and a count.
 
     Only the first `active` parameters may change. As many of the `rows` as that count get a pixel each: its
-    derivatives, residual, weight and nearest edge, see `_edge_of`.
+    derivatives, residual, weight and nearest edge, see `edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
     table, seen, place_in, curve = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2), np.empty(14)
@@ -176,7 +193,7 @@ def _accumulate(
             loss += cut * (2.0 * size - cut)
         else:
             loss += size * size
-        row[RESIDUAL], row[WEIGHT], row[EDGE] = residual, weight, _edge_of(place_in[0], place_in[1], m)
+        row[RESIDUAL], row[WEIGHT], row[EDGE] = residual, weight, edge_of(place_in[0], place_in[1], m)
         chi += weight * residual * residual
         total += weight
         count += 1
@@ -192,18 +209,6 @@ def _accumulate(
         normal[i, i] += information
         gradient[i] -= information * (look[i - 8] - prior[0, i - STIFF])
     return loss, chi, total, count
-
-
-@compiled
-def _edge_of(u: float, v: float, m: int) -> int:
-    """The number of the edge nearest to (u, v), modules: k (m + 2) + j is edge k across u in row j of modules.
-
-    Rows count from the margin's -1 on. The numbers' other half, from (m + 1) (m + 2) on, are edges across v.
-    """
-    line_u, line_v = math.floor(u + 0.5), math.floor(v + 0.5)
-    if abs(u - line_u) < abs(v - line_v):
-        return min(max(line_u, 0), m) * (m + 2) + min(max(math.floor(v), -1), m) + 1
-    return (m + 1 + min(max(line_v, 0), m)) * (m + 2) + min(max(math.floor(u), -1), m) + 1
 
 
 @compiled
@@ -225,20 +230,6 @@ def _multiply(rows: Array, active: int, product: Array) -> None:
             by_a = a[i] * a[WEIGHT]
             for j in range(COLUMNS):
                 product[i, j] += by_a * a[j]
-
-
-@compiled
-def _sum_edges(rows: Array, step: Array, by_edge: Array) -> None:
-    """Adds to `by_edge` (edges, 22) each edge's part of the gradient after the `step` (21,), and its sum of weights."""
-    for row in rows:
-        residual = row[RESIDUAL]
-        for i in range(PARAMETERS):
-            residual -= row[i] * step[i]
-        edge = by_edge[int(row[EDGE])]
-        weighted = row[WEIGHT] * residual
-        for i in range(PARAMETERS):
-            edge[i] += weighted * row[i]
-        edge[PARAMETERS] += row[WEIGHT]
 
 
 @compiled
@@ -298,26 +289,3 @@ def _solve(normal: Array, gradient: Array, n: int) -> bool:
             gradient[i] -= normal[k, i] * gradient[k]
         gradient[i] /= normal[i, i]
     return True
-
-
-@compiled
-def spread(normal: Array, by_edge: Array, residual: float) -> Array:
-    """The covariance (8, 8) of the homography's change; LinAlgError where something is not determined.
-
-    Blur, demosaicing and what the model leaves out correlate the residuals along an edge: each edge counts as one
-    (White's covariance by clusters), and the whole covariance is scaled by how much more that gives, on average over
-    the eight.
-
-    The fit takes up a part of the edges' sums, by their leverage h, on average parameters per edge, of which those with
-    few pixels count in part. Of residuals without correlation it leaves 1 - h, of those with it less (Bell and
-    McCaffrey 2002): where a third of the variance is shared by edges it leaves (1 - h)^1.5, to 10 %.
-    """
-    inverse = np.linalg.inv(normal)[:8]
-    cov = np.ascontiguousarray(inverse[:, :8])
-    weights = by_edge[:, PARAMETERS]
-    edges = weights.sum() ** 2 / (weights * weights).sum()
-    pulls = np.ascontiguousarray(by_edge[:, :PARAMETERS]) @ np.ascontiguousarray(inverse.T)
-    clustered = pulls.T @ pulls
-    excess = np.trace(np.linalg.solve(cov, clustered)) / (8.0 * residual * residual)
-    excess /= max(1.0 - PARAMETERS / edges, 0.25) ** 1.5
-    return max(excess, 1.0) * residual * residual * cov

@@ -56,8 +56,8 @@ def curve_of(look: Array, m: int, curve: Array) -> None:
     """Fills `curve` (14,) with what all pixels share: the blur's xx, xy, yy, gamma, the logarithms of black and white.
 
     Then the light of black and of white, the bend, which is four times how far the curve is above a line in its middle,
-    as a share of the contrast, and the bend's derivative by the tone. The light of black over its grey level, that of white
-    over its, one over the modules `m` and one over gamma.
+    as a share of the contrast, and the bend's derivative by the tone. Last the light of black over its grey level, that
+    of white over its, one over the modules `m` and one over gamma.
     """
     curve[0], curve[1], curve[2] = covariance(look)
     gamma = math.exp(look[TONE])

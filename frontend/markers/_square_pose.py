@@ -8,6 +8,9 @@ import numpy as np
 from ..compiled import compiled
 from ..se2 import Array
 
+SAME = 1e-3
+"""Rotations that differ by less in every element count as equal."""
+
 ROUNDS = 30
 """Most Levenberg-Marquardt steps; a handful suffices unless the square is tiny."""
 
@@ -16,8 +19,8 @@ ROUNDS = 30
 def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array) -> tuple[Array, Array, Array]:
     """Refines n starts, rotation vectors and shifts (n, 3).
 
-    Returns poses (n, 4, 4), covariances (n, 3, 3) of the centres and chi-squares (n,), infinite where a start leads to
-    no square in front of the camera and facing it. LinAlgError for a singular `cov`.
+    Returns poses (k, 4, 4), covariances (k, 3, 3) of the centres and chi-squares (k,), of those that differ, likeliest
+    first: a start may lead to no square in front of the camera and facing it. LinAlgError for a singular `cov`.
     """
     count = len(turns)
     poses, spreads, squares = np.zeros((count, 4, 4)), np.zeros((count, 3, 3)), np.full(count, np.inf)
@@ -40,7 +43,18 @@ def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array
             poses[k, i, 3] = shift[i]
         poses[k, 3, 3] = 1.0
         squares[k] = chi2
-    return poses, spreads, squares
+    kept = 0
+    order = np.argsort(squares)
+    for k in order:
+        # A large square has one best pose, to which both starts converge.
+        twice = False
+        for other in order[:kept]:
+            twice = twice or np.abs(poses[other, :3, :3] - poses[k, :3, :3]).max() < SAME
+        if squares[k] < np.inf and not twice:
+            order[kept] = k
+            kept += 1
+    order = order[:kept]
+    return poses[order], spreads[order], squares[order]
 
 
 @compiled

@@ -18,10 +18,11 @@ from ..errors import InputError
 from ..factors import UNKNOWN
 from ..se2 import Array
 from . import template
+from ._corners import judge, mixture, slopes, to_project
 from .bits import sample
 from .markers import Markers
 from .prior import prior_of
-from .square_pose import SquarePose, square, square_poses
+from .square_pose import square, square_poses
 
 Image = NDArray[np.uint8]
 
@@ -52,10 +53,7 @@ FARTHEST, LARGEST_SHARE = 2.0, 0.04
 """px, and share of a marker's size, by which refinement may move a corner; most move less than a pixel."""
 
 
-STEP = 1e-5
-"""Of a ray, for the derivative of its pixel."""
-
-_WAYS, _CORNERS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]), np.arange(4)
+_NOTHING, _NOWHERE = np.zeros((0, 3)), np.eye(4)
 
 
 class Sighting(NamedTuple):
@@ -210,8 +208,10 @@ class Detector:
 
     def _cov_of_rays(self, rays: Array, sd: float) -> Array:
         """(8, 8) the covariance of the `rays` (4, 2) of corners that have `sd` px along both axes of the image."""
-        by_pixel = np.linalg.inv(_by_ray(self.camera, rays))
-        return sd**2 * by_pixel @ by_pixel.T
+        by_pixel = np.linalg.inv(slopes(self.camera.project(to_project(rays, _NOTHING, _NOWHERE))))
+        cov = np.zeros((4, 2, 4, 2))
+        cov[range(4), :, range(4)] = sd**2 * by_pixel @ by_pixel.transpose(0, 2, 1)
+        return cov.reshape(8, 8)
 
     def _located(self, name: int, rays: Array, cov: Array, motion: CameraMotion | None) -> Sighting | None:
         """`locate`, with the corners where a moving camera sees them."""
@@ -230,21 +230,24 @@ class Detector:
         if not poses:
             return None
         best = poses[0]
-        likelihood = np.array([math.exp((best.chi2 - solution.chi2) / 2) for solution in poses])
-        centre, centre_cov = _mixture(poses, likelihood / likelihood.sum())
-        outline = square(self.markers.side_of(name)) @ best.pose[:3, :3].T + best.pose[:3, 3]
-        seen = self.camera.project(np.concatenate((_lifted(rays), _lifted(_around(rays)), outline)))
-        corners, misses = seen[:4], seen[20:] - seen[:4]
-        by_ray = _slopes(seen[4:20])
+        centre, centre_cov = best.pose[:3, 3], best.centre_cov
+        if len(poses) > 1:
+            centre, centre_cov = mixture(
+                np.array([each.pose[:3, 3] for each in poses]),
+                np.array([each.centre_cov for each in poses]),
+                np.array([each.chi2 for each in poses]),
+            )
+        pixels = self.camera.project(to_project(rays, square(self.markers.side_of(name)), best.pose))
+        corner_cov, error = judge(pixels, cov)
         return Sighting(
             id=name,
-            corners=corners,
-            corner_cov=by_ray @ cov @ by_ray.T,
+            corners=pixels[:4],
+            corner_cov=corner_cov,
             pose=best.pose,
             centre=centre,
             centre_cov=centre_cov,
-            error=float(np.sqrt((misses**2).sum(axis=1).mean())),
-            ambiguity=float(likelihood[1]) if len(poses) > 1 else 0.0,
+            error=error,
+            ambiguity=math.exp((best.chi2 - poses[1].chi2) / 2) if len(poses) > 1 else 0.0,
         )
 
 
@@ -257,43 +260,6 @@ def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:
     centres = np.array([mounting[:2, :3] @ sighting.centre + mounting[:2, 3] for sighting in sightings]).reshape(-1, 2)
     x, y = centres[:, 0], centres[:, 1]
     return np.stack((np.hypot(x, y), np.arctan2(y, x)), axis=-1)
-
-
-def _mixture(poses: Sequence[SquarePose], weights: Array) -> tuple[Array, Array]:
-    """Mean (3,) and covariance (3, 3) of the centre, that of pose k with probability weights[k]."""
-    if len(poses) == 1:
-        return poses[0].pose[:3, 3], poses[0].centre_cov
-    centres = np.array([solution.pose[:3, 3] for solution in poses])
-    mean = weights @ centres
-    apart = centres - mean
-    covs = np.array([solution.centre_cov for solution in poses])
-    return mean, np.einsum("k,kij->ij", weights, covs + apart[:, :, None] * apart[:, None, :])
-
-
-def _by_ray(camera: Camera, rays: Array) -> Array:
-    """(8, 8) d pixels / d rays, of the four `rays` (4, 2)."""
-    return _slopes(camera.project(_lifted(_around(rays))))
-
-
-def _lifted(rays: Array) -> Array:
-    """(n, 3) the points on the plane z = 1 with `rays` (n, 2)."""
-    points = np.ones((len(rays), 3))
-    points[:, :2] = rays
-    return points
-
-
-def _around(rays: Array) -> Array:
-    """(16, 2) the four `rays` (4, 2) with more x, more y, less x and less y."""
-    return (rays + STEP * _WAYS[:, None]).reshape(16, 2)
-
-
-def _slopes(pixels: Array) -> Array:
-    """(8, 8) d pixels / d rays, from the `pixels` (16, 2) of `_around`."""
-    more_x, more_y, less_x, less_y = pixels.reshape(4, 4, 2)
-    blocks = np.zeros((4, 2, 4, 2))
-    blocks[_CORNERS, :, _CORNERS, 0] = (more_x - less_x) / (2 * STEP)
-    blocks[_CORNERS, :, _CORNERS, 1] = (more_y - less_y) / (2 * STEP)
-    return blocks.reshape(8, 8)
 
 
 def _alone(sightings: Sequence[Sighting]) -> list[Sighting]:

@@ -8,9 +8,6 @@ import numpy as np
 from ..se2 import Array
 from ._square_pose import explain
 
-SAME = 1e-3
-"""Rotations that differ by less in every element count as equal."""
-
 
 class SquarePose(NamedTuple):
     """One of the poses that explain a square's corners."""
@@ -39,10 +36,4 @@ def square_poses(rays: Array, cov: Array, side: float) -> list[SquarePose]:
         poses, spreads, squares = explain(outline, rays, cov, *starts)
     except np.linalg.LinAlgError:
         return []
-    found: list[SquarePose] = []
-    for k in np.argsort(squares).tolist():
-        # A large square has one best pose, to which both starts converge.
-        twice = any(np.abs(other.pose[:3, :3] - poses[k, :3, :3]).max() < SAME for other in found)
-        if squares[k] < np.inf and not twice:
-            found.append(SquarePose(poses[k], spreads[k], float(squares[k])))
-    return found
+    return [SquarePose(*each) for each in zip(poses, spreads, squares.tolist(), strict=True)]

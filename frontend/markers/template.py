@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..se2 import Array
-from ._alignment import align, spread
+from ._alignment import align
+from ._edges import spread
 from ._grey import BLACK, SHARP, WHITE, A
 from ._homography import corner_rays, homography
 from ._pixels import worst_module

@@ -17,12 +17,10 @@ from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured, Response
 from slamduel.frontend.markers import template
 from slamduel.frontend.markers._alignment import (
-    COLUMNS,
     _accumulate,  # pyright: ignore[reportPrivateUsage]
-    _sum_edges,  # pyright: ignore[reportPrivateUsage]
     _moved,  # pyright: ignore[reportPrivateUsage]
-    spread,
 )
+from slamduel.frontend.markers._edges import COLUMNS, spread, sum_edges
 from slamduel.frontend.markers._grey import BUMP, HALO, PARAMETERS, STIFF, curve_of, predict
 from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers.aruco import Image
@@ -301,16 +299,14 @@ def test_the_homographys_derivatives() -> None:
     assert (np.abs(exact).max(axis=0) > 4 * bound).all()  # edges were near, and the bound says something
 
 
-def filled(
-    spots: Array, G: Array, look: Array, active: int, step: Array | None = None
-) -> tuple[Array, Array, Array]:
+def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None = None) -> tuple[Array, Array, Array]:
     """Normal matrix, gradient, and gradient by edge after the `step` that solves them, or the one given."""
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
     rows = np.zeros((len(spots), COLUMNS))
     count = _accumulate(spots, 1, PATTERN, G, look, UNKNOWN_CAMERA, np.inf, active, rows, normal, gradient)[3]
     if active == PARAMETERS:
-        _sum_edges(rows[:count], np.linalg.solve(normal, gradient) if step is None else step, by_edge)
+        sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient)) if step is None else step, by_edge)
     return normal, gradient, by_edge
 
 
@@ -345,7 +341,7 @@ def test_every_pixel_belongs_to_its_nearest_edge() -> None:
 
 
 def test_the_covariance_grows_by_what_edges_share() -> None:
-    """Residuals of one pixel each leave it about as it is; those common to an edge give the covariance that they have."""
+    """Residuals of one pixel each leave it about as it is; what edges share gives the covariance that it has."""
     rng = np.random.default_rng(7)
     G, look = tilted(0.3, 1.0, (0.0, 0.0), 10.0), look_of(-0.3, 0.0, -0.3)
     spots = places(rng, G, 2000)

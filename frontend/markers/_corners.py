@@ -1,0 +1,82 @@
+"""The corners of a square in the image, with their covariance, and the centre of its poses, compiled."""
+
+import math
+
+import numpy as np
+
+from ..compiled import compiled
+from ..se2 import Array
+
+STEP = 1e-5
+"""Of a ray, for the derivative of its pixel."""
+
+
+@compiled
+def to_project(rays: Array, outline: Array, pose: Array) -> Array:
+    """(20 + n, 3) points whose pixels `slopes` and `judge` take.
+
+    Those on the plane z = 1 with the `rays` (4, 2), these with more x, more y, less x and less y, and the `outline` (n,
+    3) at the `pose` (4, 4).
+    """
+    points = np.empty((20 + len(outline), 3))
+    for k in range(20):
+        points[k, 0], points[k, 1], points[k, 2] = rays[k % 4, 0], rays[k % 4, 1], 1.0
+    for k in range(4):
+        points[4 + k, 0] += STEP
+        points[8 + k, 1] += STEP
+        points[12 + k, 0] -= STEP
+        points[16 + k, 1] -= STEP
+    for k in range(len(outline)):
+        for i in range(3):
+            points[20 + k, i] = pose[i, 3]
+            for j in range(3):
+                points[20 + k, i] += pose[i, j] * outline[k, j]
+    return points
+
+
+@compiled
+def slopes(pixels: Array) -> Array:
+    """(4, 2, 2) d pixel / d ray of each corner, from the `pixels` (20 + n, 2) of `to_project`."""
+    found = np.empty((4, 2, 2))
+    for k in range(4):
+        for i in range(2):
+            for j in range(2):
+                found[k, i, j] = (pixels[4 + 4 * j + k, i] - pixels[12 + 4 * j + k, i]) / (2 * STEP)
+    return found
+
+
+@compiled
+def judge(pixels: Array, cov: Array) -> tuple[Array, float]:
+    """The corners' covariance (8, 8), px^2, from that of their rays, and their RMS distance from the outline, px.
+
+    From the `pixels` (24, 2) of `to_project`.
+    """
+    by_ray = slopes(pixels)
+    there = np.zeros((8, 8))
+    for row in range(8):
+        by_row = by_ray[row // 2, row % 2]
+        for column in range(8):
+            by_column = by_ray[column // 2, column % 2]
+            for i in range(2):
+                for j in range(2):
+                    there[row, column] += by_row[i] * cov[row // 2 * 2 + i, column // 2 * 2 + j] * by_column[j]
+    total = 0.0
+    for k in range(4):
+        total += (pixels[20 + k, 0] - pixels[k, 0]) ** 2 + (pixels[20 + k, 1] - pixels[k, 1]) ** 2
+    return there, math.sqrt(total / 4)
+
+
+@compiled
+def mixture(centres: Array, covs: Array, squares: Array) -> tuple[Array, Array]:
+    """Mean (3,) and covariance (3, 3) of the centre, at `centres` (n, 3) with `covs` (n, 3, 3) by chi-square (n,)."""
+    weights = np.exp((squares.min() - squares) / 2)
+    weights /= weights.sum()
+    mean = np.zeros(3)
+    for k in range(len(weights)):
+        mean += weights[k] * centres[k]
+    cov = np.zeros((3, 3))
+    for k in range(len(weights)):
+        for i in range(3):
+            for j in range(3):
+                cov[i, j] += weights[k] * (covs[k, i, j] + (centres[k, i] - mean[i]) * (centres[k, j] - mean[j]))
+    return mean, cov
