@@ -196,8 +196,10 @@ def test_a_robot_that_may_drift_unmeasured_leaves_its_sightings_uncertain() -> N
     )
     sd, without = (np.sqrt(log.z_cov[:, 1, 1]) for log in (rolling, whole))
     assert (np.abs(rolling.z[:, 1] - whole.z[:, 1]) < 2 * sd).all()
-    np.testing.assert_allclose(rolling.z[:, 0], whole.z[:, 0], atol=1e-4)
+    # the two start apart and look at other pixels of the marker
+    assert (np.abs(rolling.z[:, 0] - whole.z[:, 0]) < 2 * np.sqrt(whole.z_cov[:, 0, 0])).all()
     # A marker across 40 % of the rows tells most of the motion by its own slant; what is left grows off the middle.
     assert sd[0] > without[0]
     assert sd[1] > 2 * without[1]
-    assert sd[1] > 3 * sd[0]
+    added = np.sqrt(sd**2 - without**2)
+    assert added[1] > 3 * added[0]
