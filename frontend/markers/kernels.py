@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compile_ahead import Kernels
-from . import _alignment, _corners, _edges, _homography, _pixels, _square_pose
+from . import _alignment, _corners, _edges, _pixels, _square_pose
 
 
 def kernels() -> Kernels:
@@ -13,10 +13,10 @@ def kernels() -> Kernels:
     return [
         (_alignment.align, (image, rays, table, table, table, table)),
         (_pixels.worst_module, (image, rays, table, table, np.zeros(3), table)),
-        (_homography.corner_rays, (table, 4, table)),
+        (_corners.corner_rays, (table, 4, table)),
         (_edges.spread, (table, table, 1.0)),
         (_square_pose.explain, (table, table, table, table, table)),
-        (_homography.homography, (table, 4)),
+        (_corners.homography, (table, 4)),
         (_corners.mixture, (table, np.zeros((2, 3, 3)), np.zeros(2))),
         (_corners.judge, (table, table)),
         (_corners.slopes, (table,)),

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ..se2 import Array
 from ._alignment import align
+from ._corners import corner_rays, homography
 from ._edges import spread
 from ._grey import BLACK, SHARP, WHITE, A
-from ._homography import corner_rays, homography
 from ._pixels import worst_module
 from ._share import RIM
 from .prior import UNKNOWN_CAMERA

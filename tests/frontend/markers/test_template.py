@@ -306,7 +306,7 @@ def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None 
     rows = np.zeros((len(spots), COLUMNS))
     count = _accumulate(spots, 1, PATTERN, G, look, UNKNOWN_CAMERA, np.inf, active, rows, normal, gradient)[3]
     if active == PARAMETERS:
-        sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient)) if step is None else step, by_edge)
+        sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient), float) if step is None else step, by_edge)
     return normal, gradient, by_edge
 
 
