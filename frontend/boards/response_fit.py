@@ -14,6 +14,7 @@ import numpy as np
 from ..camera.camera import Camera
 from ..camera.response import Measured, Response
 from ..markers import template
+from ..markers._alignment import LIMITED, LIMITS
 from ..markers._grey import INK, SHARP, TONE, WHITE, A
 from ..markers._pixels import MARGIN
 from ..markers.aruco import Image
@@ -139,7 +140,7 @@ class Pictures:
             fit = template.fit(patch.image, patch.rays, patch.pattern, patch.corner_rays, patch.corners, prior)
             if fit is not None and fit.look[WHITE] > CLIPPED:
                 self._clipped += 1
-            elif fit is not None:
+            elif fit is not None and _is_optimum(fit):
                 found.append((patch.picture, fit))
         return found
 
@@ -179,6 +180,12 @@ def _solved(pictures: Sequence[_Shared], weights: Array) -> Array:
 def _summed(parts: Iterable[_Shared]) -> _Shared:
     normals, rights = zip(*parts, strict=True)
     return _Shared(np.sum(normals, axis=0), np.sum(rights, axis=0))
+
+
+def _is_optimum(fit: template.Fit) -> bool:
+    """Tells if no parameter was stopped at its limit: there the loss is not quadratic about what was found."""
+    stopped = (fit.look[LIMITED] <= LIMITS[0]) | (fit.look[LIMITED] >= LIMITS[1])
+    return not stopped.any()
 
 
 def _share_of(fit: template.Fit, prior: Array) -> _Shared:

@@ -25,6 +25,12 @@ ROUNDS = 12
 LITTLE = 1e-3
 """Share of the loss below which a step's gain is not worth another."""
 
+LIMITED = np.array([INK, TONE, SHARP])
+"""Parameters of the look that are kept within limits."""
+
+LIMITS = np.array([[-0.1, -0.5, -0.5], [0.1, 1.3, 2.0]])
+"""(2, 3) their least and largest values."""
+
 GRAIN = 2.0
 """Grey levels: residuals within OUTLIER of these are never outliers."""
 
@@ -257,9 +263,8 @@ def _moved(G: Array, look: Array, step: Array, active: int, m: int) -> tuple[Arr
     moved[BLACK], moved[WHITE] = max(moved[BLACK], BLACKEST), max(moved[WHITE], BLACKEST + 1.0)
     moved[A] = min(max(moved[A], -2.0), 2.3)
     moved[C] = min(max(moved[C], -2.0), 2.3)
-    moved[INK] = min(max(moved[INK], -0.1), 0.1)
-    moved[TONE] = min(max(moved[TONE], -0.5), 1.3)
-    moved[SHARP] = min(max(moved[SHARP], -0.5), 2.0)
+    for k in range(3):
+        moved[LIMITED[k]] = min(max(moved[LIMITED[k]], LIMITS[0, k]), LIMITS[1, k])
     return moved_homography, moved, largest
 
 
