@@ -5,13 +5,12 @@ import contextlib
 import json
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 from ...frontend.factors import STARTS
 from ..plan.values import count, positive
 from ..record.store import Store
-from ..run.benchmark import DEFAULTS, benchmark
+from ..run.benchmark import DEFAULTS, benchmark, new_folder
 from ..run.document import SCHEMA, document
 from ..run.progress import Screen
 from ..run.terminal import conclude, status, verdicts
@@ -89,7 +88,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Runs; 0 where something is done and every other cell is skipped, 1 where one failed or all were skipped."""
-    out = namespace.out or Path("results") / time.strftime("%Y%m%d-%H%M%S")
+    out = namespace.out or new_folder()
     given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
     given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}
     console = screen_console(quiet=namespace.quiet, aside=namespace.json)

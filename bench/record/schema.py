@@ -19,7 +19,7 @@ from ..words.columns import CELLS, METRICS
 COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
 KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell
 MORE = tuple(column.name for column in METRICS)  # the columns of metrics.csv after those that name the cell, in order
-PLANNED = tuple(column.name for column in CELLS if column.kind.of_plan)  # those of the plan alone
+PLANNED = tuple(column.name for column in (*CELLS, *METRICS) if column.kind.of_plan)  # those of the plan alone
 KINDS = {column.name: column.kind.sql_type for column in (*CELLS, *METRICS)}  # the SQL types of both
 TEXTS = tuple(name for name, kind in KINDS.items() if kind == "TEXT")  # those of both that hold no number
 

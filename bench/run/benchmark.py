@@ -2,7 +2,9 @@
 
 import contextlib
 import difflib
+import itertools
 import shlex
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -94,6 +96,13 @@ def _refuse_a_misspelling(out: Path) -> None:
             f"--out {out}: there is no run to continue, did you mean {out.with_name(close[0])}? A new run there takes "
             "--backend or --dataset."
         )
+
+
+def new_folder() -> Path:
+    """Returns results/DATE-TIME, with -2 and so on behind it where that is there already."""
+    first = Path("results") / time.strftime("%Y%m%d-%H%M%S")
+    more = (first.with_name(f"{first.name}-{count}") for count in itertools.count(2))
+    return next(folder for folder in itertools.chain([first], more) if not folder.exists())
 
 
 def begun(out: Path) -> bool:

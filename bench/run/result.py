@@ -2,7 +2,6 @@
 
 import base64
 import contextlib
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from ..verdict.summary import lines
 from ..verdict.verdict import Verdict
 from ..words.console import screen_console
 from ..workers.local_executor import Local
-from .benchmark import begun, benchmark, planned
+from .benchmark import begun, benchmark, new_folder, planned
 from .held import ASKER, EXPECTED, Held, Named, each, needless_truth
 from .progress import Screen
 from .terminal import conclude, verdicts
@@ -138,9 +137,7 @@ def run(
     default results/DATE-TIME; a run that was stopped is continued. The other arguments are the options of the command
     line. SlamduelError, with a sentence, for anything that cannot be used.
     """
-    folder = (
-        Path(_kind("out", out, str | Path)) if out is not None else Path("results") / time.strftime("%Y%m%d-%H%M%S")
-    )
+    folder = Path(_kind("out", out, str | Path)) if out is not None else new_folder()
     said = {
         "seeds": seeds,
         "timeout_s": timeout_s,

@@ -83,11 +83,6 @@ CELLS = (
            "compiled meanwhile."),
     Column("timing_alone", "alone", kind.COUNT,
            "0: other cells ran at the same time, so times are marked * and less exact."),
-    Column("log_name", "log", kind.PLANNED,
-           "Name of the log within a dataset of many logs. Blank where the dataset is one log, or draws them."),
-    Column("cluster", "cluster", kind.PLANNED,
-           "Logs of one cluster share a run, a robot or a building, and are not independent of each other. Blank: the "
-           "log is independent of all others."),
 )  # fmt: skip
 """The columns of cells.csv, in order; other tools read them, so new ones come last."""
 
@@ -256,6 +251,11 @@ METRICS = (
     Column("locate_ms", "time to locate", kind.CPU_MS,
            "CPU time of these steps, those in which nothing is seen included, and the steps that the backend is given "
            "at once where the robot is found."),
+    Column("log_name", "log", kind.PLANNED,
+           "Name of the log within a dataset of many logs. Blank where the dataset is one log, or draws them."),
+    Column("cluster", "cluster", kind.PLANNED,
+           "Logs of one cluster share a run, a robot or a building, and are not independent of each other. Blank: the "
+           "log is independent of all others."),
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 

@@ -192,6 +192,7 @@ def test_a_plan_comes_back_from_its_words() -> None:
     }
     plan = Plan.from_words(words)
     assert plan.words() == words | {
+        "logs": {},
         "map": None,
         "map_fixed": False,
         "start": "known",

@@ -4,6 +4,7 @@ import html
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 import slamduel
 from random_logs import random_log
+from slamduel.bench.run.benchmark import new_folder
 from slamduel.bench.run.result import Result
 from slamduel.datasets.formats import log_folder
 from slamduel.frontend.factors import Dataset
@@ -38,6 +40,16 @@ def test_a_log_in_python_is_run_as_it_is(world: Dataset, result: Result) -> None
     assert kept.truth is not None
     assert world.truth is not None
     np.testing.assert_array_equal(kept.truth.poses, world.truth.poses)
+
+
+def test_runs_of_the_same_second_have_a_folder_each(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(time, "strftime", lambda _: "20260102-030405")
+    folders = []
+    for _ in range(3):
+        folders.append(new_folder())
+        folders[-1].mkdir(parents=True)
+    assert [folder.name for folder in folders] == ["20260102-030405", "20260102-030405-2", "20260102-030405-3"]
 
 
 def test_paths_come_back_as_arrays(world: Dataset, result: Result) -> None:
