@@ -35,7 +35,7 @@ def test_a_detector_finds_them_only_where_asked_and_beside_markers_that_it_reads
     image = np.full((480, 640), 255, np.uint8)
     image[100:260, 60:220], image[180:340, 400:560] = sheet(bits), sheet(word)
     # As a camera does: without blur, an edge is only known to be within a pixel.
-    image = cv2.GaussianBlur(image, (0, 0), 0.7)
+    image = cv2.GaussianBlur(image, (0, 0), 0.7).astype(np.uint8)
     plain, asked = (Detector(Markers("4X4_50", 0.16), CAMERA, unread=unread) for unread in (False, True))
     assert [one.id for one in plain.detect(image)[0]] == [7]
     unread, read = asked.detect(image)[0]

@@ -1,0 +1,208 @@
+"""Every command of README and docs does what is said beside it: block by block, on shorter drives and one seed."""
+
+import os
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from carmen_files import written
+from charuco_views import poses, sensed
+from floor_drives import bag, floor_drive, mounting, odometry, scans
+from places import ROOT
+from random_logs import random_log
+from slamduel.bench.cli import main
+from slamduel.bench.run import benchmark
+from slamduel.datasets import registry
+from slamduel.datasets.formats import log_folder
+from slamduel.datasets.rendering.sensor import Sensor
+from slamduel.frontend.boards.board import Board
+from slamduel.frontend.camera.camera import Camera
+
+pytestmark = pytest.mark.slow
+
+SHORTER = {
+    "aruco-room": {"seconds": 6.0},
+    "circle": {"steps": 60},
+    "city": {"steps": 80},
+    "laser-floor": {"laps": 0.3},
+    "depth-room": {"laps": 0.2},
+}
+"""Defaults of drives, so that a command keeps the words of its page."""
+
+ELSEWHERE = {
+    "speed": "takes minutes on an idle machine: tests/bench/speed",
+    "fetch": "needs the publishers: tests/datasets/published",
+    "--executor": "needs other machines: tests/bench/workers",
+}
+"""Commands and options that other tests run."""
+
+PUBLISHED = {
+    "dlr": "dlr",
+    "freiburg": "freiburg",
+    "mrclam-6": "mrclam/MRCLAM_Dataset6",
+    "victoria-park-raw": "victoria_park_raw",
+}
+"""Names of published logs, and where they are among the logs at hand."""
+
+PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.glob("docs/*.md")}
+PAGES["README.md"] = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(text: str) -> list[list[list[str]]]:
+    """The words of the commands of a page, by the blocks they stand in."""
+    logs: list[str] = re.findall(r"^    LOG='(.*)'$", text, re.MULTILINE)
+    found = re.findall(r"(?:^    bench .*\n)+", text, re.MULTILINE)
+    lines = ((line.partition("   #")[0] for line in block.splitlines()) for block in found)
+    return [[shlex.split(line.replace("$LOG", logs[0]) if logs else line)[1:] for line in block] for block in lines]
+
+
+SHOWN = {
+    f"{page} {'; '.join(sorted({words[0] for words in block}))} {k}": block
+    for page, text in PAGES.items()
+    for k, block in enumerate(blocks(text))
+}
+
+
+def written_log(folder: Path, seed: int = 0) -> None:
+    log, truth = random_log(np.random.default_rng(seed), 40, 8)
+    log_folder.write(folder, log, truth)
+
+
+def drives(folder: Path) -> None:
+    for k in range(2):
+        written_log(folder / f"drives/{k}", k)
+    (folder / "drives.toml").write_text("".join(f'[[logs]]\npath = "drives/{k}"\n' for k in range(2)))
+
+
+def tables(folder: Path) -> None:
+    (folder / "odometry.csv").write_text("t,x,y,heading\n" + "".join(f"{k},{k / 2},0,0\n" for k in range(20)))
+    (folder / "truth.csv").write_text("t,x,y,heading\n" + "".join(f"{k},{k / 2},0,0\n" for k in range(20)))
+    seen = (f"{k},{name},{10 - k / 2},{2 * name - 3}\n" for k in range(18) for name in (1, 2))
+    (folder / "detections.csv").write_text("t,id,x,y\n" + "".join(seen))
+
+
+def pictures(folder: Path) -> None:
+    board = Board(columns=5, rows=7, square=0.04, marker=0.02, dictionary="6X6_250")
+    camera = Camera(640, 480, (560, 558), (322, 238), (-0.2, 0.06, 0.001, -0.0008, 0.0), np.eye(4))
+    (folder / "pictures").mkdir()
+    rng = np.random.default_rng(1)
+    for k, image in enumerate(sensed(camera, poses(6, rng, distance=0.36, board=board), Sensor(), rng, board)):
+        cv2.imwrite(str(folder / f"pictures/{k}.png"), image)
+
+
+def laser_drive(folder: Path) -> None:
+    drive = floor_drive()
+    bag(folder / "drive", "ros1", scans(drive), odometry(drive), mounting())
+    (folder / "drive/robot.toml").write_text('name = "my robot"\n[laser]\n')
+
+
+def laser_logs(folder: Path) -> None:
+    drive = floor_drive()
+    (folder / "path/to").mkdir(parents=True)
+    written(folder / "path/to/intel.clf.gz", drive)
+    shutil.move(bag(folder / "bags", "ros1", scans(drive), odometry(drive), mounting()), folder / "path/to/drive.bag")
+
+
+def run(name: str, dataset: str, seeds: str = "1") -> Callable[[Path], None]:
+    words = ("--backend", "ekf,isam2", "--dataset", dataset, "--seeds", seeds, "--quiet")
+
+    def made(folder: Path) -> None:
+        assert main(["run", *words, "--out", str(folder / "results" / name)]) == 0
+
+    return made
+
+
+def study(folder: Path) -> None:
+    (text,) = re.findall(r"```toml\n(question.*?)```", PAGES["docs/studies.md"], re.DOTALL)
+    (folder / "tags.toml").write_text(text)
+
+
+def module(folder: Path) -> None:
+    (text,) = re.findall(r"```python\n(.*?)```", PAGES["README.md"], re.DOTALL)
+    (folder / "my_module.py").write_text(text)
+
+
+FURNISHED = {
+    "drives": drives,
+    "path/to/my_log": lambda folder: written_log(folder / "path/to/my_log"),
+    "path/to/intel": laser_logs,
+    "odometry.csv": tables,
+    "pictures/": pictures,
+    "my_module": module,
+    "tags.toml": study,
+    "results/tags": study,
+    "results/demo": run("demo", "circle"),
+    "results/old": run("old", "circle"),
+    "results/new": run("new", "circle"),
+    "results/map/": run("map", "aruco-room"),
+    "results/mine": run("mine", "aruco-room,laser-floor", "3"),
+    "detect drive": laser_drive,
+}
+"""What the commands of a block find where they are run, by words that name it."""
+
+
+def made_by(block: list[list[str]]) -> str:
+    """What the commands of a block write themselves, by words that name it."""
+    runs = [words[words.index("--out") + 1] + "/" for words in block if {"--out", "--dataset"} <= {*words}]
+    return " ".join(runs + ["detect drive"] * any(words[0] == "render" for words in block))
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder to stand in, with shorter drives, one seed and the logs at hand as if they had been fetched."""
+    monkeypatch.setitem(benchmark.DEFAULTS, "seeds", 1)
+    for name, changes in SHORTER.items():
+        options = registry.find(name).options
+        fields = options.__dataclass_fields__
+        defaults = options.__init__.__defaults__
+        changed = tuple(changes.get(field, value) for field, value in zip(fields, defaults or (), strict=True))
+        monkeypatch.setattr(options.__init__, "__defaults__", changed)
+        for field, value in changes.items():
+            monkeypatch.setattr(fields[field], "default", value)
+            monkeypatch.setattr(options, field, value)
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "cache/published").mkdir(parents=True)
+    for name, folder in PUBLISHED.items() if "SLAMDUEL_DATA" in os.environ else ():
+        (tmp_path / "cache/published" / name).symlink_to(Path(os.environ["SLAMDUEL_DATA"]).resolve() / folder)
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "my_module", raising=False)
+    return tmp_path / "here"
+
+
+@pytest.mark.parametrize("block", SHOWN.values(), ids=list(SHOWN))
+def test_every_command_does_what_it_says(
+    block: list[list[str]], place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, made = "\n".join(" ".join(words) + " " for words in block), made_by(block)
+    for word, furnish in FURNISHED.items():
+        if word in text and word not in made:
+            furnish(place)
+    for words in block:
+        if any(name in words for name in ELSEWHERE):
+            continue
+        said = words[:]
+        if "--seeds" in said:
+            said[said.index("--seeds") + 1] = "1"
+        if words[0] in {"run", "ablate"} and len(said) > 1 and "--dry-run" not in said:
+            said += ["--executor", "here"]
+        capsys.readouterr()
+        status = main(said)
+        out, err = capsys.readouterr()
+        assert "Traceback" not in out + err, (words, out, err)
+        if "is not on this machine: bench fetch" in err:
+            pytest.skip(f"{' '.join(words)}: {err}")
+        assert status == 0, (words, out, err)
+
+
+def test_what_is_left_out_is_there() -> None:
+    said = {word for block in SHOWN.values() for words in block for word in words}
+    assert set(ELSEWHERE) <= said
