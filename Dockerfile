@@ -1,5 +1,5 @@
 # docker build --tag slamduel .
-# docker run --rm --volume "$PWD/results:/work/results" slamduel run
+# docker run --rm --volume "$PWD/results:/data/results" slamduel run
 FROM python:3.13-slim
 
 # libgcc and libstdc++ serve numba and gtsam; the slim image has all else that the wheels need.
@@ -16,6 +16,6 @@ RUN bench run --quiet --out /tmp/first && rm -rf /tmp/first
 
 # Results belong to the user who runs the container (docker run --user "$(id -u):$(id -g)").
 ENV MPLCONFIGDIR=/tmp XDG_CACHE_HOME=/tmp/cache
-WORKDIR /work
+WORKDIR /data
 ENTRYPOINT ["bench"]
 CMD ["--help"]
