@@ -147,3 +147,8 @@ def dead_reckoned(log: Log) -> tuple[Array, Array]:
             covs.append(by_pose @ covs[-1] @ by_pose.T + by_delta @ step.odometry.cov @ by_delta.T)
             path.append(se2.compose(path[-1], step.odometry.delta))
     return np.array(path), np.array(covs)
+
+
+def a_round() -> Log:
+    """Makes a drive of just over one round of the circle, so that landmarks return and the heading crosses pi."""
+    return drive(np.random.default_rng(1), around(90)).log
