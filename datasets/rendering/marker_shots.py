@@ -45,6 +45,11 @@ ADVANCE = 0.3
 """Distance moved by the camera while it turns by a radian, on average, in distances to the marker."""
 
 
+LEAST = 100.0
+"""px, at least, by which a marker moves per radian of a motion: where turn and shift nearly cancel, a camera would have
+to move at tens of metres per second to draw it out."""
+
+
 class Placement(NamedTuple):
     """A frame with one marker."""
 
@@ -137,11 +142,12 @@ class Studio:
 
         With a `skew`, that many px pass between the first row and the last of the sensor's readout.
         """
-        turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
         corners = square(SIDE) @ pose[:3, :3].T + pose[:3, 3]
-        little = 1e-4
-        ends = [self.camera.project((corners - by * shift) @ _turn(by * turn)) for by in (-little, little)]
-        by_amount = np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little)
+        little, by_amount = 1e-4, 0.0
+        while by_amount < LEAST:
+            turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
+            ends = [self.camera.project((corners - by * shift) @ _turn(by * turn)) for by in (-little, little)]
+            by_amount = np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little)
         parts = int(np.ceil(streak)) + 1
         within = streak / by_amount * ((np.arange(parts) + 0.5) / parts - 0.5)
         if not skew:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..compiled import compiled
 from ..se2 import Array
 from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
-from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARP, STIFF, TONE, WHITE, A, C, curve_of, predict
+from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARED, SHARP, STIFF, TONE, WHITE, A, C, curve_of, eye_of, predict
 from ._pixels import box_of, extremes, gather
 from ._share import RIM
 
@@ -22,8 +22,8 @@ ENOUGH = 600
 ROUNDS = 12
 """Most steps in a pass; three to five suffice."""
 
-LITTLE = 1e-3
-"""Share of the loss below which a step's gain is not worth another."""
+LITTLE, SHORT = 0.01, 0.1
+"""A step is the last of its pass where it gains less than that share of the loss, or moves no edge by as many px."""
 
 LIMITED = np.array([INK, TONE, SHARP])
 """Parameters of the look that are kept within limits."""
@@ -44,11 +44,12 @@ def align(
 ) -> tuple[Array, Array, float, Array, Array]:
     """Aligns a pattern from a rough homography (3, 3): first homography and greys, then everything.
 
-    Both use a part of the pixels near edges; one Newton step with all of them ends it. `image` (h, w) and its `rays`
-    (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 11) has the
+    Both use a part of the pixels near edges. Newton's steps end it, one with half of the sample and one with all of it:
+    a single one leaves a tenth of a step of several standard deviations undone. `image` (h, w) and its `rays`
+    (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 14) has the
     expected values of the look's parameters from the blur on, and their standard deviations. Returns the homography
-    from rays to (u, v), the normal matrix (21, 21), the residuals' standard deviation (infinite where there are too few
-    pixels), the look (13,) and the gradient by edge, see `edge_of`.
+    from rays to (u, v), the normal matrix (24, 24), the residuals' standard deviation (infinite where there are too few
+    pixels), the look (16,) and the gradient by edge, see `edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
     across, along = corners[2] - corners[0], corners[3] - corners[1]
@@ -63,37 +64,33 @@ def align(
     by_edge = np.zeros((2 * (m + 1) * (m + 2), PARAMETERS + 1))
     places = np.empty((2 * ENOUGH, 7))
     rows = np.zeros((2 * ENOUGH, COLUMNS))
-    residual = np.inf
+    residual, eye = np.inf, np.zeros(3)
     for everything in (False, True):
         most, active, least = (ENOUGH, PARAMETERS, 6) if everything else (ENOUGH // 2, STIFF, 4)
         cut = OUTLIER * max(residual, GRAIN)
-        tolerance = (0.03 if everything else 0.1) / module
+        eye = eye_of(homography, m, np.zeros(3))
         count = gather(image, rays, homography, look, m, box, most, places)
         if count < PARAMETERS * least:
             return homography, normal, np.inf, look, by_edge
+        stride, enough = min(4, count // (2 * PARAMETERS)), SHORT / module
         homography, look, residual = _settled(
-            places[:count],
-            min(4, count // (2 * PARAMETERS)),
-            pattern,
-            homography,
-            look,
-            prior,
-            active,
-            cut,
-            tolerance,
-            rows,
+            places[:count], stride, pattern, homography, eye, look, prior, active, cut, enough, rows
         )
         if not residual < np.inf:
             return homography, normal, np.inf, look, by_edge
     cut = OUTLIER * max(residual, GRAIN)
-    _, chi, total, seen = _accumulate(
-        places[:count], 1, pattern, homography, look, prior, cut, PARAMETERS, rows, normal, gradient
-    )
-    factor = normal.copy()
-    if not _solve(factor, gradient, PARAMETERS):
-        return homography, normal, np.inf, look, by_edge
-    sum_edges(rows[:seen], gradient, by_edge)
-    homography, look, _ = _moved(homography, look, gradient, PARAMETERS, m)
+    chi, total = 0.0, 0.0
+    for stride in (2, 1):
+        eye = eye_of(homography, m, eye)
+        _, chi, total, seen = _accumulate(
+            places[:count], stride, pattern, homography, eye, look, prior, cut, PARAMETERS, rows, normal, gradient
+        )
+        factor = normal.copy()
+        if not _solve(factor, gradient, PARAMETERS):
+            return homography, normal, np.inf, look, by_edge
+        if stride == 1:
+            sum_edges(rows[:seen], gradient, by_edge)
+        homography, look, _ = _moved(homography, look, gradient, PARAMETERS, m)
     return homography, normal, math.sqrt(chi / max(total - PARAMETERS, 1.0)), look, by_edge
 
 
@@ -103,6 +100,7 @@ def _settled(
     stride: int,
     pattern: Array,
     homography: Array,
+    eye: Array,
     look: Array,
     prior: Array,
     active: int,
@@ -121,7 +119,7 @@ def _settled(
     gradient = np.zeros(PARAMETERS)
     normal, trial_normal, factor = np.zeros((3, PARAMETERS, PARAMETERS))
     loss, chi, total, _ = _accumulate(
-        places, stride, pattern, homography, look, prior, cut, active, rows, normal, gradient
+        places, stride, pattern, homography, eye, look, prior, cut, active, rows, normal, gradient
     )
     damping = 1e-4
     for _ in range(ROUNDS):
@@ -144,6 +142,7 @@ def _settled(
             stride,
             pattern,
             trial_homography,
+            eye,
             trial_look,
             prior,
             cut,
@@ -154,7 +153,7 @@ def _settled(
         )
         if not trial_loss < loss * (1.0 + 1e-9):
             damping *= 10.0
-            if largest < 3.0 * tolerance or damping > 1e4:
+            if damping > 1e4:
                 break
         else:
             homography, look, loss, chi, total = trial_homography, trial_look, trial_loss, trial_chi, trial_total
@@ -169,6 +168,7 @@ def _accumulate(
     stride: int,
     pattern: Array,
     G: Array,
+    eye: Array,
     look: Array,
     prior: Array,
     cut: float,
@@ -183,12 +183,13 @@ def _accumulate(
     derivatives, residual, weight and nearest edge, see `edge_of`.
     """
     m = pattern.shape[0] - 2 * RIM
-    table, seen, place_in, curve = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2), np.empty(14)
-    curve_of(look, m, curve)
+    table, seen, paper = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12)
+    place_in, curve = np.empty(2), np.empty(SHARED)
+    curve_of(look, m, eye, curve)
     loss, chi, total, count = 0.0, 0.0, 0.0, 0
     for index in range(0, len(places), stride):
         place, row = places[index], rows[count]
-        grey = predict(place, pattern, G, look, curve, active > STIFF, table, seen, place_in, row)
+        grey = predict(place, pattern, G, look, curve, active > STIFF, table, seen, paper, place_in, row)
         if math.isnan(grey):
             continue
         residual = place[0] - grey
@@ -219,7 +220,7 @@ def _accumulate(
 
 @compiled
 def _multiply(rows: Array, active: int, product: Array) -> None:
-    """Adds to `product` (21, 24) the sum over pixels of weight times derivative times row.
+    """Adds to `product` (24, 27) the sum over pixels of weight times derivative times row.
 
     Four pixels at a time: each of the product's numbers is read and written once for them.
     """

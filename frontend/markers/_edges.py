@@ -26,7 +26,7 @@ def edge_of(u: float, v: float, m: int) -> int:
 
 @compiled
 def sum_edges(rows: Array, step: Array, by_edge: Array) -> None:
-    """Adds to `by_edge` (edges, 22) each edge's part of the gradient after the `step` (21,), and its sum of weights."""
+    """Adds to `by_edge` (edges, 25) each edge's part of the gradient after the `step` (24,), and its sum of weights."""
     for row in rows:
         residual = row[RESIDUAL]
         for i in range(PARAMETERS):

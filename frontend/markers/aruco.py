@@ -60,7 +60,7 @@ class Sighting(NamedTuple):
     """A marker found in a frame."""
 
     id: int  # UNKNOWN: of a square whose bits are no marker's
-    corners: Array  # (4, 2) px, where they are in the image, clockwise from the marker's own top left one
+    corners: Array  # (4, 2) px, in the image, clockwise from the marker's own top left one; of a flat one, if it curls
     corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
     centre: Array  # (3,) m, the marker's centre in the camera frame, averaged over the poses that explain the corners

@@ -1,13 +1,16 @@
 """Locates a marker's printed pattern in a frame, to a hundredth of a pixel.
 
 Once the id is known so is the pattern, and all of its edges are aligned at once: the homography between the marker's
-plane and the rays of the frame's pixels, the blur, the light on the paper, the spread of the ink and the camera's tone
-curve and sharpening are fitted to the grey values by weighted least squares, Lucas and Kanade's alignment (1981) with
-the pattern in closed form. A pattern of modules under a Gaussian blur is a sum of products of normal distribution
-functions, exact along every straight edge. Rays as coordinates eliminate the lens's distortion, however strong.
+plane and the rays of the frame's pixels, the blur, the light on the paper, its curl, the spread of the ink and the
+camera's tone curve and sharpening are fitted to the grey values by weighted least squares, Lucas and Kanade's alignment
+(1981) with the pattern in closed form. A pattern of modules under a Gaussian blur is a sum of products of normal
+distribution functions, exact along every straight edge. Rays as coordinates eliminate the lens's distortion, however
+strong.
 
 A tone curve and ink move every edge between black and white the same way, as a change of distance moves the outline
-alone: the inner modules tell them apart.
+alone: the inner modules tell them apart. Paper that curls moves edges by their squared distance from the middle,
+towards or away from where the camera stands: a change of perspective moves some of them sideways, too, and so a frame
+tells these two apart.
 """
 
 from typing import NamedTuple
@@ -58,8 +61,8 @@ class Fit(NamedTuple):
     residual: float  # grey levels, standard deviation
     contrast: float  # grey levels between white and black
     blur: Array  # (2, 2) px^2, the blur's covariance
-    look: Array  # (13,) the parameters from the greys on
-    normal: Array  # (21, 21) of all parameters, per squared grey level; it has the prior's part
+    look: Array  # (16,) the parameters from the greys on
+    normal: Array  # (24, 24) of all parameters, per squared grey level; it has the prior's part
 
 
 def fit(

@@ -6,7 +6,7 @@ import pytest
 
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.clutter import clutter, drawn, is_marker
-from slamduel.datasets.rendering.marker_shots import RIM, Studio, crowds, placements
+from slamduel.datasets.rendering.marker_shots import ADVANCE, LEAST, RIM, Studio, crowds, placements
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.errors import InputError
 from slamduel.frontend.markers.aruco import Detector, square
@@ -151,3 +151,15 @@ def test_a_markers_image_leans_as_far_as_the_shutter_takes() -> None:
     expected = np.array([corners[own[k], k] for k in range(4)])
     assert np.abs(expected - corners_of(pose)).max() > 2
     np.testing.assert_allclose(sighting.corners, expected, atol=0.9)  # half a band, and the refinement
+
+
+def test_no_camera_has_to_be_unrealistically_fast() -> None:
+    """It shifts by ADVANCE times the distance per radian and standard deviation, of which five are enough."""
+    rng, skew, readout = np.random.default_rng(3), 7.5, 0.03
+    studio = Studio(CAMERAS["pinhole"], sensor=Sensor(readout=readout))
+    fastest = skew / readout / LEAST * ADVANCE * 4.0 * 5
+    for _ in range(300):
+        pose, _ = studio.hang(4.0, rng)
+        motion = studio.sway(pose, 0.0, rng, skew).motion
+        assert motion is not None
+        assert np.linalg.norm(motion.rates[3:]) < fastest

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, minimum_filter
+from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal, norm
 
 from slamduel.datasets.rendering.cameras import CAMERAS
@@ -21,7 +22,18 @@ from slamduel.frontend.markers._alignment import (
     _moved,  # pyright: ignore[reportPrivateUsage]
 )
 from slamduel.frontend.markers._edges import COLUMNS, spread, sum_edges
-from slamduel.frontend.markers._grey import BUMP, HALO, PARAMETERS, STIFF, curve_of, predict
+from slamduel.frontend.markers._grey import (
+    BUMP,
+    CURL,
+    HALO,
+    PARAMETERS,
+    SHARED,
+    STIFF,
+    curve_of,
+    eye_of,
+    predict,
+    unroll,
+)
 from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.prior import UNKNOWN_CAMERA, prior_of
@@ -31,19 +43,22 @@ from slamduel.frontend.se2 import Array
 PATTERN = template.pattern(drawn("4X4_50", 7)[1:-1, 1:-1])
 M = len(PATTERN) - 2 * RIM
 
+NOWHERE = np.zeros(3)
+"""In place of a camera that is known to be on one side."""
+
 
 class Model(NamedTuple):
     """The compiled model at one pixel."""
 
     grey: float
-    jacobian: Array  # (21,)
+    jacobian: Array  # (24,)
 
 
-def at_pixel(place: Array, G: Array, look: Array, sharpened: bool = True) -> Model:
-    curve, jacobian = np.empty(14), np.zeros(PARAMETERS)
-    curve_of(look, M, curve)
-    scratch = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(2)
-    return Model(predict(place, PATTERN, G, look, curve, sharpened, *scratch, jacobian), jacobian)
+def at_pixel(place: Array, G: Array, look: Array, whole: bool = True, eye: Array | None = None) -> Model:
+    curve, jacobian = np.empty(SHARED), np.zeros(PARAMETERS)
+    curve_of(look, M, eye_of(G, M, NOWHERE) if eye is None else eye, curve)
+    scratch = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2)
+    return Model(predict(place, PATTERN, G, look, curve, whole, *scratch, jacobian), jacobian)
 
 
 def tilted(turn: float, stretch: float, tilt: tuple[float, float], scale: float) -> Array:
@@ -74,8 +89,9 @@ def look_of(
     tone: float = 0.0,
     sharp: float = 0.0,
     light: tuple[float, ...] = (0.0,) * 5,
+    curl: tuple[float, ...] = (0.0,) * 3,
 ) -> Array:
-    return np.array([40.0, 200.0, a, b, c, ink, tone, sharp, *light])
+    return np.array([40.0, 200.0, a, b, c, ink, tone, sharp, *light, *curl])
 
 
 def blur_of(look: Array) -> Array:
@@ -223,7 +239,7 @@ def test_a_blur_that_is_askew_is_right_to_second_order() -> None:
 
 
 def differences(place: Array, G: Array, look: Array, h: float) -> Array:
-    """(21,) the central differences of the grey level by every parameter, as `_moved` applies them."""
+    """(24,) the central differences of the grey level by every parameter, as `_moved` applies them."""
     slopes = np.zeros(PARAMETERS)
     for k in range(PARAMETERS):
         step = np.zeros(PARAMETERS)
@@ -268,9 +284,9 @@ def test_the_looks_derivatives() -> None:
             moved = abs(ink) * scale + BUMP * np.exp(spread) * (2 ** (1 - np.exp(-tone)) - 1)
             held = 160 * sharp * moved / HALO * norm.pdf(0) if checked % 3 == 2 else 0.0
             bounds = (
-                2e-3 + 2e-4 * np.abs(measured) + held * np.array([1] * 8 + [0.02, 0.02, 1, 1, 1, scale, 1, 0] + [0] * 5)
+                2e-3 + 2e-4 * np.abs(measured) + held * np.array([1] * 8 + [0.02, 0.02, 1, 1, 1, scale, 1, 0] + [0] * 8)
             )
-            assert (np.abs(exact - measured)[8:] < bounds[8:]).all()
+            assert (np.abs(exact - measured) < bounds)[8 : CURL + 8].all()
             checked += int(np.abs(exact[10]) > 1)  # that an edge was near
 
 
@@ -299,12 +315,98 @@ def test_the_homographys_derivatives() -> None:
     assert (np.abs(exact).max(axis=0) > 4 * bound).all()  # edges were near, and the bound says something
 
 
+def leaning(rng: np.random.Generator) -> tuple[Array, Array]:
+    """A homography from rays to modules, of a square of side 1 that leans by up to 50 degrees, and its camera's place.
+
+    p and q run along the square's sides from its middle, and its normal towards the camera.
+    """
+    turn, shift = (
+        Rotation.from_euler("zyx", rng.uniform(-1, 1, 3) * [np.pi, 0.6, 0.6]).as_matrix(),
+        np.append(rng.uniform(-2, 2, 2), rng.uniform(4, 12)),
+    )
+    sides = np.column_stack((turn[:, 0] / M, turn[:, 1] / M, shift - (turn[:, 0] + turn[:, 1]) / 2))
+    eye = -turn.T @ shift
+    return np.asarray(np.linalg.inv(sides)), np.array([eye[0], eye[1], -eye[2]])
+
+
+def test_the_camera_stands_where_the_homography_says() -> None:
+    rng = np.random.default_rng(21)
+    for _ in range(30):
+        G, eye = leaning(rng)
+        mirrored = eye * [-1, -1, 1]
+        for scale, other, expected in ((1.0, NOWHERE, eye), (-3.0, NOWHERE, eye), (1.0, 0.8 * mirrored, mirrored)):
+            np.testing.assert_allclose(eye_of(scale * G, M, other), expected, rtol=1e-7, atol=1e-7)
+
+
+def test_rays_meet_curled_paper_where_it_is() -> None:
+    """On the ray, above the place that is the arc of a parabola away from the middle.
+
+    The arc, of slope g up to a tenth, is longer than its shadow by g^2 / 6 of it; g^4 / 40 is left out.
+    """
+    rng = np.random.default_rng(22)
+    paper = np.empty(12)
+    for _ in range(40):
+        eye, way, curvature = leaning(rng)[1], rng.uniform(0, np.pi), rng.uniform(-0.1, 0.1)
+        axis, foot = np.array([np.cos(way), np.sin(way)]), rng.uniform(-0.5, 0.5, 2)
+        across = float(foot @ axis)
+        # the ray to the point above its foot meets the plane further on
+        p, q = eye[:2] + (foot - eye[:2]) / (1 - curvature * across**2 / eye[2])
+        curl = curvature * np.array([axis[0] ** 2, 2 * axis[0] * axis[1], axis[1] ** 2])
+        assert unroll(p, q, *curl.tolist(), eye, paper)
+        along = np.linspace(0, across, 2001)
+        arc = float(np.trapezoid(np.sqrt(1 + (2 * curvature * along) ** 2), along))
+        np.testing.assert_allclose(paper[:2], foot + (arc - across) * axis, atol=0.11**4 / 40)
+
+
+def test_a_ray_that_passes_the_paper_by_meets_none() -> None:
+    assert not unroll(0.4, 0.0, 3.0, 0.0, 0.0, np.array([3.0, 0.0, 0.5]), np.empty(12))
+
+
+def test_the_derivatives_of_curled_paper() -> None:
+    """Exact by the curl; by the plane, only the arc's part is left out, two thirds of a slope squared."""
+    rng = np.random.default_rng(23)
+
+    def at(values: Array, eye: Array) -> Array:
+        paper = np.empty(12)
+        assert unroll(*values.tolist(), eye, paper)
+        return paper
+
+    for _ in range(40):
+        eye, values = leaning(rng)[1], np.concatenate((rng.uniform(-0.5, 0.5, 2), rng.uniform(-0.08, 0.08, 3)))
+        exact, h = at(values, eye), 1e-5
+        steps = h * np.eye(5)
+        slopes = np.array([(at(values + step, eye) - at(values - step, eye))[:2] / (2 * h) for step in steps])
+        np.testing.assert_allclose(exact[2:6], slopes[:2].T.ravel(), atol=2 / 3 * 0.25**2)
+        np.testing.assert_allclose(exact[6:], slopes[2:].T.ravel(), rtol=1e-6, atol=1e-8)
+        assert np.abs(exact[2:6] - [1, 0, 0, 1]).max() > 1e-4
+
+
+def test_the_greys_derivatives_by_the_curl() -> None:
+    """The pattern moves, its blur stays: with it straight in the pattern's coordinates they are exact."""
+    rng = np.random.default_rng(24)
+    checked = 0
+    while checked < 20:
+        G, spread = tilted(rng.uniform(-3, 3), 1.0, (0.0, 0.0), rng.uniform(4, 9)), rng.uniform(-0.6, 0.1)
+        look = look_of(spread, 0.0, spread, curl=tuple(rng.uniform(-0.05, 0.05, 3)))
+        eye = np.array([*rng.uniform(-6, 6, 2), rng.uniform(5, 10)])
+        (place,) = places(rng, G, 1)
+        if not clear_of_cut_off(place, G, look):
+            continue
+        exact, h = at_pixel(place, G, look, eye=eye).jacobian[-3:], 1e-5
+        steps = h * np.eye(len(look))[CURL:]
+        ends = [[at_pixel(place, G, look + way * step, eye=eye).grey for way in (-1, 1)] for step in steps]
+        measured = np.diff(np.array(ends), axis=1)[:, 0] / (2 * h)
+        np.testing.assert_allclose(exact, measured, rtol=1e-4, atol=2e-2)
+        checked += int(np.abs(exact).max() > 5)
+
+
 def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None = None) -> tuple[Array, Array, Array]:
     """Normal matrix, gradient, and gradient by edge after the `step` that solves them, or the one given."""
     normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
     rows = np.zeros((len(spots), COLUMNS))
-    count = _accumulate(spots, 1, PATTERN, G, look, UNKNOWN_CAMERA, np.inf, active, rows, normal, gradient)[3]
+    eye = eye_of(G, M, NOWHERE)
+    count = _accumulate(spots, 1, PATTERN, G, eye, look, UNKNOWN_CAMERA, np.inf, active, rows, normal, gradient)[3]
     if active == PARAMETERS:
         sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient), float) if step is None else step, by_edge)
     return normal, gradient, by_edge
@@ -542,7 +644,7 @@ def test_what_moves_every_edge_moves_no_corner(webcam: Bench, effect: dict[str, 
 
 
 def test_a_calibrated_camera_says_more_of_a_small_marker(webcam: Bench) -> None:
-    """With its own tone and sharpening expected the same frames have smaller covariances, which hold."""
+    """With its own tone and sharpening expected the same frames say more, per grey level of noise, and it holds."""
     rng = np.random.default_rng(14)
     response = Response(Measured(2.2, 0.02), Measured(0.6, 0.02), Measured(0.65, 0.01))
     chi2, volumes = list[float](), list[float]()
@@ -558,7 +660,8 @@ def test_a_calibrated_camera_says_more_of_a_small_marker(webcam: Bench) -> None:
         assert known is not None
         miss = (known.rays - corners).ravel()
         chi2.append(float(miss @ np.linalg.solve(known.cov, miss)) / 8)
-        volumes.append(np.linalg.slogdet(known.cov)[1] - np.linalg.slogdet(unknown.cov)[1])
+        known_cov, unknown_cov = (np.linalg.inv(one.normal)[:8, :8] for one in (known, unknown))
+        volumes.append(np.linalg.slogdet(known_cov)[1] - np.linalg.slogdet(unknown_cov)[1])
     assert np.mean(volumes) < -0.05
     assert 0.4 < np.mean(chi2) < 1.6
 
