@@ -64,7 +64,7 @@ def _lines(seen: Seen, camera: Camera) -> list[str]:
     level = "no floor found: as mounted"
     if keyframe.level.found:
         pitch, roll = np.degrees(tilt.pitch), np.degrees(tilt.roll)
-        level = f"floor: pitch {pitch:+.1f}, roll {roll:+.1f} deg, {1000 * tilt.up:+.0f} mm"
+        level = f"floor: pitch {pitch:+z.1f}, roll {roll:+z.1f} deg, height {1000 * tilt.up:+z.0f} mm"
     said = [f"{t}  " + (f"step {keyframe.step}" if seen.stepped else "no step yet"), level]
     said += [f"with step {one.first.step}: {_outcome(one)}" for one in seen.trials]
     again = [one for one in seen.loops if one.pair is not None]

@@ -49,6 +49,28 @@ def test_motions_between_neighbours_are_as_exact_as_stated(kind: str) -> None:
     assert 0.25 < squared.mean() / 3 < 1.8  # 1 and three standard errors of 15 draws, a little cautious
 
 
+@pytest.mark.slow
+def test_the_errors_of_neighbours_are_as_stated_over_ten_rooms() -> None:
+    settings, off, squared = Settings(), list[Array](), list[float]()
+    for seed in range(10):
+        recording, truth = record(Drive(), np.random.default_rng(seed))
+        shots, pairs = recording.frames, Pairs(recording.camera, settings)
+        assert isinstance(shots, DepthShots)
+        frames = [keyframe(k, shots.shot(k), recording, settings) for k in range(40, 47)]
+        for a, b in pairwise(frames):
+            found = pair_of(a, b, pairs)
+            if found is not None:
+                (e,) = errors_of([found.motion], truth.poses[a.step : a.step + 2])
+                off.append(e)
+                squared.append(float(e @ np.linalg.solve(found.motion.cov, e)))
+    assert len(off) >= 55
+    x, y, heading = np.sqrt((np.array(off) ** 2).mean(axis=0))
+    assert max(x, y) < 0.004
+    assert heading < np.radians(0.12)
+    # 0.8 over long drives; the mean of 60 pairs, of which neighbours share a frame, errs by 0.12
+    assert 0.45 < np.mean(squared) / 3 < 1.3
+
+
 def test_a_pair_is_the_same_whatever_was_registered_before() -> None:
     settings = Settings()
     recording, shown, _ = drive(1, Drive(), 16)
