@@ -86,8 +86,11 @@ def read(which: str) -> Suite:
     return made(path, text)
 
 
-def made(path: Path, text: str) -> Suite:
-    """Parses a suite; InputError names the file, the line and the key of the first thing that is wrong."""
+def made(path: Path, text: str, *, again: bool = False) -> Suite:
+    """Parses a suite; InputError names the file, the line and the key of the first thing that is wrong.
+
+    A text that was read before, `again`, may name what is not here any more.
+    """
     words = TomlTable.parse(str(path), text).only(KEYS)
     name = path.name.removesuffix(".toml")
     if not _NAME.fullmatch(name):
@@ -97,7 +100,7 @@ def made(path: Path, text: str) -> Suite:
     entries = words.tables("run", "[[run]] with a name and a dataset")
     if not entries:
         raise words.lacks("run", "[[run]] with a name and a dataset")
-    runs = tuple(_run(entry, words) for entry in entries)
+    runs = tuple(_run(entry, words, again=again) for entry in entries)
     for k, run in enumerate(runs):
         if run.name in {other.name for other in runs[:k]}:
             raise entries[k].refused("name", f"{run.name} is the name of two runs, expected one each.")
@@ -105,7 +108,7 @@ def made(path: Path, text: str) -> Suite:
     return Suite(name, title, question, note, runs, text)
 
 
-def _run(entry: TomlTable, suite: TomlTable) -> SuiteRun:
+def _run(entry: TomlTable, suite: TomlTable, *, again: bool) -> SuiteRun:
     entry.only(OF_RUN)
     name = entry.text("name")
     if not _NAME.fullmatch(name):
@@ -116,8 +119,9 @@ def _run(entry: TomlTable, suite: TomlTable) -> SuiteRun:
         "dataset": ",".join(entry.names("dataset")),
         "seeds": entry.whole("seeds", suite.whole("seeds", 10, 1), 1),
     }
-    backend_variants(given["backend"], backend.where("backend"))
-    dataset_variants(given["dataset"], entry.where("dataset"))
+    if not again:
+        backend_variants(given["backend"], backend.where("backend"))
+        dataset_variants(given["dataset"], entry.where("dataset"))
     for limit, read_limit in (("timeout_s", _seconds), ("memory_mb", _megabytes)):
         for table in (suite, entry):
             if table.has(limit):

@@ -65,7 +65,7 @@ def suites(site: Path) -> dict[str, SuiteFolder]:
     found: dict[str, tuple[float, SuiteFolder]] = {}
     for path in sorted(site.glob(f"*/*/{SUITE}")):
         name = path.parent.parent.name
-        suite = made(Path(f"{name}.toml"), path.read_text(encoding="utf-8"))
+        suite = made(Path(f"{name}.toml"), path.read_text(encoding="utf-8"), again=True)
         one = SuiteFolder(path.parent, suite, _skipped(path.with_name(SKIPPED)))
         began = max((_began(place) for place in one.runs.values()), default=0.0)
         if name not in found or began >= found[name][0]:

@@ -1,6 +1,6 @@
 """The standing on one dataset: the lines of a suite's run and of submissions on the same logs, and the verdict."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -74,23 +74,31 @@ def _entered(
         if not theirs:
             continue
         here = one_machine(facts, submission.run)
-        left_out = 0
+        kept: list[Row] = []
         for row in theirs:
             seed = row.columns["seed"]
-            if seed not in own or not _same_log(f"{dataset}, seed {seed}", row, own[seed], facts, submission.run):
-                left_out += 1
-                continue
-            columns = dict(row.columns) | {"digest": own[seed]["digest"]}
-            if not here:
-                columns |= dict.fromkeys(COSTS) | {"timing_alone": 1}
-                elsewhere.add(_backend(row))
-            rows.append(Row(columns, row.traceback, row.log, row.result))
-            whose[_backend(row)] = submission
-        if left_out:
-            cells = counted(left_out, "cell")
+            if seed in own and _same_log(f"{dataset}, seed {seed}", row, own[seed], facts, submission.run):
+                columns = dict(row.columns) | {"digest": own[seed]["digest"]}
+                columns |= {} if here else dict.fromkeys(COSTS) | {"timing_alone": 1}
+                kept.append(Row(columns, row.traceback, row.log, row.result))
+        if len(kept) < len(theirs):
+            cells = counted(len(theirs) - len(kept), "cell")
             notes.append(f"{submission.name}: {cells} on other logs than this suite's are left out.")
+        logs = {columns["digest"] for columns in own.values()}
+        notes += [f"{submission.name}: {said}" for said in _lacking(kept, logs)]
+        whose |= {_backend(row): submission for row in kept}
+        elsewhere |= set() if here else {_backend(row) for row in kept}
+        rows += kept
         taken |= {_backend(row) for row in theirs}
-    return rows, whose, elsewhere & set(whose), notes
+    return rows, whose, elsewhere, notes
+
+
+def _lacking(rows: Sequence[Row], logs: Collection[str]) -> Iterator[str]:
+    """Says which backends did not run on all logs, by digest: whoever chooses the logs chooses the result."""
+    for backend in dict.fromkeys(map(_backend, rows)):
+        ran = {row.columns["digest"] for row in rows if _backend(row) == backend}
+        if len(ran) < len(logs):
+            yield f"{backend} ran on {len(ran)} of {counted(len(logs), 'log')} of this suite."
 
 
 def _backend(row: Row) -> str:

@@ -5,24 +5,28 @@ import re
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.bench.engine.log_files import LogFiles
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import FILE, packed, unpacked
 from slamduel.bench.record.store import Store
 from slamduel.bench.verify.again import TOLERANCE, compared, drawn
 from slamduel.bench.verify.files import check_files
-from slamduel.bench.verify.folder import read
+from slamduel.bench.verify.folder import CheckedCell, read
 from slamduel.bench.verify.logs import TrustedLog, check_logs
 from slamduel.bench.verify.scores import check_scores
 from slamduel.bench.verify.verification import Verification, verify
 from slamduel.bench.workers.executor import Here
+from slamduel.datasets import archive
 from slamduel.frontend.errors import InputError
+from slamduel.frontend.factors import Dataset
 from small_run import go
 
 DATASET = "circle[steps=50]"
@@ -272,6 +276,54 @@ def test_a_log_that_cannot_be_made_here_is_said_to_be_unchecked(theirs: Path) ->
     assert not found.verified
     verdicts = {one.subject: one.verdict for one in found.findings}
     assert verdicts == {"files": "holds", "logs": "not checked", "scores": "not checked", "cells": "not checked"}
+
+
+def moved(folder: Path, size: float) -> str:
+    """Gives the log of seed 0 other sightings, off by so many m and rad, in the record and in the copy beside it.
+
+    Returns the log's new digest.
+    """
+    with Store(folder) as store:
+        (old,) = [known for name, known in store.logs_made().items() if name[2] == 0]
+    before = LogFiles(folder).read("circle", old[0])
+    assert before is not None
+    after = Dataset(replace(before.log, z=before.log.z + size), before.truth)
+    known = old[0]._replace(digest=after.log.digest)
+    LogFiles(folder).keep("circle", known, archive.packed(after))
+    with record(folder) as db:
+        for table in ("logs", "results"):
+            db.execute(f"UPDATE {table} SET digest = ? WHERE seed = 0", (known.digest,))
+    return known.digest
+
+
+@pytest.mark.parametrize(
+    ("size", "portable", "verdict"),
+    [
+        (1e-13, False, ""),
+        (1e-13, True, "its digest is"),
+        (0.1, False, "standard deviations from the log made here, expected 0.1 at most"),
+    ],
+)
+def test_a_log_may_differ_by_rounding_where_it_is_not_the_same_on_every_machine(
+    theirs: Path, size: float, portable: bool, verdict: str
+) -> None:
+    moved(theirs, size)
+    found = read(theirs)
+    cells: list[CheckedCell] = []
+    for cell in found.cells:
+        assert cell.log is not None
+        source = replace(cell.log.dataset.source, portable=portable)
+        cells.append(cell._replace(log=cell.log._replace(dataset=replace(cell.log.dataset, source=source))))
+    with contextlib.closing(Here()) as executor:
+        findings, trusted = check_logs(found._replace(cells=tuple(cells)), executor, 60, lambda _: None)
+    wrong = [one.sentence for one in findings if one.verdict == "fails"]
+    assert [verdict in said for said in wrong] == [True] * bool(verdict)
+    assert len(trusted) == 2 - bool(verdict)
+    assert any("The same but for rounding" in one.sentence for one in findings) == (not verdict)
+    if not verdict:  # cells run on the copy
+        kept = trusted[f"{DATASET}, seed 0"].kept
+        assert kept is not None
+        assert kept.path.is_file()
 
 
 def test_what_is_no_folder_of_a_run_is_refused(tmp_path: Path) -> None:
