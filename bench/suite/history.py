@@ -34,6 +34,7 @@ KEPT = tuple(
 )  # fmt: skip
 """Columns of a cell that are kept: those of which two versions are compared, and what a comparison needs of them."""
 
+NAMED = ("suite", "version", "revision", "date", "machine", "processor")
 FACTS = ("environment", "workers", "random", "sketches", "truths", "plan", "started", "implementations")
 
 
@@ -95,7 +96,7 @@ def keep(site: Path, summary: Summary) -> Path:
     path = site / FOLDER / summary.suite / f"{summary.name}.json"
     words = {
         "format": FORMAT,
-        **{name: getattr(summary, name) for name in ("suite", "version", "revision", "date", "machine", "processor")},
+        **{name: getattr(summary, name) for name in NAMED},
         "columns": KEPT,
         "runs": {
             name: {"facts": facts, "cells": [[_number(row.columns[column]) for column in KEPT] for row in rows]}
@@ -131,8 +132,8 @@ def _read(path: Path) -> Summary:
             name: (run["facts"], [_row(words["columns"], cell) for cell in run["cells"]])
             for name, run in words["runs"].items()
         }
-        names = ("suite", "version", "revision", "date", "machine", "processor")
-        return Summary(*(str(words[name]) for name in names), runs)
+        suite, version, revision, date, machine, processor = (str(words[name]) for name in NAMED)
+        return Summary(suite, version, revision, date, machine, processor, runs)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise InputError(f"{path}: is no summary of this format, expected what bench suite wrote, whole.") from None
 

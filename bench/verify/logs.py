@@ -6,11 +6,10 @@ in units of the log's own noise.
 """
 
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ...datasets import archive
-from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ..engine.log_files import LogFiles, same
 from ..plan.variant import OneLog
@@ -74,16 +73,17 @@ def check_logs(
 
 def _made(
     wanted: Mapping[str, tuple[OneLog, Known]], executor: Executor, timeout_s: float
-) -> "list[tuple[str, Finished]]":
-    """Makes each log once, whatever number of cells and names it has."""
-    batches = {
-        name: Batch(log.dataset.name, log.dataset.options, log.seed, (), timeout_s, keep=True, whole=True)
-        for name, (log, _) in wanted.items()
-    }
-    distinct = {batch.log: batch for batch in batches.values()}
-    with contextlib.closing(executor.run(list(distinct.values()), alone=False)) as ended:
-        by_log = {finished.batch.log: finished for finished in ended}
-    return [(name, by_log[batch.log]) for name, batch in batches.items()]
+) -> Iterator[tuple[str, Finished]]:
+    """Makes each log once, whatever number of names it has; yields each name as its log is there."""
+    names: dict[object, list[str]] = {}
+    batches: dict[object, Batch] = {}
+    for name, (log, _) in wanted.items():
+        batch = Batch(log.dataset.name, log.dataset.options, log.seed, (), timeout_s, keep=True, whole=True)
+        batches[batch.log] = batch
+        names.setdefault(batch.log, []).append(name)
+    with contextlib.closing(executor.run(list(batches.values()), alone=False)) as ended:
+        for finished in ended:
+            yield from ((name, finished) for name in names[finished.batch.log])
 
 
 def _judged(found: ResultsFolder, log: OneLog, known: Known, made: Dataset) -> tuple[str, TrustedLog | None]:
@@ -132,9 +132,3 @@ def _findings(
         distinct = list(dict.fromkeys(names))
         said.append(Finding("logs", OPEN, f"{listed(distinct, NAMED)}: not made again, {why}."))
     return said
-
-
-def refuse_nothing(found: ResultsFolder) -> None:
-    """Raises InputError for a folder without any cell."""
-    if not found.cells:
-        raise InputError(f"{found.folder}: no cell has ended in this run, expected some to check.")

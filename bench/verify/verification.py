@@ -12,7 +12,7 @@ from .again import check_cells
 from .files import check_files
 from .finding import FAILS, Finding
 from .folder import forget, looks_like_one, read
-from .logs import check_logs, refuse_nothing
+from .logs import check_logs
 from .scores import check_scores
 
 LARGEST_SEED = 10**6  # of one that is drawn here: short enough to be typed
@@ -81,7 +81,8 @@ def verify(
         if any(finding.verdict == FAILS for finding in findings):
             return Verification(folder, tuple(findings))  # which say so
         raise
-    refuse_nothing(found)
+    if not found.cells:
+        raise InputError(f"{folder}: no cell has ended in this run, expected some to check.")
     timeout_s = float(found.run.get("timeout_s", 1800.0))
     about_logs, trusted = check_logs(found, executor, timeout_s, lambda name: say(f"made {name}"))
     findings += [*about_logs, *check_scores(found, trusted)]

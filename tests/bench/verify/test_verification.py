@@ -4,7 +4,7 @@ import contextlib
 import re
 import shutil
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,7 +57,7 @@ def faults(found: Verification) -> list[str]:
 
 
 @contextlib.contextmanager
-def record(folder: Path) -> Iterator[sqlite3.Connection]:
+def record(folder: Path) -> Generator[sqlite3.Connection]:
     """The record, to be changed behind everyone's back; afterwards its files are written from it."""
     db = sqlite3.connect(folder / FILE)
     yield db
