@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points, packages_distributions
+from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from typing import Any
 
 from ..frontend.errors import InputError
@@ -97,9 +97,21 @@ def implementation(name: str, options: Any) -> str:
         said = builder.implemented(options)
         if isinstance(said, str) and said:  # pyright: ignore[reportUnnecessaryIsInstance] - it may return anything
             return said
+    return f"from {found}" if (found := _distribution(name)) else NOT_STATED
+
+
+def distribution(name: str) -> str:
+    """The distribution of a plug-in and its version, "slamduel-mine 1.0"; "" for a built-in, and without one."""
+    if name in BUILTIN or not (found := _distribution(name)):
+        return ""
+    return f"{found} {version(found)}"
+
+
+def _distribution(name: str) -> str:
+    """The name of the distribution that a backend is from; "" if it is in none."""
     known = plugins().get(name)
     if known is not None and known.dist is not None:
-        return f"from {known.dist.name}"
+        return known.dist.name
     package = target(name).partition(":")[0].partition(".")[0]
     installed = packages_distributions().get(package, ())
-    return f"from {installed[0]}" if installed else NOT_STATED
+    return installed[0] if installed else ""

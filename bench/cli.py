@@ -29,6 +29,7 @@ COMMANDS = {
     "calibrate": ("calibrate a camera from views of a ChArUco board", ".commands.calibrate"),
     "speed": ("time a step of every backend, or of the front end, against stated references", ".commands.speed"),
     "ablate": ("run a study to its answer, on this machine or a cluster", ".commands.ablate"),
+    "suite": ("run a suite of the benchmark into its site, or check and enter somebody's results", ".commands.suite"),
     "check": ("run the conformance suite on a backend", ".commands.check"),
     "report": ("write the report of a run's or a study's folder again", ".commands.report"),
     "compare": ("list regressions and gains between two runs, for a pull request or CI", ".commands.compare"),

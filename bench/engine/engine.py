@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 from ...backends import registry as backends
 from ...datasets.remarks import refuse
-from ...frontend.errors import InputError
+from ...frontend.errors import Absent, InputError
 from ..measure.cell import Job, Result
 from ..plan.variant import Variant
 from ..plan.work import PlannedCell, Work
@@ -158,7 +158,8 @@ class _Engine:
         for finished in self._executed([batch for batch, _ in looked_at.values()], alone=False):
             cell = looked_at[finished.batch.log][1]
             if finished.log is None and self.work.logs_first:
-                raise InputError(finished.result.reason.removeprefix("the log could not be made: "))
+                refusal = Absent if finished.result.status == "skipped" else InputError
+                raise refusal(finished.result.reason.removeprefix("the log could not be made: "))
             if self._strict and finished.log is not None:
                 refuse(cell.cell.dataset.label, finished.log.remarks)
             if told := self.logs.looked(cell, finished):
@@ -270,6 +271,7 @@ def _facts(work: Work, executor: Executor) -> dict[str, Any]:
         "options": {label: vars(variant.options) for label, variant in variants.items()},
         "folders": {label: variant.slug for label, variant in variants.items()},
         "implementations": {label: reason(backends.implementation(v.name, v.options)) for label, v in able.items()},
+        "distributions": {label: reason(dist) for label, v in able.items() if (dist := backends.distribution(v.name))},
         "random": [label for label, v in able.items() if v.builder is not None and v.builder.random],
         "cells": len(work.cells),
         "keep": work.keep,

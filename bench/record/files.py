@@ -29,9 +29,9 @@ COST = (*KEY, "path", *TERMS, "total")  # the columns of cost.csv; path: final o
 MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
 
 
-def export(store: Store) -> None:
-    """Writes every file of the run's folder again."""
-    run, folder, rows = store.run(), store.folder, list(store.cells())
+def export(store: Store, folder: Path | None = None) -> None:
+    """Writes every file of the run's folder again, there or into another `folder`."""
+    run, folder, rows = store.run(), folder or store.folder, list(store.cells())
     slugs: dict[str, str] = run["folders"]
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
     write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))

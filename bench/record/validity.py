@@ -43,7 +43,7 @@ FACTS: Mapping[str, type | tuple[type, ...]] = {
 """The facts of a run or a study that every reader needs, and their types."""
 
 MORE_FACTS: Mapping[str, type | tuple[type, ...]] = {
-    **dict.fromkeys(("plan", "implementations"), dict),
+    **dict.fromkeys(("plan", "implementations", "distributions"), dict),
     "kind": str,
     "command": (str, list),
     "random": list,
@@ -62,7 +62,7 @@ def wrong_facts(about: Mapping[str, Any], labels: Collection[str]) -> str:
             return f"about: {name} is {_cut(about[name])}, expected {_KINDS[kind]}"
     if not isinstance(about["environment"].get("packages"), dict):
         return "about: environment has no packages, expected their versions by name"
-    texts = {"folders": about["folders"], "implementations": about.get("implementations", {})}
+    texts = {"folders": about["folders"]} | {name: about.get(name, {}) for name in ("implementations", "distributions")}
     for name, label, text in ((name, *one) for name, words in texts.items() for one in words.items()):
         if not isinstance(text, str):
             return f"about: {name} has {_cut(text)} for {label}, expected a text"

@@ -43,12 +43,17 @@ class _Choice(NamedTuple):
 
 def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
     """None where there are no two to choose from."""
-    choices = list(_choices(log.lines, log.looks))
+    return trade_off(name, log.kind, log.lines, log.looks)
+
+
+def trade_off(name: str, kind: str, lines: Sequence[Line], looks: Mapping[str, Look]) -> ReportFigure | None:
+    """Draws the lines of a dataset, `kind` being what is known of the path; None where there are no two."""
+    choices = list(_choices(lines, looks))
     choices.sort(key=lambda choice: (any(_before(c, choice) for c in choices), choice.error.value))
     if len({choice.label for choice in choices}) < 2:
         return None
     called = tags(choice.label for choice in choices)
-    what = ERRORS[log.kind]
+    what = ERRORS[kind]
     both = len({choice.final for choice in choices}) > 1
 
     def draw(figure: Figure) -> None:
@@ -80,7 +85,7 @@ def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
         name_points(figure, axes, points[:NAMED], ends, points[NAMED:])
 
     fronts = _fronts(choices)
-    caption = "Lower left is better. " * (log.kind in ("truth", "relations"))
+    caption = "Lower left is better. " * (kind in ("truth", "relations"))
     if fronts:
         caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
     if any(choice.error.n > 1 for choice in choices):
@@ -91,7 +96,7 @@ def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
     elif choices[0].final:
         caption += f" Cost: {whole}."
     if any(choice.ringed for choice in choices):
-        caption += f" Ringed: {_ringed(log.lines, choices)}."
+        caption += f" Ringed: {_ringed(lines, choices)}."
     if len(choices) > NAMED:
         caption += f" Of {len(choices)} points, {NAMED} are named."
     curves = [

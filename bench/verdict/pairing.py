@@ -72,14 +72,14 @@ def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: boo
     close = {log: apart for log in others if (apart := _apart(old, new, log)) <= ROUNDING}
     others = [log for log in others if log not in close]
     pairs = [_pair(old, new, key, timed, any_machine, any_log, close) for key in common]
-    rounding = BETWEEN_PROCESSORS if close or not _same_processor(old, new) else 0.0
+    rounding = BETWEEN_PROCESSORS if close or not one_processor(old.run, new.run) else 0.0
     if close:
         notes.append(
             f"{_listed(list(close))}: the logs of the two runs differ by no more than rounding and are compared. All "
             "differences of two such logs, each in units of its own standard deviation, have a root sum of squares of "
             f"at most {max(close.values()):.1g}; up to {ROUNDING:g} counts as rounding."
         )
-    if not _same_processor(old, new):
+    if not one_processor(old.run, new.run):
         notes.append(
             "The runs were made on different processors, whose arithmetic differs in last bits: results within one "
             "part in a million of each other count as the same."
@@ -111,7 +111,7 @@ def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: boo
 def _timed(old: Side, new: Side, notes: list[str]) -> bool:
     """Returns True if both ran on the same machine; a note says if not."""
     machines = [{name: one.run["environment"].get(name) for name in MACHINE} for one in (old, new)]
-    if _same_machine(*machines) and _same_processor(old, new):
+    if one_machine(old.run, new.run):
         return True
     said = [
         f"{_text(m['processor'])}{_instructions(one)}, {_text(m['cores'])} cores, {_text(m['memory_gb'])} GB"
@@ -122,6 +122,12 @@ def _timed(old: Side, new: Side, notes: list[str]) -> bool:
         "--any-machine compares them anyway."
     )
     return False
+
+
+def one_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    """Returns True if both runs were made on machines whose times can be compared."""
+    machines = [{name: run["environment"].get(name) for name in MACHINE} for run in (old, new)]
+    return _same_machine(*machines) and one_processor(old, new)
 
 
 def _instructions(one: Side) -> str:
@@ -139,9 +145,9 @@ def _same_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
         return False
 
 
-def _same_processor(old: Side, new: Side) -> bool:
+def one_processor(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
     """Returns True if both ran on processors of one name and, where both runs record them, the same instructions."""
-    here, there = old.run["environment"], new.run["environment"]
+    here, there = old["environment"], new["environment"]
     known = [name for name in ("processor", "instructions") if name in here and name in there]
     return all(here[name] == there[name] for name in known)
 

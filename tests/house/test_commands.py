@@ -38,6 +38,7 @@ SHORTER = {
 
 ELSEWHERE = {
     "speed": "takes minutes on an idle machine: tests/bench/speed",
+    "suite": "takes minutes on an idle machine: tests/bench/suite",
     "fetch": "needs the publishers: tests/datasets/published",
     "--executor": "needs other machines: tests/bench/workers",
 }

@@ -80,6 +80,10 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "laser": {"camera", "drawing", "words"},
         "depth": {"camera", "drawing", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
+        "verify": {"engine", "workers", "verdict", "plan", "record", "measure", "words"},
+        "suite": {
+            "verify", "run", "engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words",
+        },
         "speed": {"workers", "plan", "measure", "drawing", "words"},
         "front_ends": {"drawing", "words"},
         "study": {"engine", "workers", "plan", "record", "measure", "words"},
@@ -89,6 +93,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
             "noise",
             "camera", "laser", "depth", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
+            "verify", "suite",
         },
         TOP: {"words"},  # cli.py loads one command, by its name
     },

@@ -75,7 +75,8 @@ def test_every_link_leads_somewhere(page: str) -> None:
 def test_every_file_that_is_named_exists(page: str) -> None:
     text = re.sub(r"```.*?```", "", (PAGES | BESIDE)[page], flags=re.DOTALL)
     named = re.findall(r"`((?:backends|bench|datasets|docs|frontend|tests)/[\w./-]*\w/?)`", text)
-    added = {"bench/study/studies/NAME.toml", *re.findall(r"such as\s`([\w/.]+)`:\n", text)}
+    files = {"bench/study/studies/NAME.toml", "bench/suite/suites/NAME.toml"}
+    added = {*files, *re.findall(r"such as\s`([\w/.]+)`:\n", text)}
     assert [name for name in named if name not in added and not (ROOT / name).exists()] == []
 
 

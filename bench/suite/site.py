@@ -1,0 +1,169 @@
+"""Writes the site: an index of all suites and a page for each, without script or network; tables as CSV beside them."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.files import write_whole
+from ..drawing.figure import ReportFigure, write_figures
+from ..drawing.page import rendered
+from ..report.pareto import trade_off
+from ..report.tables import accuracy_table
+from ..verdict.summary import representative
+from ..words.styles import Look, looks
+from .best import bests
+from .figures import costs, gaps
+from .file import packaged, read
+from .history import Summary, summaries
+from .over_versions import OverVersions, over_versions
+from .site_folder import SuiteFolder, suites
+from .standing import Standing, named_apart, standings
+from .submission import Submission, submissions
+from .tables import history_csv, overview_csv, pairs_csv, ranking_csv
+
+DATA, FIGURES = "data", "figures"
+DEFAULT = Path("results/suite")  # where a site is unless --out says otherwise
+
+
+@np.errstate(all="ignore")  # a record's numbers may have any size
+def write_site(site: Path, forms: Sequence[str] = ()) -> Path:
+    """Writes every page, table and figure again, figures also in `forms`; returns the index.
+
+    InputError where no suite was run into the folder.
+    """
+    found, entered = suites(site), submissions(site)
+    if not any(one.runs or one.skipped for one in found.values()):
+        raise InputError(f"{site}: holds no run of a suite; bench suite NAME --out {site} makes one.")
+    order = [*[name for name in packaged() if name in found], *sorted(set(found) - set(packaged()))]
+    parts = [_part(found[name], entered, summaries(site, name), _where(site)) for name in order]
+    for part in parts:
+        _write_tables(site / DATA, part)
+        write_figures(site / FIGURES, part["figures"], forms)
+        write_whole(site / f"{part['name']}.html", rendered("suite.html.jinja", part))
+    rows = [(part["name"], one["standing"]) for part in parts for one in part["datasets"]]
+    (site / DATA).mkdir(exist_ok=True)
+    write_whole(site / DATA / "overview.csv", overview_csv(rows))
+    index = site / "index.html"
+    write_whole(index, rendered("suite_index.html.jinja", _index(site, parts, entered, [*found])))
+    return index
+
+
+def _where(site: Path) -> str:
+    """Returns the option that names the site; "" for the usual place."""
+    return "" if site == DEFAULT else f" --out {shlex.quote(str(site))}"
+
+
+def _part(folder: SuiteFolder, entered: Sequence[Submission], kept: Sequence[Summary], where: str) -> dict[str, Any]:
+    """Collects the values of a suite's page."""
+    suite = folder.suite
+    commands = {run.name: run.command for run in suite.runs}
+    found = named_apart([one for name, place in folder.runs.items() for one in standings(name, place, entered)])
+    look = looks(line.backend for one in found for line in sorted(one.lines, key=lambda line: line.done == 0))
+    figures = [
+        gaps(f"{suite.name}-online", found, look, "online"),
+        gaps(f"{suite.name}-afterwards", found, look, "final"),
+        costs(f"{suite.name}-cost", found, look),
+    ]
+    drawn = [figure for figure in figures if figure is not None]
+    datasets = [_dataset(suite.name, folder, one, look, commands[one.run]) for one in found]
+    history: OverVersions | None = over_versions(kept) if len(kept) > 1 else None
+    return {
+        "name": suite.name,
+        "suite": suite,
+        "command": f"bench suite {shlex.quote(suite.name)}{where}",
+        "where": where,
+        "datasets": datasets,
+        "purposes_shown": [
+            purpose
+            for purpose in ("online", "final", "map")
+            if any(purpose == b.purpose for d in datasets for b in d["bests"])
+        ],
+        "looks": look,
+        "wide": drawn,
+        "figures": [*drawn, *(one["figure"] for one in datasets if one["figure"] is not None)],
+        "missing": [(run, why) for run, why in folder.skipped.items() if run not in folder.runs],
+        "kept": kept,
+        "history": history,
+        "facts": found[0].facts if found else None,
+        "started": max((datetime.fromtimestamp(one.facts["started"], UTC) for one in found), default=None),
+        "submitted": {backend: one for standing in found for backend, one in standing.submitted.items()},
+    }
+
+
+def _dataset(
+    suite: str, folder: SuiteFolder, found: Standing, look: Mapping[str, Look], command: str
+) -> dict[str, Any]:
+    """Collects the values of a dataset's section."""
+    slug = f"{suite}-{found.run}-{found.slug}"
+    kind = representative(found.lines).truth_kind
+    figure: ReportFigure | None = trade_off(f"{slug}-trade-off", kind, found.lines, look)
+    return {
+        "standing": found,
+        "anchor": f"{found.run}-{found.slug}",
+        "slug": slug,
+        "bests": bests(found),
+        "table": accuracy_table(found.lines),
+        "figure": figure,
+        "report": "/".join((*folder.folder.parts[-2:], found.run, "report.html")),
+        "cells": "/".join((*folder.folder.parts[-2:], found.run, "cells.csv")),
+        "command": command,
+    }
+
+
+def _write_tables(folder: Path, part: Mapping[str, Any]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in part["datasets"]:
+        write_whole(folder / f"{one['slug']}-ranking.csv", ranking_csv(one["standing"]))
+        write_whole(folder / f"{one['slug']}-pairs.csv", pairs_csv(one["standing"]))
+    write_whole(
+        folder / f"{part['name']}-overview.csv", overview_csv((part["name"], d["standing"]) for d in part["datasets"])
+    )
+    write_whole(folder / f"{part['name']}-history.csv", history_csv(part["kept"]))
+
+
+def _index(
+    site: Path, parts: Sequence[Mapping[str, Any]], entered: Sequence[Submission], known: Sequence[str]
+) -> dict[str, Any]:
+    """Collects the values of the index."""
+    found = [one["standing"] for part in parts for one in part["datasets"]]
+    machines = {
+        (facts["environment"].get("processor"), facts["environment"].get("cores")): facts["environment"]
+        for facts in (one.facts for one in found)
+    }
+    return {
+        "parts": parts,
+        "datasets": len(found),
+        "backends": len({line.backend for one in found for line in one.lines}),
+        "cells": sum(line.done for one in found for line in one.lines),
+        "not_run": [read(name) for name in packaged() if name not in known],
+        "missing": [(part["name"], run, why) for part in parts for run, why in part["missing"]],
+        "entered": [(one, _places(one, parts)) for one in entered],
+        "machines": list(machines.values()),
+        "where": _where(site),
+        "example": _example(parts),
+        "looks": looks(line.backend for one in found for line in one.lines),
+        "purposes_shown": [p for p in ("online", "final", "map") if any(p in part["purposes_shown"] for part in parts)],
+        "latest": max((part["started"] for part in parts if part["started"]), default=None),
+    }
+
+
+def _example(parts: Sequence[Mapping[str, Any]]) -> str:
+    """Returns datasets and seeds of a run, as one types them to enter a backend."""
+    given = parts[0]["suite"].runs[0].given
+    return f"{shlex.quote(given['dataset'])} --seeds {given['seeds']}"
+
+
+def _places(one: Submission, parts: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:
+    """Lists the backends of a submission with whose they are, and the suites that they are in."""
+    backends = dict.fromkeys(
+        backend for part in parts for backend, submission in part["submitted"].items() if submission.name == one.name
+    )
+    return [
+        (backend, one.whose(backend), ", ".join(part["name"] for part in parts if backend in part["submitted"]))
+        for backend in backends
+    ]

@@ -1,0 +1,112 @@
+"""The site's tables as CSV, for other programs: rankings, pairs, the overview, and the history."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from ..verdict.consistency import belief_word
+from ..verdict.ranking import ordered, standing
+from ..verdict.summary import typical
+from .best import bests
+from .history import Summary
+from .standing import Standing
+
+RANKED = (
+    "ate_m", "final_ate_m", "relation_m", "relation_deg", "final_relation_m", "final_relation_deg", "map_rmse_m",
+    "final_map_rmse_m", "nees", "nees_inside", "final_nees", "step_us_p50", "step_us_p99", "cpu_s", "peak_mb",
+)  # fmt: skip
+"""Columns of a ranking: each as the median over logs, with the ends of its 95 % interval or of its range."""
+
+RANKING = (
+    "dataset", "backend", "submitted", "implementation", "done", "cells", "logs", "units", "belief", "final_belief",
+    *(f"{name}{end}" for name in RANKED for end in ("", "_low", "_high")), "interval", "timing_alone",
+)  # fmt: skip
+
+PAIRS = (
+    "dataset", "column", "first", "second", "standing", "n", "units", "closer", "ratio", "low", "high", "p", "adjusted",
+    "effect",
+)  # fmt: skip
+
+OVERVIEW = ("suite", "dataset", "basis", "purpose", "backend", "error", "ends", "honesty", "cost", "why")
+
+HISTORY = (
+    "suite", "version", "revision", "date", "machine", "processor", "run", "dataset", "backend", "done", "cells",
+    *RANKED,
+)  # fmt: skip
+
+
+def ranking_csv(found: Standing) -> str:
+    """Writes a dataset's lines, the most accurate first."""
+    return _csv(RANKING, (_ranked(found, line) for line in ordered(found.lines)))
+
+
+def _ranked(found: Standing, line: Any) -> list[Any]:
+    submission = found.submitted.get(line.backend)
+    values: list[Any] = []
+    interval = ""
+    for name in RANKED:
+        if name not in line.values:
+            values += [None] * 3
+            continue
+        value = typical(line, name)
+        values += [value.value, value.low, value.high]
+        interval = "95 %" if value.interval else "range"
+    said = "" if submission is None else f"{submission.name}, {submission.mark(line.backend)}"
+    counts = [line.done, len(line.rows), line.units.logs, line.units.n]
+    beliefs = [belief_word(line), belief_word(line, "final_nees")]
+    timed = "" if line.backend in found.elsewhere else int(line.alone)
+    return [found.dataset, line.backend, said, line.implementation, *counts, *beliefs, *values, interval, timed]
+
+
+def pairs_csv(found: Standing) -> str:
+    """Writes every comparison behind a dataset's verdict."""
+    return _csv(
+        PAIRS,
+        (
+            [
+                found.dataset, column, c.first, c.second, standing(c), c.n, c.units, c.closer, c.ratio, c.low, c.high,
+                c.p, c.adjusted, c.effect,
+            ]
+            for column, comparisons in found.verdict.comparisons.items()
+            for c in comparisons
+        ),
+    )  # fmt: skip
+
+
+def overview_csv(found: Iterable[tuple[str, Standing]]) -> str:
+    """Writes what is recommended on each dataset, by suite."""
+    return _csv(
+        OVERVIEW,
+        (
+            [suite, one.dataset, one.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.honesty, b.cost, b.why]
+            for suite, one in found
+            for b in bests(one)
+        ),
+    )
+
+
+def history_csv(found: Sequence[Summary]) -> str:
+    """Writes the medians of all that is kept of a suite."""
+    return _csv(HISTORY, (row for summary in found for row in _of_history(summary)))
+
+
+def _of_history(one: Summary) -> Iterable[list[Any]]:
+    about = [one.suite, one.version, one.revision, one.date, one.machine, one.processor]
+    for run in one.runs:
+        for (dataset, backend), line in one.lines(run).items():
+            medians = [typical(line, name).value if name in line.values else None for name in RANKED]
+            yield [*about, run, dataset, backend, line.done, len(line.rows), *medians]
+
+
+def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([_blank(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _blank(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isnan(value) else value

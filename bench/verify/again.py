@@ -1,0 +1,169 @@
+"""Runs a random sample of the cells of a results folder again, and compares their accuracy and consistency."""
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...backends import registry
+from ..measure.cell import Job, Result
+from ..record.machine import environment
+from ..verdict.pairing import one_processor
+from ..words.columns import COLUMNS
+from ..words.numerals import counted, listed
+from ..workers.batch import Batch
+from ..workers.executor import Executor
+from .finding import FAILS, HOLDS, OPEN, Finding
+from .folder import CheckedCell, ResultsFolder
+from .logs import TrustedLog
+
+SAMPLE = 5  # cells that are run again where no number is given, at least; one of each backend
+
+TOLERANCE = 1e-3
+"""Share by which a cell's accuracy and consistency may differ. Paths are the same bit for bit on one machine only; on
+another processor last bits differ, and those of a stopped iteration more."""
+
+RANDOM = 2.0
+"""Factor, instead, where a backend draws at random and the processor or a library is another one: once a last bit
+differs, it takes other draws."""
+
+ROUNDED = 1e-6  # m, rad or of a share: what is smaller is rounding
+NAMED = 8
+
+COMPARED = tuple(
+    name
+    for name, column in COLUMNS.items()
+    if column.kind.is_error or column.kind.is_nees or column.kind.expected == 0.95
+)
+"""Columns of accuracy and consistency; never costs, which are those of a machine."""
+
+
+def drawn(
+    found: ResultsFolder, trusted: Mapping[str, TrustedLog], sample: int, rng: np.random.Generator
+) -> list[CheckedCell]:
+    """Draws cells that are done and can be run here, of each backend in turn, those from elsewhere first."""
+    able: dict[str, list[CheckedCell]] = {}
+    for cell in found.cells:
+        c = cell.row.columns
+        if c["status"] == "done" and cell.backend is not None and cell.log_label in trusted:
+            able.setdefault(cell.backend.label, []).append(cell)
+    names = [list(able)[k] for k in rng.permutation(len(able))]
+    names.sort(key=lambda name: name.partition("[")[0] in registry.BUILTIN)
+    turns = {name: [able[name][k] for k in rng.permutation(len(able[name]))] for name in names}
+    in_turn = [
+        turns[name][k]
+        for k in range(max(map(len, turns.values()), default=0))
+        for name in names
+        if k < len(turns[name])
+    ]
+    return in_turn[:sample]
+
+
+def check_cells(
+    found: ResultsFolder,
+    trusted: Mapping[str, TrustedLog],
+    sample: int | None,
+    seed: int,
+    executor: Executor,
+    ran: Callable[[str], None],
+) -> tuple[list[Finding], list[str]]:
+    """Runs `sample` cells again, drawn with `seed`; returns the findings and the backend of each that was run.
+
+    `ran` is called with the name of each that has ended.
+    """
+    wanted = sample or max(SAMPLE, len(found.backends))
+    cells = drawn(found, trusted, wanted, np.random.default_rng(seed))
+    said = _not_run(found, trusted)
+    if not cells:
+        return [*said, Finding("cells", OPEN, "No cell was run again.")], []
+    batches = [_batch(found, cell, trusted[cell.log_label], place) for place, cell in enumerate(cells)]
+    same_code = _same_code(found)
+    failed, largest, differing = list[str](), ("", 0.0), 0
+    with contextlib.closing(executor.run(batches, alone=False)) as ended:
+        for finished in ended:
+            assert finished.index is not None
+            cell = cells[finished.index]
+            ran(str(cell))
+            random = cell.backend is not None and cell.backend.builder is not None and cell.backend.builder.random
+            loose = random and not same_code
+            wrong, apart = compared(cell.row.columns, finished.result, RANDOM - 1 if loose else TOLERANCE)
+            failed += [f"{cell}: {one}" for one in wrong]
+            differing += bool(apart[1])
+            largest = max(largest, (f"{apart[0]} of {cell}", apart[1]), key=lambda one: one[1])
+    said += [Finding("cells", FAILS, f"{one}.") for one in failed[:NAMED]]
+    if len(failed) > NAMED:
+        said.append(Finding("cells", FAILS, f"{len(failed) - NAMED} more values differ."))
+    if not failed:
+        names = listed(list(dict.fromkeys(cell.backend_label for cell in cells)), 6)
+        how = f"{counted(len(cells), 'cell')} of {names} run again (drawn with --seed {seed})"
+        exact = "the same to the last digit" if not differing else (
+            f"equal within {100 * TOLERANCE:g} %; the largest difference is {100 * largest[1]:.2g} %, {largest[0]}"
+        )  # fmt: skip
+        said.append(Finding("cells", HOLDS, f"{how}: accuracy and consistency are {exact}."))
+    return said, [cell.backend_label for cell in cells]
+
+
+def _not_run(found: ResultsFolder, trusted: Mapping[str, TrustedLog]) -> list[Finding]:
+    """Says of which backends no cell can be run here, and why."""
+    why: dict[str, list[str]] = {}
+    for cell in found.cells:
+        if cell.backend is None and cell.row.columns["status"] == "done" and cell.log_label in trusted:
+            why.setdefault(cell.unknown.rstrip("."), []).append(cell.backend_label)
+    return [
+        Finding(
+            "cells",
+            OPEN,
+            f"{listed(list(dict.fromkeys(names)))}: not run again ({reason}); digests and scores from its paths were "
+            "checked.",
+        )
+        for reason, names in why.items()
+    ]
+
+
+def _batch(found: ResultsFolder, cell: CheckedCell, log: TrustedLog, place: int) -> Batch:
+    run, backend = found.run, cell.backend
+    assert backend is not None
+    assert cell.log is not None
+    seed = cell.row.columns["seed"]
+    memory, oracle = int(run.get("memory_mb", 8000)), bool(run.get("oracle", False))
+    job = Job(backend.label, backend.name, backend.options, seed, memory, oracle)
+    of, timeout_s = cell.log.dataset, float(run.get("timeout_s", 1800.0))
+    return Batch(of.name, of.options, cell.log.seed, ((place, job),), timeout_s, keep=True, kept=log.kept)
+
+
+def _same_code(found: ResultsFolder) -> bool:
+    """Returns True where processor, packages and revision are those of the run: then every bit is the same."""
+    here = environment()
+    same = all(found.run["environment"].get(name) == here[name] for name in ("packages", "python", "revision"))
+    return same and one_processor(found.run, {"environment": here})
+
+
+def compared(
+    row: Mapping[str, Any], result: Result, tolerance: float, names: Iterable[str] = COMPARED
+) -> tuple[Sequence[str], tuple[str, float]]:
+    """Compares a cell with its second run: what differs by more than the tolerance, and the largest difference."""
+    if result.status != "done":
+        return [f"ended as done, here as {result.status}: {result.reason}"], ("", 0.0)
+    wrong, largest = list[str](), ("", 0.0)
+    for name in names:
+        before, now = row.get(name), result.row.get(name)
+        if before is None and now is None:
+            continue
+        if before is None or now is None:
+            wrong.append(f"{name} is {'none' if before is None else f'{before:.6g}'}, run again {now!r:.12}")
+            continue
+        apart = _apart(before, now)
+        if apart > tolerance:
+            wrong.append(f"{name} is {before:.6g}, run again {now:.6g}")
+        largest = max(largest, (name, apart), key=lambda one: one[1])
+    return wrong, largest
+
+
+def _apart(one: float, other: float) -> float:
+    """Returns by which share of the smaller one two values differ; 0 for what is rounding."""
+    if one == other or math.isclose(one, other, rel_tol=1e-12, abs_tol=ROUNDED * 1e-3):
+        return 0.0
+    least = max(min(abs(one), abs(other)), ROUNDED)
+    return abs(one - other) / least

@@ -1,0 +1,105 @@
+"""The results folder that is checked: its record, and each of its cells as far as it can be made again here."""
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...frontend.errors import InputError
+from ..plan.spec import backend_variants, dataset_variants
+from ..plan.variant import BackendVariant, DatasetVariant, OneLog
+from ..record.schema import FILE, Row, label
+from ..record.store import Known, Store
+
+
+class CheckedCell(NamedTuple):
+    """A cell that has ended, with its log and its backend where these are known here."""
+
+    row: Row
+    known: Known | None  # its log, as the record has it
+    log: OneLog | None
+    backend: BackendVariant | None
+    unknown: str  # why its log or backend is not known here; "" where both are
+
+    @property
+    def log_label(self) -> str:
+        """Names its log: dataset and seed."""
+        dataset, options, _, _, seed = self.row.key
+        return f"{label(dataset, options)}, seed {seed}"
+
+    @property
+    def backend_label(self) -> str:
+        """Names its backend with its options."""
+        return label(self.row.columns["backend"], self.row.columns["options"])
+
+    def __str__(self) -> str:
+        return f"{self.log_label}, {self.backend_label}"
+
+
+class ResultsFolder(NamedTuple):
+    """A run's folder with its facts and its cells."""
+
+    folder: Path
+    run: Mapping[str, Any]  # the content of run.json, as the record has it
+    cells: tuple[CheckedCell, ...]
+
+    @property
+    def backends(self) -> list[str]:
+        """Lists the backends that have a cell that is done."""
+        return list(dict.fromkeys(cell.backend_label for cell in self.cells if cell.row.columns["status"] == "done"))
+
+    @property
+    def given_map(self) -> str:
+        """Describes the map that the run was given; "" where it had none."""
+        return self.run.get("map") or ""
+
+
+def looks_like_one(folder: Path) -> bool:
+    """Returns True where the folder has at least one of the files by which a run is known."""
+    return any((folder / name).is_file() for name in (FILE, "run.json", "cells.csv"))
+
+
+def read(folder: Path) -> ResultsFolder:
+    """Reads the record of a run; InputError where there is none, where it is damaged, and for a study's."""
+    with Store(folder) as store:
+        run = store.run()
+        if run.get("kind", "run") != "run":
+            raise InputError(f"{folder}: holds a study, expected the folder of a run.")
+        logs = store.logs()
+        return ResultsFolder(folder, run, tuple(_cell(row, logs.get(row.log)) for row in store.cells()))
+
+
+def _cell(row: Row, known: Known | None) -> CheckedCell:
+    dataset, dataset_options, backend, options, seed = row.key
+    found, unknown = _dataset(label(dataset, dataset_options))
+    log = None
+    if found is not None:
+        try:
+            log = found.log(seed)
+        except InputError as error:
+            unknown = str(error)
+    made_by, lacks = _backend(label(backend, options))
+    return CheckedCell(row, known, log, made_by, unknown or lacks)
+
+
+@functools.cache
+def _dataset(name: str) -> tuple[DatasetVariant | None, str]:
+    try:
+        return dataset_variants(name)[0], ""
+    except InputError as error:
+        return None, str(error)
+
+
+@functools.cache
+def _backend(name: str) -> tuple[BackendVariant | None, str]:
+    try:
+        found = backend_variants(name)[0]
+    except InputError as error:
+        return None, str(error)
+    return (found, "") if found.builder is not None else (None, found.missing)
+
+
+def forget() -> None:
+    """Looks up datasets and backends anew: files and plug-ins may have come since."""
+    _dataset.cache_clear()
+    _backend.cache_clear()

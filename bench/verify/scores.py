@@ -1,0 +1,117 @@
+"""Computes the scores of cells again from their path files, without their backends.
+
+Errors of paths against the truth made here; of online paths the NEES by the covariances that the record has.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ...frontend.errors import InputError
+from ...frontend.factors import Map, Truth
+from ...frontend.se2 import Array
+from ...frontend.tum import read_tum
+from ..measure.accuracy import consistency_columns, path_accuracy, stretches
+from ..measure.metrics import nees
+from ..measure.relations import relation_columns
+from ..measure.times import length
+from ..record.schema import label
+from ..record.store import Store
+from ..words.numerals import counted
+from .finding import FAILS, HOLDS, OPEN, Finding
+from .folder import ResultsFolder
+from .logs import TrustedLog
+
+TOLERANCE = 1e-6
+"""Share by which a score may differ from the one computed again: the same path, on another processor."""
+
+ROUNDED = 1e-9  # m, rad or of a share: what is smaller is rounding
+NAMED = 8  # differences that are named
+
+NO_MAP = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
+
+
+def check_scores(found: ResultsFolder, trusted: Mapping[str, TrustedLog]) -> list[Finding]:
+    """Scores every cell that is done on a trusted log again."""
+    wrong, scored, values, unscored = list[str](), 0, 0, 0
+    slugs: dict[str, str] = found.run["folders"]
+    with Store(found.folder) as store:
+        for cell in found.cells:
+            log, c = trusted.get(cell.log_label), cell.row.columns
+            if c["status"] != "done":
+                continue
+            if log is None or log.dataset.truth is None:
+                unscored += 1
+                continue
+            dataset, options, backend, more, seed = cell.row.key
+            place = found.folder / slugs[label(dataset, options)] / str(seed) / slugs[label(backend, more)]
+            try:
+                paths = {
+                    name: read_tum(place / f"{name}.tum")
+                    for name in ("online", "final")
+                    if (place / f"{name}.tum").is_file()
+                }
+                again = scores(log, paths, store.arrays(cell.row, ("t", "at", "cov", "online")))
+            except InputError as error:
+                wrong.append(str(error))
+                continue
+            scored, values = scored + 1, values + len(again)
+            wrong += [f"{cell}: {said}" for said in different(c, again)]
+    said = [Finding("scores", FAILS, f"{one}.".replace("..", ".")) for one in wrong[:NAMED]]
+    if len(wrong) > NAMED:
+        said.append(Finding("scores", FAILS, f"{len(wrong) - NAMED} more scores differ."))
+    if scored and not wrong:
+        what = f"{counted(values, 'score')} of {counted(scored, 'cell')} computed again from the paths"
+        said.append(Finding("scores", HOLDS, f"{what}: the same to one part in a million."))
+    if unscored:
+        said.append(Finding("scores", OPEN, f"{counted(unscored, 'cell')} on logs that were not made again here."))
+    return said
+
+
+def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Computes the columns of a cell's paths, times (n,) and poses (n, 3) by name. InputError for a path of other
+    times than the log's."""
+    truth = log.dataset.truth
+    assert truth is not None
+    row: dict[str, Any] = {}
+    for name, (t, path) in paths.items():
+        if not np.array_equal(t, log.dataset.log.t):
+            raise InputError(f"the {name} path has other times than the log, expected one pose for each of its steps")
+        prefix = "final_" if name == "final" else ""
+        if truth.relations is not None:
+            row |= {prefix + column: value for column, value in relation_columns(truth.relations, path).items()}
+        if len(truth.t):
+            row |= {prefix + column: value for column, value in _errors(log, truth, path, arrays).items()}
+    if "online" in paths and truth.exact and len(truth.t) and "cov" in arrays:
+        judged = _judged(log, truth, arrays)
+        at = np.searchsorted(log.dataset.log.t, judged.t)
+        values = nees(paths["online"][1][at], arrays["cov"][at], judged.poses)
+        row |= consistency_columns("nees", values, 3)
+    return {name: value for name, value in row.items() if value is not None}
+
+
+def _errors(log: TrustedLog, truth: Truth, path: Array, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    judged = _judged(log, truth, arrays)
+    if not len(judged.t):
+        return {}
+    over = stretches(judged, timed=length(log.dataset.log.t) is not None)
+    found = path_accuracy(judged, path[np.searchsorted(log.dataset.log.t, judged.t)], NO_MAP, over).row
+    return {name: value for name, value in found.items() if name != "map_rmse_m"}
+
+
+def _judged(log: TrustedLog, truth: Truth, arrays: Mapping[str, Any]) -> Truth:
+    """Returns the truth of the steps that count: all of them, but from the fix on where the start is unknown."""
+    if log.dataset.log.prior.start == "known" or "at" not in arrays:
+        return truth
+    counted_steps = np.isin(truth.t, log.dataset.log.t[arrays["at"]])
+    return truth._replace(t=truth.t[counted_steps], poses=truth.poses[counted_steps])
+
+
+def different(row: Mapping[str, Any], again: Mapping[str, Any]) -> Iterator[str]:
+    """Yields a sentence for each score that is not the one computed again."""
+    for name, value in again.items():
+        said = row[name]
+        if said is None or not math.isclose(said, value, rel_tol=TOLERANCE, abs_tol=ROUNDED):
+            yield f"{name} is {'none' if said is None else f'{said:.6g}'}, its path gives {value:.6g}"
