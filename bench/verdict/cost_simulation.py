@@ -110,8 +110,8 @@ COSTS = (
         covers_ratio,
         (0.93, 0.97),
         (
-            *_sizes(STEADY, "steady", ((1, 3), (1, 10), (5, 5), (10, 3), (10, 5), (10, 10), (30, 5))),
-            *_sizes(DRIFTS, "drifts and steps", ((1, 3), (1, 5), (1, 10), (5, 5), (10, 3), (10, 5), (10, 10), (30, 5))),
+            *_sizes(STEADY, "steady", ((1, 3), (1, 10), (10, 3), (10, 5), (10, 10), (30, 5))),
+            *_sizes(DRIFTS, "drifts and steps", ((1, 3), (1, 5), (1, 10), (10, 3), (10, 5), (10, 10), (30, 5))),
         ),
     ),
     (
@@ -119,7 +119,7 @@ COSTS = (
         covers_ratio,
         (0.93, 1.0),
         (
-            *_sizes(DRIFTS, "drifts and steps", ((2, 5), (3, 3))),
+            *_sizes(DRIFTS, "drifts and steps", ((2, 5), (3, 3), (5, 5))),
             *_sizes(replace(DRIFTS, tails=3), "the same, heavy tails", ((1, 5), (5, 5), (10, 5))),
             *_sizes(replace(STEADY, logs=0, processes=0), "noise of cells alone", ((5, 5), (10, 5))),
             *_sizes(replace(STEADY, logs=0, processes=0.1), "noise of processes alone", ((5, 5), (10, 5))),

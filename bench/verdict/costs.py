@@ -88,6 +88,12 @@ def cost(line: Line, column: str) -> Cost | None:
     return Cost(exp(mean.value), *ends, *values.shape)
 
 
+def costs_by_round(line: Line, column: str) -> Array:
+    """Returns a backend's cost in every round (rounds,): geometric mean over the logs; none where there is none."""
+    found = _grids([line], column)
+    return np.zeros(0) if found is None else np.exp(found[0].mean(axis=0))
+
+
 def compare_costs(first: Line, second: Line, column: str) -> CostRatio | None:
     """Compares two backends' costs; None where they were not timed alone on a log of both, or took no time."""
     found = _grids([first, second], column)
@@ -165,6 +171,8 @@ class BetweenRuns(NamedTuple):
 
 def between_runs(cells: Sequence[tuple[Row, Row]], column: str) -> BetweenRuns | None:
     """Compares a cost of old and new cells of the same logs; None unless both have FEWEST_ROUNDS of every one."""
+    if column not in TIMED:
+        return None
     means: list[Array] = []
     for rows in zip(*cells, strict=True):
         found = [_times(row.rounds, row.columns, column) for row in rows]
@@ -252,7 +260,7 @@ def meanwhile(lines: Sequence[Line]) -> str:
             said.append(f"{what.format(_percent(share[1]))} (up to {_percent(share[2])})")
     load = _range(found, "load")
     if load:
-        said.append(f"load {number(load[0])} to {number(load[2])}")
+        said.append(f"the load was {' to '.join(dict.fromkeys((number(load[0]), number(load[2]))))}")
     return f"Meanwhile {listed(said)}; medians." if said else ""
 
 

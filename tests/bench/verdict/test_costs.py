@@ -147,7 +147,7 @@ def test_what_the_machine_did_is_said_with_its_range() -> None:
     found = of(timed(rows("a", 1, 4), *LOADED, work_us=120.0, waited_share=0.25, load=2.0))
     assert meanwhile(found) == (
         "Meanwhile a fixed piece of work took 120 µs (120 to 120), a backend waited 25 % of the time (up to 25 %) and "
-        "load 2.00 to 2.00; medians."
+        "the load was 2.00; medians."
     )
     assert meanwhile(of(rows("a", 1))) == ""
 
