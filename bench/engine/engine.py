@@ -13,34 +13,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from ...backends import registry as backends
 from ...datasets.remarks import refuse
 from ...frontend.errors import InputError
-from ..measure.cell import Job, Result
-from ..plan.variant import Variant
+from ..measure.cell import Result
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed
-from ..record.machine import environment
 from ..record.schema import FILE, KEY, ROUND, Row
 from ..record.statuses import FAILED
 from ..record.store import Known, Store
 from ..verdict.costs import over_rounds
 from ..words.reason import reason, traceback
-from ..workers.batch import Batch, Finished, KeptLog, unmade
+from ..workers.batch import Batch, Finished, unmade
 from ..workers.executor import Executor
+from .batches import batch_of
+from .facts import facts
 from .key import result_key
 from .log_files import FOLDER as LOGS
 from .logs import KnownLogs
 
 MOST_JOBS = 20  # jobs of a batch: no more is lost with a machine
-ROUNDS = 4  # batches for each slot, at least, so that the end of a study is shared evenly
-
-TIMING_POLICY = (
-    "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
-    "warm-up on a backend of its own. Beliefs, map and finish are timed apart, in a second pass whose path is the same "
-    "to the last bit. timing_alone = 0 marks cells that ran side by side with others. GTSAM is the published generic "
-    "wheel; so are numpy and its BLAS."
-)
+SHARES = 4  # batches for each slot, at least, so that the end of a study is shared evenly
 
 
 class Watcher(Protocol):
@@ -118,7 +110,7 @@ class _Engine:
 
     def run(self, request: RunRequest, about: About) -> Tally:
         work, store = self.work, self.store
-        store.put_about(_facts(work, self.executor) | dict(about(store.about())))
+        store.put_about(facts(work, self.executor) | dict(about(store.about())))
         self.logs = KnownLogs(store, work)
         self.log_keys = [self.logs.key(cell) for cell in work.cells]
         self.statuses = store.statuses(arrays=work.keep)
@@ -232,7 +224,7 @@ class _Engine:
 
     def _batches(self, places: Sequence[int], number: int = 1) -> list[Batch]:
         """Makes batches of cells by log, of a round."""
-        most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
+        most = min(MOST_JOBS, max(1, len(places) // (SHARES * self.executor.slots)))
         by_log: dict[str, list[tuple[int, PlannedCell]]] = {}
         for place in places:
             by_log.setdefault(self.log_keys[place], []).append((place, self.work.cells[place]))
@@ -291,59 +283,10 @@ def _told(result: Result) -> Result:
     return replace(result, reason=reason(result.reason), traceback=traceback(result.traceback))
 
 
-def batch_of(
-    work: Work,
-    cell: PlannedCell,
-    cells: Mapping[int, PlannedCell],
-    kept: KeptLog | None = None,
-    *,
-    whole: bool = False,
-    number: int = 1,
-) -> Batch:
-    """Makes a batch of cells by place in that round, all on the log of `cell`; none to look at the log."""
-    log = cell.cell.log
-    dataset = log.dataset
-    jobs = tuple((place, replace(job_of(work, one), again=number > 1)) for place, one in cells.items())
-    known = None if work.map is None else work.map.of(cell.cell.dataset, cell.cell.seed)
-    start = "known" if work.map is None else work.map.start
-    made_of = dataset.name, dataset.options, log.seed, jobs, work.timeout_s, work.keep
-    return Batch(*made_of, kept, whole, known, start, number)
-
-
 def _planned(cell: PlannedCell, log: str, key: str | None) -> tuple[Any, ...]:
     """Writes the cell for the record's plan, with the keys of its log and result."""
     of = cell.cell.log
     return (*cell.cell.key, dict(cell.parameters), log, key, of.name, of.cluster)
-
-
-def job_of(work: Work, cell: PlannedCell) -> Job:
-    """Makes the job of a cell."""
-    backend = cell.cell.backend
-    seed, missing = cell.cell.seed, backend.missing
-    return Job(backend.label, backend.name, backend.options, seed, work.memory_mb, work.oracle, missing)
-
-
-def _facts(work: Work, executor: Executor) -> dict[str, Any]:
-    backend_variants = {cell.cell.backend.label: cell.cell.backend for cell in work.cells}
-    variants: dict[str, Variant] = {cell.cell.dataset.label: cell.cell.dataset for cell in work.cells}
-    variants |= backend_variants
-    able = {label: variant for label, variant in backend_variants.items() if variant.builder is not None}
-    return {
-        "options": {label: vars(variant.options) for label, variant in variants.items()},
-        "folders": {label: variant.slug for label, variant in variants.items()},
-        "implementations": {label: reason(backends.implementation(v.name, v.options)) for label, v in able.items()},
-        "random": [label for label, v in able.items() if v.builder is not None and v.builder.random],
-        "cells": len(work.cells),
-        "keep": work.keep,
-        "oracle": work.oracle,
-        "timeout_s": work.timeout_s,
-        "memory_mb": work.memory_mb,
-        "environment": environment(),
-        "executor": executor.name,
-        "workers": executor.slots,
-        "timing_policy": TIMING_POLICY,
-        "started": time.time(),
-    }
 
 
 def _discard_unless_begun(folder: Path) -> None:
