@@ -42,7 +42,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--seeds",
         type=count,
         metavar="N",
-        help=f"logs per dataset, repeats where the log is fixed (default {d['seeds']})",
+        help=f"logs per dataset; where the log is fixed, runs of a backend that draws at random (default {d['seeds']})",
+    )
+    add(
+        "--repeats",
+        type=count,
+        metavar="N",
+        help=f"time every cell in N rounds, each time in a process of its own, for intervals of costs (default "
+        f"{d['repeats']}: costs are measured once, and not compared); a larger N with --out adds rounds to a run",
     )
     add("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
     executors.arguments(parser, jobs="cells at once; more than 1 marks all timings (default 1; slurm: 4 jobs)")

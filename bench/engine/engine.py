@@ -1,4 +1,9 @@
-"""Runs cells into a record: makes the logs it needs, then runs the cells without a result."""
+"""Runs cells into a record: makes the logs it needs, then runs the cells without a result, round by round.
+
+In each further round every cell that is done is timed again: log by log, all backends one after another in a shuffled
+order. A machine that becomes slower meanwhile does so for all of them, and what a round has for two backends on one log
+was measured at about the same time.
+"""
 
 import contextlib
 import random
@@ -8,33 +13,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from ...backends import registry as backends
 from ...datasets.remarks import refuse
 from ...frontend.errors import Absent, InputError
-from ..measure.cell import Job, Result
-from ..plan.variant import Variant
+from ..measure.cell import Result
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed
-from ..record.machine import environment
-from ..record.schema import FILE, KEY, Row
+from ..record.schema import FILE, KEY, ROUND, Row
 from ..record.statuses import FAILED
 from ..record.store import Known, Store
+from ..verdict.costs import over_rounds
 from ..words.reason import reason, traceback
-from ..workers.batch import Batch, Finished, KeptLog, unmade
+from ..workers.batch import Batch, Finished, unmade
 from ..workers.executor import Executor
+from .batches import batch_of
+from .facts import facts
 from .key import result_key
 from .log_files import FOLDER as LOGS
 from .logs import KnownLogs
 
 MOST_JOBS = 20  # jobs of a batch: no more is lost with a machine
-ROUNDS = 4  # batches for each slot, at least, so that the end of a study is shared evenly
-
-TIMING_POLICY = (
-    "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
-    "warm-up on a backend of its own. Beliefs, map and finish are timed apart, in a second pass whose path is the same "
-    "to the last bit. timing_alone = 0 marks cells that ran side by side with others. GTSAM is the published generic "
-    "wheel; so are numpy and its BLAS."
-)
+SHARES = 4  # batches for each slot, at least, so that the end of a study is shared evenly
 
 
 class Watcher(Protocol):
@@ -54,6 +52,12 @@ class Watcher(Protocol):
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         """Reports a cell that ended after so much wall time, with its values by column, status and reason at least."""
+
+    def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
+        """Announces the cells to be timed again in that round."""
+
+    def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        """Reports such a cell that ended, with its values by column of a round."""
 
 
 def everything(cell: PlannedCell) -> bool:
@@ -106,7 +110,7 @@ class _Engine:
 
     def run(self, request: RunRequest, about: About) -> Tally:
         work, store = self.work, self.store
-        store.put_about(_facts(work, self.executor) | dict(about(store.about())))
+        store.put_about(facts(work, self.executor) | dict(about(store.about())))
         self.logs = KnownLogs(store, work)
         self.log_keys = [self.logs.key(cell) for cell in work.cells]
         self.statuses = store.statuses(arrays=work.keep)
@@ -126,10 +130,43 @@ class _Engine:
             places = [place for place in able if work.cells[place].timed == timed]
             for finished in self._executed(self._batches(places), alone=timed):
                 self._keep(finished)
+        for number in range(2, work.repeats + 1):
+            self._repeat(number, request)
         store.put_about({"finished": time.time()})
         statuses = [self._status(place) for place in range(len(self.keys))]
         failed = sum(status in FAILED for status in statuses)
         return Tally(len(statuses), self._ended(), failed)
+
+    def _repeat(self, number: int, request: RunRequest) -> None:
+        """Times the cells that lack that round, those whose result is done."""
+        done = {key: {one["round"]: one["status"] for one in found} for key, found in self.store.rounds().items()}
+        places: dict[Any, int] = {}
+        for place, key in enumerate(self.keys):
+            status = done.get(key or "", {}).get(number)
+            wanted = status is None or (request.retry and status in FAILED)
+            if (
+                key is not None
+                and wanted
+                and self.statuses.get(key) == "done"
+                and request.chosen(self.work.cells[place])
+            ):
+                places.setdefault(key, place)
+        todo = list(places.values())
+        random.Random(number).shuffle(todo)
+        if todo:
+            self.watcher.repeating([self.work.cells[place] for place in todo], number, self.work.repeats)
+        for finished in self._executed(self._batches(todo, number), alone=False):
+            self._keep_round(finished, number)
+
+    def _keep_round(self, finished: Finished, number: int) -> None:
+        assert finished.index is not None
+        finished = finished._replace(result=_told(finished.result))
+        cell, key = self.work.cells[finished.index], self.keys[finished.index]
+        assert key is not None
+        row = {"round": number, **_round(finished)}
+        before = [one for one in self.store.rounds(key).get(key, []) if one["round"] != number]
+        self.store.put_round(key, row, over_rounds([*before, {**dict.fromkeys(ROUND), **row}]))
+        self.watcher.repeated(cell, row, finished.seconds)
 
     def _lacking(self, todo: Sequence[int]) -> list[PlannedCell]:
         return list(self.work.cells) if self.work.logs_first else [self.work.cells[place] for place in todo]
@@ -186,13 +223,14 @@ class _Engine:
         random.Random(0).shuffle(todo)
         return todo[: request.limit]
 
-    def _batches(self, places: Sequence[int]) -> list[Batch]:
-        most = min(MOST_JOBS, max(1, len(places) // (ROUNDS * self.executor.slots)))
+    def _batches(self, places: Sequence[int], number: int = 1) -> list[Batch]:
+        """Makes batches of cells by log, of a round."""
+        most = min(MOST_JOBS, max(1, len(places) // (SHARES * self.executor.slots)))
         by_log: dict[str, list[tuple[int, PlannedCell]]] = {}
         for place in places:
             by_log.setdefault(self.log_keys[place], []).append((place, self.work.cells[place]))
         return [
-            batch_of(self.work, group[0][1], dict(group[first : first + most]), self.logs.kept.get(key))
+            batch_of(self.work, group[0][1], dict(group[first : first + most]), self.logs.kept.get(key), number=number)
             for key, group in by_log.items()
             for first in range(0, len(group), most)
         ]
@@ -219,6 +257,8 @@ class _Engine:
                 row = self._row(cell, finished, self.logs.known[of_log])
                 if self.store.put_result(key, row, result.arrays):
                     self.statuses[key] = result.status
+                    if result.status == "done":
+                        self.store.put_round(key, {"round": 1, **_round(finished)}, {})
                 self.store.settle(place, key, None)
         self.watcher.finished(cell, row, finished.seconds)
 
@@ -232,58 +272,22 @@ class _Engine:
         return row | {"recorded": time.time(), "traceback": result.traceback} | result.row
 
 
+def _round(finished: Finished) -> dict[str, Any]:
+    """Returns the columns of a round, but for its number."""
+    result = finished.result
+    ended = {"status": result.status, "reason": result.reason, "timing_alone": int(finished.alone)}
+    return result.row | ended | {"host": finished.host, "recorded": time.time()}
+
+
 def _told(result: Result) -> Result:
     """Returns the result with words that a record can take, whatever a backend has said."""
     return replace(result, reason=reason(result.reason), traceback=traceback(result.traceback))
-
-
-def batch_of(
-    work: Work, cell: PlannedCell, cells: Mapping[int, PlannedCell], kept: KeptLog | None = None, *, whole: bool = False
-) -> Batch:
-    """Makes a batch of cells by place, all on the log of `cell`; none to look at the log."""
-    log = cell.cell.log
-    dataset = log.dataset
-    jobs = tuple((place, job_of(work, one)) for place, one in cells.items())
-    known = None if work.map is None else work.map.of(cell.cell.dataset, cell.cell.seed)
-    start = "known" if work.map is None else work.map.start
-    return Batch(dataset.name, dataset.options, log.seed, jobs, work.timeout_s, work.keep, kept, whole, known, start)
 
 
 def _planned(cell: PlannedCell, log: str, key: str | None) -> tuple[Any, ...]:
     """Writes the cell for the record's plan, with the keys of its log and result."""
     of = cell.cell.log
     return (*cell.cell.key, dict(cell.parameters), log, key, of.name, of.cluster)
-
-
-def job_of(work: Work, cell: PlannedCell) -> Job:
-    """Makes the job of a cell."""
-    backend = cell.cell.backend
-    seed, missing = cell.cell.seed, backend.missing
-    return Job(backend.label, backend.name, backend.options, seed, work.memory_mb, work.oracle, missing)
-
-
-def _facts(work: Work, executor: Executor) -> dict[str, Any]:
-    backend_variants = {cell.cell.backend.label: cell.cell.backend for cell in work.cells}
-    variants: dict[str, Variant] = {cell.cell.dataset.label: cell.cell.dataset for cell in work.cells}
-    variants |= backend_variants
-    able = {label: variant for label, variant in backend_variants.items() if variant.builder is not None}
-    return {
-        "options": {label: vars(variant.options) for label, variant in variants.items()},
-        "folders": {label: variant.slug for label, variant in variants.items()},
-        "implementations": {label: reason(backends.implementation(v.name, v.options)) for label, v in able.items()},
-        "distributions": {label: reason(dist) for label, v in able.items() if (dist := backends.distribution(v.name))},
-        "random": [label for label, v in able.items() if v.builder is not None and v.builder.random],
-        "cells": len(work.cells),
-        "keep": work.keep,
-        "oracle": work.oracle,
-        "timeout_s": work.timeout_s,
-        "memory_mb": work.memory_mb,
-        "environment": environment(),
-        "executor": executor.name,
-        "workers": executor.slots,
-        "timing_policy": TIMING_POLICY,
-        "started": time.time(),
-    }
 
 
 def _discard_unless_begun(folder: Path) -> None:

@@ -17,7 +17,8 @@ from ...backends.api import Builder, Diverged, TruthWanted, Unsuited
 from ...frontend import compiled
 from ...frontend.errors import SlamduelError
 from ...frontend.factors import UNKNOWN, Log, Truth
-from .drive import drive, warm_up
+from .cpu_time import repeated_cost
+from .drive import drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited
 from .score import score
 
@@ -35,6 +36,7 @@ class Job:
     memory_mb: int
     oracle: bool = False  # give the backend the ground truth, if it asks for it
     missing: str = ""  # why the backend cannot be imported, where that is known: it is not tried again
+    again: bool = False  # a repeat: timed, and nothing scored
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         if builder.associating(job.options):
             row["ignored"] = 0
         given = log.without_loops() if loops else log
+        if job.again:
+            return _again(job, builder, given, _oracle(job, read_truth))
         outcome = drive(builder, job.options, given, lambda: generator(job.seed, job.backend), _oracle(job, read_truth))
     except Diverged as error:
         return Result("diverged", str(error), row)
@@ -111,8 +115,14 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     loops += outcome.left_out
     said = [TOLD] * outcome.told + [left_out(loops)] * bool(loops)
     said += [judged.remark] * bool(judged.remark)
-    row |= {"told": int(outcome.told)} | judged.row
+    row |= {"told": int(outcome.told), "path": path_digest(outcome)} | judged.row
     return Result("done", "; ".join(said), row, judged.arrays)
+
+
+def _again(job: Job, builder: Builder, log: Log, oracle: Truth | None) -> Result:
+    """Repeats a cell's timing pass; `path`, of both, shows that it did the same."""
+    timed = timed_again(builder, job.options, log, lambda: generator(job.seed, job.backend), oracle)
+    return Result("done", "", repeated_cost(timed) | {"path": path_digest(timed)})
 
 
 def left_out(loops: int) -> str:

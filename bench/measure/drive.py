@@ -2,13 +2,14 @@
 
 The timing pass calls only `step` and `finish`, so nothing can hide in a call that is not timed. The second pass, on a
 fresh backend with the same randomness, also asks for the belief after every step; its path must be the same to the last
-bit, or speed and accuracy would be those of two different runs.
+bit, or speed and accuracy would be those of two different runs. A repeat is a timing pass alone.
 """
 
 import gc
+import hashlib
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -22,7 +23,7 @@ from ...frontend import compiled
 from ...frontend.factors import Log, Map, Step, Truth
 from ...frontend.se2 import Array, Ints
 from .answers import COV, POSE, Broken, check_believed, checked_map, checked_pose, checked_solution, finite, is_floats
-from .clock import CLOCK
+from .clock import CLOCK, Meanwhile
 
 WARM_UP = 20
 """Steps that a separate backend runs through before the clock starts, so that most compilation and imports are over.
@@ -57,6 +58,33 @@ class Outcome:
     tried: Ints | None = None  # (n,) pairs or nodes that data association has tried
     taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
     left_out: int = 0  # loop closures to poses that were no longer kept
+    meanwhile: Mapping[str, float] = field(default_factory=dict[str, float])  # the machine's state, by column
+
+
+class Timing(NamedTuple):
+    """A timing pass: the first fields as in Outcome."""
+
+    online: Array | None
+    solution: Solution | None
+    assigned: Ints | None
+    final_assigned: Ints | None
+    taken_out: TakenOut | None
+    step_ns: Ints
+    wall_ns: Ints
+    setup_ns: int
+    finish_ns: int
+    clock_ns: int
+    told: bool
+    meanwhile: Mapping[str, float]
+
+
+def path_digest(timed: Timing | Outcome) -> str:
+    """Returns the sha256 of the online path, and of the final path and map: the same for the same bits."""
+    digest = hashlib.sha256()
+    end = timed.solution
+    for part in (timed.online, *(() if end is None else (end.path, end.map.ids, end.map.xy))):
+        digest.update(b"none" if part is None else np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
 
 
 def drive(
@@ -69,32 +97,8 @@ def drive(
     """
     log = log if builder.associating(options) else log.identified()
     steps = list(log)
-    warm_up(builder, options, log, generator, truth)
-    clock = CLOCK.cost()
-
-    gc.collect()
-    gc.disable()
-    try:
-        while True:
-            ready = compiled.ready()
-            start = time.process_time_ns()
-            backend = begin(builder, log.prior, options, generator())
-            setup_ns = time.process_time_ns() - start
-            told = _tell(backend, truth)
-            online, step_ns, wall_ns = timing_pass(backend, steps)
-            assigned = _assigned(backend, log)
-            start = time.process_time_ns()
-            finished = backend.finish()
-            finish_ns = time.process_time_ns() - start
-            if ready == compiled.ready():  # else a later part of the log needed new code
-                break
-    finally:
-        gc.enable()
-    solution = checked_solution(finished, len(steps))
-    final_assigned = None if solution is None else _assigned(backend, log)
-    taken_out = backend.taken_out() if isinstance(backend, TakesOut) else None
-    del backend, finished
-
+    timed = _timed(builder, options, log, steps, generator, truth)
+    online, clock = timed.online, timed.clock_ns
     backend = begin(builder, log.prior, options, generator())
     _tell(backend, truth)
     if isinstance(backend, Associating):
@@ -114,21 +118,76 @@ def drive(
         refused=beliefs.refused,
         located=beliefs.located,
         map=checked_map(found, "map()"),
-        solution=solution,
-        step_ns=np.maximum(step_ns - clock, 0),
-        wall_ns=np.maximum(wall_ns - clock, 0),
+        solution=timed.solution,
+        step_ns=timed.step_ns,
+        wall_ns=timed.wall_ns,
         belief_ns=np.maximum(beliefs.ns - clock, 0),
         map_ns=map_ns,
+        setup_ns=timed.setup_ns,
+        finish_ns=timed.finish_ns,
+        clock_ns=clock,
+        assigned=timed.assigned,
+        final_assigned=timed.final_assigned,
+        associate_ns=None if spent[0] is None else np.maximum(spent[0] - clock, 0),
+        tried=spent[1],
+        taken_out=timed.taken_out,
+        left_out=beliefs.left_out,
+        told=timed.told,
+        meanwhile=timed.meanwhile,
+    )
+
+
+def timed_again(
+    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None = None
+) -> Timing:
+    """Repeats the timing pass of `drive`, and nothing else of it; raises as that does."""
+    log = log if builder.associating(options) else log.identified()
+    return _timed(builder, options, log, list(log), generator, truth)
+
+
+def _timed(
+    builder: Builder,
+    options: Any,
+    log: Log,
+    steps: list[Step],
+    generator: Callable[[], np.random.Generator],
+    truth: Truth | None,
+) -> Timing:
+    warm_up(builder, options, log, generator, truth)
+    clock = CLOCK.cost()
+    gc.collect()
+    gc.disable()
+    try:
+        while True:
+            ready, machine = compiled.ready(), Meanwhile()
+            start = time.process_time_ns()
+            backend = begin(builder, log.prior, options, generator())
+            setup_ns = time.process_time_ns() - start
+            told = _tell(backend, truth)
+            online, step_ns, wall_ns = timing_pass(backend, steps)
+            assigned = _assigned(backend, log)
+            start = time.process_time_ns()
+            finished = backend.finish()
+            finish_ns = time.process_time_ns() - start
+            meanwhile = machine.columns()
+            if ready == compiled.ready():  # else a later part of the log needed new code
+                break
+    finally:
+        gc.enable()
+    solution = checked_solution(finished, len(steps))
+    return Timing(
+        online=online,
+        solution=solution,
+        assigned=assigned,
+        final_assigned=None if solution is None else _assigned(backend, log),
+        taken_out=backend.taken_out() if isinstance(backend, TakesOut) else None,
+        step_ns=np.maximum(step_ns - clock, 0),
+        wall_ns=np.maximum(wall_ns - clock, 0),
         setup_ns=setup_ns,
         finish_ns=finish_ns,
         clock_ns=clock,
-        assigned=assigned,
-        final_assigned=final_assigned,
-        associate_ns=None if spent[0] is None else np.maximum(spent[0] - clock, 0),
-        tried=spent[1],
-        taken_out=taken_out,
-        left_out=beliefs.left_out,
         told=told,
+        meanwhile=meanwhile,
     )
 
 

@@ -47,6 +47,7 @@ class Plan:
     memory_mb: int
     map: GivenMap | None = None  # goes into every log's prior: localisation
     oracle: bool = False  # backends that ask for the ground truth are given it
+    repeats: int = 1  # rounds in which every cell is timed
 
     def cells(self) -> list[Cell]:
         """Lists all cells; one seed where neither the log nor the backend is random."""
@@ -59,8 +60,11 @@ class Plan:
 
     def check_number(self) -> None:
         """Raises InputError for too many cells, before any of them is made."""
-        if wrong := too_many(sum(len(self._wanted(d, b)) for d in self.datasets for b in self.backends)):
+        cells = sum(len(self._wanted(d, b)) for d in self.datasets for b in self.backends)
+        if wrong := too_many(cells):
             raise InputError(f"seeds: {wrong}")
+        if wrong := too_many(cells * self.repeats):
+            raise InputError(f"repeats: {wrong}")
 
     def _wanted(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
         random = backend.builder is not None and backend.builder.random
@@ -101,6 +105,7 @@ class Plan:
             "start": "known" if self.map is None else self.map.start,
             "map_digest": None if self.map is None else self.map.digest,
             "oracle": self.oracle,
+            "repeats": self.repeats,
         }
 
     @classmethod
@@ -122,6 +127,7 @@ class Plan:
             as_whole("memory_mb", words["memory_mb"], 1),
             _map(words),
             as_switch("oracle", words.get("oracle", False)),
+            as_whole("repeats", words.get("repeats", 1), 1),  # a run of an earlier version has none
         )
         plan.check_number()
         return plan

@@ -33,6 +33,7 @@ class Work:
     memory_mb: int  # a cell
     map: GivenMap | None = None  # goes into the prior of every log
     logs_first: bool = False  # every log is made before any cell runs; one that cannot be made ends the run
+    repeats: int = 1  # rounds in which every cell is timed; the first one is the cell itself
 
 
 def work_of(plan: Plan) -> Work:
@@ -46,6 +47,7 @@ def work_of(plan: Plan) -> Work:
         memory_mb=plan.memory_mb,
         map=plan.map,
         logs_first=True,
+        repeats=plan.repeats,
     )
 
 

@@ -15,7 +15,8 @@ from ...frontend.se2 import Array
 from ...frontend.tum import write_tum
 from ..measure.locating import poses_judged
 from ..measure.misfit import TERMS
-from .schema import COLUMNS, KEY, MORE, Row, label
+from .rounds import as_table
+from .schema import COLUMNS, KEY, MORE, ROUND, Row, label
 from .store import Store
 
 STEPS = (
@@ -38,6 +39,7 @@ def export(store: Store, folder: Path | None = None) -> None:
     write_whole(
         folder / "metrics.csv", _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows))
     )
+    write_whole(folder / "times.csv", _csv((*KEY, *ROUND), (line for r in rows for line in as_table(r.rounds, r.key))))
     terms: list[list[Any]] = []
     for row in rows:
         c = row.columns

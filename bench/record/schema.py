@@ -3,18 +3,19 @@
 about    facts of the whole, as JSON by name: what was asked for, the machine, the command
 logs     one row per log: under the key of what it was made from, its digest; none where it could not be made; remarks
 results  one row per result: the columns of cells.csv and metrics.csv, under its key; nothing is ever taken out
+rounds   one row per round of a result, under its key: its times and what the machine did; results has their medians
 arrays   under the key of a log or a result, its arrays as numpy's .npz, where they are kept
 plan     one row per cell as it stands: its parameters, and the keys of its log and, once it is known, of its result
 cells    the plan with its results: the view for readers
 """
 
 import io
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..words.columns import CELLS, METRICS
+from ..words.columns import CELLS, METRICS, TIMED
 
 COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
 KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell
@@ -35,6 +36,17 @@ ABOUT = {"seconds": "REAL", "host": "TEXT", "executor": "TEXT", "recorded": "REA
 """where a result came from: wall time, machine, time of recording (s since 1970), and an error's traceback"""
 
 RESULT = tuple(name for name in (*COLUMNS, *MORE, *ABOUT) if name not in PLANNED)  # those of a result after its key
+
+ROUND = {
+    "round": "INTEGER", "status": "TEXT", "reason": "TEXT", "path": "TEXT", **{name: KINDS[name] for name in TIMED},
+    "timing_alone": "INTEGER", "host": "TEXT", "recorded": "REAL",
+}  # fmt: skip
+"""The columns of a round after the key of its result: `path` is the digest of what the backend found."""
+
+ROUNDS = f"""
+CREATE TABLE IF NOT EXISTS rounds (key TEXT, {", ".join(f"{name} {kind}" for name, kind in ROUND.items())},
+                                   PRIMARY KEY (key, round));
+"""
 
 _LAST = ", ".join(f"results.{name}" for name in (*MEASURED, *ABOUT, "key"))
 _FIRST = ", ".join(f"plan.{name}" for name in ("place", *KEY, "parameters", "log", *PLANNED))
@@ -61,6 +73,7 @@ CREATE TABLE arrays (key TEXT PRIMARY KEY, archive BLOB NOT NULL);
 CREATE TABLE plan (place INTEGER PRIMARY KEY, dataset TEXT, dataset_options TEXT, backend TEXT, options TEXT,
                    seed INTEGER, parameters TEXT, log TEXT, key TEXT, trouble TEXT,
                    {", ".join(f"{name} {KINDS[name]}" for name in PLANNED)});
+{ROUNDS}
 {VIEW}
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {VERSION};
@@ -79,6 +92,7 @@ class Row(NamedTuple):
     traceback: str
     log: str = ""  # the key of its log
     result: str = ""  # the key of its result
+    rounds: Sequence[Mapping[str, Any]] = ()  # the columns of ROUND of every round that has ended
 
     @property
     def key(self) -> tuple[str, str, str, str, int]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...frontend.beside import Clouds, Scans, names
 from ...frontend.errors import InputError
+from . import rounds
 from .beside_arrays import kept_beside, kept_name
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
@@ -116,8 +117,10 @@ class Store:
         asked = ", ".join(name if name in there else f"NULL AS {name}" for name in names)
         order = ", ".join(KEY)
         query = f"SELECT {asked}, traceback, log, key FROM cells WHERE status <> 'waiting' ORDER BY {order}"
-        for *values, traceback, log, key in self._all(query):
-            row = Row(dict(zip(names, values, strict=True)), traceback or "", log or "", key or "")
+        found, repeated = self._all(query), self.rounds()
+        for *values, traceback, log, key in found:
+            columns = dict(zip(names, values, strict=True))
+            row = Row(columns, traceback or "", log or "", key or "", repeated.get(key, ()))
             if problem := wrong_row(row.columns):
                 raise damaged(self.folder / FILE, f"{_named(row)}: {problem}")
             yield row
@@ -234,6 +237,21 @@ class Store:
             db.execute(_PUT_RESULT, (key, *map(row.get, RESULT)))
             _keep(db, key, arrays)
         return True
+
+    def rounds(self, key: str | None = None) -> dict[str, list[dict[str, Any]]]:
+        """Reads the rounds of all results, or of one, by their key, in order; InputError for an invalid one."""
+        try:
+            with self._read():
+                return rounds.read(self._db, key)
+        except BROKEN as error:
+            raise damaged(self.folder / FILE, error) from None
+
+    def put_round(self, key: str, row: Mapping[str, Any], medians: Mapping[str, Any]) -> None:
+        """Writes a round of a result, columns of ROUND, and the result's columns that sum up all of them."""
+        with self._writing() as db:
+            rounds.put(db, key, row)
+            if medians:
+                rounds.put_medians(db, key, medians)
 
     def archive(self, key: str, names: Collection[str] | None = None) -> dict[str, Any]:
         """Reads the arrays of a log's truth or of a result, by name; none where they were not kept."""

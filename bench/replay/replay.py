@@ -17,7 +17,7 @@ from ...frontend.dead_reckoning import dead_reckoned
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
 from ...frontend.se2 import Array, Ints
-from ..engine.engine import job_of
+from ..engine.batches import job_of
 from ..engine.log_files import LogFiles
 from ..plan.plan import Cell
 from ..plan.prepare import prepared

@@ -125,8 +125,9 @@ def method(least: float | None) -> str:
         "kind (accuracy, consistency, each of the costs), is below 5 %, the 95 % interval excludes no change, and it "
         f"is at least as large as counts: {counts}. A backend without randomness on factors that are the same to "
         "the last bit needs no test: where there are too few logs for one, changes hold for these "
-        "logs. NEES is compared by how far it is from 1, as a factor. A failure counts as worse "
-        "than any error. A cell that was done and now fails or is skipped, "
+        "logs. A time that both runs measured in 3 rounds or more (--repeats) needs no test either: all of the 95 % "
+        "interval of its ratio over these is beyond what counts. NEES is compared by how far it is from 1, as a factor."
+        " A failure counts as worse than any error. A cell that was done and now fails or is skipped, "
         "or has no error or NEES any more, is a regression whatever the statistics."
     )
 

@@ -13,6 +13,7 @@ from ..drawing.legend import ROW, named
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
 from ..measure.growth import NO_GROWTH, binned
+from ..verdict.costs import cost, costs_by_round
 from ..words.names import tags
 from ..words.numerals import number, raised
 from ..words.styles import Look
@@ -77,6 +78,42 @@ def spread(name: str, log: DrawnLog) -> ReportFigure | None:
         for k, trace in enumerate(timed)
     ]
     return report_figure(name, "CPU time of a step", caption, height(names), draw, group="cost", curves=curves)
+
+
+def by_round(name: str, log: DrawnLog) -> ReportFigure | None:
+    """Draws every backend's median step in each round, over all logs, and its interval; None without repeats."""
+    shown = [
+        (line, found, each)
+        for line in log.lines
+        if (found := cost(line, "step_us_p50")) is not None and found.rounds > 1
+        for each in [costs_by_round(line, "step_us_p50")]
+    ]
+    if not shown:
+        return None
+    called = tags(line.backend for line, _, _ in shown)
+    names = [called[line.backend] for line, _, _ in shown]
+
+    def draw(figure: Figure) -> None:
+        axes = rows(figure, [(name, log.looks[line.backend]) for name, (line, _, _) in zip(names, shown, strict=True)])
+        ends: list[float] = []
+        for k, (line, found, each) in enumerate(shown):
+            at, look = k + 0.12, log.looks[line.backend]
+            style: dict[str, Any] = {"color": look.colour, "gid": of(look)}
+            if np.isfinite(found.low):
+                axes.plot([found.low, found.high], [at, at], linewidth=5, alpha=0.35, solid_capstyle="butt", **style)
+                ends += [found.low, found.high]
+            axes.plot(each, np.full(len(each), at), "o", markersize=4, markeredgewidth=0, alpha=0.8, **style)
+            ends += each.tolist()
+        fitted("x", axes, ends)
+        axes.set_xlabel("CPU time a step, µs")
+
+    caption = (
+        "Dot: a round of all logs, geometric mean of their median steps. Bar: 95 % interval over logs and rounds, for "
+        "the machine as it was."
+    )
+    curves = [curve(line.backend, each, np.full(len(each), k + 0.12)) for k, (line, _, each) in enumerate(shown)]
+    title = "CPU time of a step, round by round"
+    return report_figure(name, title, caption, height(names), draw, group="cost", curves=curves)
 
 
 class _Growth(NamedTuple):

@@ -18,6 +18,7 @@ FIGURES = {
     "nees": ".belief_figures:nees",
     "nis": ".belief_figures:nis",
     "cost": ".cpu_figures:spread",
+    "cost-rounds": ".cpu_figures:by_round",
     "cost-along": ".cpu_figures:over_time",
     "growth-steps": ".cpu_figures:growth_over_steps",
     "growth-landmarks": ".cpu_figures:growth_over_landmarks",

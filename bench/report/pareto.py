@@ -13,6 +13,7 @@ from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.labels import Point, name_points
 from ..drawing.svg import INK
+from ..verdict.costs import cost
 from ..verdict.implementations import foreign
 from ..verdict.ranking import ERRORS, path_errors
 from ..verdict.summary import Line, Typical, typical
@@ -39,6 +40,7 @@ class _Choice(NamedTuple):
     error: Typical
     final: bool
     ringed: bool  # not compiled here, where others are
+    ends: tuple[float, float] | None  # of the cost's interval, µs, where there are repeats
 
 
 def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
@@ -58,7 +60,7 @@ def trade_off(name: str, kind: str, lines: Sequence[Line], looks: Mapping[str, L
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        fitted("x", axes, [choice.us for choice in choices])
+        fitted("x", axes, [us for choice in choices for us in (choice.us, *(choice.ends or ())) if fits(us)])
         least = min(choice.error.value for choice in choices)
         ends = [max(end, least / 3) for choice in choices for end in choice.error[:3] if fits(end)]
         logarithmic("y", axes, min(ends), max(ends))  # every point is in it, however accurate one is
@@ -70,6 +72,8 @@ def trade_off(name: str, kind: str, lines: Sequence[Line], looks: Mapping[str, L
             gid, colour = of(choice.look), choice.look.colour
             ends = np.clip((choice.error.low, choice.error.high), *axes.get_ylim())
             axes.plot([choice.us] * 2, ends, color=colour, linewidth=1.2, alpha=0.6, gid=gid)
+            if choice.ends is not None:
+                axes.plot(choice.ends, [choice.error.value] * 2, color=colour, linewidth=1.2, alpha=0.6, gid=gid)
             style: dict[str, Any] = {"color": colour, "markersize": 6, "gid": gid}
             style |= {"markerfacecolor": "none", "markeredgewidth": 1.3} if choice.final else edge
             axes.plot([choice.us], [choice.error.value], choice.look.marker, **style)
@@ -90,6 +94,8 @@ def trade_off(name: str, kind: str, lines: Sequence[Line], looks: Mapping[str, L
         caption += "Line: those that none beats in both" + "; thin: of final paths" * (True in fronts and both) + "."
     if any(choice.error.n > 1 for choice in choices):
         caption += f" Bar: {bars([choice.error for choice in choices])}."
+    if any(choice.ends is not None for choice in choices):
+        caption += " Bar to the sides: 95 % interval of the cost, for the machine as it was."
     whole = "the whole log's time over its steps"
     if both:
         caption += f" Filled: online path at its median step. Open: final path at {whole}."
@@ -120,16 +126,25 @@ def _choices(lines: Sequence[Line], looks: Mapping[str, Look]) -> Iterator[_Choi
         look, values = looks[line.backend], line.values
         online, final = path_errors(line.truth_kind).values()
         if online in values and "step_us_p50" in values:
-            yield from _choice(line, look, values["step_us_p50"].median, online, line.backend in others)
+            us = values["step_us_p50"].median
+            yield from _choice(line, look, us, online, line.backend in others, _ends(line, "step_us_p50", 1.0))
         if final in values and "cpu_s" in values:
-            us = 1e6 * values["cpu_s"].median / values["steps"].median
-            yield from _choice(line, look, us, final, line.backend in others)
+            scale = 1e6 / values["steps"].median
+            us = scale * values["cpu_s"].median
+            yield from _choice(line, look, us, final, line.backend in others, _ends(line, "cpu_s", scale))
 
 
-def _choice(line: Line, look: Look, us: float, column: str, ringed: bool) -> Iterator[_Choice]:
+def _ends(line: Line, column: str, scale: float) -> tuple[float, float] | None:
+    found = cost(line, column)
+    return None if found is None or np.isnan(found.low) else (scale * found.low, scale * found.high)
+
+
+def _choice(
+    line: Line, look: Look, us: float, column: str, ringed: bool, ends: tuple[float, float] | None
+) -> Iterator[_Choice]:
     error = typical(line, column)
     if fits(us) and fits(error.value):
-        yield _Choice(line.backend, look, us, error, column.startswith("final_"), ringed)
+        yield _Choice(line.backend, look, us, error, column.startswith("final_"), ringed, ends)
 
 
 def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -> str:

@@ -55,6 +55,7 @@ def _write_tables(folder: Path, section: Section) -> None:
         "paper": paper_table(section.accuracy),
         "pairs": section.pairs,
         "cost": section.cost,
+        "cost-pairs": section.cost_pairs,
         "growth": section.growth,
         "fit": section.fit,
     }

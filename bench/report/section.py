@@ -10,13 +10,23 @@ from ..drawing.figure import GROUPS, ReportFigure
 from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
+from ..verdict.costs import basis, meanwhile
 from ..verdict.implementations import sentence
 from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
 from .drawn_log import DrawnLog, drawn_log
-from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table, pairs_table
+from .pair_tables import cost_pairs_table, pairs_table
+from .tables import (
+    accuracy_table,
+    cost_table,
+    details_tables,
+    fit_table,
+    growth_table,
+    inner_table,
+    meanwhile_table,
+)
 
 
 class Failure(NamedTuple):
@@ -44,7 +54,9 @@ class Section(NamedTuple):
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
     cost: Table  # of a step, and of the log
-    cost_note: str  # the programs that are compared, if several
+    cost_pairs: Table  # every two backends' costs, where there are repeats
+    meanwhile: Table  # what the machine did
+    cost_note: str  # the programs that are compared, if several; how often, and what the machine did
     growth: Table  # of a step, along the log
     fit: Table  # J by its terms
     fit_note: str
@@ -103,7 +115,9 @@ def _section(
         pairs=pairs_table(ruling),
         details=details_tables(found),
         cost=cost_table(found),
-        cost_note=sentence(found),
+        cost_pairs=cost_pairs_table(ruling),
+        meanwhile=meanwhile_table(found),
+        cost_note=" ".join(said for said in (sentence(found), basis(found), meanwhile(found)) if said),
         growth=growth_table(found),
         fit=fit_table(found),
         fit_note=_fit_note(found),

@@ -1,17 +1,16 @@
-"""Makes the report's tables: a small one of the main results, detailed ones, one of every cell, and one of pairs."""
+"""Makes the report's tables: a small one of the main results, detailed ones, and one of every cell."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import isnan
 
 from ..drawing.table import Entry, Table, TableRow
 from ..record.schema import Row, label
-from ..verdict.accuracy import between
 from ..verdict.consistency import belief_word
+from ..verdict.costs import COMPARED, FEWEST_ROUNDS, cost, rounds
 from ..verdict.ranking import PATHS, RELATIONS, ordered, ranking, standing
-from ..verdict.statistics import FEWEST, Comparison
+from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, Typical, representative, typical, units_of
-from ..verdict.verdict import Verdict
-from ..words.columns import PAIRS, about
+from ..words.columns import about
 from ..words.names import called
 from ..words.numerals import number
 
@@ -37,6 +36,7 @@ COST = (
     WHOSE, "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",
     "finish_s", "cpu_s", "peak_mb",
 )  # fmt: skip
+MEANWHILE = ("repeats", "work_us", "waited_share", "switches", "others_share", "stolen_share", "load", "clock_mhz")
 GROWTH = (
     WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
 )  # fmt: skip
@@ -120,8 +120,22 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
 
 def cost_table(lines: Sequence[Line]) -> Table:
     """Makes the table of costs of a step and of the log: medians; * where other cells ran at the same time."""
-    caption = f"Cost of a step and of the whole log: {_basis(lines, ends=False)}{_marks(lines)}"
-    return laid(ordered(lines), COST, _median, caption)
+    n = rounds(lines)
+    repeated = f"; times are medians of {n} rounds, intervals those of the machine as it was" * (n >= FEWEST_ROUNDS)
+
+    def entry(line: Line, name: str) -> Entry:
+        found = cost(line, name) if name in COMPARED else None
+        ends = "" if found is None or isnan(found.low) else f"{number(found.low)}\N{EN DASH}{number(found.high)}"
+        return _median(line, name)._replace(note=ends)
+
+    caption = f"Cost of a step and of the whole log: {_basis(lines, ends=False)}{repeated}{_marks(lines)}"
+    return laid(ordered(lines), COST, entry, caption)
+
+
+def meanwhile_table(lines: Sequence[Line]) -> Table:
+    """Makes the table of what the machine did while each backend was timed: medians; nothing without it."""
+    having = [line for line in ordered(lines) if "work_us" in line.values]
+    return laid(having, MEANWHILE, _median, "The machine while a backend was timed, medians over cells and rounds")
 
 
 def growth_table(lines: Sequence[Line]) -> Table:
@@ -255,39 +269,3 @@ def _basis(lines: Sequence[Line], *, ends: bool = True) -> str:
 def _marks(lines: Sequence[Line]) -> str:
     failed = "; a failure counts as ∞" * any(line.failed and line.done for line in lines)
     return failed + "; * timed while other cells ran beside it" * (not all(line.alone for line in lines))
-
-
-WORDS = {
-    "better": "closer",
-    "worse": "further off",
-    "alike": "alike",
-    "open": "not significant",
-    "unproven": "not supported by the test",
-    "few": "too few logs",
-}
-
-
-def pairs_table(found: Verdict) -> Table:
-    """Makes the table of comparisons, one row each, in the verdict's order."""
-    rows = [
-        TableRow(c.first, [Entry(c.second), Entry(about(column).heading), *_entries(c)])
-        for column, comparisons in found.comparisons.items()
-        for c in comparisons
-    ]
-    caption = (
-        "Every pair on the same logs: how many times the first one's error the second one's is, and its 95 % interval; "
-        "those with dead reckoning are corrected among themselves"
-    )
-    return Table(PAIRS, rows, caption)
-
-
-def _entries(c: Comparison) -> list[Entry]:
-    known, tested = not isnan(c.low), c.units >= FEWEST
-    ends = f"{number(c.low)}\N{EN DASH}{number(c.high)}" if known else ""
-    return [
-        Entry("" if isnan(c.ratio) else number(c.ratio), note=ends, value=None if isnan(c.ratio) else c.ratio),
-        Entry(WORDS[standing(c)], note=between(c) if known and standing(c) == "open" else ""),
-        Entry(("<0.0001" if c.adjusted < 1e-4 else f"{c.adjusted:.2g}") * tested, value=c.adjusted if tested else None),
-        Entry(f"{c.effect:.2f}" if tested else "", value=c.effect if tested else None),
-        Entry(f"{c.closer} of {c.n}", value=c.closer),
-    ]

@@ -6,6 +6,7 @@ import itertools
 import shlex
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ DEFAULTS: dict[str, Any] = {
     "map_fixed": False,
     "start": "known",
     "oracle": False,
+    "repeats": 1,
 }
 """the settings of a run where nothing is given"""
 
@@ -49,6 +51,11 @@ def benchmark(
     InputError where that has other settings, and with `strict` for a log with a remark.
     """
     plan = planned(given, out)
+    if plan.repeats > 1 and executor.slots > 1:
+        raise InputError(
+            f"repeats: found {plan.repeats}, and cells that run {executor.slots} at once, expected one at a time "
+            "(--jobs 1): times of cells that run side by side are not compared."
+        )
     if not given and not begun(out):
         watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
     try:
@@ -75,8 +82,7 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
         if len(plan.backends) > 1 and plan.seeds > MOST and any(dataset.source.seeded for dataset in plan.datasets):
             raise InputError(f"seeds: found {plan.seeds:,}, expected at most {MOST:,} to compare backends on.")
         return plan
-    _refuse_another(plan, given, out)
-    return plan
+    return replace(plan, repeats=_refuse_another(plan, given, out))
 
 
 def _refuse_seeds(plan: Plan) -> None:
@@ -112,13 +118,19 @@ def begun(out: Path) -> bool:
     return False
 
 
-def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> None:
-    """Raises InputError where `out` holds a run with other settings than those given."""
+def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> int:
+    """Returns the repeats to be there, more than before or as many; InputError where other settings differ."""
     recorded = plan.words()
     asked = Plan.from_words(recorded | {"map_digest": None} | dict(given)).words()
+    if asked["repeats"] < plan.repeats:
+        raise InputError(
+            f"--out {out}: holds a run with repeats {plan.repeats}, found repeats {asked['repeats']}; expected at "
+            "least as many, or nothing but --out to continue it, or another folder."
+        )
     for name, value in asked.items():
-        if value != recorded[name]:
+        if name != "repeats" and value != recorded[name]:
             raise InputError(
                 f"--out {out}: holds a run with {name} {recorded[name]}, found {name} {value}; expected the same, or "
                 "nothing but --out to continue it, or another folder."
             )
+    return asked["repeats"]

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..record.schema import Row
+from ..verdict.costs import COMPARED, cost
 from ..verdict.summary import Line, units_of
 from ..verdict.verdict import Verdict
 
@@ -27,10 +28,13 @@ datasets          one each:
   remarks         [text], what is legal in them yet odd
   verdict         basis: text, uses: [{purpose, backend, why}], sentences: [text],
                   comparisons: {column: [{first, second, n, closer, ratio, low,
-                  high, p, adjusted, effect, units}]}
+                  high, p, adjusted, effect, units}]},
+                  costs: {column: [{first, second, ratio, low, high, logs,
+                  rounds}]}, with --repeats
   lines           one per backend: backend, implementation, done, cells,
                   timing_alone, estimates: {column: {value, low,
-                  high, n, units}}
+                  high, n, units}}, costs: {column: {value, low, high,
+                  logs, rounds}}, geometric means over logs and rounds
 cells             one each, by column of cells.csv and of metrics.csv
 remarks           on a given map
 
@@ -88,6 +92,7 @@ def _line(line: Line) -> dict[str, Any]:
         "cells": len(line.rows),
         "timing_alone": line.alone,
         "estimates": {column: line.estimate(column) for column in ESTIMATES if column in line.values},
+        "costs": {column: found for column in COMPARED if (found := cost(line, column)) is not None},
     }
 
 

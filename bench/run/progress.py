@@ -161,6 +161,20 @@ class Screen:
         self._warn(cell.cell.dataset.label, row)
         self._draw()
 
+    def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
+        """Announces a round; without a terminal, a line."""
+        self._stage, self._done, self._total = f"round {number} of {of}", 0, len(cells)
+        if not self._live.is_started:
+            self.say(f"round {number} of {of}: {counted(len(cells), 'cell')} timed again")
+        self._draw()
+
+    def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        """Counts a cell of a round; prints it if it did not end well."""
+        del seconds
+        self._done += 1
+        if row["status"] != "done":
+            self.say(f"{self._stage}: {row['status']} {cell.cell}: {row['reason']}")
+
     def reporting(self) -> None:
         """Announces the report."""
         self._stage, self._done, self._total = "writing the report", 0, 0

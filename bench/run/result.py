@@ -117,6 +117,7 @@ def run(
     logs: Iterable[Named] | Mapping[str, Iterable[Named]] | None = None,
     truth: Truth | None = None,
     seeds: int | None = None,
+    repeats: int | None = None,
     out: Path | str | None = None,
     jobs: int = 1,
     timeout_s: float | None = None,
@@ -133,13 +134,15 @@ def run(
 
     `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
     `Log`. `logs` are the logs of one dataset, with one verdict: a list of such, or lists by the name of the cluster
-    that they are of, as logs that share a run, a robot or a building are not independent. Results go to `out`, by
+    that they are of, as logs that share a run, a robot or a building are not independent. With `repeats` every cell is
+    timed in so many rounds, without which nothing is claimed of costs. Results go to `out`, by
     default results/DATE-TIME; a run that was stopped is continued. The other arguments are the options of the command
     line. SlamduelError, with a sentence, for anything that cannot be used.
     """
     folder = Path(_kind("out", out, str | Path)) if out is not None else new_folder()
     said = {
         "seeds": seeds,
+        "repeats": repeats,
         "timeout_s": timeout_s,
         "memory_mb": memory_mb,
         "map": str(map) if isinstance(map, Path) else map,

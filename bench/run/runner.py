@@ -42,7 +42,8 @@ def run(
             "command": shlex.join(command),
             "map": None if plan.map is None else plan.map.words(),
         }
-        return {**facts, **known}  # a continued run keeps its first facts
+        kept = {**facts, **known}  # a continued run keeps its first facts, but for repeats that are added
+        return kept | {"plan": {**kept["plan"], "repeats": plan.repeats}}
 
     run_cells(work_of(plan), folder, executor, RunRequest(retry=retry, strict=strict), about, watcher)
     with Store(folder) as store:

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from ..verdict.association import association_sentences
 from ..verdict.consistency import void
+from ..verdict.costs import basis, meanwhile, repeat_troubles
 from ..verdict.implementations import sentence
 from ..verdict.ranking import path_errors
 from ..verdict.statistics import FEWEST
@@ -55,7 +56,8 @@ def conclude(console: Console, lines: Sequence[Line], remarks: Mapping[str, Sequ
         said = [
             *(_uses(verdict(mine)) if any(line.done for line in mine) else ()),
             *(("ids", said) for said in association_sentences(mine)),
-            *([("costs", programs)] if (programs := sentence(mine)) else []),
+            *(("costs", said) for said in (sentence(mine), basis(mine), meanwhile(mine)) if said),
+            *(("remark", said) for said in repeat_troubles(mine)),
             *failures(mine),
             *(("remark", remark) for remark in remarks.get(mine[0].dataset, ())),
         ]
@@ -106,6 +108,7 @@ def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
 def status(lines: Sequence[Line]) -> int:
     """Returns a run's exit status: 0 where something was done and nothing failed; 1 also if all were skipped."""
     ends = [row.columns["status"] for line in lines for row in line.rows]
+    ends += [one["status"] for line in lines for row in line.rows for one in row.rounds]
     return 0 if "done" in ends and set(ends) <= {"done", "skipped"} else 1
 
 

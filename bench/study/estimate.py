@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from ..engine.engine import RunRequest, batch_of
+from ..engine.batches import batch_of
+from ..engine.engine import RunRequest
 from ..engine.key import log_key, made_once, result_key
 from ..engine.log_files import LogFiles
 from ..plan.work import PlannedCell

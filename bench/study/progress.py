@@ -67,6 +67,12 @@ class StudyScreen:
         failed = sum(self._failed.values())
         self._advance("cell", f"{failed} failed" if failed else "")
 
+    def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
+        """Does nothing: a study has no repeats."""
+
+    def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        """Does nothing."""
+
     def _begin(self, task: str, total: int) -> None:
         self._done, self._total = 0, total
         self._bar.restart(task, total)

@@ -18,7 +18,7 @@ def claims(found: Ranking, what: str, where: str, *, again: bool = False) -> lis
     the reason.
     """
     if not found.compared:
-        return [_measured(found, what, where, again=again), *_repeats(found)]
+        return [_measured(found, what, where, again=again), *_runs(found)]
     best, on = found.lines[0].backend, f"on {where}, {found.units}"
     if len(found.lines) == 1:
         error = _errors(found)[best]
@@ -168,7 +168,7 @@ def _errors(found: Ranking) -> dict[str, str]:
     return {name: f"{number(value)} m" if value < inf else "failed" for name, value in medians.items()}
 
 
-def _repeats(found: Ranking) -> list[str]:
+def _runs(found: Ranking) -> list[str]:
     """States the spread of a random backend's runs on a single log, and which backends lie outside of it."""
     if found.units.logs != 1:
         return []

@@ -5,15 +5,15 @@ from math import inf, isinf
 from typing import NamedTuple
 
 from ...datasets.registry import seeded
-from ..words.numerals import counted, factor, larger, listed, number, times
+from ..words.numerals import counted, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
 from .consistency import NO_COVARIANCE, belief_word
+from .costs import compare_costs, compared, is_dearer, rounds
 from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line
 
-SAME_COST = 1.5  # costs whose ratio is smaller are about the same
 NEAR = 1.25  # errors whose ratio is significantly within this and its inverse are of the same order for a user
 
 COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
@@ -39,7 +39,8 @@ def advice(purpose: str, found: Ranking) -> Use:
 
     those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
     none where only too few logs stand in the way; those without a failure; those that are not overconfident, and have
-    a covariance at every step; the cheapest, and of about the same cost the more accurate.
+    a covariance at every step; those that none of these is cheaper than; the one with the lowest median error. Costs
+    that are not told apart never decide.
     """
     of = found.units
     if of.n < FEWEST:
@@ -64,9 +65,9 @@ def advice(purpose: str, found: Ranking) -> Use:
     whole = [line for line in level if line.done == len(line.rows)] or level
     word = {line.backend: belief_word(line, BELIEF.get(purpose, "")) for line in whole}
     sure = [line for line in whole if word[line.backend] not in ("overconfident", NO_COVARIANCE)] or whole
-    cost = {line.backend: line.values[COST[purpose]].median for line in sure if COST[purpose] in line.values}
-    least = min(cost.values(), default=0.0)
-    chosen = next((line for line in sure if cost.get(line.backend, inf) <= SAME_COST * least), sure[0])
+    dear = [line for line in sure if any(is_dearer(line, other, COST[purpose]) for other in sure if other is not line)]
+    cheapest = [line for line in sure if line not in dear] or sure
+    chosen = cheapest[0]
     rival = next((line for line in found.lines if line is not chosen), None)
     accuracy = _accuracy(found, chosen, rival)
     parts = [
@@ -74,6 +75,7 @@ def advice(purpose: str, found: Ranking) -> Use:
         _belief(word[chosen.backend], {line.backend: word[line.backend] for line in whole if line not in sure}),
         _failures(chosen, [line for line in level if line not in whole]),
         _cost(COST[purpose], chosen, rival, named=rival is not None and rival.backend in accuracy),
+        _tied(cheapest),
     ]
     why = "; ".join(part for part in parts if part)
     return Use(purpose, chosen.backend, f"{why[0].upper()}{why[1:]}.")
@@ -164,23 +166,28 @@ def _is(them: Sequence[object]) -> str:
     return "is" if len(them) == 1 else "are"
 
 
+def _tied(alike: Sequence[Line]) -> str:
+    """Names those that costs do not tell apart, and the reason for the first of them."""
+    if len(alike) < 2:
+        return ""
+    return f"costs do not decide between {listed([line.backend for line in alike])}, its median error is the lowest"
+
+
 def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False) -> str:
-    """Compares the chosen one's cost with the rival's; `named`: the sentence has its name already."""
+    """Compares the chosen one's cost with the rival's, or states both; `named`: the sentence has its name already."""
     if column not in chosen.values:
         return ""
-    mine = chosen.values[column].median
-    said = _amount(column, chosen)
-    alone = chosen.alone
-    if rival is not None and column in rival.values and bool(mine) == bool(rival.values[column].median):
-        said += f", {compared(mine, rival.values[column].median, '' if named else rival.backend)}"
+    said, alone = _amount(column, chosen), chosen.alone
+    if rival is not None and column in rival.values:
+        ratio = compare_costs(chosen, rival, column)
+        borne = compared(ratio, "" if named else rival.backend)
+        n = rounds([chosen, rival])
+        often = "measured once" if n == 1 else f"in {n} rounds, too few to compare"
+        said += f", {borne}" if borne else f", {rival.backend} {_short(column, rival)}: {often}"
         alone = alone and rival.alone
     return said + ", timed while others ran beside" * (not alone)
 
 
-def compared(mine: float, theirs: float, rival: str) -> str:
-    """Writes "17 times cheaper than isam2", "3.1 times as costly as isam2" or "about as costly as isam2"."""
-    if min(mine, theirs) <= 0 or max(mine / theirs, theirs / mine) < SAME_COST:
-        return "about as costly" + f" as {rival}" * bool(rival)
-    if theirs > mine:
-        return f"{factor(theirs / mine)} times cheaper" + f" than {rival}" * bool(rival)
-    return f"{factor(mine / theirs)} times as costly" + f" as {rival}" * bool(rival)
+def _short(column: str, line: Line) -> str:
+    value = number(line.values[column].median)
+    return value if column == "step_us_p50" else f"{value} s"

@@ -1,7 +1,9 @@
 """Finds regressions and gains between two runs, with their significance.
 
 Values are paired by log. Accuracy and consistency count a failure as infinitely bad; costs are of the cells that are
-done in both runs. A test is corrected by Holm's method over all of its kind: accuracy, consistency, a cost.
+done in both runs. A test is corrected by Holm's method over all of its kind: accuracy, consistency, a cost. A cost that
+both runs measured in enough rounds needs no test: all of the interval of its ratio over the rounds has to be beyond the
+least that counts.
 """
 
 import math
@@ -11,6 +13,7 @@ from typing import Any, NamedTuple
 from ..record.schema import Row
 from ..record.statuses import FAILED
 from ..words.numerals import chance, counted, listed, number
+from .costs import BetweenRuns, between_runs
 from .pairing import Pair, PairedRuns
 from .ranking import ROUNDING
 from .statistics import FEWEST, LEVEL, Comparison, compare, holm, median_over
@@ -83,6 +86,7 @@ class _Found(NamedTuple):
     comparison: Comparison
     shown: tuple[float, float]
     same: str  # SAME or ROUNDED where it is on every log, else ""
+    rounds: BetweenRuns | None  # where both runs have enough of them
 
 
 def changes(found: PairedRuns, least: float | None = None) -> list[Change]:
@@ -93,7 +97,7 @@ def changes(found: PairedRuns, least: float | None = None) -> list[Change]:
     told = [change for pair in found.pairs for change in (*_endings(pair), *_lost(pair))]
     for kind in dict.fromkeys(one.quantity.kind for one in measured):
         of_kind = [one for one in measured if one.quantity.kind == kind]
-        tested = [one for one in of_kind if not one.same and one.comparison.units >= FEWEST]
+        tested = [one for one in of_kind if not one.same and one.comparison.units >= FEWEST and one.rounds is None]
         adjusted = dict(zip(map(id, tested), holm([one.comparison.p for one in tested]).tolist(), strict=True))
         for one in of_kind:
             corrected = one.comparison._replace(adjusted=adjusted.get(id(one), math.nan))
@@ -128,7 +132,14 @@ def _found(pair: Pair, quantity: Quantity, least: float | None, rounding: float)
     apart = {
         name: {log: max(value, least_error) for log, value in of.items()} for name, of in (("old", old), ("new", new))
     }
-    return _Found(pair, quantity, old, new, compare(apart, of)[0], shown, _same(old, new, rounding))
+    comparison, repeated = compare(apart, of)[0], between_runs(_done(cells), column) if quantity.costs else None
+    if repeated is not None:
+        comparison = comparison._replace(ratio=repeated.ratio, low=repeated.low, high=repeated.high, p=math.nan)
+    return _Found(pair, quantity, old, new, comparison, shown, _same(old, new, rounding), repeated)
+
+
+def _done(cells: Sequence[tuple[Row, Row]]) -> list[tuple[Row, Row]]:
+    return [both for both in cells if all(row.columns["status"] == "done" for row in both)]
 
 
 def _same(old: Mapping[str, float], new: Mapping[str, float], rounding: float) -> str:
@@ -165,6 +176,12 @@ def _judged(one: _Found, tested: int) -> tuple[str, str]:
     c, count = one.comparison, f"less than the {100 * one.quantity.least:g} % that count"
     if one.same:
         return one.same, _logs(one)
+    if one.rounds is not None:
+        said = f"{_logs(one)}, {one.rounds.rounds[0]} and {one.rounds.rounds[1]} rounds"
+        least = 1 + one.quantity.least
+        if c.low > least or c.high < 1 / least:
+            return (REGRESSION if c.ratio > 1 else GAIN), said
+        return NOTHING, f"{said}: not wholly beyond the {100 * one.quantity.least:g} % that count"
     towards = (REGRESSION if c.ratio > 1 else GAIN) if _beyond(one) else NOTHING
     if c.units >= FEWEST and _least_p(c.units, tested) < LEVEL:
         if not c.holds:

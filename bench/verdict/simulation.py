@@ -13,12 +13,13 @@ import sys
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ...frontend.se2 import Array
 from .candidates import accelerated, mixed_model, percentile
+from .cost_simulation import COSTS
 from .statistics import compare, estimate, log_ratios
 from .units import INDEPENDENT, Units, units
 
@@ -132,13 +133,31 @@ class Case(NamedTuple):
         return sum(asked(self.world, errors, of) for errors in found) / comparisons
 
 
+class Simulated(Protocol):
+    """A case of errors, or of costs."""
+
+    @property
+    def logs(self) -> int:
+        """Returns the number of logs."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """Returns its name in the table."""
+        ...
+
+    def share(self, asked: Any, comparisons: int) -> float:
+        """Returns the share of so many comparisons for which it is true."""
+        ...
+
+
 class Question(NamedTuple):
     """A question with the bounds of its share in every case; None: no bounds."""
 
     title: str
-    asked: Asked
+    asked: Callable[..., bool]
     bounds: tuple[float, float] | None
-    cases: Sequence[Case]
+    cases: Sequence[Simulated]
 
 
 _NUMBERS = (6, 8, 10, 15, 20, 30, 50)
@@ -256,6 +275,7 @@ QUESTIONS = (
         ),
     ),
     *CLUSTERED,
+    *(Question(*one) for one in COSTS),
 )
 
 

@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ..words.numerals import counted, factor, listed, number
+from ..words.numerals import counted, listed, number
 from ..words.styles import BASELINE
 from .accuracy import claims
-from .advice import SAME_COST, Use, advice, unnamed
+from .advice import Use, advice, unnamed
 from .association import association_sentences
 from .consistency import belief_sentences
+from .costs import COMPARED, CostRatio, all_pairs, basis, compare_costs, compared, repeat_troubles, rounds
 from .ranking import ESTIMATES, PATHS, Ranking, judged_by, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, representative
@@ -29,6 +30,7 @@ class Verdict(NamedTuple):
     uses: Sequence[Use]
     sentences: Sequence[str]  # the most important first
     comparisons: Mapping[str, Sequence[Comparison]]  # by column, every pair, then each backend with dead reckoning
+    costs: Mapping[str, Sequence[CostRatio]] = {}  # by column, every pair, where there are repeats
 
 
 def verdict(lines: Sequence[Line]) -> Verdict:
@@ -36,10 +38,10 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     lines = ordered(lines)
     known = representative(lines)
     name, kind = known.name, known.truth_kind
-    basis = f"{known.units}; {_known(known)}"
+    rests_on = f"{known.units}; {_known(known)}"
     failures = _not_done(lines)
     if not any(line.done for line in lines):
-        return Verdict(basis, (), [f"{name}: no cell is done.", *failures], {})
+        return Verdict(rests_on, (), [f"{name}: no cell is done.", *failures], {})
     measures = judged_by(known)
     rankings = {purpose: found for purpose, column in measures.items() if (found := ranking(lines, column))}
     said: list[str] = []
@@ -55,10 +57,11 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     said += [known.units.scope] * bool(known.units.scope)
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
     sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *association_sentences(lines)]
-    sentences += [*_cost(lines), *failures]
+    sentences += [*_cost(lines), *repeat_troubles(lines), *failures]
     if told := [line.backend for line in lines if line.told]:
         sentences.append(f"Not compared: {listed(told)} (given the ground truth).")
-    return Verdict(basis, _uses(lines, rankings), sentences, comparisons)
+    costs = {column: all_pairs(lines, column) for column in COMPARED if rounds(lines) > 1}
+    return Verdict(rests_on, _uses(lines, rankings), sentences, comparisons, costs)
 
 
 def _known(line: Line) -> str:
@@ -94,21 +97,26 @@ def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
 def _cost(lines: Sequence[Line]) -> list[str]:
     """States CPU time for the whole log: the one cost that filters, smoothers and batch methods share."""
     found = sorted(
-        (line.values["cpu_s"].median, line.backend + "*" * (not line.alone))
-        for line in lines
-        if "cpu_s" in line.values and line.backend != BASELINE
+        (line for line in lines if "cpu_s" in line.values and line.backend != BASELINE),
+        key=lambda line: line.values["cpu_s"].median,
     )
     if not found:
         return []
-    least, cheapest = found[0]
-    times = [f"{cheapest} {number(least)} s"]
-    for seconds, label in found[1:]:
-        ratio = seconds / least if least else 0
-        times.append(f"{label} {number(seconds)} s" + (f" ({factor(ratio)} times)" if ratio >= SAME_COST else ""))
+    first = found[0]
+    times = [_seconds(first)]
+    for line in found[1:]:
+        pair = compare_costs(line, first, "cpu_s")
+        borne = compared(pair, "") if pair is not None and pair.standing == "dearer" else ""
+        times.append(_seconds(line) + f" ({borne.removesuffix(' as costly')})" * bool(borne))
     if len(times) > MOST:
         times = [times[0], f"{len(times) - 2} others up to {times[-1]}"]
-    marked = " (*: while other cells ran beside it)" if any("*" in label for _, label in found) else ""
-    return [f"Median CPU time for the whole log: {listed(times)}{marked}."]
+    marked = " (*: while other cells ran beside it)" * (not all(line.alone for line in found))
+    said = f"Median CPU time for the whole log: {listed(times)}{marked}."
+    return [f"{said} {basis(found)}".rstrip()]
+
+
+def _seconds(line: Line) -> str:
+    return f"{line.backend}{'*' * (not line.alone)} {number(line.values['cpu_s'].median)} s"
 
 
 def _not_done(lines: Sequence[Line]) -> list[str]:

@@ -170,6 +170,30 @@ def _final() -> Iterator[Column]:
 
 FINAL = tuple(_final())
 
+MACHINE = (
+    Column("work_us", "fixed work", kind.CPU_US,
+           "CPU time of a fixed piece of work, just before and after the backend was timed: longer where the processor "
+           "is slower, or shared with somebody."),
+    Column("waited_share", "waited", kind.CPU_SHARE,
+           "Share of the time that the backend ran, by the clock on the wall, in which others had its core."),
+    Column("switches", "switches", kind.MACHINE, "How often the system gave the backend's core to another process."),
+    Column("others_share", "others", kind.CPU_SHARE,
+           "Share of all cores that other processes took meanwhile. Blank where the system does not say, and for runs "
+           "of less than 0.1 s, which it does not resolve."),
+    Column("stolen_share", "stolen", kind.CPU_SHARE, "Likewise, the share taken by other virtual machines."),
+    Column("load", "load", kind.MACHINE, "The system's load average over the minute before, this process included."),
+    Column("clock_mhz", "clock", kind.MACHINE_MHZ,
+           "Clock frequency that the system states, mean of the cores. A virtual machine may state one that it does "
+           "not have."),
+)  # fmt: skip
+"""What the machine did while a backend was timed; part of METRICS."""
+
+TIMED = (
+    "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "finish_s", "setup_s", "cpu_s",
+    *(column.name for column in MACHINE),
+)  # fmt: skip
+"""The columns that every repeat of a cell measures again."""
+
 METRICS = (
     Column("length_s", "length", kind.SECONDS, "Time that the log covers. Blank where its times are its step numbers."),
     Column("real_time", "of real time", kind.CPU_SHARE,
@@ -256,6 +280,17 @@ METRICS = (
     Column("cluster", "cluster", kind.PLANNED,
            "Logs of one cluster share a run, a robot or a building, and are not independent of each other. Blank: the "
            "log is independent of all others."),
+    Column("repeats", "repeats", kind.COUNT,
+           "Rounds in which the cell was timed (--repeats), each in a process of its own: times are medians over them. "
+           "With 1, every time was measured once."),
+    *(
+        Column(f"{name}_{end}", f"{heading}, {end}", unit,
+               f"The {side} end of the 95 % interval of {heading} over the repeats, for this log and the machine as it "
+               "was. Blank with fewer than 3.")
+        for name, heading, unit in (("step_us_p50", "step p50", kind.CPU_US), ("cpu_s", "whole log", kind.CPU_S))
+        for end, side in (("low", "lower"), ("high", "upper"))
+    ),
+    *MACHINE,
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 
@@ -277,6 +312,18 @@ PAIRS = (
 )  # fmt: skip
 """The columns of a report's table of pairs, by their names in JSON."""
 
+COST_PAIRS = (
+    *PAIRS[:2],
+    Column("cost_ratio", "ratio", kind.NUMBER,
+           "Ratio of the second one's cost to the first one's on the same log in the same round of --repeats: the "
+           "geometric mean. Beside it its 95 % interval, over logs and rounds, for the machine as it was."),
+    Column("cost_verdict", "verdict", kind.TEXT,
+           "Cheaper, or more costly, where the whole interval is beyond 1.5, which is more than load shifted any ratio "
+           "by; alike where it is within 1.5 and its inverse; otherwise the costs are not told apart."),
+    Column("rounds", "rounds", kind.TEXT, "Rounds and logs, or clusters of logs, that the interval is of."),
+)  # fmt: skip
+"""The columns of a report's table of costs by pair."""
+
 REPORT = (
     Column("done", "done", kind.TEXT, "Cells that are done, of all."),
     Column("implementation", "implementation", kind.TEXT,
@@ -294,6 +341,7 @@ REPORT = (
     Column("baseline", "dead-reckoning", kind.TEXT,
            "What every backend has to beat: it uses no sighting and is not ranked."),
     *PAIRS,
+    *COST_PAIRS[2:],
 )  # fmt: skip
 """The other columns of a report's tables, and the meanings of their words."""
 

@@ -48,6 +48,7 @@ class Batch:
     whole: bool = False  # the log itself comes back, too
     map: Map | None = None  # goes into the log's prior
     start: Start = "known"  # likewise
+    round: int = 1  # of the repeats: each has processes of its own
     rehearsal: bool = False  # the jobs' backends load or compile their code, and nothing is measured
 
     @property

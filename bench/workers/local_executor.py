@@ -50,6 +50,9 @@ class Local:
             self._folder = Path(tempfile.mkdtemp(prefix="slamduel-"))
             self._finish = Finalize(self, _finish, (self._pools, self._folder), exitpriority=1)  # at exit at the latest
         self._calls += 1
+        if any(batch.round > 1 for batch in batches):  # a process's memory affects its times: a round has its own
+            for workers in self._pools.values():
+                _end(workers)
         if not any(batch.jobs for batch in batches):
             yield from self._work(BatchQueue(batches), self._pool(""), max(self.slots, os.cpu_count() or 1), AHEAD)
         elif alone or self.slots == 1:

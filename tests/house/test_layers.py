@@ -71,7 +71,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "drawing": {"words"},
         "workers": {"measure", "plan", "record"},
         "report": {"drawing", "verdict", "record", "measure", "words"},
-        "engine": {"workers", "plan", "record", "measure", "words"},
+        "engine": {"workers", "verdict", "plan", "record", "measure", "words"},
         "run": {"engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words"},
         "check": {"workers", "plan", "measure", "words"},
         "logs": {"drawing", "plan", "measure", "words"},

@@ -59,6 +59,22 @@ class Reckoning:
         return None
 
 
+class DiffersByProcess(Reckoning):
+    """Has a path that is the same in one process, and another one in the next."""
+
+    def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
+        super().__init__(prior, options, rng)
+        self.pose = prior.pose + 1e-9 * os.getpid()
+
+
+class FailsWhereAsked(Reckoning):
+    """Raises once the folder that FAIL_IN names is there."""
+
+    def trouble(self) -> None:
+        if os.path.isdir(os.environ.get("FAIL_IN", "")):
+            raise ValueError("asked for")
+
+
 class Raises(Reckoning):
     def trouble(self) -> None:
         raise ValueError("the [brackets] of this\nmessage are <b>not</b> markup")
@@ -221,5 +237,7 @@ belief_changes_path = Builder(BeliefChangesPath)
 talks = Builder(Talks)
 draws = Builder(Draws, options=NoOptions, random=True)
 slow = Builder(Slow, options=Pace)
+differs_by_process = Builder(DiffersByProcess)
+fails_where_asked = Builder(FailsWhereAsked)
 no_builder = 7
 no_options = Builder(Reckoning, options=dict)

@@ -31,6 +31,10 @@ class Silent:
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         self.ended.append(f"{cell.cell.backend.label} {row['status']}")
 
+    def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None: ...
+    def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        self.ended.append(f"{cell.cell.backend.label} again {row['status']}")
+
 
 def go(
     folder: Path, backends: str, dataset: Path | str, workers: int = 2, seeds: int = 2, timeout_s: float = 60.0

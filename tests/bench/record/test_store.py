@@ -473,3 +473,37 @@ def test_a_truth_that_does_not_fit_its_cells_is_refused(tmp_path: Path, arrays: 
     (row,) = record.store.cells()
     with pytest.raises(InputError, match=sentence):
         record.store.arrays(row)
+
+
+def test_a_record_without_rounds_is_read_and_completed(tmp_path: Path) -> None:
+    """As versions before repeats wrote it."""
+    filled(tmp_path)
+    db = sqlite3.connect(tmp_path / FILE)
+    db.executescript("DROP TABLE rounds;")
+    db.close()
+    with Store(tmp_path) as store:
+        assert {row.rounds for row in store.cells()} == {()}
+    with Store(tmp_path, writing=True) as store:
+        key = next(row.result for row in store.cells() if row.columns["status"] == "done")
+        store.put_round(key, {"round": 1, "status": "done", "step_us_p50": 3.0}, {"step_us_p50": 3.0, "repeats": 1})
+        (found,) = [row for row in store.cells() if row.rounds]
+    assert (found.columns["step_us_p50"], found.columns["repeats"]) == (3.0, 1)
+    assert found.rounds[0]["step_us_p50"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "problem"),
+    [
+        ("round", 0, "expected a whole number from 1 on"),
+        ("status", "well", "status is 'well', expected done"),
+        ("cpu_s", -1.0, "cpu_s is -1.0, expected a number, 0 or more"),
+        ("step_us_p50", "fast", "step_us_p50 is 'fast', expected a number"),
+        ("path", b"bits", "reason, path or host is no text"),
+    ],
+)
+def test_an_invalid_round_is_refused(tmp_path: Path, name: str, value: Any, problem: str) -> None:
+    filled(tmp_path)
+    with Store(tmp_path, writing=True) as store:
+        store.put_round("key", {"round": 1, "status": "done"} | {name: value}, {})
+        with pytest.raises(InputError, match=problem):
+            store.rounds()

@@ -8,6 +8,7 @@ import pytest
 from slamduel.bench.drawing.latex import escaped, latex
 from slamduel.bench.drawing.table import Entry, Table, TableRow
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
+from slamduel.bench.report.pair_tables import pairs_table
 from slamduel.bench.report.tables import (
     accuracy_table,
     cells_table,
@@ -16,7 +17,6 @@ from slamduel.bench.report.tables import (
     fit_table,
     growth_table,
     inner_table,
-    pairs_table,
     paper_table,
 )
 from slamduel.bench.verdict.summary import Line, lines

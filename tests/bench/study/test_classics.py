@@ -59,6 +59,12 @@ class Watched:
         if row["status"] != "done":
             self.amiss.append((cell.cell.dataset.label, cell.cell.backend.label, row["status"], row["reason"]))
 
+    def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
+        """Nobody asks."""
+
+    def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
+        """Nobody asks."""
+
 
 def few(cells: Sequence[PlannedCell]) -> list[PlannedCell]:
     """Of every backend, as the file writes it, the first and the last it is swept to, on the first log of either.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
-from slamduel.bench.record.schema import VIEW
+from slamduel.bench.record.schema import ROUND, VIEW
 from slamduel.bench.record.sketch import SUMS, Sketch
 from slamduel.bench.record.store import Store
 from slamduel.bench.verdict.changes import (
@@ -27,6 +27,7 @@ from slamduel.bench.verdict.changes import (
     changes,
     summary,
 )
+from slamduel.bench.verdict.costs import over_rounds
 from slamduel.bench.verdict.pairing import paired_runs, side
 from slamduel.bench.verdict.statistics import holm, signed_rank
 from slamduel.frontend.errors import InputError
@@ -362,3 +363,39 @@ def test_clusters_count_once_and_the_sentence_says_so(tmp_path: Path) -> None:
     assert "24 logs in 8 clusters" in eight.words
     assert (four.n, four.units) == (24, 4)
     assert four.words.startswith("on these 24 logs")  # too few clusters for a test, but nothing in it is random
+
+
+def repeated(folder: Path, *factors: float, noise: float = 0.05) -> Path:
+    """The run with a time in every round for every cell: its own, times that factor and chance."""
+    rng = np.random.default_rng(len(factors))
+    with Store(folder, writing=True) as store:
+        for row in list(store.cells()):
+            found: list[dict[str, Any]] = []
+            for number, factor in enumerate(factors, 1):
+                times = {n: row.columns[n] * factor * np.exp(noise * rng.normal()) for n in ("cpu_s", "step_us_p50")}
+                one = {"round": number, "status": "done", "timing_alone": 1, **times}
+                found.append(dict.fromkeys(ROUND) | one)
+                store.put_round(row.result, one, over_rounds(found))
+    return folder
+
+
+def test_costs_of_repeats_are_judged_by_their_rounds_and_need_no_six_logs(tmp_path: Path) -> None:
+    old, new = repeated(run(tmp_path / "old", 2), 1.0, 1.1, 1.0, 0.9), repeated(run(tmp_path / "new", 2), 3.0, 3.3, 2.9)
+    found = told(old, new)["CPU time, s"]
+    assert found.verdict == REGRESSION
+    assert found.words == "2 logs, 4 and 3 rounds"
+    assert found.low < 3 < found.high
+    assert told(new, old)["step p50, µs"].verdict == GAIN
+
+
+def test_a_machine_whose_rounds_differ_that_much_bears_no_regression(tmp_path: Path) -> None:
+    old, new = repeated(run(tmp_path / "old"), 1.0, 2.0, 0.7), repeated(run(tmp_path / "new"), 1.6, 4.0, 1.2)
+    found = told(old, new)["CPU time, s"]
+    assert found.verdict == NOTHING
+    assert found.words == "8 logs, 3 and 3 rounds: not wholly beyond the 50 % that count"
+
+
+def test_without_rounds_in_both_runs_costs_are_judged_by_log(tmp_path: Path) -> None:
+    old, new = repeated(run(tmp_path / "old"), 1.0, 1.0, 1.0), run(tmp_path / "new", cpu_s=2.0)
+    assert "rounds" not in told(old, new)["CPU time, s"].words
+    assert told(old, new)["CPU time, s"].verdict == REGRESSION

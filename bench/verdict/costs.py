@@ -1,0 +1,295 @@
+"""Compares the costs of backends over the rounds of a run's repeats; claims no more than these bear.
+
+Two costs are compared on the same log in the same round, where the machine was in about the same state, by the
+logarithm of their ratio. Its mean over logs and rounds has an interval (`two_way.py`) that holds for the machine as it
+was. Load changes the ratio of two backends, too, as they depend differently on caches and memory: one is called cheaper
+only where the whole interval is beyond MARGIN.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
+from math import exp, isnan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...frontend.se2 import Array
+from ..record.schema import Row
+from ..words.columns import TIMED
+from ..words.numerals import counted, factor, listed, number, times
+from .statistics import median
+from .summary import Line
+from .two_way import student, two_way
+
+MARGIN = 1.5
+"""Factor by which load may shift the ratio of two backends' costs. Measured for ten pairs of the demo's five backends,
+mean of six rounds: one or two other processes that compute, or that copy memory, beside them on two cores shifted the
+ratio of median steps by 1.42 at most, that of the whole log's time by 1.35, and so did, by 1.33, a second time without
+them."""
+
+ONCE = (
+    2.0  # costs without enough rounds count as different for a recommendation beyond this factor, and for nothing else
+)
+FEWEST_ROUNDS = 3  # for an interval: with two, what rounds have in common is hardly known
+COMPARED = ("step_us_p50", "cpu_s")  # the costs that backends are compared by
+
+
+class Cost(NamedTuple):
+    """A backend's cost: geometric mean over logs and rounds, with its 95 % interval for the machine as it was."""
+
+    value: float
+    low: float  # NaN with fewer than FEWEST_ROUNDS
+    high: float
+    logs: int
+    rounds: int
+
+
+class CostRatio(NamedTuple):
+    """Two backends' costs on the same logs in the same rounds."""
+
+    first: str
+    second: str
+    ratio: float  # the second's over the first's, geometric mean
+    low: float  # 95 % interval; NaN with fewer than FEWEST_ROUNDS
+    high: float
+    logs: int
+    rounds: int
+
+    @property
+    def standing(self) -> str:
+        """Classifies the first: "cheaper", "dearer", "alike" within MARGIN, "open", or "few" without an interval."""
+        if isnan(self.low):
+            return "few"
+        if self.low > MARGIN or self.high < 1 / MARGIN:
+            return "cheaper" if self.low > MARGIN else "dearer"
+        return "alike" if self.low >= 1 / MARGIN and self.high <= MARGIN else "open"
+
+    def reverse(self) -> "CostRatio":
+        """Returns the comparison of the second with the first."""
+        return self._replace(
+            first=self.second, second=self.first, ratio=1 / self.ratio, low=1 / self.high, high=1 / self.low
+        )
+
+
+def rounds(lines: Iterable[Line]) -> int:
+    """Returns the number of rounds that any cell was timed in."""
+    return max((1, *(len(row.rounds) for line in lines for row in line.rows)))
+
+
+def cost(line: Line, column: str) -> Cost | None:
+    """Estimates a backend's cost; None where it was not timed alone, or took no time."""
+    found = _grids([line], column)
+    if found is None:
+        return None
+    (values,) = found
+    mean = two_way(values)
+    few = values.shape[1] < FEWEST_ROUNDS
+    ends = (np.nan, np.nan) if few else (exp(mean.low), exp(mean.high))
+    return Cost(exp(mean.value), *ends, *values.shape)
+
+
+def costs_by_round(line: Line, column: str) -> Array:
+    """Returns a backend's cost in every round (rounds,): geometric mean over the logs; none where there is none."""
+    found = _grids([line], column)
+    return np.zeros(0) if found is None else np.exp(found[0].mean(axis=0))
+
+
+def compare_costs(first: Line, second: Line, column: str) -> CostRatio | None:
+    """Compares two backends' costs; None where they were not timed alone on a log of both, or took no time."""
+    found = _grids([first, second], column)
+    if found is None:
+        return None
+    mine, theirs = found
+    mean = two_way(theirs - mine)
+    few = mine.shape[1] < FEWEST_ROUNDS
+    ends = (np.nan, np.nan) if few else (exp(mean.low), exp(mean.high))
+    return CostRatio(first.backend, second.backend, exp(mean.value), *ends, *mine.shape)
+
+
+def all_pairs(lines: Sequence[Line], column: str) -> list[CostRatio]:
+    """Compares every pair that can be."""
+    found = (compare_costs(first, second, column) for first, second in combinations(lines, 2))
+    return [one for one in found if one is not None]
+
+
+def is_dearer(line: Line, other: Line, column: str) -> bool:
+    """Returns True if the first costs more: beyond MARGIN by the rounds, or measured once by a factor of ONCE."""
+    found = compare_costs(other, line, column)
+    if found is not None and found.standing != "few":
+        return found.standing == "cheaper"
+    one, two = (each.values[column].median if column in each.values else np.inf for each in (line, other))
+    return one > ONCE * two
+
+
+def _grids(lines: Sequence[Line], column: str) -> list[Array] | None:
+    """Returns logarithms of costs (units, rounds) of each line, over what all of them have.
+
+    A round counts once it has ended for every cell, and a log where every cell on it has a time in all of them; the
+    logs of a unit are averaged, as are the runs of a random backend on one log.
+    """
+    cells = [[row for row in line.rows if row.columns["status"] == "done"] for line in lines]
+    if not all(cells) or not all(line.alone for line in lines):
+        return None
+    ended = min(len(_times(row.rounds, row.columns, column)) for rows in cells for row in rows)
+    by_log: list[dict[str, list[Sequence[float | None]]]] = [{} for _ in lines]
+    for found, rows in zip(by_log, cells, strict=True):
+        for row in rows:
+            values = _times(row.rounds, row.columns, column)[:ended]
+            found.setdefault(row.columns["digest"], []).append(values)
+    whole = [
+        {digest: np.log(np.array(runs, float)).mean(axis=0) for digest, runs in found.items() if _known(runs)}
+        for found in by_log
+    ]
+    shared = [digest for digest in whole[0] if all(digest in other for other in whole)]
+    if not shared or not ended:
+        return None
+    units: dict[Any, list[str]] = {}
+    for digest in shared:
+        units.setdefault(lines[0].units.unit(digest), []).append(digest)
+    return [np.array([np.mean([found[one] for one in unit], axis=0) for unit in units.values()]) for found in whole]
+
+
+def _times(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Any], column: str) -> list[float | None]:
+    """Returns a cell's cost in every round; of a record without rounds, the one it has."""
+    if not found:
+        return [columns[column]]
+    return [one[column] if one["status"] == "done" and one["timing_alone"] else None for one in found]
+
+
+def _known(runs: Iterable[Iterable[float | None]]) -> bool:
+    return all(value is not None and value > 0 for run in runs for value in run)
+
+
+class BetweenRuns(NamedTuple):
+    """The cost of one backend in two runs on the same logs, whose rounds are not of the same time."""
+
+    ratio: float  # the new one's over the old one's, geometric mean
+    low: float  # 95 % interval: Student's over the rounds of either, with Welch's degrees of freedom
+    high: float
+    rounds: tuple[int, int]
+
+
+def between_runs(cells: Sequence[tuple[Row, Row]], column: str) -> BetweenRuns | None:
+    """Compares a cost of old and new cells of the same logs; None unless both have FEWEST_ROUNDS of every one."""
+    if column not in TIMED:
+        return None
+    means: list[Array] = []
+    for rows in zip(*cells, strict=True):
+        found = [_times(row.rounds, row.columns, column) for row in rows]
+        whole = [times[: min(map(len, found))] for times in found]
+        if not _known(whole) or len(whole[0]) < FEWEST_ROUNDS:
+            return None
+        means.append(np.log(np.array(whole, float)).mean(axis=0))
+    if len(means) != 2:
+        return None
+    old, new = means
+    parts = [float(one.var(ddof=1)) / len(one) for one in (old, new)]
+    free = [part**2 / (len(one) - 1) for part, one in zip(parts, (old, new), strict=True)]
+    dof = sum(parts) ** 2 / sum(free) if sum(free) else 1.0
+    middle, reach = float(new.mean() - old.mean()), student(dof) * sum(parts) ** 0.5
+    return BetweenRuns(exp(middle), exp(middle - reach), exp(middle + reach), (len(old), len(new)))
+
+
+def over_rounds(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Returns the columns of a cell that sum up its rounds: medians, and intervals of COMPARED."""
+    done = [one for one in found if one["status"] == "done"]
+    row: dict[str, Any] = {"repeats": len(done)}
+    for name in TIMED:
+        values = [one[name] for one in done if one[name] is not None]
+        row[name] = median(values) if values else None
+    for name in COMPARED:
+        values = [one[name] for one in done if one[name]]
+        if len(values) == len(done) >= FEWEST_ROUNDS:
+            mean = two_way(np.log(np.array([values])))
+            row |= {f"{name}_low": exp(mean.low), f"{name}_high": exp(mean.high)}
+    return row
+
+
+# What is said
+
+
+def compared(c: CostRatio | None, rival: str) -> str:
+    """Writes "18 to 24 times cheaper than isam2", "as costly", or what is left open; "" where nothing is borne."""
+    if c is None or c.standing == "few":
+        return ""
+    than = f" than {rival}" * bool(rival)
+    if c.standing == "cheaper":
+        return f"{times(c.low, c.high)} cheaper{than}"
+    if c.standing == "dearer":
+        return f"{times(1 / c.high, 1 / c.low)} as costly{f' as {rival}' * bool(rival)}"
+    if c.standing == "alike":
+        return "about as costly" + f" as {rival}" * bool(rival)
+    return f"not told apart in cost{f' from {rival}' * bool(rival)} ({ends(c)})"
+
+
+def ends(c: CostRatio) -> str:
+    """Writes "between 1.2 times as costly and 1.8 times cheaper"."""
+    low = f"{factor(1 / c.low)} times as costly" if c.low < 1 else f"{factor(c.low)} times cheaper"
+    high = f"{factor(1 / c.high)} times as costly" if c.high < 1 else f"{factor(c.high)} times cheaper"
+    return f"between {low} and {high}"
+
+
+def basis(lines: Sequence[Line]) -> str:
+    """Says how often costs were measured, and what therefore is not claimed of them."""
+    timed = [line for line in lines if line.done and "cpu_s" in line.values]
+    if len(timed) < 2:
+        return ""
+    n = rounds(timed)
+    if n == 1:
+        return "Every time was measured once, so none is called cheaper; --repeats 5 measures intervals."
+    if n < FEWEST_ROUNDS:
+        return f"Every time was measured in {n} rounds, too few for intervals, {FEWEST_ROUNDS} at least (--repeats)."
+    return (
+        f"Times are medians of {n} rounds. One is called cheaper only beyond {MARGIN:g} times: load shifts ratios, too."
+    )
+
+
+def meanwhile(lines: Sequence[Line]) -> str:
+    """Says what the machine did while the lines' cells were timed; "" without several rounds."""
+    found = [one for line in lines for row in line.rows for one in row.rounds if one["status"] == "done"]
+    if rounds(lines) < 2 or not found:
+        return ""
+    said: list[str] = []
+    work = _range(found, "work_us")
+    if work:
+        said.append(f"a fixed piece of work took {number(work[1])} µs ({number(work[0])} to {number(work[2])})")
+    shares = {"others_share": "others took {} of all cores", "waited_share": "a backend waited {} of the time"}
+    for name, what in shares.items():
+        share = _range(found, name)
+        if share:
+            said.append(f"{what.format(_percent(share[1]))} (up to {_percent(share[2])})")
+    load = _range(found, "load")
+    if load:
+        said.append(f"the load was {' to '.join(dict.fromkeys((number(load[0]), number(load[2]))))}")
+    return f"Meanwhile {listed(said)}; medians." if said else ""
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _range(found: Sequence[Mapping[str, Any]], column: str) -> tuple[float, float, float] | None:
+    values = sorted(one[column] for one in found if one[column] is not None)
+    return (values[0], median(values), values[-1]) if values else None
+
+
+def repeat_troubles(lines: Sequence[Line]) -> list[str]:
+    """Names backends that did something else in a repeat, and repeats that failed."""
+    said: list[str] = []
+    for line in lines:
+        other = sum(any(_differs(row.rounds[0], one) for one in row.rounds[1:]) for row in line.rows)
+        if other:
+            said.append(
+                f"{line.backend} is not deterministic: on {other} of {counted(len(line.rows), 'cell')} a repeat with "
+                "the same seed found another path. Errors are those of the first round."
+            )
+        failed = [one for row in line.rows for one in row.rounds if one["status"] != "done"]
+        if failed:
+            of = sum(len(row.rounds) for row in line.rows)
+            reason = f"{failed[0]['status']}: {failed[0]['reason'] or ''}"
+            said.append(f"{line.backend} failed in {len(failed)} of {counted(of, 'timing')} ({reason.rstrip(': ')}).")
+    return said
+
+
+def _differs(first: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    return other["status"] == "done" and other["path"] != first["path"]

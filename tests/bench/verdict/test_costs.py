@@ -1,0 +1,203 @@
+"""Costs: nothing is claimed of times that were measured once, nor of what load alone may do."""
+
+from math import isnan
+
+import numpy as np
+import pytest
+
+from judged_rows import LOGS, rows, timed, told
+from slamduel.bench.record.schema import Row
+from slamduel.bench.verdict.cost_simulation import COSTS, Case
+from slamduel.bench.verdict.costs import (
+    FEWEST_ROUNDS,
+    MARGIN,
+    between_runs,
+    compare_costs,
+    compared,
+    cost,
+    is_dearer,
+    meanwhile,
+    over_rounds,
+    repeat_troubles,
+)
+from slamduel.bench.verdict.summary import Line, lines
+from slamduel.bench.verdict.two_way import two_way
+from slamduel.bench.verdict.verdict import verdict
+
+LOADED = (1.0, 1.8, 3.0, 0.9, 1.4)  # what the machine makes of every time, by round
+
+
+def of(*parts: list[Row]) -> list[Line]:
+    return lines([row for part in parts for row in part])
+
+
+def pair(ratio: float, *rounds: float, n: int = 8, noise: float = 0.02) -> tuple[Line, Line]:
+    one, other = of(
+        timed(rows("a", 1, n, step=10), *rounds, noise=noise),
+        timed(rows("b", 1, n, step=10 * ratio), *rounds, noise=noise),
+    )
+    return one, other
+
+
+def test_a_machine_that_is_slower_in_some_rounds_does_not_widen_a_ratio() -> None:
+    found, alone = compare_costs(*pair(20, *LOADED), "step_us_p50"), cost(pair(20, *LOADED)[0], "step_us_p50")
+    assert found is not None
+    assert alone is not None
+    assert 19 < found.low < 20 < found.high < 21
+    assert (found.logs, found.rounds) == (8, 5)
+    assert alone.high / alone.low > 2
+    assert compared(found, "b").endswith("times cheaper than b")
+    assert compared(found.reverse(), "a").endswith("times as costly as a")
+
+
+def test_what_load_may_do_is_not_called_cheaper() -> None:
+    found = compare_costs(*pair(1.3, *LOADED), "step_us_p50")
+    assert found is not None
+    assert found.low > 1.2
+    assert found.standing == "alike"
+    assert compared(found, "b") == "about as costly as b"
+
+
+def test_costs_that_the_rounds_do_not_tell_apart_are_said_to_be_so_with_the_interval() -> None:
+    found = compare_costs(*pair(1.6, *LOADED, noise=0.4), "step_us_p50")
+    assert found is not None
+    assert found.low < MARGIN < found.high
+    assert "not told apart in cost from b (between" in compared(found, "b")
+
+
+@pytest.mark.parametrize("count", range(1, FEWEST_ROUNDS))
+def test_too_few_rounds_bear_nothing(count: int) -> None:
+    found = compare_costs(*pair(20, *LOADED[:count]), "step_us_p50")
+    assert found is not None
+    assert isnan(found.low)
+    assert compared(found, "b") == ""
+    said = " ".join(verdict(list(pair(20, *LOADED[:count]))).sentences)
+    assert "cheaper only beyond" not in said
+    assert ("none is called cheaper" if count == 1 else "too few for intervals") in said
+
+
+def test_a_round_counts_once_every_cell_has_ended_and_a_log_where_all_are_done() -> None:
+    a, b = timed(rows("a", 1, 8), *LOADED), timed(rows("b", 1, 8, step=50), *LOADED)
+    b[3] = b[3]._replace(rounds=b[3].rounds[:4])
+    failed = [*b[5].rounds]
+    failed[2] = dict.fromkeys(failed[2]) | {"round": 3, "status": "timeout", "timing_alone": 1}
+    b[5] = b[5]._replace(rounds=failed)
+    found = compare_costs(*of(a, b), "step_us_p50")
+    assert found is not None
+    assert (found.logs, found.rounds) == (7, 4)
+
+
+def test_times_beside_other_cells_are_not_compared() -> None:
+    a, b = timed(rows("a", 1, timing_alone=0), *LOADED), timed(rows("b", 1, step=50), *LOADED)
+    assert compare_costs(*of(a, b), "step_us_p50") is None
+
+
+def test_a_cost_of_nothing_has_no_ratio() -> None:
+    assert compare_costs(*of(timed(rows("a", 1, step=0.0), *LOADED), timed(rows("b", 1), *LOADED)), "cpu_s") is None
+
+
+def test_the_same_verdict_is_given_whatever_the_machine_did() -> None:
+    said = []
+    for load in ((1.0,) * 5, (2.1, 3.0, 2.4, 1.9, 2.6)):
+        parts = [timed(rows(name, 1, 10, step=step), *load) for name, step in (("a", 10), ("b", 13), ("c", 80))]
+        pairs = verdict(of(*parts)).costs["step_us_p50"]
+        said.append({(c.first, c.second): c.standing for c in pairs})
+    assert said[0] == said[1]
+    assert {pair: how for pair, how in said[0].items() if "c" not in pair} in (
+        {("a", "b"): "alike"},
+        {("b", "a"): "alike"},
+    )
+    assert {how for pair, how in said[0].items() if "c" in pair} <= {"cheaper", "dearer"}
+
+
+def test_of_those_alike_in_cost_the_one_with_the_lowest_error_is_advised_and_all_are_named() -> None:
+    base = LOGS[:20]
+
+    def advised(ratio: float) -> tuple[str, str]:
+        made = [
+            told(name, ate_m=(base * e).tolist(), step_us_p50=[c] * 20, cpu_s=[c] * 20)
+            for name, e, c in (("a", 1.0, 10.0 * ratio), ("b", 1.005, 10.0))
+        ]
+        (use,) = verdict(of(*(timed(cells, *LOADED) for cells in made))).uses
+        return use.backend, use.why
+
+    assert advised(1.4)[0] == "a"
+    assert "costs do not decide between a and b, its median error is the lowest" in advised(1.4)[1]
+    assert advised(1.7)[0] == "b"
+    assert "1.7 times cheaper" in advised(1.7)[1]
+    assert advised(1.7)[0] == advised(17)[0]
+
+
+def test_costs_measured_once_decide_only_where_they_are_far_apart() -> None:
+    a, b = of(rows("a", 1, step=10), rows("b", 1, step=19))
+    assert not is_dearer(b, a, "step_us_p50")
+    a, c = of(rows("a", 1, step=10), rows("c", 1, step=21))
+    assert is_dearer(c, a, "step_us_p50")
+
+
+def test_a_backend_that_does_something_else_in_a_repeat_is_named() -> None:
+    good, bad = timed(rows("a", 1, 4), *LOADED), timed(rows("b", 1, 4), *LOADED)
+    bad[1].rounds[2]["path"] = "other"  # pyright: ignore[reportIndexIssue]
+    (sentence,) = repeat_troubles(of(good, bad))
+    assert sentence.startswith("b is not deterministic: on 1 of 4 cells a repeat with the same seed found another path")
+    assert sentence in verdict(of(good, bad)).sentences
+
+
+def test_what_the_machine_did_is_said_with_its_range() -> None:
+    found = of(timed(rows("a", 1, 4), *LOADED, work_us=120.0, waited_share=0.25, load=2.0))
+    assert meanwhile(found) == (
+        "Meanwhile a fixed piece of work took 120 µs (120 to 120), a backend waited 25 % of the time (up to 25 %) and "
+        "the load was 2.00; medians."
+    )
+    assert meanwhile(of(rows("a", 1))) == ""
+
+
+def test_a_cell_has_the_medians_of_its_rounds_and_intervals_from_three_on() -> None:
+    (cell,) = timed(rows("a", 1, 1, step=10), 1.0, 3.0, 2.0, noise=0.0)
+    row = over_rounds(cell.rounds)
+    assert row["repeats"] == 3
+    assert row["step_us_p50"] == pytest.approx(20)
+    assert row["step_us_p50_low"] < 20 < row["step_us_p50_high"]
+    assert "cpu_s_low" not in over_rounds(cell.rounds[:2])
+
+
+def test_a_change_between_runs_is_judged_by_the_rounds_of_both() -> None:
+    old, new = (
+        timed(rows("a", 1, 5, step=step), *rounds, noise=0.05) for step, rounds in ((10, LOADED), (40, LOADED[:3]))
+    )
+    found = between_runs(list(zip(old, new, strict=True)), "step_us_p50")
+    assert found is not None
+    assert found.rounds == (5, 3)
+    assert found.low < 4 * np.exp(np.mean(np.log(LOADED[:3])) - np.mean(np.log(LOADED))) < found.high
+    assert between_runs(list(zip(old, rows("a", 1, 5), strict=True)), "step_us_p50") is None
+
+
+def test_one_log_has_students_interval_over_its_rounds() -> None:
+    values = np.array([[1.0, 2.0, 4.0]])
+    found, se = two_way(values), values.std(ddof=1) / 3**0.5
+    assert found.value == pytest.approx(7 / 3)
+    assert found.high - found.low == pytest.approx(2 * 4.302653 * se, rel=1e-5)
+
+
+def test_what_all_logs_share_in_a_round_is_counted_once_a_round() -> None:
+    shared = np.tile(np.array([0.0, 1.0, 2.0]), (50, 1))
+    found, alone = two_way(shared), two_way(shared[:1])
+    assert (found.low, found.high) == pytest.approx((alone.low, alone.high))
+
+
+def cases() -> list[tuple[str, Case, object, tuple[float, float]]]:
+    return [(title, case, asked, bounds) for title, asked, bounds, found in COSTS if bounds for case in found]
+
+
+QUICK = 400
+
+
+@pytest.mark.parametrize(("title", "case", "asked", "bounds"), cases(), ids=lambda value: getattr(value, "name", ""))
+def test_simulated_intervals_and_claims_are_right_as_often_as_they_say(
+    title: str, case: Case, asked: object, bounds: tuple[float, float]
+) -> None:
+    """Within five standard errors of a share of that many comparisons beyond the bounds."""
+    del title
+    low, high = bounds
+    share = case.share(asked, QUICK)  # pyright: ignore[reportArgumentType]
+    assert low - 5 * (low * (1 - low) / QUICK) ** 0.5 <= share <= high + 5 * (high * (1 - high) / QUICK) ** 0.5
