@@ -160,8 +160,8 @@ class _Engine:
 
     def _keep_round(self, finished: Finished, number: int) -> None:
         assert finished.index is not None
-        finished = finished._replace(result=_told(finished.result))
-        cell, key = self.work.cells[finished.index], self.keys[finished.index]
+        place, finished = finished.index, finished._replace(result=_told(finished.result))
+        cell, key = self.work.cells[place], self.keys[place]
         assert key is not None
         row = {"round": number, **_round(finished)}
         before = [one for one in self.store.rounds(key).get(key, []) if one["round"] != number]
@@ -276,7 +276,7 @@ def _round(finished: Finished) -> dict[str, Any]:
     """Returns the columns of a round, but for its number."""
     result = finished.result
     ended = {"status": result.status, "reason": result.reason, "timing_alone": int(finished.alone)}
-    return result.row | ended | {"host": finished.host, "recorded": time.time()}
+    return result.row | ended | {"path": result.path or None, "host": finished.host, "recorded": time.time()}
 
 
 def _told(result: Result) -> Result:

@@ -48,6 +48,7 @@ class Result:
     row: dict[str, Any] = field(default_factory=dict[str, Any])
     arrays: dict[str, Any] = field(default_factory=dict[str, Any])
     traceback: str = ""
+    path: str = ""  # digest of the paths and the final map, where it is done: the same in every repeat
 
 
 def generator(seed: int, backend: str) -> np.random.Generator:
@@ -115,14 +116,14 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     loops += outcome.left_out
     said = [TOLD] * outcome.told + [left_out(loops)] * bool(loops)
     said += [judged.remark] * bool(judged.remark)
-    row |= {"told": int(outcome.told), "path": path_digest(outcome)} | judged.row
-    return Result("done", "; ".join(said), row, judged.arrays)
+    row |= {"told": int(outcome.told)} | judged.row
+    return Result("done", "; ".join(said), row, judged.arrays, path=path_digest(outcome))
 
 
 def _again(job: Job, builder: Builder, log: Log, oracle: Truth | None) -> Result:
-    """Repeats a cell's timing pass; `path`, of both, shows that it did the same."""
+    """Repeats a cell's timing pass."""
     timed = timed_again(builder, job.options, log, lambda: generator(job.seed, job.backend), oracle)
-    return Result("done", "", repeated_cost(timed) | {"path": path_digest(timed)})
+    return Result("done", "", repeated_cost(timed), path=path_digest(timed))
 
 
 def left_out(loops: int) -> str:

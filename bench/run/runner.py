@@ -36,14 +36,15 @@ def run(
 
     def about(known: Mapping[str, Any]) -> Mapping[str, Any]:
         _refuse_a_study(folder, known)
-        facts = {
+        facts: dict[str, Any] = {
             "kind": "run",
             "plan": plan.words(),
             "command": shlex.join(command),
             "map": None if plan.map is None else plan.map.words(),
         }
-        kept = {**facts, **known}  # a continued run keeps its first facts, but for repeats that are added
-        return kept | {"plan": {**kept["plan"], "repeats": plan.repeats}}
+        kept: dict[str, Any] = {**facts, **known}  # a continued run keeps its first facts, but for added repeats
+        kept["plan"] = {**kept["plan"], "repeats": plan.repeats}
+        return kept
 
     run_cells(work_of(plan), folder, executor, RunRequest(retry=retry, strict=strict), about, watcher)
     with Store(folder) as store:

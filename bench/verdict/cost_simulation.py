@@ -115,24 +115,24 @@ COSTS = (
         ),
     ),
     (
-        "the same, too wide: at least 93 %",
+        "the same, at least 93 %",
         covers_ratio,
         (0.93, 1.0),
         (
             *_sizes(DRIFTS, "drifts and steps", ((2, 5), (3, 3), (5, 5))),
-            *_sizes(replace(DRIFTS, tails=3), "the same, heavy tails", ((1, 5), (5, 5), (10, 5))),
-            *_sizes(replace(STEADY, logs=0, processes=0), "noise of cells alone", ((5, 5), (10, 5))),
-            *_sizes(replace(STEADY, logs=0, processes=0.1), "noise of processes alone", ((5, 5), (10, 5))),
+            *_sizes(replace(DRIFTS, tails=3), "heavy tails", ((1, 5), (5, 5), (10, 5))),
+            *_sizes(replace(STEADY, logs=0, processes=0), "noise of cells", ((5, 5), (10, 5))),
+            *_sizes(replace(STEADY, logs=0, processes=0.1), "of processes", ((5, 5), (10, 5))),
         ),
     ),
     (
-        "95 % interval of a cost, in this run's state",
+        "95 % interval of a cost",
         covers_cost,
         (0.93, 1.0),
         (*_sizes(STEADY, "steady", ((1, 5), (10, 5))), *_sizes(DRIFTS, "drifts and steps", ((1, 5), (10, 5)))),
     ),
     (
-        "called cheaper though equal, or load shifts them by 1.5",
+        "called cheaper, equal or by load",
         claims,
         (0.0, 0.055),
         (
@@ -141,7 +141,7 @@ COSTS = (
         ),
     ),
     (
-        "called cheaper where twice, thrice, no bound set",
+        "twice, thrice found, no bound set",
         claims,
         None,
         (

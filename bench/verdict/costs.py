@@ -8,7 +8,7 @@ only where the whole interval is beyond MARGIN.
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from math import exp, isnan
+from math import isnan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from ...frontend.se2 import Array
 from ..record.schema import Row
 from ..words.columns import TIMED
 from ..words.numerals import counted, factor, listed, number, times
-from .statistics import median
+from .statistics import exponential, median
 from .summary import Line
 from .two_way import student, two_way
 
@@ -32,6 +32,8 @@ ONCE = (
 )
 FEWEST_ROUNDS = 3  # for an interval: with two, what rounds have in common is hardly known
 COMPARED = ("step_us_p50", "cpu_s")  # the costs that backends are compared by
+ENDS = {"step_us_p50": ("step_us_p50_low", "step_us_p50_high"), "cpu_s": ("cpu_low_s", "cpu_high_s")}
+"""The columns of a cell's interval of each."""
 
 
 class Cost(NamedTuple):
@@ -84,8 +86,8 @@ def cost(line: Line, column: str) -> Cost | None:
     (values,) = found
     mean = two_way(values)
     few = values.shape[1] < FEWEST_ROUNDS
-    ends = (np.nan, np.nan) if few else (exp(mean.low), exp(mean.high))
-    return Cost(exp(mean.value), *ends, *values.shape)
+    ends = (np.nan, np.nan) if few else (exponential(mean.low), exponential(mean.high))
+    return Cost(exponential(mean.value), *ends, *values.shape)
 
 
 def costs_by_round(line: Line, column: str) -> Array:
@@ -102,8 +104,8 @@ def compare_costs(first: Line, second: Line, column: str) -> CostRatio | None:
     mine, theirs = found
     mean = two_way(theirs - mine)
     few = mine.shape[1] < FEWEST_ROUNDS
-    ends = (np.nan, np.nan) if few else (exp(mean.low), exp(mean.high))
-    return CostRatio(first.backend, second.backend, exp(mean.value), *ends, *mine.shape)
+    ends = (np.nan, np.nan) if few else (exponential(mean.low), exponential(mean.high))
+    return CostRatio(first.backend, second.backend, exponential(mean.value), *ends, *mine.shape)
 
 
 def all_pairs(lines: Sequence[Line], column: str) -> list[CostRatio]:
@@ -187,7 +189,9 @@ def between_runs(cells: Sequence[tuple[Row, Row]], column: str) -> BetweenRuns |
     free = [part**2 / (len(one) - 1) for part, one in zip(parts, (old, new), strict=True)]
     dof = sum(parts) ** 2 / sum(free) if sum(free) else 1.0
     middle, reach = float(new.mean() - old.mean()), student(dof) * sum(parts) ** 0.5
-    return BetweenRuns(exp(middle), exp(middle - reach), exp(middle + reach), (len(old), len(new)))
+    return BetweenRuns(
+        exponential(middle), exponential(middle - reach), exponential(middle + reach), (len(old), len(new))
+    )
 
 
 def over_rounds(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -201,7 +205,7 @@ def over_rounds(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         values = [one[name] for one in done if one[name]]
         if len(values) == len(done) >= FEWEST_ROUNDS:
             mean = two_way(np.log(np.array([values])))
-            row |= {f"{name}_low": exp(mean.low), f"{name}_high": exp(mean.high)}
+            row |= dict(zip(ENDS[name], (exponential(mean.low), exponential(mean.high)), strict=True))
     return row
 
 

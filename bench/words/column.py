@@ -63,7 +63,6 @@ CPU_SHARE = Kind(is_time=True, shown=_percent)
 EXPONENT = Kind(is_time=True, never_negative=False, shown=lambda b: f"{round(b, 2) + 0.0:.2f}")  # never -0.00
 SECONDS = Kind(unit="s")
 MACHINE = Kind(is_time=True)
-MACHINE_MHZ = Kind(unit="MHz", is_time=True)
 MEGABYTES = Kind(unit="MB")
 
 

@@ -182,7 +182,7 @@ MACHINE = (
            "of less than 0.1 s, which it does not resolve."),
     Column("stolen_share", "stolen", kind.CPU_SHARE, "Likewise, the share taken by other virtual machines."),
     Column("load", "load", kind.MACHINE, "The system's load average over the minute before, this process included."),
-    Column("clock_mhz", "clock", kind.MACHINE_MHZ,
+    Column("clock_mhz", "clock, MHz", kind.MACHINE,
            "Clock frequency that the system states, mean of the cores. A virtual machine may state one that it does "
            "not have."),
 )  # fmt: skip
@@ -284,11 +284,15 @@ METRICS = (
            "Rounds in which the cell was timed (--repeats), each in a process of its own: times are medians over them. "
            "With 1, every time was measured once."),
     *(
-        Column(f"{name}_{end}", f"{heading}, {end}", unit,
-               f"The {side} end of the 95 % interval of {heading} over the repeats, for this log and the machine as it "
+        Column(name, f"{heading}, {end}", unit,
+               f"The {end} end of the 95 % interval of {heading} over the repeats, for this log and the machine as it "
                "was. Blank with fewer than 3.")
-        for name, heading, unit in (("step_us_p50", "step p50", kind.CPU_US), ("cpu_s", "whole log", kind.CPU_S))
-        for end, side in (("low", "lower"), ("high", "upper"))
+        for name, heading, unit, end in (
+            ("step_us_p50_low", "step p50", kind.CPU_US, "lower"),
+            ("step_us_p50_high", "step p50", kind.CPU_US, "upper"),
+            ("cpu_low_s", "whole log", kind.CPU_S, "lower"),
+            ("cpu_high_s", "whole log", kind.CPU_S, "upper"),
+        )
     ),
     *MACHINE,
 )  # fmt: skip

@@ -17,7 +17,7 @@ from slamduel.bench.measure.metrics import Alignment, aligned, ate
 from slamduel.bench.measure.score import TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE
-from slamduel.bench.words.columns import FINAL, ONLINE
+from slamduel.bench.words.columns import FINAL, MACHINE, ONLINE
 from slamduel.frontend.factors import Log, Map, Truth
 from slamduel.frontend.se2 import Array, compose
 from small_record import Record
@@ -86,6 +86,8 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     untold |= {name for name in MORE if ASSOCIATION.fullmatch(name)}  # so are all ids, and nothing is taken out
     untold |= {name for name in MORE if "relation" in name}  # the path itself is
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
+    few |= {column.name for column in MACHINE} | {"cpu_low_s", "cpu_high_s", "step_us_p50_low", "step_us_p50_high"}
+    few |= {"log_name", "cluster"}  # of the plan
     assert {*MORE} - set(row) == untold | few
 
 

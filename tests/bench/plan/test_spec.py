@@ -189,6 +189,7 @@ def test_a_plan_comes_back_from_its_words() -> None:
         "seeds": 2,
         "timeout_s": 5.0,
         "memory_mb": 100,
+        "repeats": 3,
     }
     plan = Plan.from_words(words)
     assert plan.words() == words | {

@@ -136,7 +136,8 @@ def test_whose_programs_the_costs_are_of_is_told_where_they_are_of_several() -> 
     assert f"  costs        {said}" in printed(both, 120, terminal=False)
     assert all(len(line.rstrip()) <= 80 for line in printed(both, 80).splitlines())
     for one in (found, made_by(found, ekf="compiled here", fastslam="compiled here", isam2="compiled here")):
-        assert "costs  " not in printed(one, 120, terminal=False)
+        assert "Costs compare" not in printed(one, 120, terminal=False)
+        assert "  costs        Every time was measured once" in printed(one, 120, terminal=False)
 
 
 def test_a_run_of_nothing_but_skipped_cells_says_so_and_is_no_success() -> None:
@@ -314,7 +315,7 @@ def test_the_document_is_valid_json_and_says_what_the_tables_do() -> None:
     assert ekf["estimates"]["ate_m"]["value"] == pytest.approx(0.135)
     assert ekf["estimates"]["nees"]["n"] == 8
     assert isam2["estimates"] == {}
-    assert set(dataset["verdict"]) == {"basis", "uses", "sentences", "comparisons"}
+    assert set(dataset["verdict"]) == {"basis", "uses", "sentences", "comparisons", "costs"}
     few = many(2, "ekf")
     (line,) = document("r", "", 0, few, verdicts(few), "", {})["datasets"][0]["lines"]
     assert line["estimates"]["ate_m"]["low"] is None

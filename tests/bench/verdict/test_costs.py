@@ -11,6 +11,7 @@ from slamduel.bench.verdict.cost_simulation import COSTS, Case
 from slamduel.bench.verdict.costs import (
     FEWEST_ROUNDS,
     MARGIN,
+    CostRatio,
     between_runs,
     compare_costs,
     compared,
@@ -29,6 +30,11 @@ LOADED = (1.0, 1.8, 3.0, 0.9, 1.4)  # what the machine makes of every time, by r
 
 def of(*parts: list[Row]) -> list[Line]:
     return lines([row for part in parts for row in part])
+
+
+def held(first: list[Row], second: list[Row], column: str) -> CostRatio | None:
+    one, other = of(first, second)
+    return compare_costs(one, other, column)
 
 
 def pair(ratio: float, *rounds: float, n: int = 8, noise: float = 0.02) -> tuple[Line, Line]:
@@ -82,18 +88,18 @@ def test_a_round_counts_once_every_cell_has_ended_and_a_log_where_all_are_done()
     failed = [*b[5].rounds]
     failed[2] = dict.fromkeys(failed[2]) | {"round": 3, "status": "timeout", "timing_alone": 1}
     b[5] = b[5]._replace(rounds=failed)
-    found = compare_costs(*of(a, b), "step_us_p50")
+    found = held(a, b, "step_us_p50")
     assert found is not None
     assert (found.logs, found.rounds) == (7, 4)
 
 
 def test_times_beside_other_cells_are_not_compared() -> None:
     a, b = timed(rows("a", 1, timing_alone=0), *LOADED), timed(rows("b", 1, step=50), *LOADED)
-    assert compare_costs(*of(a, b), "step_us_p50") is None
+    assert held(a, b, "step_us_p50") is None
 
 
 def test_a_cost_of_nothing_has_no_ratio() -> None:
-    assert compare_costs(*of(timed(rows("a", 1, step=0.0), *LOADED), timed(rows("b", 1), *LOADED)), "cpu_s") is None
+    assert held(timed(rows("a", 1, step=0.0), *LOADED), timed(rows("b", 1), *LOADED), "cpu_s") is None
 
 
 def test_the_same_verdict_is_given_whatever_the_machine_did() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from slamduel.bench.verdict.simulation import QUESTIONS, Case, Question, main
+from slamduel.bench.verdict.simulation import QUESTIONS, Question, Simulated, main
 from slamduel.bench.verdict.statistics import FEWEST, Comparison, compare, estimate, holm, signed_rank
 from slamduel.frontend.se2 import Array
 
@@ -217,13 +217,13 @@ def test_a_median_among_failures_has_an_end_at_infinity() -> None:
     assert estimate([2.0] * 7)[:3] == (2, 2, 2)
 
 
-def _few() -> list[tuple[Question, Case]]:
+def _few() -> list[tuple[Question, Simulated]]:
     """The hardest cases of every question: the fewest logs, failures, most backends."""
     return [(q, case) for q in QUESTIONS if q.bounds for case in {q.cases[0], q.cases[-1]}]
 
 
 @pytest.mark.parametrize(("question", "case"), _few(), ids=lambda x: x.title if isinstance(x, Question) else None)
-def test_verdicts_are_right_as_often_as_they_say(question: Question, case: Case) -> None:
+def test_verdicts_are_right_as_often_as_they_say(question: Question, case: Simulated) -> None:
     """Within four binomial standard deviations of the bounds."""
     assert question.bounds
     comparisons = 1000
