@@ -98,8 +98,7 @@ def _list(console: Console) -> None:
         suite = suite_file.read(name)
         console.print(f"[bold]{name}[/]: {suite.question}", highlight=False, soft_wrap=True)
         for run in suite.runs:
-            logs = f"{run.given['dataset']}, {counted(run.given['seeds'], 'seed')}"
-            console.print(f"    {run.name:20}{logs}", highlight=False, markup=False, soft_wrap=True)
+            console.print(f"    {run.name:20}{run.datasets}", highlight=False, markup=False, soft_wrap=True)
     for sentence in (
         "",
         f"bench suite NAME runs one into {DEFAULT}, whose index.html is the site.",

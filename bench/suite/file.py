@@ -5,7 +5,7 @@ question   what the suite answers
 note       what a reader of its tables needs to know
 backend    of every [[run]] that has none of its own: a name as in bench run
            --backend, or a list of them
-seeds      likewise, logs per dataset (10)
+seeds      likewise, logs per dataset (10); a dataset of many logs has its own
 timeout_s, memory_mb   limits of a cell (1800, 8000)
 
 [[run]]    as many as needed; each is one bench run, in a folder of its own
@@ -14,6 +14,7 @@ dataset    a name as in bench run --dataset, or a list of them
 backend, seeds, timeout_s, memory_mb   of this run alone
 """
 
+import contextlib
 import re
 import shlex
 from collections.abc import Mapping
@@ -41,6 +42,12 @@ class SuiteRun:
 
     name: str  # of its folder
     given: Mapping[str, Any]  # as `bench run` takes it: backend, dataset, seeds and limits
+
+    @property
+    def datasets(self) -> str:
+        """Returns the options that name its logs, as one types them."""
+        given = [(name, self.given[name]) for name in ("dataset", "seeds") if name in self.given]
+        return " ".join(f"--{name} {shlex.quote(str(value))}" for name, value in given)
 
     @property
     def words(self) -> list[str]:
@@ -121,7 +128,10 @@ def _run(entry: TomlTable, suite: TomlTable, *, again: bool) -> SuiteRun:
     }
     if not again:
         backend_variants(given["backend"], backend.where("backend"))
-        dataset_variants(given["dataset"], entry.where("dataset"))
+    with contextlib.suppress(*[InputError] * again):
+        found = dataset_variants(given["dataset"], entry.where("dataset"))
+        if all(len(dataset.members) > 1 for dataset in found):
+            del given["seeds"]  # each has logs of its own, and all of them are run
     for limit, read_limit in (("timeout_s", _seconds), ("memory_mb", _megabytes)):
         for table in (suite, entry):
             if table.has(limit):

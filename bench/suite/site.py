@@ -145,17 +145,11 @@ def _index(
         "entered": [(one, _places(one, parts)) for one in entered],
         "machines": list(machines.values()),
         "where": _where(site),
-        "example": _example(parts),
+        "example": parts[0]["suite"].runs[0].datasets,
         "looks": looks(line.backend for one in found for line in one.lines),
         "purposes_shown": [p for p in ("online", "final", "map") if any(p in part["purposes_shown"] for part in parts)],
         "latest": max((part["started"] for part in parts if part["started"]), default=None),
     }
-
-
-def _example(parts: Sequence[Mapping[str, Any]]) -> str:
-    """Returns datasets and seeds of a run, as one types them to enter a backend."""
-    given = parts[0]["suite"].runs[0].given
-    return f"{shlex.quote(given['dataset'])} --seeds {given['seeds']}"
 
 
 def _places(one: Submission, parts: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, str]]:

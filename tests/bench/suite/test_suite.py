@@ -365,6 +365,15 @@ def test_the_packaged_suites_can_be_read_and_are_listed(capsys: pytest.CaptureFi
     assert {name: listed.count(f"\n{name}: ") for name in names[1:]} == dict.fromkeys(names[1:], 2)
 
 
+def test_a_run_on_logs_of_their_own_has_no_seeds(tmp_path: Path) -> None:
+    (tmp_path / "many.toml").write_text('backend = "ekf"\n[[run]]\nname = "all"\ndataset = "mrclam[robot=all]"\n')
+    (run,) = suite_file.read(str(tmp_path / "many.toml")).runs
+    assert run.command == "bench run --backend ekf --dataset 'mrclam[robot=all]'"
+    assert benchmark.planned(run.given, tmp_path / "new").cells()[-1].seed == 4
+    (mrclam,) = [run for run in suite_file.read("real").runs if run.name == "mrclam-all"]
+    assert "seeds" not in mrclam.given
+
+
 BAD = {
     'dataset = "circle"': r"bad\.toml, line 3: there is no such key; expected one of|bad\.toml, line \d+.*dataset",
     "": r"bad\.toml: the file has no 'run', expected \[\[run\]\] with a name and a dataset",
