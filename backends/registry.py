@@ -15,6 +15,7 @@ from .api import Builder
 from .import_trial import death
 
 BUILTIN = {
+    "bias-ekf": "slamduel.backends.biases.bias_ekf:build",
     "dead-reckoning": "slamduel.backends.gaussian.dead_reckoning:build",
     "ekf": "slamduel.backends.gaussian.ekf:build",
     "fastslam": "slamduel.backends.particles.fastslam:build",

@@ -12,7 +12,7 @@ from rich.table import Table
 from ...datasets.formats import log_folder
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
-from ..noise.apply import stated
+from ..noise.apply import backend, stated
 from ..noise.measured import Noise, measured
 from ..noise.model import Model
 from ..noise.noise_file import noted, read_noise, write_noise
@@ -31,7 +31,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "same noise. Without one, the EKF's innovations tell the sizes, which takes up to a minute. Noise measured on "
         "some logs is stated in another one by two commands: --save NOISE.toml, then bench noise LOG --noise "
         "NOISE.toml --apply FOLDER. Where errors are correlated in time, each sighting is given a larger covariance, "
-        "so that the sightings of a landmark together have the information that correlated ones have."
+        "so that the sightings of a landmark together have the information that correlated ones have. With --own it "
+        "keeps its own, for a backend that estimates the correlated part of the errors, and that backend is named."
     )
     add = parser.add_argument
     add("log", nargs="+", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")
@@ -40,6 +41,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--save", type=Path, metavar="FILE", help="the noise, for --noise (.toml)")
     add("--noise", type=Path, metavar="FILE", help="state the noise in this file, instead of measuring it")
     add("--apply", type=Path, metavar="FOLDER", help="write the one LOG to a new folder, its stated noise as found")
+    add(
+        "--own",
+        action="store_true",
+        help="with --apply: state each sighting's own covariance, and name the backend that estimates its slow errors",
+    )
     add("--json", action="store_true", help="print the numbers as JSON, and nothing else")
     add("--quiet", action="store_true", help="print nothing but errors")
 
@@ -64,8 +70,10 @@ def main(namespace: argparse.Namespace) -> int:
         _written(noise, namespace)
         _print(console, noise, namespace)
     if namespace.apply is not None:
-        dataset = _apply(datasets[0], model, namespace.apply)
+        dataset = _apply(datasets[0], model, namespace.apply, own=namespace.own)
         console.print(f"log: {namespace.apply}, {len(dataset.log):,} steps", highlight=False, markup=False)
+        if namespace.own:
+            console.print(f"backend: {backend(model)}", highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
@@ -77,6 +85,8 @@ def _check(namespace: argparse.Namespace, logs: int) -> None:
             f"--apply {namespace.apply}: found {logs} logs, expected one; --save the noise of several, and "
             "state it in one with --noise."
         )
+    if namespace.own and namespace.apply is None:
+        raise InputError("--own: expected --apply FOLDER beside it, for the log with these covariances.")
     if namespace.noise is None:
         return
     for option in ("out", "save", "json"):
@@ -86,8 +96,8 @@ def _check(namespace: argparse.Namespace, logs: int) -> None:
         raise InputError("--noise: expected --apply FOLDER beside it, for the log with that noise.")
 
 
-def _apply(dataset: Dataset, model: Model, folder: Path) -> Dataset:
-    log = stated(dataset.log, model)
+def _apply(dataset: Dataset, model: Model, folder: Path, *, own: bool) -> Dataset:
+    log = stated(dataset.log, model, own=own)
     log_folder.write(folder, log, dataset.truth)
     return Dataset(log, dataset.truth)
 

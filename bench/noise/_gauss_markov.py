@@ -37,38 +37,6 @@ def innovations(error: Array, scale: Array, gap: Array, share: float, time: floa
 
 
 @compiled
-def information(scale: Array, gap: Array, share: float, time: float, bias: float) -> Array:
-    """What each error of a chain adds to the information about the value measured, (n,).
-
-    The value is a constant; the sum over a chain's first errors is 1' C^-1 1 for their covariance C.
-    """
-    n = len(scale)
-    added = np.empty(n)
-    # The filter's state is g and the value m, in information form for m: m enters with none.
-    before = 0.0
-    gg = 1.0
-    slope = 0.0  # d E[g | m, errors] / d m
-    total = 0.0  # information about m without the bias
-    for i in range(n):
-        if np.isinf(gap[i]):
-            gg, slope, total, before = 1.0, 0.0, 0.0, 0.0
-        else:
-            r = np.exp(-gap[i] / time)
-            gg, slope = 1.0 + r * r * (gg - 1.0), r * slope
-        h = scale[i] * np.sqrt(share)
-        v = h * h * gg + scale[i] * scale[i] * (1.0 - share)
-        by_value = 1.0 + h * slope  # d innovation / d(-m)
-        total += by_value * by_value / v
-        k = gg * h / v
-        slope -= k * by_value
-        gg -= k * h * gg
-        now = total / (1.0 + total * bias * bias)
-        added[i] = now - before
-        before = now
-    return added
-
-
-@compiled
 def sum_variance(scale: Array, gap: Array, share: float, time: float, bias: float) -> float:
     """The variance of the sum of all errors."""
     total = before = biases = 0.0

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...datasets._information import FIRST, information
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints
-from ._gauss_markov import information
 from .model import Model, SightingModel
 from .motions import scaled
 from .noise_file import noted
@@ -15,19 +15,27 @@ from .sightings import gaps, in_chains
 WEAKEST = 1e4
 """Largest factor on a variance for correlation: a sighting that adds less than this share of information adds none."""
 
+MOST = 0.9
+"""Largest share that `backend` names. Ranges whose errors hardly change from one sighting to the next would tell motion
+to the millimetre, if the process were exactly the fitted one."""
 
-def stated(log: Log, model: Model) -> Log:
+
+def stated(log: Log, model: Model, *, own: bool = False) -> Log:
     """The log with covariances that hold under `model`; values, times and ids stay.
 
     Where errors are correlated in time, a sighting's information is what it adds to that of the landmark's earlier
     ones. The total of sightings in a row is then the information 1' C^-1 1 that they have together, C being the
-    covariance of their errors. Of landmarks sighted at one step, each has its share of what all of them say about the
-    robot's pose: n errors with the correlation c have the information of n / (1 + (n - 1) c).
+    covariance of their errors. With `own`, each is stated with its own covariance, whatever earlier ones tell: for a
+    backend that knows of the correlation.
+
+    Ranges of landmarks sighted at one step share what they tell: n errors with the correlation c have the information
+    of n / (1 + (n - 1) c). Bearings do not: what theirs have in common is an error of heading, and the differences
+    between landmarks, which make map and path, are without it.
     """
     size = np.ones((len(log.ids), 2))
     for axis, one in enumerate((model.range, model.bearing)):
         if one is not None:
-            size[:, axis] = np.sqrt(factors(log, one, axis))
+            size[:, axis] = np.sqrt(factors(log, one, axis, own=own))
     z_cov = log.z_cov * size[:, :, None] * size[:, None, :]
     delta_cov = log.delta_cov if model.odometry is None else scaled(log.delta_cov, np.array(model.odometry))
     for array in (z_cov, delta_cov):
@@ -35,24 +43,39 @@ def stated(log: Log, model: Model) -> Log:
     return replace(log, z_cov=z_cov, delta_cov=delta_cov, notes={**log.notes, "noise": noted(model)})
 
 
-def factors(log: Log, one: SightingModel, axis: int) -> Array:
+def factors(log: Log, one: SightingModel, axis: int, *, own: bool = False) -> Array:
     """Factors (s,) on the stated variances of range (0) or bearing (1) of every sighting.
 
     Sightings without data association are in no chain: they get the median correlation of the others.
     """
     sd = np.sqrt(log.z_cov[:, axis, axis])
     spread = one.spread(sd, log.z[:, 0])
-    own = spread**2 + one.bias**2
+    whole = spread**2 + one.bias**2
+    if own:
+        return whole / sd**2
     known = log.ids != UNKNOWN
     order = in_chains(log.ids, log.sighting_step)
     order = order[known[order]]
     weaker = np.ones(len(sd))
     if len(order):
         gap = gaps(log.ids[order], log.t[log.sighting_step[order]])
-        added = information(spread[order], gap, one.share, one.time, one.bias)
-        weaker[order] = 1 / np.clip(added * own[order], 1 / WEAKEST, None)
+        keep = np.where(np.isinf(gap), FIRST, np.exp(-gap / one.time))
+        added = information(spread[order], keep, one.share, one.bias)
+        weaker[order] = 1 / np.clip(added * whole[order], 1 / WEAKEST, None)
         weaker[~known] = np.median(weaker[order])
-    return own / sd**2 * weaker * (1 + (_beside(log.sighting_step) - 1) * one.together)
+    shared = (_beside(log.sighting_step) - 1) * one.together if axis == 0 else 0.0
+    return whole / sd**2 * weaker * (1 + shared)
+
+
+def backend(model: Model) -> str:
+    """The backend that estimates the correlated part of sightings, with the options for a log stated with `own`."""
+    options = [
+        f"{name}_{key}={value:.3g}"
+        for name, one in (("range", model.range), ("bearing", model.bearing))
+        if one is not None and one.share > 0
+        for key, value in (("share", min(one.share, MOST)), ("time", one.time))
+    ]
+    return f"bias-ekf[{','.join([*options, 'gate=0.999'])}]"
 
 
 def _beside(step: Ints) -> Array:

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...datasets._information import FIRST, information
 from ...frontend.se2 import Array
-from ._gauss_markov import information, innovations, sum_variance
+from ._gauss_markov import innovations, sum_variance
 from .likelihood import TWO_SIDED, Estimate, Maximum, maximum
 from .model import SightingModel
 
@@ -79,9 +80,9 @@ class Fitted(NamedTuple):
     def in_a_row(self) -> float:
         """The number of independent sightings with the information of IN_A_ROW in a row."""
         one = self.model(0.0)
-        gap = np.full(IN_A_ROW, self.gap)
-        gap[0] = np.inf
-        return float(information(np.ones(IN_A_ROW), gap, one.share, one.time, 0.0).sum())
+        keep = np.full(IN_A_ROW, np.exp(-self.gap / one.time))
+        keep[0] = FIRST
+        return float(information(np.ones(IN_A_ROW), keep, one.share, 0.0).sum())
 
 
 def fitted(chains: Chains) -> Fitted | None:

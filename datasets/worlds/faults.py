@@ -21,6 +21,7 @@ from ..remarks import KIDNAPPED
 from .kidnapping import kidnapped
 from .moving import moved
 from .outliers import swapped
+from .slow import slowed
 from .wheeled_robot import SLIP_MOST, slip_lengths
 
 Bools = NDArray[np.bool_]
@@ -41,6 +42,18 @@ class Faults:
         "degrees of freedom of Student-t errors with unchanged covariance; not given: normal",
         minimum=2.1,
         maximum=1e6,
+    )
+    correlated: float = option(
+        0.0, "share of the variance of sightings that is correlated in time, per landmark", minimum=0.0, maximum=0.999
+    )
+    correlation_time: float = option(
+        10.0, "time in which that correlation falls to 1 / e, s", minimum=0.01, maximum=1e5, beside="correlated"
+    )
+    stated: str = option(
+        "own",
+        "covariances stated: of each sighting's own error, or thinned to what it adds to the landmark's earlier ones",
+        choices=("own", "thinned"),
+        beside="correlated",
     )
     slip: float = option(0.0, "wheel slips per metre, not covered by the stated noise", minimum=0.0, maximum=5.0)
     missing: float = option(0.0, "share of lost sightings", minimum=0.0, maximum=1.0)
@@ -79,6 +92,7 @@ class _Draws(NamedTuple):
     clutter: np.random.Generator
     moving: np.random.Generator
     kidnap: np.random.Generator
+    slow: np.random.Generator
 
 
 def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> Dataset:
@@ -101,6 +115,8 @@ def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> D
         log = _off(log, truth, faults.odometry_scale, faults.tails, draws.motions)
     if faults.slip:
         log, counts["slips"] = _slipped(log, truth, faults.slip, draws.slips)
+    if faults.correlated:
+        log = slowed(log, truth, faults.correlated, faults.correlation_time, faults.stated == "thinned", draws.slow)
     if wanted.keys() & {"sensor_scale", "tails", "jitter"}:
         log = _missed(log, truth, faults, draws)
     in_view = np.ones(len(log.ids), bool)

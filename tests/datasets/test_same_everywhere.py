@@ -21,6 +21,7 @@ WORLDS = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report")
 FAULTS = {
     "sensor_scale": 1.5, "odometry_scale": 1.3, "tails": 4.0, "slip": 0.3, "missing": 0.1, "gap": 0.1,
     "wrong_ids": 0.05, "clutter": 0.3, "jitter": 0.05, "moving": 0.3, "motion": "stop-and-go", "kidnap": 5.0,
+    "correlated": 0.5, "stated": "thinned",
 }  # fmt: skip
 
 

@@ -45,6 +45,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         TOP: set(),
         "locating": {TOP},
         "association": {TOP, "locating"},
+        "biases": {TOP},
         "gaussian": {TOP},
         "particles": {TOP, "locating"},
         "smoothing": {TOP},

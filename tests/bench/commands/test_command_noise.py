@@ -47,6 +47,19 @@ def test_one_command_measures_and_states(folder: Path, capsys: pytest.CaptureFix
     assert load(out).log.notes["noise"]["fitted_on"]
 
 
+def test_own_covariances_are_stated_beside_the_backend_that_estimates_slow_errors(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, thinned = folder.parent / "own", folder.parent / "thinned"
+    assert main(["noise", str(folder), "--apply", str(own), "--own"]) == 0
+    *_, last = capsys.readouterr().out.splitlines()
+    assert last.startswith("backend: bias-ekf[range_share=0.")
+    assert main(["noise", str(folder), "--apply", str(thinned), "--quiet"]) == 0
+    assert np.median(load(thinned).log.z_cov[:, 0, 0] / load(own).log.z_cov[:, 0, 0]) > 2
+    run = ["run", "--dataset", str(own), "--backend", last.removeprefix("backend: "), "--executor", "here"]
+    assert main([*run, "--out", str(folder.parent / "run"), "--quiet"]) == 0
+
+
 def test_json_has_every_number_with_its_interval(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["noise", str(folder), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -62,6 +75,7 @@ def test_json_has_every_number_with_its_interval(folder: Path, capsys: pytest.Ca
         (["circle", "--noise", "n.toml"], "--noise: expected --apply FOLDER beside it"),
         (["circle", "--noise", "n.toml", "--apply", "x", "--json"], "--json: nothing is measured with --noise"),
         (["circle", "--noise", "n.toml", "--apply", "x"], "n.toml"),
+        (["circle", "--own"], "--own: expected --apply FOLDER beside it"),
         (["circle", "--out", "page.pdf"], "--out page.pdf: found the ending '.pdf'"),
         (["circle", "--save", "noise.json"], "--save noise.json: found the ending '.json'"),
         (["nothing"], "bench noise: there is no dataset 'nothing'"),

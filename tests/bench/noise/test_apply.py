@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from noisy_logs import Slow, noisy
-from slamduel.backends import registry
 from slamduel.bench.measure.metrics import nees
-from slamduel.bench.noise.apply import WEAKEST, factors, stated
+from slamduel.bench.noise.apply import WEAKEST, backend, factors, stated
 from slamduel.bench.noise.measured import measured
 from slamduel.bench.noise.model import Model, SightingModel
+from slamduel.bench.plan.spec import backend_variants
 from slamduel.frontend.factors import UNKNOWN, Dataset
 
 PLAIN = SightingModel(1.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0)
@@ -46,7 +46,24 @@ def test_sightings_of_a_landmark_have_together_the_information_of_their_covarian
 def test_landmarks_sighted_at_one_step_share_what_they_tell() -> None:
     log, _ = noisy("circle[steps=100]", 2)
     beside = np.bincount(log.sighting_step)[log.sighting_step]
-    assert factors(log, PLAIN._replace(together=0.5), 1) == pytest.approx(1 + (beside - 1) * 0.5)
+    assert factors(log, PLAIN._replace(together=0.5), 0) == pytest.approx(1 + (beside - 1) * 0.5)
+
+
+def test_bearings_keep_what_they_tell_of_the_angles_between_landmarks() -> None:
+    log, _ = noisy("circle[steps=100]", 2)
+    assert factors(log, PLAIN._replace(together=0.5), 1) == pytest.approx(1.0)
+
+
+def test_own_covariances_are_those_of_single_errors_and_the_backend_knows_the_rest() -> None:
+    log, _ = noisy("circle[steps=200]", 1)
+    slow = PLAIN._replace(scale=1.3, power=0.5, share=0.8, time=7.0, bias=0.02, together=0.4)
+    model = Model([], None, slow, PLAIN)
+    new = stated(log, model, own=True)
+    sd = 1.3 * np.sqrt(log.z_cov[:, 0, 0]) * (log.z[:, 0] / 3.0) ** 0.5
+    assert new.z_cov[:, 0, 0] == pytest.approx(sd**2 + 0.02**2)
+    assert (stated(log, model).z_cov[:, 0, 0] > new.z_cov[:, 0, 0] * (1 - 1e-12)).all()
+    assert backend(model) == "bias-ekf[range_share=0.8,range_time=7,gate=0.999]"
+    assert "range_share=0.9," in backend(Model([], None, slow._replace(share=0.9991), None))
 
 
 def test_sightings_without_data_association_have_the_median_of_the_others() -> None:
@@ -60,12 +77,13 @@ def test_sightings_without_data_association_have_the_median_of_the_others() -> N
     assert (whole > 1 - 1e-9).all()
 
 
-def consistency(dataset: Dataset) -> float:
-    """The EKF's median NEES over that of chi-square with three degrees of freedom."""
+def consistency(dataset: Dataset, text: str = "ekf") -> float:
+    """A filter's median NEES over that of chi-square with three degrees of freedom."""
     log, truth = dataset
     assert truth is not None
-    builder = registry.find("ekf")
-    ekf = builder.make(log.prior, builder.options(), np.random.default_rng(0))
+    (variant,) = backend_variants(text)
+    assert variant.builder is not None
+    ekf = variant.builder.make(log.prior, variant.options, np.random.default_rng(0))
     path, cov = np.zeros((len(log), 3)), np.zeros((len(log), 3, 3))
     for k, step in enumerate(log):
         ekf.step(step)
@@ -84,3 +102,6 @@ def test_a_filter_that_was_too_sure_is_consistent_with_the_noise_of_other_logs()
     after = np.median([consistency(one._replace(log=stated(one.log, noise.model))) for one in logs])
     assert before > 3
     assert 0.3 < after < 2
+    carrying = backend(noise.model)
+    carried = [consistency(one._replace(log=stated(one.log, noise.model, own=True)), carrying) for one in logs]
+    assert 0.3 < np.median(carried) < 2

@@ -1,0 +1,1 @@
+"""A filter whose state has the slow errors of sightings."""
