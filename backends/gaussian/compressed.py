@@ -32,7 +32,10 @@ MOST = 64
 """Most landmarks in the part. More make every step costlier, fewer make updates of the rest more frequent."""
 
 KEPT = 12
-"""Landmarks, those last seen, with which the part restarts."""
+"""Landmarks, those last seen, with which a part of that size restarts."""
+
+LESS = 0.99
+"""The share of a larger size that is left a step later."""
 
 
 class Active(Joint):
@@ -46,24 +49,27 @@ class Active(Joint):
         self._place: dict[int, int] = {}  # and the inverse
         self._last_seen: dict[int, int] = {}
         self._frame = 0
+        self._most = float(MOST)
         self._around = Vicinity(follows=True)  # by their indices in the whole
         self._begin([])
 
     def bring(self, slots: list[int], known: int) -> list[int]:
         """Indices in the part of the whole's pairs `slots`, each once, of which those from `known` on are new.
 
-        Missing ones are fetched; where the part would become too large, the rest is updated first.
+        Missing ones are fetched; where the part would become too large, the rest is updated first. Too large is twice
+        what was asked for lately: if less, a frame of few among frames of many would have the rest updated.
         """
         self._frame += 1
+        self._most = max(MOST, 2 * len(slots), LESS * self._most)
         place = self._place
         absent = [slot for slot in slots if slot not in place]
         if absent:
-            if self.pairs + len(absent) > max(MOST, 2 * len(slots)):
+            if self.pairs + len(absent) > self._most:
                 present = [slot for slot in slots if slot in place]
                 self._last_seen.update(dict.fromkeys(present, self._frame))
                 self.settle_with(self._whole)
                 recent = sorted(place, key=lambda slot: self._last_seen[slot], reverse=True)
-                self._begin(recent[: max(KEPT, len(present))])
+                self._begin(recent[: max(int(KEPT * self._most / MOST), len(present))])
                 place = self._place
             for slot in sorted(absent, key=lambda slot: slot >= known):  # stable: the new ones last, in their order
                 self._join(slot, new=slot >= known)

@@ -197,8 +197,8 @@ class Screen:
 
     def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
         """Warns once about a log without sightings and loop closures."""
-        nothing = row["sightings"] == 0 and not row.get("j_loops")
-        if row["status"] == "done" and nothing and dataset not in self._warned:
+        nothing = row["status"] == "done" and row["sightings"] == 0 and not row.get("j_loops")
+        if nothing and dataset not in self._warned:
             self._warned.add(dataset)
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 

@@ -11,6 +11,7 @@ from slamduel.backends._blas import routine
 from slamduel.backends.api import Diverged, TruthWanted, WantsTruth
 from slamduel.backends.gaussian import _triangle, compressed
 from slamduel.backends.gaussian.ekf import Ekf, Options, build
+from slamduel.backends.gaussian.joint import Joint
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.frontend.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, Step, Truth
 from slamduel.frontend.se2 import Array, between, compose_jacobians, wrap
@@ -242,6 +243,31 @@ def test_a_frame_of_very_many_new_landmarks_and_its_second_sight() -> None:
             paths.append(mine.step(step))
             assert paths[-1] == pytest.approx(textbook.step(step), abs=1e-9)
         agrees_on_the_map(mine.map(), textbook, 1e-9)
+
+
+def test_frames_in_turn_with_many_and_few_do_not_update_the_rest_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twenty of a map's landmarks, and five of the others, in turn: without the twenty a part has room for nine."""
+    rng = np.random.default_rng(10)
+    root, xy, noise = rng.normal(size=(120, 120)), rng.uniform(-20, 20, (60, 2)), np.diag([1e-2, 1e-4])
+    z = np.column_stack((np.hypot(*xy.T), np.arctan2(xy[:, 1], xy[:, 0]))) + rng.normal(size=(60, 2)) * [0.1, 0.01]
+    known = Map(np.arange(60), xy, 1e-4 * (root @ root.T))
+    prior = Prior(np.zeros(3), 1e-4 * np.eye(3), known)
+    mine, textbook = make(prior, compress_above=COMPRESSED), TextbookEkf(prior)
+    updates, settle = list[int](), compressed.Active.settle_with
+
+    def counted(part: compressed.Active, whole: Joint) -> None:
+        updates.append(part.pairs)
+        settle(part, whole)
+
+    monkeypatch.setattr(compressed.Active, "settle_with", counted)
+    for k in range(40):
+        rows = np.arange(20) if k % 2 else 20 + 5 * (k % 8) + np.arange(5)
+        seen = RangeBearing(rows, z[rows], np.tile(noise, (len(rows), 1, 1)))
+        assert mine.step(Step(float(k), None, seen, NO_LOOPS)) == pytest.approx(
+            textbook.step(Step(float(k), None, seen, NO_LOOPS)), abs=1e-9
+        )
+    assert len(updates) <= 10
+    agrees_on_the_map(mine.map(), textbook, 1e-9)
 
 
 @pytest.mark.parametrize("n", [2, 40, 1016, 1018, 2500])

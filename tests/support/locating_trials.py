@@ -222,7 +222,9 @@ def _counts(said: list[str]) -> str:
 
 
 def _spoke(strange: Sequence[Ended]) -> str:
-    return f"on other worlds' maps sure of a pose {sum(one.said != 'silent' for one in strange)} of {len(strange)}"
+    spoke = sum(one.said != "silent" for one in strange)
+    slowest = 1e3 * max(one.slowest for one in strange)
+    return f"on other worlds' maps sure of a pose {spoke} of {len(strange)}, a step {slowest:3.0f} ms"
 
 
 def main() -> int:

@@ -223,6 +223,16 @@ def test_in_a_pipe_a_cell_is_a_plain_line() -> None:
     assert ESCAPE not in "".join(said)
 
 
+def test_a_cell_that_was_stopped_is_a_line_though_nothing_of_it_is_known() -> None:
+    console, cells = Console(file=io.StringIO(), width=160), plan(1)
+    with Screen(console) as screen:
+        screen.running(cells, 0, 1, [])
+        for cell in cells:
+            screen.finished(cell, {"status": "timeout", "reason": "was stopped after 2 s"}, 2.0)
+    said = console.file.getvalue().splitlines()  # pyright: ignore[reportAttributeAccessIssue]
+    assert [line.endswith("seed 0: was stopped after 2 s") for line in said] == [True] * 4
+
+
 def test_in_a_pipe_the_time_left_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     now = iter(range(0, 10_000, 20))
     monkeypatch.setattr("slamduel.bench.run.progress.time.monotonic", lambda: float(next(now)))
