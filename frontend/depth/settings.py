@@ -55,6 +55,8 @@ class Settings:
 
     # landmarks
     seen_often = 4  # sightings that a landmark has at least
+    seen_apart = 1.15  # sd of its place in the image, in terms of that in matches of neighbours, which err alike: from
+    # two thirds of the distance a corner is found elsewhere
 
     # loops
     loop_after = 5.0  # s

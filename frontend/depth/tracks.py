@@ -113,9 +113,12 @@ class Tracks:
 def sightings(frame: Keyframe, rows: Ints, settings: Settings) -> tuple[Array, Array]:
     """Ranges (m) and bearings (rad), (k, 2), of the features `rows` from the robot, and their covariances (k, 2, 2).
 
-    The error of the level, which the features of a frame share, is part of each covariance.
+    The error of the level, which the features of a frame share, is part of each covariance. That of the place in the
+    image is larger than between neighbouring frames: it changes slowly with the view, and a landmark is seen from far
+    and near.
     """
     points, (R, t) = frame.features.points.taken(rows), (frame.level.T[:3, :3], frame.level.T[:3, 3])
+    points = points._replace(ray_sd=settings.seen_apart * points.ray_sd)
     x, y, up = (points.xyz @ R.T + t).T
     cov = propagated(R[:2], points.cov)
     by_level = np.zeros((len(rows), 2, 2))  # of x and y by turns about x and y

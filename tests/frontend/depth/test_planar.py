@@ -111,7 +111,7 @@ def test_the_cameras_motion_is_that_of_the_robot() -> None:
 def test_floors_are_added_once() -> None:
     level = Level(CAMERA.mounting, UNKNOWN, True)
     found = registration_of(CAMERA.mounting, on_floor(MOVED) @ CAMERA.mounting, some_cov())
-    plain, floors = planar(found, level, level, NO_FLOORS), planar(found, level, level, Settings())
+    plain, floors = (planar(found, level, level, s) for s in (NO_FLOORS, Settings(floor=5e-4, turn_floor=2e-4)))
     np.testing.assert_allclose(floors.cov - plain.cov, np.diag([5e-4**2, 5e-4**2, 2e-4**2]), rtol=1e-2, atol=1e-12)
 
 

@@ -134,7 +134,7 @@ def test_sightings_are_ranges_and_bearings_of_levelled_points_with_their_covaria
     seen = tracks.chosen()
     rng, draws = np.random.default_rng(0), 40_000
     points = frames[2].features.points
-    rays = points.rays[1] + points.ray_sd[1] * rng.normal(0, 1, (draws, 2))
+    rays = points.rays[1] + settings.seen_apart * points.ray_sd[1] * rng.normal(0, 1, (draws, 2))
     z = points.z[1] + points.z_sd[1] * rng.normal(0, 1, draws)
     xyz = np.column_stack((rays * z[:, None], z)) @ CAMERA.mounting[:3, :3].T + CAMERA.mounting[:3, 3]
     exact = np.array([*points.rays[1], 1.0]) * points.z[1]
