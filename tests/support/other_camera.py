@@ -37,8 +37,8 @@ RAYS = 10
 DARK, LIGHT, WALL = 0.05, 0.75, 0.35
 """Reflectance of ink, paper and wall, where 1 saturates."""
 
-GAINS = np.array([0.6, 1.0, 0.75])
-"""A sensor's response to red, green and blue, which white balance takes back after the mosaic."""
+RED, BLUE = 0.6, 0.75
+"""A sensor's response to two of its colours, green having 1, which white balance takes back before the mosaic is."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def _printed(name: int, spread: float) -> NDArray[np.bool_]:
     """The sheet's cells, True is black: a module of paper around the marker, black grown by `spread` m."""
     drawn = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50).generateImageMarker(name, MODULES)
     black = np.pad(np.asarray(drawn) == 0, 1).repeat(FINE, axis=0).repeat(FINE, axis=1)
-    beyond = distance_transform_edt(~black) - distance_transform_edt(black)
+    beyond = np.asarray(distance_transform_edt(~black)) - np.asarray(distance_transform_edt(black))
     return np.asarray(beyond - 0.5 * np.sign(beyond) < spread * MODULES * FINE / SIDE)
 
 
@@ -232,12 +232,10 @@ def _demosaiced(raw: Array) -> Array:
 
 def _developed(light: Array, look: Look, rng: np.random.Generator) -> NDArray[np.uint8]:
     """(h, w) the grey picture of `light`, shares of saturation."""
-    raw = light
+    response = np.ones_like(light)
     if look.mosaic:
-        response = np.empty_like(light)
-        response[...] = GAINS[1]
-        response[::2, 1::2], response[1::2, ::2] = GAINS[0], GAINS[2]
-        raw = light * response
+        response[::2, 1::2], response[1::2, ::2] = RED, BLUE
+    raw = light * response
     raw = raw + np.sqrt(look.noise**2 + look.photons * raw) * rng.normal(size=raw.shape)
     if look.mosaic:
         # White balance first, as raw converters do; 14 bits.

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.support.other_camera import CAMERA, LOOKS, SIDE, photograph
 
+from other_camera import CAMERA, LOOKS, SIDE, photograph
 from slamduel.frontend.markers.aruco import Detector
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise
@@ -44,7 +44,7 @@ def hold(look: str, distance: float, count: int) -> None:
 
 @pytest.mark.parametrize("look", ["ideal", "curl", "phone"])
 def test_a_few_photographs_are_measured_as_stated(look: str) -> None:
-    hold(look, 2.0, 12)
+    hold(look, 2.0, 10)
 
 
 @pytest.mark.slow
