@@ -103,7 +103,7 @@ def test_every_link_leads_to_a_file(browser: Any, site: Path) -> None:
 
 def test_a_fault_would_be_seen(browser: Any, site: Path, tmp_path: Path) -> None:
     copied = shutil.copy(site / "index.html", tmp_path / "index.html")
-    wide = '<main><div id="fault" style="width:2000px;color:#fefefe;background:#fff">x</div>'
+    wide = '<main><div id="fault" style="width:2000px;color:#888;background:#999">wide<button></button></div>'
     Path(copied).write_text(Path(copied).read_text().replace("<main>", wide))
     page, _, _ = opened(browser, Path(copied), 1400, dark=False)
     assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") > 0
