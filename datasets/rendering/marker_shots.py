@@ -143,11 +143,13 @@ class Studio:
         With a `skew`, that many px pass between the first row and the last of the sensor's readout.
         """
         corners = square(SIDE) @ pose[:3, :3].T + pose[:3, 3]
-        little, by_amount = 1e-4, 0.0
-        while by_amount < LEAST:
+        little = 1e-4
+        while True:
             turn, shift = SWAY * rng.normal(size=3), ADVANCE * np.linalg.norm(pose[:3, 3]) * rng.normal(size=3)
             ends = [self.camera.project((corners - by * shift) @ _turn(by * turn)) for by in (-little, little)]
             by_amount = np.linalg.norm(ends[1] - ends[0], axis=1).mean() / (2 * little)
+            if by_amount >= LEAST:
+                break
         parts = int(np.ceil(streak)) + 1
         within = streak / by_amount * ((np.arange(parts) + 0.5) / parts - 0.5)
         if not skew:

@@ -352,7 +352,7 @@ def test_rays_meet_curled_paper_where_it_is() -> None:
         # the ray to the point above its foot meets the plane further on
         p, q = eye[:2] + (foot - eye[:2]) / (1 - curvature * across**2 / eye[2])
         curl = curvature * np.array([axis[0] ** 2, 2 * axis[0] * axis[1], axis[1] ** 2])
-        assert unroll(p, q, *curl.tolist(), eye, paper)
+        assert unroll(p, q, curl[0], curl[1], curl[2], eye, paper)
         along = np.linspace(0, across, 2001)
         arc = float(np.trapezoid(np.sqrt(1 + (2 * curvature * along) ** 2), along))
         np.testing.assert_allclose(paper[:2], foot + (arc - across) * axis, atol=0.11**4 / 40)
@@ -368,7 +368,8 @@ def test_the_derivatives_of_curled_paper() -> None:
 
     def at(values: Array, eye: Array) -> Array:
         paper = np.empty(12)
-        assert unroll(*values.tolist(), eye, paper)
+        p, q, xx, xy, yy = values.tolist()
+        assert unroll(p, q, xx, xy, yy, eye, paper)
         return paper
 
     for _ in range(40):
