@@ -18,6 +18,7 @@ from slamduel.bench.measure.cell import Job
 from slamduel.bench.plan import spec
 from slamduel.bench.study.file import made
 from slamduel.bench.study.study import about
+from slamduel.bench.words.columns import MACHINE
 from slamduel.bench.workers import dask_cluster
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.dask_cluster import Cluster
@@ -29,8 +30,9 @@ from small_study import silent
 
 pytestmark = pytest.mark.slow
 
-TIMED = re.compile(r".*(_us|_us_\w+|_s|_mb|_ns)|real_time|growth_\w+")
-"""The columns and arrays that say how long something took, or how much memory."""
+DID = "|".join(column.name for column in MACHINE)
+TIMED = re.compile(rf".*(_us|_us_\w+|_s|_mb|_ns)|real_time|growth_\w+|{DID}")
+"""The columns and arrays that say how long something took, how much memory, or what the machine did meanwhile."""
 
 
 def batches(seeds: int, backends: str = "ekf,dead-reckoning", timeout_s: float = 60) -> list[Batch]:
