@@ -166,7 +166,7 @@ def _detections(path: Path, options: Options, start: float, end: float, remarks:
         z = z * np.array([1.0, _radians(options)])
         for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):
             found = f"bearing is {table.column('bearing')[row]!s} {options.angles}"
-            raise table.fault(row, f"{found}, expected at most half a turn; option angles sets the unit")
+            raise table.fault(row, f"{found}, expected at most half a turn: wrap it, or set the unit by option angles")
     for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
         raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
     inside = (start <= t) & (t <= end)
