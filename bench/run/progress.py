@@ -18,6 +18,7 @@ from ...datasets.remarks import NO_SIGHTING
 from ..plan.plan import Cell
 from ..plan.work import PlannedCell
 from ..record.schema import COLUMNS, MORE, Row
+from ..verdict.ranking import ERRORS, path_errors
 from ..verdict.summary import Line, lines
 from ..words.console import announced, plain, watched
 from ..words.names import called
@@ -79,8 +80,6 @@ def words(seconds: float) -> str:
 
 AGAIN_S = 30.0  # s between two lines that report the time left
 REFRESHED = 1.0  # redraws per second: each takes some milliseconds of a core from what is measured
-ERRORS = {"ate_m": "ATE", "final_ate_m": "ATE", "relation_m": "relations", "final_relation_m": "relations"}
-"""the errors that are told of a cell, the first that it has"""
 ONLINE = ("ate_m", "relation_m")
 BAR = 24  # columns of the bar, where there is room
 
@@ -180,9 +179,10 @@ class Screen:
         self._stage, self._done, self._total = "writing the report", 0, 0
 
     def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
-        found = [(what, row[name]) for name, what in ERRORS.items() if row.get(name) is not None]
+        kind = row.get("truth_kind") or ""
+        found = [row[name] for name in path_errors(kind).values() if row.get(name) is not None]
         parts = [self._names[cell.dataset.label], cell.backend.label, f"seed {cell.seed}"]
-        parts += [f"{what} {error:.3f} m" for what, error in found[:1]]
+        parts += [f"{ERRORS[kind]} {error:.3f} m" for error in found[:1]]
         text = plain(" \N{MIDDLE DOT} ".join(parts) + (f": {said}" if said else ""))
         status = f"[{STATUS_STYLE.get(row['status'], 'red')}]{row['status']}[/]"
         left = self._left()

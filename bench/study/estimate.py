@@ -3,14 +3,16 @@
 import contextlib
 import random
 import time
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from ..engine.batches import batch_of
 from ..engine.engine import RunRequest
 from ..engine.key import log_key, made_once, result_key
 from ..engine.log_files import LogFiles
+from ..measure.cell import Result
 from ..plan.work import PlannedCell
 from ..record.statuses import FAILED
 from ..record.store import Known, Store
@@ -45,6 +47,7 @@ class Estimate:
     alone: int  # cells that are to run alone on their machine
     wall_s: float
     timed_now: int  # cells that were run for this
+    undone: Mapping[str, int] = field(default_factory=dict[str, int])  # those not done, by reason
 
     @property
     def cells(self) -> int:
@@ -73,6 +76,7 @@ class Estimate:
             f"Not known: how long {share.unknown:,} of {share.dataset} with {share.backend} will take."
             for share in unknown
         ]
+        said += [f"{counted(n, 'cell')} timed now did not end well: {reason}" for reason, n in self.undone.items()]
         again = "There was no time to try more; a second --dry-run tries more, as compiled code is kept."
         return said + [again] * bool(unknown)
 
@@ -101,13 +105,13 @@ def estimate(
     seconds = {} if store is None else store.seconds()
     names = {_names(pair) for pair in seconds}
     new = [cell for cell in todo if _names(_pair(cell)) not in names]
-    now = _timed_now(study, store, new, executor, budget_s)
+    now, undone = _timed_now(study, store, new, executor, budget_s)
     took = _Averages(seconds | now)
     each = [took.of(_pair(cell)) for cell in todo]
     side = [s or 0.0 for cell, s in zip(todo, each, strict=True) if not cell.timed]
     alone = [s or 0.0 for cell, s in zip(todo, each, strict=True) if cell.timed]
     wall = max([sum(side) / executor.slots, *side]) + sum(alone)
-    return Estimate(_shares(study, done, todo, each), executor.slots, len(alone), wall, len(now))
+    return Estimate(_shares(study, done, todo, each), executor.slots, len(alone), wall, len(now), undone)
 
 
 class _Averages:
@@ -155,27 +159,29 @@ def _done(study: Study, store: Store | None, request: RunRequest) -> list[bool]:
 
 def _timed_now(
     study: Study, store: Store | None, cells: Sequence[PlannedCell], executor: Executor, budget_s: float
-) -> dict[Pair, tuple[float, int]]:
-    """Times one cell per pair, of as many pairs as there is time for.
+) -> tuple[dict[Pair, tuple[float, int]], Counter[str]]:
+    """Times one cell per pair, of as many pairs as there is time for; also counts reasons of those not done.
 
     The cells come in random order, so the mean of those timed is unbiased; first one of every dataset and backend,
     whatever their options.
     """
-    end, found = time.monotonic() + budget_s, {}
+    end, found, undone = time.monotonic() + budget_s, dict[Pair, tuple[float, int]](), Counter[str]()
     for cell in _first_of_each(cells):
         kept = None if store is None else _kept(store, cell)
         left = end - time.monotonic()
         if left <= 0:
             break
         for _ in range(2):
-            took, ended = _took(study, cell, kept, executor, min(left, study.timeout_s))
-            if not ended and took < study.timeout_s:  # stopped for lack of time
+            took, result = _took(study, cell, kept, executor, min(left, study.timeout_s))
+            if result.status == "timeout" and took < study.timeout_s:  # stopped for lack of time
                 break
             found[_pair(cell)] = took, 1
             left = end - time.monotonic()
             if took > WARM_S or left <= 0:
                 break
-    return found
+        if result.status not in ("done", "timeout"):
+            undone[f"{result.status}, {result.reason}"] += 1
+    return found, undone
 
 
 def _first_of_each(cells: Iterable[PlannedCell]) -> list[PlannedCell]:
@@ -197,12 +203,12 @@ def _kept(store: Store, cell: PlannedCell) -> KeptLog | None:
 
 def _took(
     study: Study, cell: PlannedCell, kept: KeptLog | None, executor: Executor, timeout_s: float
-) -> tuple[float, bool]:
-    """Times a cell; returns its seconds, and False where it was stopped."""
+) -> tuple[float, Result]:
+    """Times a cell; returns its seconds, and its end."""
     mine = replace(batch_of(study, cell, {0: cell}, kept), timeout_s=timeout_s, keep=False)
     with contextlib.closing(executor.run([mine], alone=True)) as ended:
         finished = next(iter(ended))
-    return finished.seconds, finished.result.status != "timeout"
+    return finished.seconds, finished.result
 
 
 def _shares(

@@ -22,8 +22,9 @@ class Stopwatch:
 
     name, slots = "stopwatch", 2
 
-    def __init__(self) -> None:
+    def __init__(self, result: Result | None = None) -> None:
         self.asked: list[str] = []
+        self._result = result or Result("done", "")
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
         for batch in batches:
@@ -31,7 +32,7 @@ class Stopwatch:
                 self.asked.append(job.backend)
                 log = LogFacts(f"{batch.seed}", "", "", {})
                 took = {"e": 2.0, "d": 0.25, "f": 8.0}[job.name[0]]
-                yield Finished(batch, index, log, Result("done", ""), took, alone, "")
+                yield Finished(batch, index, log, self._result, took, alone, "")
 
     def close(self) -> None:
         pass
@@ -74,6 +75,13 @@ def test_what_there_was_no_time_for_is_named() -> None:
         for n, name in ((6, "ekf"), (6, "dead-reckoning"), (12, "fastslam"))
     ]
     assert found.table()[1] == ("bailey", "ekf", "6", "0", "6", "")
+
+
+def test_cells_that_do_not_end_well_are_counted_by_reason() -> None:
+    found = estimated(study(HEAD), Stopwatch(Result("skipped", "bailey is not on this machine.")))
+    assert found.sentences()[2:] == ["8 cells timed now did not end well: skipped, bailey is not on this machine."]
+    slow = estimated(study(HEAD), Stopwatch(Result("timeout", "longer than 1 s.")))
+    assert not slow.undone
 
 
 def test_results_that_are_there_are_not_run_again_and_tell_how_long_the_others_take(tmp_path: Path) -> None:
