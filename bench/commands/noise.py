@@ -12,7 +12,7 @@ from rich.table import Table
 from ...datasets.formats import log_folder
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
-from ..noise.apply import backend, stated
+from ..noise.apply import backends, stated
 from ..noise.measured import Noise, measured
 from ..noise.model import Model
 from ..noise.noise_file import noted, read_noise, write_noise
@@ -72,8 +72,8 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.apply is not None:
         dataset = _apply(datasets[0], model, namespace.apply, own=namespace.own)
         console.print(f"log: {namespace.apply}, {len(dataset.log):,} steps", highlight=False, markup=False)
-        if namespace.own:
-            console.print(f"backend: {backend(model)}", highlight=False, markup=False, soft_wrap=True)
+        for name in backends(model, own=namespace.own):
+            console.print(f"backend: {name}", highlight=False, markup=False, soft_wrap=True)
     return 0
 
 
