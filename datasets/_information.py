@@ -1,6 +1,6 @@
-"""The compiled information of errors that are correlated in time."""
+"""The information of errors that are correlated in time."""
 
-from math import sqrt
+from math import fsum, sqrt
 
 import numpy as np
 
@@ -12,34 +12,37 @@ FIRST = -1.0
 
 
 @compiled
-def information(scale: Array, keep: Array, share: float, bias: float) -> Array:
+def information(scale: Array, keep: Array, share: float) -> Array:
     """What each error of a chain adds to the information about the value measured, (n,).
 
-    Error i is `scale_i (sqrt(share) g + sqrt(1 - share) w) + b`: g a first-order Gauss-Markov process of unit variance
-    with the correlation `keep_i` to the error before, w white, b a bias of the chain with the standard deviation
-    `bias`. The value is a constant; the sum over a chain's first errors is 1' C^-1 1 for their covariance C.
+    Error i is `scale_i (sqrt(share) g + sqrt(1 - share) w)`: g a first-order Gauss-Markov process of unit variance with
+    the correlation `keep_i` to the error before, w white. The value is a constant; the sum over a chain's first errors
+    is 1' C^-1 1 for their covariance C.
     """
     n = len(scale)
     added = np.empty(n)
     # The filter's state is g and the value m, in information form for m: m enters with none.
-    before = 0.0
     gg = 1.0
     slope = 0.0  # d E[g | m, errors] / d m
-    total = 0.0  # information about m without the bias
     for i in range(n):
         if keep[i] == FIRST:
-            gg, slope, total, before = 1.0, 0.0, 0.0, 0.0
+            gg, slope = 1.0, 0.0
         else:
             r = keep[i]
             gg, slope = 1.0 + r * r * (gg - 1.0), r * slope
         h = scale[i] * sqrt(share)
         v = h * h * gg + scale[i] * scale[i] * (1.0 - share)
         by_value = 1.0 + h * slope  # d innovation / d(-m)
-        total += by_value * by_value / v
+        added[i] = by_value * by_value / v
         k = gg * h / v
         slope -= k * by_value
         gg -= k * h * gg
-        now = total / (1.0 + total * bias * bias)
-        added[i] = now - before
-        before = now
     return added
+
+
+def kept(keep: Array, share: float) -> float:
+    """The share of their information that correlated errors of one size keep: what each adds to its chain, on average.
+
+    `keep` (n,) and `share` as above.
+    """
+    return fsum(information(np.ones(len(keep)), keep, share).tolist()) / len(keep)

@@ -30,8 +30,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "With a true path, errors of odometry and sightings are measured by it; several logs are taken to have the "
         "same noise. Without one, the EKF's innovations tell the sizes, which takes up to a minute. Noise measured on "
         "some logs is stated in another one by two commands: --save NOISE.toml, then bench noise LOG --noise "
-        "NOISE.toml --apply FOLDER. Where errors are correlated in time, each sighting is given a larger covariance, "
-        "so that the sightings of a landmark together have the information that correlated ones have. With --own it "
+        "NOISE.toml --apply FOLDER. Where errors are correlated in time, sightings are given larger covariances, "
+        "so that together they have the information that correlated ones have. With --own it "
         "keeps its own, for a backend that estimates the correlated part of the errors, and that backend is named."
     )
     add = parser.add_argument

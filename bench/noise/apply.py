@@ -4,16 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...datasets._information import FIRST, information
+from ...datasets._information import FIRST, kept
 from ...frontend.factors import UNKNOWN, Log
 from ...frontend.se2 import Array, Ints
 from .model import Model, SightingModel
 from .motions import scaled
 from .noise_file import noted
 from .sightings import gaps, in_chains
-
-WEAKEST = 1e4
-"""Largest factor on a variance for correlation: a sighting that adds less than this share of information adds none."""
 
 MOST = 0.9
 """Largest share that `backend` names. Ranges whose errors hardly change from one sighting to the next would tell motion
@@ -23,12 +20,12 @@ to the millimetre, if the process were exactly the fitted one."""
 def stated(log: Log, model: Model, *, own: bool = False) -> Log:
     """The log with covariances that hold under `model`; values, times and ids stay.
 
-    Where errors are correlated in time, a sighting's information is what it adds to that of the landmark's earlier
-    ones. The total of sightings in a row is then the information 1' C^-1 1 that they have together, C being the
-    covariance of their errors. With `own`, each is stated with its own covariance, whatever earlier ones tell: for a
-    backend that knows of the correlation.
+    Where errors are correlated in time, each sighting is stated with the share of its information that it adds to the
+    landmark's earlier ones on average. The first of them are stated no surer than the others: an estimate that leans on
+    them is worse. A landmark's bias goes into its place on the map, and takes nothing away. With `own`, each is stated
+    with its own covariance, whatever earlier ones tell: for a backend that knows of the correlation.
 
-    Ranges of landmarks sighted at one step share what they tell: n errors with the correlation c have the information
+    Ranges of landmarks sighted at one step share what they tell; n errors with the correlation c have the information
     of n / (1 + (n - 1) c). Bearings do not: what theirs have in common is an error of heading, and the differences
     between landmarks, which make map and path, are without it.
     """
@@ -44,31 +41,21 @@ def stated(log: Log, model: Model, *, own: bool = False) -> Log:
 
 
 def factors(log: Log, one: SightingModel, axis: int, *, own: bool = False) -> Array:
-    """Factors (s,) on the stated variances of range (0) or bearing (1) of every sighting.
-
-    Sightings without data association are in no chain: they get the median correlation of the others.
-    """
-    sd = np.sqrt(log.z_cov[:, axis, axis])
-    spread = one.spread(sd, log.z[:, 0])
-    whole = spread**2 + one.bias**2
+    """Factors (s,) on the stated variances of range (0) or bearing (1) of every sighting."""
+    spread = one.spread(np.sqrt(log.z_cov[:, axis, axis]), log.z[:, 0])
+    whole = (spread**2 + one.bias**2) / log.z_cov[:, axis, axis]
     if own:
-        return whole / sd**2
-    known = log.ids != UNKNOWN
+        return whole
     order = in_chains(log.ids, log.sighting_step)
-    order = order[known[order]]
-    weaker = np.ones(len(sd))
+    order = order[log.ids[order] != UNKNOWN]
     if len(order):
         gap = gaps(log.ids[order], log.t[log.sighting_step[order]])
-        keep = np.where(np.isinf(gap), FIRST, np.exp(-gap / one.time))
-        added = information(spread[order], keep, one.share, one.bias)
-        weaker[order] = 1 / np.clip(added * whole[order], 1 / WEAKEST, None)
-        weaker[~known] = np.median(weaker[order])
-    shared = (_beside(log.sighting_step) - 1) * one.together if axis == 0 else 0.0
-    return whole / sd**2 * weaker * (1 + shared)
+        whole /= kept(np.where(np.isinf(gap), FIRST, np.exp(-gap / one.time)), one.share)
+    return whole * (1 + (_beside(log.sighting_step) - 1) * one.together) if axis == 0 else whole
 
 
-THINNED = ("ekf[gate=0.999,jacobians=first-estimates]", "isam2[loss=cauchy]")
-"""Backends whose NEES holds on logs that are thinned. With the standard Jacobians the EKF stays overconfident: what
+HONEST = ("ekf[gate=0.999,jacobians=first-estimates]", "isam2[loss=cauchy]")
+"""Backends whose NEES holds on a log that is stated so. With the standard Jacobians the EKF stays overconfident: what
 remains is its linearisation. Gate and loss are for tails heavier than normal ones."""
 
 
@@ -78,7 +65,7 @@ def backends(model: Model, *, own: bool = False) -> tuple[str, ...]:
     With `own`, that is the one that estimates the correlated part of sightings.
     """
     if not own:
-        return THINNED
+        return HONEST
     options = [
         f"{name}_{key}={value:.3g}"
         for name, one in (("range", model.range), ("bearing", model.bearing))

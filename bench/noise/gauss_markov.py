@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...datasets._information import FIRST, information
+from ...datasets._information import FIRST, kept
 from ...frontend.se2 import Array
 from ._gauss_markov import innovations, sum_variance
 from .likelihood import TWO_SIDED, Estimate, Maximum, maximum
@@ -82,7 +82,7 @@ class Fitted(NamedTuple):
         one = self.model(0.0)
         keep = np.full(IN_A_ROW, np.exp(-self.gap / one.time))
         keep[0] = FIRST
-        return float(information(np.ones(IN_A_ROW), keep, one.share, 0.0).sum())
+        return IN_A_ROW * kept(keep, one.share)
 
 
 def fitted(chains: Chains) -> Fitted | None:

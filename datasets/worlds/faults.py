@@ -51,8 +51,9 @@ class Faults:
     )
     stated: str = option(
         "own",
-        "covariances stated: of each sighting's own error, or thinned to what it adds to the landmark's earlier ones",
-        choices=("own", "thinned"),
+        "covariances stated: of each sighting's own error; thinned to what it adds to the landmark's earlier ones; or "
+        "even, to the mean of that",
+        choices=("own", "thinned", "even"),
         beside="correlated",
     )
     slip: float = option(0.0, "wheel slips per metre, not covered by the stated noise", minimum=0.0, maximum=5.0)
@@ -116,7 +117,7 @@ def with_faults(dataset: Dataset, faults: Faults, rng: np.random.Generator) -> D
     if faults.slip:
         log, counts["slips"] = _slipped(log, truth, faults.slip, draws.slips)
     if faults.correlated:
-        log = slowed(log, truth, faults.correlated, faults.correlation_time, faults.stated == "thinned", draws.slow)
+        log = slowed(log, truth, faults.correlated, faults.correlation_time, faults.stated, draws.slow)
     if wanted.keys() & {"sensor_scale", "tails", "jitter"}:
         log = _missed(log, truth, faults, draws)
     in_view = np.ones(len(log.ids), bool)

@@ -8,18 +8,19 @@ from ...frontend.elementary import exp
 from ...frontend.factors import Log, Truth
 from ...frontend.se2 import Array, wrap
 from ...frontend.truth_errors import difference, rows_of, sighted_from
-from .._information import FIRST, information
+from .._information import FIRST, information, kept
 
 WEAKEST = 1e-4
 """Least information that a thinned sighting is stated with, as a share of its own."""
 
 
-def slowed(log: Log, truth: Truth, share: float, time: float, thinned: bool, rng: np.random.Generator) -> Log:
+def slowed(log: Log, truth: Truth, share: float, time: float, stated: str, rng: np.random.Generator) -> Log:
     """The log with sightings whose errors have a part that stays, `share` of their variance.
 
     That part is a first-order Gauss-Markov process per landmark for its ranges and one for its bearings, with the
-    correlation exp(-dt / `time`). The errors' variance stays what is stated, or each sighting is `thinned`: stated with
-    the information that it adds to the landmark's earlier ones. Every landmark has a true place, every step a pose.
+    correlation exp(-dt / `time`). The errors' variance stays; `stated` is each sighting's "own", or "thinned" to the
+    information that it adds to the landmark's earlier ones, or "even": with the mean share that they add, all alike.
+    Every landmark has a true place, every step a pose.
     """
     assert truth.map is not None
     ids = log.ids if truth.assigned is None else truth.assigned
@@ -35,11 +36,13 @@ def slowed(log: Log, truth: Truth, share: float, time: float, thinned: bool, rng
     z = right + np.sqrt(1 - share) * difference(log.z, right) + np.sqrt(share) * sd * slow
     z[:, 1] = wrap(z[:, 1])
     cov = log.z_cov
-    if thinned:
+    if stated == "even":
+        cov = cov / kept(keep, share)
+    if stated == "thinned":
         weaker = np.empty((len(ids), 2))
         for axis in range(2):
             own = sd[order, axis]
-            weaker[order, axis] = 1 / np.sqrt(np.maximum(information(own, keep, share, 0.0) * own**2, WEAKEST))
+            weaker[order, axis] = 1 / np.sqrt(np.maximum(information(own, keep, share) * own**2, WEAKEST))
         cov = cov * weaker[:, :, None] * weaker[:, None, :]
     for array in (z, cov):
         array.flags.writeable = False

@@ -62,6 +62,20 @@ def test_thinned_sightings_have_together_the_information_of_their_covariance() -
             assert (1 / thinned.z_cov[row, axis, axis]).sum() == pytest.approx(whole, rel=1e-2)
 
 
+def test_even_sightings_have_together_as_much_and_each_the_same_share() -> None:
+    own, _ = slamduel.load(WORLD + "]")
+    even, _ = slamduel.load(WORLD + ",stated=even]")
+    assert (own.z == even.z).all()
+    whole = 0.0
+    for landmark in np.unique(own.ids):
+        t = own.t[own.sighting_step[own.ids == landmark]]
+        lag = np.abs(t[:, None] - t)
+        whole += np.linalg.inv(SHARE * np.exp(-lag / TIME) + (1 - SHARE) * np.eye(len(t))).sum()
+    for axis in range(2):
+        share = own.z_cov[:, axis, axis] / even.z_cov[:, axis, axis]
+        assert share == pytest.approx(whole / len(own.ids), rel=1e-6)
+
+
 def test_options_of_the_correlation_are_refused_without_it() -> None:
     with pytest.raises(slamduel.InputError, match="correlated"):
         slamduel.load("circle[stated=thinned]")
