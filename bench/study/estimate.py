@@ -176,11 +176,12 @@ def _timed_now(
             if result.status == "timeout" and took < study.timeout_s:  # stopped for lack of time
                 break
             found[_pair(cell)] = took, 1
+            if result.status not in ("done", "timeout"):
+                undone[f"{result.status}, {result.reason}"] += 1
+                break
             left = end - time.monotonic()
             if took > WARM_S or left <= 0:
                 break
-        if result.status not in ("done", "timeout"):
-            undone[f"{result.status}, {result.reason}"] += 1
     return found, undone
 
 
