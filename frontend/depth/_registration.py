@@ -229,10 +229,16 @@ def solved(L: Array, g: Array, x: Array) -> None:
 
 @compiled
 def turn_by(x: Array, R: Array, t: Array) -> None:
-    """Moves a motion by the error x (6,), shift and turn: exp(turn) (R, t) + shift."""
+    """Moves a motion by the twist x (6,), shift and turn: the exponential of SE(3) from the left.
+
+    A large turn about a far line of features takes the camera along an arc: turned and then shifted, it would leave it
+    by half the distance times the turn squared.
+    """
     a = sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2)
     one = 1.0 - a * a / 6.0 if a < 1e-4 else sin(a) / a
     two = 0.5 - a * a / 24.0 if a < 1e-4 else (1.0 - cos(a)) / (a * a)
+    three = 1.0 / 6.0 - a * a / 120.0 if a < 1e-2 else (a - sin(a)) / (a * a * a)
+    along = (x[3] * x[0] + x[4] * x[1] + x[5] * x[2]) * three
     E, old = np.empty((3, 3)), np.empty((3, 4))
     for i in range(3):
         old[i, 3] = t[i]
@@ -247,7 +253,9 @@ def turn_by(x: Array, R: Array, t: Array) -> None:
     E[2, 0] -= one * x[4]
     E[2, 1] += one * x[3]
     for i in range(3):
-        t[i] = E[i, 0] * old[0, 3] + E[i, 1] * old[1, 3] + E[i, 2] * old[2, 3] + x[i]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        shift = one * x[i] + along * x[3 + i] + two * (x[3 + j] * x[k] - x[3 + k] * x[j])
+        t[i] = E[i, 0] * old[0, 3] + E[i, 1] * old[1, 3] + E[i, 2] * old[2, 3] + shift
         for j in range(3):
             R[i, j] = E[i, 0] * old[0, j] + E[i, 1] * old[1, j] + E[i, 2] * old[2, j]
 

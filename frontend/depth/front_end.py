@@ -14,7 +14,8 @@ import numpy as np
 
 from ..camera.camera import Camera
 from ..errors import InputError
-from ..maps.cloud import BLUR, Cloud, Kept, cloud_of, kept
+from ..maps.cloud import BLUR, Cloud, cloud_of
+from ..maps.spool import Spool
 from ..se2 import Array
 from ..wheels.motion import Motion
 from .features import Features, Finder
@@ -38,7 +39,6 @@ class Step(NamedTuple):
     t: float  # s
     motion: Planar | None  # since the step before; None at first
     level: Level
-    cloud: Kept
 
 
 class Seen(NamedTuple):
@@ -66,6 +66,7 @@ class FrontEnd:
         self.settings, self.camera = settings, camera
         self.steps: list[Step] = []
         self.loops: list[Loop] = []
+        self.clouds = Spool()  # of the steps
         self.counts, self.turned_down = Counter[str](), Counter[str]()
         self.tracks, self._ways = Tracks(settings), Ways()
         self._motion = motion
@@ -139,7 +140,8 @@ class FrontEnd:
         return cloud_of(self.camera, level.T, frame.depth, colour, (self.settings.near, self._sharp))
 
     def _start(self, frame: Keyframe) -> Keyframe:
-        self.steps.append(Step(frame.t, None, frame.level, kept(frame.cloud)))
+        self.steps.append(Step(frame.t, None, frame.level))
+        self.clouds.add(frame.cloud)
         self._recent.append(frame)
         self.search.remember(frame, ())
         return frame
@@ -228,7 +230,8 @@ class FrontEnd:
     def _step(self, frame: Keyframe, motion: Planar) -> None:
         """Begins a step, and looks for places that were seen before."""
         self._last = None
-        self.steps.append(Step(frame.t, motion, frame.level, kept(frame.cloud)))
+        self.steps.append(Step(frame.t, motion, frame.level))
+        self.clouds.add(frame.cloud)
         self._ways.step(motion)
         self._recent.append(frame)
         if self.settings.loops or self.settings.landmarks:

@@ -9,7 +9,6 @@ import numpy as np
 from ..check import check
 from ..errors import InputError
 from ..factors import REMARKS, Log
-from ..maps.cloud import clouds_of
 from ..wheels.holes import outside
 from .front_end import FrontEnd
 from .recording import DepthRecording
@@ -74,7 +73,7 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
         notes=_notes(recording, front_end),
     )
     check(log, recording.name)
-    return replace(log, clouds=clouds_of([step.cloud for step in steps], recording.camera))
+    return replace(log, clouds=front_end.clouds.clouds(recording.camera))
 
 
 def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:

@@ -2,10 +2,12 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from ..maps.cloud import NOTHING
 from .pairs import Keyframe, Pair, Pairs, Trial
 from .planar import Planar, distance, floors
 from .settings import Settings
@@ -62,7 +64,7 @@ class Loops:
         if self._places:
             near.append(self._ways.motion(self._places[-1].step, frame.step))
         if not any(np.hypot(*one.delta[:2]) < s.place_step and abs(one.delta[2]) < s.place_turn for one in near):
-            self._places.append(frame)
+            self._places.append(replace(frame, cloud=NOTHING))
             self._words.add(self._places)
 
     def _candidates(self, frame: Keyframe) -> list[Keyframe]:

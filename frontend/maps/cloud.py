@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..beside import UNIT, Clouds
+from ..beside import Clouds
 from ..camera.camera import Camera
-from ..relations import Anchors
 from ..se2 import Array, act
 from ._clouds import lifted, one_a_voxel
 
@@ -31,13 +30,6 @@ class Cloud(NamedTuple):
     points: Array  # (n, 3) m
     colours: NDArray[np.uint8]  # (n, 3) red, green, blue
     weights: Array  # (n,) of how many points each is the mean
-
-
-class Kept(NamedTuple):
-    """A cloud as a log keeps it: a quarter of the memory."""
-
-    points: NDArray[np.int16]  # (n, 3) UNIT
-    colours: NDArray[np.uint8]  # (n, 3) red, green, blue
 
 
 NOTHING = Cloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
@@ -64,21 +56,6 @@ def thinned(cloud: Cloud, size: float) -> Cloud:
     out = Cloud(np.empty_like(cloud.points), np.empty_like(cloud.colours), np.empty_like(cloud.weights))
     count = one_a_voxel(*cloud, size, *out)
     return Cloud(out.points[:count].copy(), out.colours[:count].copy(), out.weights[:count].copy())
-
-
-def kept(cloud: Cloud) -> Kept:
-    """A cloud as a log keeps it."""
-    limit = np.iinfo(np.int16)
-    return Kept(np.rint(cloud.points / UNIT).clip(limit.min, limit.max).astype(np.int16), cloud.colours)
-
-
-def clouds_of(found: Sequence[Kept], camera: Camera) -> Clouds:
-    """The clouds of a drive, the k-th one taken at step k."""
-    n = len(found)
-    at = Anchors(np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
-    first = np.concatenate(([0], np.cumsum([len(one.points) for one in found])))
-    points, colours = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    return Clouds(at, first.astype(np.int64), points, colours, camera.mounting[:3, 3].copy())
 
 
 def placed(clouds: Clouds, k: int, pose: Array) -> Cloud:

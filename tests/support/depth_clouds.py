@@ -13,7 +13,8 @@ from slamduel.datasets.rendering.lens import through
 from slamduel.datasets.rendering.room import Room
 from slamduel.frontend.beside import Clouds
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.maps.cloud import Cloud, cloud_of, clouds_of, kept
+from slamduel.frontend.maps.cloud import Cloud, cloud_of
+from slamduel.frontend.maps.spool import Spool
 from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(320, 240, (288.0, 288.0), (159.5, 119.5), (), MOUNTING)
@@ -52,7 +53,15 @@ def room_clouds() -> Clouds:
     for pose in PATH:
         depth, colours = seen(pose)
         found.append(cloud_of(CAMERA, CAMERA.mounting, depth, colours, (0.4, 2.8)))
-    return clouds_of([kept(one) for one in found], CAMERA)
+    return spooled(found)
+
+
+def spooled(found: list[Cloud]) -> Clouds:
+    """Clouds as a log has them."""
+    spool = Spool()
+    for one in found:
+        spool.add(one)
+    return spool.clouds(CAMERA)
 
 
 def on_box(points: Array, margin: float) -> NDArray[np.bool]:

@@ -28,6 +28,8 @@ from slamduel.frontend.depth.pairs import Pairs
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.factors import Log, Truth
+from slamduel.frontend.maps.cloud import NOTHING
+from slamduel.frontend.maps.spool import Spool
 
 FILES = {"log.toml", "odometry.csv", "sightings.csv", "clouds.npz", "map.png", "detection.html", "truth.tum"}
 TINT = np.array([1.0, 0.5, 0.25])
@@ -237,10 +239,10 @@ def test_what_was_matched_is_told_in_numbers() -> None:
 
 def replace_clouds(found: DepthFindings) -> DepthFindings:
     """With clouds of no points."""
-    from slamduel.frontend.maps.cloud import NOTHING, clouds_of, kept
-
-    clouds = clouds_of([kept(NOTHING)] * len(found.log), found.recording.camera)
-    return found._replace(log=replace(found.log, clouds=clouds))
+    spool = Spool()
+    for _ in range(len(found.log)):
+        spool.add(NOTHING)
+    return found._replace(log=replace(found.log, clouds=spool.clouds(found.recording.camera)))
 
 
 def test_what_looks_wrong_is_said() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from depth_drives import drive
 from slamduel.backends.registry import find
+from slamduel.bench.front_ends.depth_timed import held
 from slamduel.datasets.worlds.depth_room import Drive
 from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.log import build_log, log_of, looked_at
@@ -58,6 +59,18 @@ def test_a_log_is_the_same_each_time_and_tells_what_was_done() -> None:
     assert told["counts"]["frames without a floor"] == 0
     assert told["counts"]["pairs registered"] > 0
     assert one.notes["camera"]["width"] == 640
+
+
+def test_the_points_of_frames_are_not_in_memory() -> None:
+    """Beside the sightings, a step is a pose and covariances; a place keeps what loops are searched by."""
+    recording = short()
+    front_end = looked_at(recording, Settings())
+    log = log_of(recording, front_end)
+    assert log.clouds is not None
+    points = log.clouds.points.nbytes + log.clouds.colours.nbytes
+    assert held(front_end.steps) < 1000 * len(log) < points / 10
+    assert front_end.search.places
+    assert not any(len(place.cloud.points) for place in front_end.search.places)
 
 
 def test_landmarks_lie_where_they_are_seen_from_any_step() -> None:

@@ -1,12 +1,13 @@
 """Motions on the floor: derivatives, levels and the place that a body rocks about."""
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from depth_scenes import CAMERA
 from slamduel.datasets.rendering.disturbances import rocked
 from slamduel.frontend.depth.level import Level
-from slamduel.frontend.depth.planar import adjoint, camera_motion, planar
+from slamduel.frontend.depth.planar import adjoint, camera_motion, planar, skew
 from slamduel.frontend.depth.registration import Registration
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.se2 import Array
@@ -36,8 +37,10 @@ def some_cov() -> Array:
 
 
 def moved_by(found: Registration, x: Array) -> Registration:
-    turn = Rotation.from_rotvec(x[3:])
-    return found._replace(R=turn.as_matrix() @ found.R, t=turn.apply(found.t) + x[:3])
+    hat = np.zeros((4, 4))
+    hat[:3, :3], hat[:3, 3] = skew(x[3:]), x[:3]
+    T = expm(hat)
+    return found._replace(R=T[:3, :3] @ found.R, t=T[:3, :3] @ found.t + T[:3, 3])
 
 
 def test_a_body_that_rocks_about_its_origin_moves_as_its_origin_does() -> None:
@@ -76,6 +79,19 @@ def test_exact_levels_take_away_the_errors_of_pitch_roll_and_height() -> None:
     motion = planar(exact, level, level, NO_FLOORS)
     np.testing.assert_allclose(motion.cov, expected + np.diag([1e-10, 1e-10, 1e-12]), rtol=1e-4, atol=1e-12)
     np.testing.assert_allclose(motion.delta, MOVED, atol=1e-10)
+
+
+def test_levels_take_back_a_large_turn_about_a_far_line_of_features() -> None:
+    """Features in a strip leave the turn about it open: the camera moves along an arc, which is no straight line."""
+    level = Level(CAMERA.mounting, np.diag([1e-3, 1e-3, 2e-3]) ** 2, True)
+    exact = registration_of(CAMERA.mounting, on_floor(MOVED) @ CAMERA.mounting, np.eye(6))
+    for angle in (-0.12, 0.04, 0.12):
+        turn = np.array([angle, 0.0, 0.0])
+        twist = np.concatenate((-np.cross(turn, [0.0, 0.0, 3.4]), turn))  # about a line to the right, 3.4 m ahead
+        off = moved_by(exact, twist)._replace(cov=np.outer(twist, twist) + 1e-8 * np.eye(6))
+        found = planar(off, level, level, NO_FLOORS)
+        # turned and then shifted, 0.12 rad leave 3.4 m * 0.12^2 / 2 = 24 mm
+        np.testing.assert_allclose(found.delta, MOVED, atol=0.002)
 
 
 def test_errors_of_levelled_motions_are_as_large_as_stated() -> None:

@@ -1,11 +1,13 @@
 """Registration against an independent solution, and its covariance against drawn errors."""
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from depth_scenes import Seen, measured, seen_twice
 from slamduel.frontend.depth._registration import normal_equations, turn_by
+from slamduel.frontend.depth.planar import skew
 from slamduel.frontend.depth.points import Points
 from slamduel.frontend.depth.registration import Registration, registered
 from slamduel.frontend.depth.settings import Settings
@@ -67,13 +69,15 @@ def test_information_and_gradient_are_those_of_numerical_derivatives() -> None:
     )
 
 
-def test_an_error_moves_a_motion_as_rotations_do() -> None:
+def test_an_error_moves_a_motion_by_the_exponential_of_its_twist() -> None:
     rng = np.random.default_rng(5)
-    for size in (1e-9, 1e-5, 0.1, 2.0):
+    for size in (1e-9, 1e-5, 4e-3, 0.1, 2.0):
         x = rng.normal(0, size, 6)
         R, t = Rotation.from_rotvec(rng.normal(0, 1, 3)).as_matrix(), rng.normal(0, 1, 3)
-        turn = Rotation.from_rotvec(x[3:])
-        expected = turn.as_matrix() @ R, turn.apply(t) + x[:3]
+        hat = np.zeros((4, 4))
+        hat[:3, :3], hat[:3, 3] = skew(x[3:]), x[:3]
+        moved = expm(hat)
+        expected = moved[:3, :3] @ R, moved[:3, :3] @ t + moved[:3, 3]
         turn_by(x, R, t)
         np.testing.assert_allclose(R, expected[0], atol=1e-14)
         np.testing.assert_allclose(t, expected[1], atol=1e-14)

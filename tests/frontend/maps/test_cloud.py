@@ -38,7 +38,7 @@ def test_points_lie_on_what_was_seen_and_have_its_colour() -> None:
     depth, colours = room.seen(room.PATH[20])
     found = cloud_of(room.CAMERA, room.CAMERA.mounting, depth, colours, (0.4, 2.8))
     assert len(found.points) > 800
-    x, y = placed(clouds.clouds_of([clouds.kept(found)], room.CAMERA), 0, room.PATH[20]).points[:, :2].T
+    x, y = placed(room.spooled([found]), 0, room.PATH[20]).points[:, :2].T
     z = found.points[:, 2]
     red, green, _ = found.colours.T
     walls, floor = red == room.WALLS[0], green == room.FLOOR[1]
@@ -65,17 +65,6 @@ def test_pixels_beside_an_edge_and_beyond_the_limits_are_left_out() -> None:
     assert (found.colours == 77).all()
     assert (cloud_of(room.CAMERA, np.eye(4), depth, grey, (0.4, 1.5)).points[:, 2] == 1.0).all()
     assert len(cloud_of(room.CAMERA, np.eye(4), np.zeros_like(depth), grey, (0.4, 2.8)).points) == 0
-
-
-def test_clouds_are_kept_to_half_a_unit() -> None:
-    rng = np.random.default_rng(1)
-    parts = [Cloud(rng.normal(0, 3, (n, 3)), np.zeros((n, 3), np.uint8), np.ones(n)) for n in (20, 0, 5)]
-    beside = clouds.clouds_of([clouds.kept(one) for one in parts], room.CAMERA)
-    for k, part in enumerate(parts):
-        np.testing.assert_allclose(beside.xyz(k), part.points, atol=0.0025 + 1e-9)
-    np.testing.assert_array_equal(beside.camera, room.CAMERA.mounting[:3, 3])
-    path = np.array([[1.0, 2.0, 0.3], [0.0, 0.0, 0.0], [3.0, 1.0, -2.0]])
-    np.testing.assert_array_equal(beside.at.along(path), path)
 
 
 def test_a_drive_is_the_same_cloud_however_many_are_thinned_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

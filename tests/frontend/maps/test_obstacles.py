@@ -5,7 +5,7 @@ import pytest
 
 import depth_clouds as room
 from slamduel.frontend.beside import Clouds
-from slamduel.frontend.maps.cloud import VOXEL, Cloud, clouds_of, kept
+from slamduel.frontend.maps.cloud import VOXEL, Cloud
 from slamduel.frontend.maps.obstacles import Obstacles
 from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, occupancy
 from slamduel.frontend.se2 import Array
@@ -15,7 +15,7 @@ CELL = 0.05
 
 def clouds(points: Array) -> Clouds:
     cloud = Cloud(points, np.zeros((len(points), 3), np.uint8), np.ones(len(points)))
-    return clouds_of([kept(cloud)], room.CAMERA)
+    return room.spooled([cloud])
 
 
 def middles(grid: Occupancy) -> Array:
@@ -92,7 +92,7 @@ def test_what_is_seen_over_a_near_box_does_not_wipe_it_out() -> None:
         Cloud(one, np.zeros((len(one), 3), np.uint8), np.ones(len(one))) for one in (box, *[wall - [0.7, 0, 0]] * 9)
     ]
     grid = occupancy(
-        Obstacles(clouds_of([kept(one) for one in parts], room.CAMERA)),
+        Obstacles(room.spooled(parts)),
         np.array([[0.0, 0, 0], *[[0.7, 0, 0]] * 9]),
         CELL,
     )

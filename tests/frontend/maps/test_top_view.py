@@ -3,7 +3,7 @@
 import numpy as np
 
 import depth_clouds as room
-from slamduel.frontend.maps.cloud import NOTHING, Cloud, clouds_of, kept
+from slamduel.frontend.maps.cloud import NOTHING, Cloud
 from slamduel.frontend.maps.top_view import UNSEEN, TopView, top_view
 from slamduel.frontend.se2 import Array, compose
 
@@ -38,7 +38,7 @@ def test_the_picture_follows_the_path_it_is_drawn_along() -> None:
 def test_the_highest_layer_below_the_height_is_shown() -> None:
     points = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.52], [1.0, 0.0, 0.58], [1.0, 0.0, 1.5], [2.0, 0.0, 0.0]])
     colours = np.array([[9, 9, 9], [100, 0, 0], [200, 0, 0], [0, 250, 0], [0, 0, 80]], np.uint8)
-    made, path = clouds_of([kept(Cloud(points, colours, np.ones(5)))], room.CAMERA), np.zeros((1, 3))
+    made, path = room.spooled([Cloud(points, colours, np.ones(5))]), np.zeros((1, 3))
     view = top_view(made, path, 0.05)
     np.testing.assert_array_equal(colour_at(view, np.array([1.0, 0.0])), [150, 0, 0])
     np.testing.assert_array_equal(colour_at(view, np.array([2.0, 0.0])), [0, 0, 80])
@@ -46,5 +46,5 @@ def test_the_highest_layer_below_the_height_is_shown() -> None:
     np.testing.assert_array_equal(colour_at(top_view(made, path, 0.05, high=0.3), np.array([1.0, 0.0])), [9, 9, 9])
     large = top_view(made, np.zeros((1, 3)), 0.001, most=100)
     assert max(large.colours.shape[:2]) <= 100
-    nothing = clouds_of([kept(NOTHING)], room.CAMERA)
+    nothing = room.spooled([NOTHING])
     assert (top_view(nothing, path).picture == UNSEEN).all()
