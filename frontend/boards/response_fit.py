@@ -14,9 +14,9 @@ import numpy as np
 from ..camera.camera import Camera
 from ..camera.response import Measured, Response
 from ..markers import template
-from ..markers._alignment import LIMITED, LIMITS
 from ..markers._grey import INK, SHARP, TONE, WHITE, A
 from ..markers._pixels import MARGIN
+from ..markers._step import LIMITED, LIMITS
 from ..markers.aruco import Image
 from ..markers.prior import UNKNOWN_CAMERA
 from ..se2 import Array

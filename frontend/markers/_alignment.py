@@ -1,7 +1,6 @@
-"""Levenberg-Marquardt over the grey levels of a printed pattern, compiled. `_grey` has the model and its parameters.
+"""Levenberg-Marquardt over the grey levels of a printed pattern, compiled.
 
-The first eight parameters change the homography: u grows by d0 + d1 p + d2 q + p (d6 p + d7 q) modules and v by d3 + d4
-p + d5 q + q (d6 p + d7 q), in the pattern's centred coordinates p and q.
+`_grey` has the model and its parameters, `_step` what a step of them is.
 """
 
 import math
@@ -12,9 +11,10 @@ from numpy.typing import NDArray
 from ..compiled import compiled
 from ..se2 import Array
 from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
-from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARED, SHARP, STIFF, TONE, WHITE, A, C, curve_of, eye_of, predict
+from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARED, STIFF, WHITE, A, C, curve_of, eye_of, predict
 from ._pixels import box_of, extremes, gather
 from ._share import RIM
+from ._step import dot, hold, moved, solve
 
 ENOUGH = 600
 """Most pixels near edges that are used, half of them in the first pass; of more, a sample is taken."""
@@ -25,14 +25,25 @@ ROUNDS = 12
 LITTLE, SHORT = 0.01, 0.1
 """A step is the last of its pass where it gains less than that share of the loss, or moves no edge by as many px."""
 
-LIMITED = np.array([INK, TONE, SHARP])
-"""Parameters of the look that are kept within limits."""
+POOR, FELT = 0.25, 0.03
+"""After a step that gains less than that share of what it promises, the least damping of the next: less is not felt."""
 
-LIMITS = np.array([[-0.1, -0.5, -0.5], [0.1, 1.3, 2.0]])
-"""(2, 3) their least and largest values."""
+TRUSTED = 0.1
+"""Share of the blur that a step which is not evaluated changes, about: further away greys are not linear in it."""
+
+CHANCE, AGAIN = 6.0, 4
+"""How many times what chance explains a step may gain that is not evaluated, and how often a fit is settled for that.
+
+A fit to half of a sample is by chance off that to all of it by as much as it is off the truth: the step from one to the
+other gains the residuals' variance for each parameter. Of frames of an ideal camera 3 % gain more than six times that,
+mostly as the blur, the tone or the sharpening had not settled.
+"""
 
 GRAIN = 2.0
 """Grey levels: residuals within OUTLIER of these are never outliers."""
+
+LEAST_VARIANCE = 0.25
+"""Of residuals, squared grey levels: a camera's numbers are rounded."""
 
 OUTLIER = 2.5
 """Standard deviations from which a residual counts linearly (Huber)."""
@@ -45,7 +56,8 @@ def align(
     """Aligns a pattern from a rough homography (3, 3): first homography and greys, then everything.
 
     Both use a part of the pixels near edges. Newton's steps end it, one with half of the sample and one with all of it:
-    a single one leaves a tenth of a step of several standard deviations undone. `image` (h, w) and its `rays`
+    a single one leaves a tenth of a step of several standard deviations undone. Neither is evaluated, and so one that
+    gains more than chance explains is not made: the fit is settled with that part of the sample. `image` (h, w), `rays`
     (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 14) has the
     expected values of the look's parameters from the blur on, and their standard deviations. Returns the homography
     from rays to (u, v), the normal matrix (24, 24), the residuals' standard deviation (infinite where there are too few
@@ -78,20 +90,33 @@ def align(
         )
         if not residual < np.inf:
             return homography, normal, np.inf, look, by_edge
-    cut = OUTLIER * max(residual, GRAIN)
-    chi, total = 0.0, 0.0
+    variance, seen, step = 0.0, 0, np.zeros(PARAMETERS)
     for stride in (2, 1):
-        eye = eye_of(homography, m, eye)
-        _, chi, total, seen = _accumulate(
-            places[:count], stride, pattern, homography, eye, look, prior, cut, PARAMETERS, rows, normal, gradient
-        )
-        factor = normal.copy()
-        if not _solve(factor, gradient, PARAMETERS):
-            return homography, normal, np.inf, look, by_edge
+        for times in range(AGAIN + 1):
+            cut = OUTLIER * max(residual, GRAIN)
+            eye = eye_of(homography, m, eye)
+            _, chi, total, seen = _accumulate(
+                places[:count], stride, pattern, homography, eye, look, prior, cut, PARAMETERS, rows, normal, gradient
+            )
+            variance = chi / max(total - PARAMETERS, 1.0)
+            factor, step = normal.copy(), gradient.copy()
+            hold(look, factor, step)
+            for i in range(8 + A, 8 + C + 1):
+                factor[i, i] += max(variance, LEAST_VARIANCE) / TRUSTED**2
+            if not solve(factor, step, PARAMETERS):
+                return homography, normal, np.inf, look, by_edge
+            least = max(min(variance, residual * residual), LEAST_VARIANCE)
+            if dot(step, gradient) < CHANCE * PARAMETERS * least or times == AGAIN:
+                break
+            homography, look, residual = _settled(
+                places[:count], stride, pattern, homography, eye, look, prior, PARAMETERS, cut, 0.0, rows
+            )
+            if not residual < np.inf:
+                return homography, normal, np.inf, look, by_edge
         if stride == 1:
-            sum_edges(rows[:seen], gradient, by_edge)
-        homography, look, _ = _moved(homography, look, gradient, PARAMETERS, m)
-    return homography, normal, math.sqrt(chi / max(total - PARAMETERS, 1.0)), look, by_edge
+            sum_edges(rows[:seen], step, by_edge)
+        homography, look, _ = moved(homography, look, step, PARAMETERS, m)
+    return homography, normal, math.sqrt(variance), look, by_edge
 
 
 @compiled
@@ -128,12 +153,12 @@ def _settled(
             for j in range(active):
                 factor[i, j] = normal[i, j]
             factor[i, i] += damping * normal[i, i] + 1e-9
-        if not _solve(factor, step, active):
+        if active == PARAMETERS:
+            hold(look, factor, step)
+        if not solve(factor, step, active):
             return homography, look, np.inf
-        gain = 0.0
-        for i in range(active):
-            gain += step[i] * gradient[i]
-        trial_homography, trial_look, largest = _moved(homography, look, step, active, m)
+        gain = dot(step[:active], gradient[:active])
+        trial_homography, trial_look, largest = moved(homography, look, step, active, m)
         if largest < tolerance or gain < LITTLE * loss:
             homography, look = trial_homography, trial_look
             break
@@ -151,13 +176,15 @@ def _settled(
             trial_normal,
             trial_gradient,
         )
-        if not trial_loss < loss * (1.0 + 1e-9):
-            damping *= 10.0
+        poor = not loss - trial_loss > POOR * gain
+        if poor:
+            damping = max(damping * 10.0, FELT)
             if damping > 1e4:
                 break
-        else:
+        if trial_loss < loss * (1.0 + 1e-9):
             homography, look, loss, chi, total = trial_homography, trial_look, trial_loss, trial_chi, trial_total
             gradient, trial_gradient, normal, trial_normal = trial_gradient, gradient, trial_normal, normal
+        if not poor:
             damping = max(damping * 0.1, 1e-7)
     return homography, look, math.sqrt(chi / max(total - active, 1.0))
 
@@ -206,7 +233,7 @@ def _accumulate(
         count += 1
     product = np.zeros((PARAMETERS, COLUMNS))
     _multiply(rows[:count], active, product)
-    variance = max(chi / max(total - active, 1.0), 0.25)
+    variance = max(chi / max(total - active, 1.0), LEAST_VARIANCE)
     for i in range(active):
         gradient[i] = product[i, RESIDUAL]
         for j in range(active):
@@ -237,61 +264,3 @@ def _multiply(rows: Array, active: int, product: Array) -> None:
             by_a = a[i] * a[WEIGHT]
             for j in range(COLUMNS):
                 product[i, j] += by_a * a[j]
-
-
-@compiled
-def _moved(G: Array, look: Array, step: Array, active: int, m: int) -> tuple[Array, Array, float]:
-    """The homography and look after a step, and the largest change of the homography, modules.
-
-    A step over 0.7 modules is shortened, and so are large changes of the blur.
-    """
-    largest = 0.0
-    for k in range(8):
-        largest = max(largest, abs(step[k]))
-    scale = 0.7 / max(largest, 0.7) / m
-    # P, Q and W are the centred coordinates times the homography's third row
-    moved_homography = np.empty((3, 3))
-    for k in range(3):
-        W = G[2, k]
-        P, Q = G[0, k] / m - 0.5 * W, G[1, k] / m - 0.5 * W
-        p = P + scale * (step[0] * W + step[1] * P + step[2] * Q)
-        q = Q + scale * (step[3] * W + step[4] * P + step[5] * Q)
-        w = W - scale * (step[6] * P + step[7] * Q)
-        moved_homography[0, k], moved_homography[1, k], moved_homography[2, k] = m * (p + 0.5 * w), m * (q + 0.5 * w), w
-    moved = look.copy()
-    for k in range(active - 8):
-        moved[k] = look[k] + (min(max(step[8 + k], -0.7), 0.7) if k in (A, A + 1, C) else step[8 + k])
-    moved[BLACK], moved[WHITE] = max(moved[BLACK], BLACKEST), max(moved[WHITE], BLACKEST + 1.0)
-    moved[A] = min(max(moved[A], -2.0), 2.3)
-    moved[C] = min(max(moved[C], -2.0), 2.3)
-    for k in range(3):
-        moved[LIMITED[k]] = min(max(moved[LIMITED[k]], LIMITS[0, k]), LIMITS[1, k])
-    return moved_homography, moved, largest
-
-
-@compiled
-def _solve(normal: Array, gradient: Array, n: int) -> bool:
-    """Solves the first n rows by Cholesky, in place: `normal` becomes its factor, `gradient` the solution.
-
-    Returns False where `normal` is not positive definite.
-    """
-    for i in range(n):
-        for j in range(i + 1):
-            rest = normal[i, j]
-            for k in range(j):
-                rest -= normal[i, k] * normal[j, k]
-            if i > j:
-                normal[i, j] = rest / normal[j, j]
-            elif rest > 1e-12 * normal[i, i]:
-                normal[i, i] = math.sqrt(rest)
-            else:
-                return False
-    for i in range(n):
-        for k in range(i):
-            gradient[i] -= normal[i, k] * gradient[k]
-        gradient[i] /= normal[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            gradient[i] -= normal[k, i] * gradient[k]
-        gradient[i] /= normal[i, i]
-    return True

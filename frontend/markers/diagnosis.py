@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 
 from ..camera.camera import Camera
+from ..camera.sharpness import blur
 from .aruco import Image, Sighting
 from .decoding import Reading, decode
 from .markers import Markers, find
-from .sharpness import blur
 
 MOST = 12
 """Most frames examined, spread over those given."""

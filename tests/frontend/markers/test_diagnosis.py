@@ -16,11 +16,11 @@ from slamduel.datasets.rendering.room import furnish
 from slamduel.datasets.rendering.surfaces import paint
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
+from slamduel.frontend.camera.sharpness import blur
 from slamduel.frontend.markers.aruco import Detector, Image, Sighting
 from slamduel.frontend.markers.decoding import FAMILIES, decode
 from slamduel.frontend.markers.diagnosis import BLURRED, MOST, diagnose, plausible_length
 from slamduel.frontend.markers.markers import Markers, find
-from slamduel.frontend.markers.sharpness import blur
 
 CAMERA = Camera(640, 480, (576.0, 576.0), (320.0, 240.0), (), mounting(0.12, 0.0, 0.75, 0.35))
 OWN = Markers("4X4_50", 0.16)

@@ -44,7 +44,21 @@ def hold(look: str, distance: float, count: int) -> None:
 
 @pytest.mark.parametrize("look", ["ideal", "curl", "phone"])
 def test_a_few_photographs_are_measured_as_stated(look: str) -> None:
-    hold(look, 2.0, 10)
+    hold(look, 2.0, 20)
+
+
+@pytest.mark.parametrize(("look", "distance", "number"), [("webcam", 3, 28), ("phone", 1, 3)])
+def test_a_fit_that_overshoots_is_settled(look: str, distance: int, number: int) -> None:
+    """Blur, sharpening and tone start far from where they end, and pull each other to and fro.
+
+    Steps that are not evaluated once left the first of these with residuals of 12 grey levels, which are 5, and the
+    second with 18, which are 10: both were refused.
+    """
+    shot = photograph(LOOKS[look], distance, np.random.default_rng([5, distance, number]))
+    sightings, _ = DETECTOR.detect(shot.image)
+    assert [sighting.id for sighting in sightings] == [shot.id]
+    miss = sightings[0].centre - shot.centre
+    assert miss @ np.linalg.solve(sightings[0].centre_cov, miss) < 16.3  # 0.1 % of chi-square over three
 
 
 @pytest.mark.slow

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ..se2 import Array
-from .aruco import Image
+
+Image = NDArray[np.uint8]
 
 REACH = 16
 """px on either side of an edge that are examined: blur up to half of it is measured."""
