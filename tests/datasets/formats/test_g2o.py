@@ -209,7 +209,7 @@ def assert_same_factors(found: Log, log: Log, rtol: float) -> None:
         np.testing.assert_array_equal(found.prior.map.xy, log.prior.map.xy)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 2**32 - 1))
 def test_a_log_comes_back_with_the_same_factors(tmp_path: Path, seed: int) -> None:
     log = small_log(seed, without_given_covariance)
@@ -287,7 +287,7 @@ def test_a_damaged_log_written_by_us_loads_or_is_turned_down(tmp_path: Path) -> 
     assert len(sentences) > 75
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.tuples(

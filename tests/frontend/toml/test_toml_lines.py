@@ -17,7 +17,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.dictionaries(KEYS, VALUES, max_size=5))
 def test_every_value_is_on_the_line_where_it_is_said_to_be(tree: dict[str, Any]) -> None:
     counter = itertools.count(10_000)
