@@ -32,6 +32,9 @@ def information(scale: Array, keep: Array, share: float) -> Array:
             gg, slope = 1.0 + r * r * (gg - 1.0), r * slope
         h = scale[i] * sqrt(share)
         v = h * h * gg + scale[i] * scale[i] * (1.0 - share)
+        if v == 0.0:  # the error before, once more
+            added[i] = 0.0
+            continue
         by_value = 1.0 + h * slope  # d innovation / d(-m)
         added[i] = by_value * by_value / v
         k = gg * h / v

@@ -12,7 +12,7 @@ from rich.table import Table
 from ...datasets.formats import log_folder
 from ...frontend.errors import InputError
 from ...frontend.factors import Dataset
-from ..noise.apply import backends, stated
+from ..noise.apply import backends, stated, unstated
 from ..noise.measured import Noise, measured
 from ..noise.model import Model
 from ..noise.noise_file import noted, read_noise, write_noise
@@ -31,8 +31,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "same noise. Without one, the EKF's innovations tell the sizes, which takes up to a minute. Noise measured on "
         "some logs is stated in another one by two commands: --save NOISE.toml, then bench noise LOG --noise "
         "NOISE.toml --apply FOLDER. Where errors are correlated in time, sightings are given larger covariances, "
-        "so that together they have the information that correlated ones have. With --own it "
-        "keeps its own, for a backend that estimates the correlated part of the errors, and that backend is named."
+        "so that together they have the information that correlated ones have. With --own each "
+        "keeps its own, for a backend that estimates the correlated part of the errors. Backends to use are named."
     )
     add = parser.add_argument
     add("log", nargs="+", metavar="LOG", help="as in bench run --dataset: a name, options in brackets, or a path")
@@ -72,6 +72,8 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.apply is not None:
         dataset = _apply(datasets[0], model, namespace.apply, own=namespace.own)
         console.print(f"log: {namespace.apply}, {len(dataset.log):,} steps", highlight=False, markup=False)
+        if said := "" if namespace.own else unstated(dataset.log, model):
+            console.print(f"remark: {said}.", highlight=False, markup=False, soft_wrap=True)
         for name in backends(model, own=namespace.own):
             console.print(f"backend: {name}", highlight=False, markup=False, soft_wrap=True)
     return 0

@@ -13,6 +13,9 @@ from .model import Model, SightingModel
 
 MOTIONS = ("forward", "sideways", "turn")
 
+STEEPEST = 10
+"""Largest power of the distance, either way."""
+
 
 def noted(model: Model) -> dict[str, Any]:
     """The numbers as tables of a TOML file, or of a log's notes."""
@@ -61,4 +64,6 @@ def _sightings(table: TomlTable) -> SightingModel:
     for name in ("share", "together"):
         if getattr(found, name) > 1:
             raise table.fault(name, "a number from 0 to 1")
+    if abs(found.power) > STEEPEST:
+        raise table.fault("power", f"a number from -{STEEPEST} to {STEEPEST}")
     return found

@@ -1,4 +1,4 @@
-"""Clouds of a drive on their way to its log, in files without names: the memory of a long drive stays flat."""
+"""Clouds of a drive on their way to its log, in files without names of the temporary folder, not in memory."""
 
 from contextlib import suppress
 from tempfile import TemporaryFile, gettempdir

@@ -35,8 +35,8 @@ CHANCE, AGAIN = 6.0, 4
 """How many times what chance explains a step may gain that is not evaluated, and how often a fit is settled for that.
 
 A fit to half of a sample is by chance off that to all of it by as much as it is off the truth: the step from one to the
-other gains the residuals' variance for each parameter. Of frames of an ideal camera 3 % gain more than six times that,
-mostly as the blur, the tone or the sharpening had not settled.
+other gains the residuals' variance for each parameter. Of frames of an ideal camera 5 % gain more than five times that
+and 1 % more than eight times, mostly as the blur, the tone or the sharpening had not settled.
 """
 
 GRAIN = 2.0

@@ -40,6 +40,15 @@ def test_the_noise_is_printed_saved_and_stated_in_another_log(folder: Path, caps
     assert main(["validate", str(out)]) == 0
 
 
+def test_correlation_that_cannot_be_stated_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved, out = folder.parent / "noise.toml", folder.parent / "stated"
+    assert main(["noise", str(folder), "--save", str(saved), "--quiet"]) == 0
+    for log, said in (("circle[steps=50,ids=hidden]", True), ("circle[steps=50]", False)):
+        capsys.readouterr()
+        assert main(["noise", log, "--noise", str(saved), "--apply", str(out / str(said))]) == 0
+        assert ("their correlation is not stated" in capsys.readouterr().out) == said
+
+
 def test_one_command_measures_and_states(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = folder.parent / "stated"
     assert main(["noise", str(folder), "--apply", str(out), "--quiet"]) == 0

@@ -58,6 +58,10 @@ def test_information_is_that_of_the_dense_covariance_after_every_error(share: fl
     assert kept(keep, share) == pytest.approx(information(np.ones(len(t)), keep, share).mean(), rel=1e-12)
 
 
+def test_an_error_that_stays_the_same_adds_nothing() -> None:
+    assert information(np.ones(4), np.array([FIRST, 1.0, 1.0, FIRST]), 1.0).tolist() == [1.0, 0.0, 0.0, 1.0]
+
+
 def drawn(
     rng: np.random.Generator, chains: int, each: int, share: float, time: float, bias: float, power: float
 ) -> Chains:

@@ -46,6 +46,7 @@ def test_a_noise_is_read_as_it_was_written(tmp_path: Path, model: Model) -> None
         ("share = 0.5", "share = 1.5", r"line 8: range.share: found 1.5, expected a number from 0 to 1"),
         ("time = 2.0\n", "", "line 3: range has no 'time'"),
         ("together", "alike", "range.alike"),
+        ("power = 0.0", "power = 300.0", "range.power: found 300.0, expected a number from -10 to 10"),
         ("[range]", "[ranges]", "ranges"),
         (TEXT[18:], "", "found no noise, expected a table"),
         ('["a"]', '[""', "expected a TOML file"),
