@@ -5,10 +5,12 @@ import os
 import secrets
 from collections.abc import Generator, Sequence
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile, gettempdir
+from typing import IO, Any
+from weakref import finalize
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from .errors import InputError
 
@@ -57,3 +59,39 @@ def check_regular(path: Path) -> None:
     """Raises InputError for a pipe or a device, whose reading may never end; passes what is not there."""
     if path.exists() and not path.is_file() and not path.is_dir():
         raise InputError(f"{path}: is a pipe or a device, expected a regular file.")
+
+
+class Rows:
+    """Rows of an array in a file without a name of the temporary folder, not in memory.
+
+    OSError, with the folder's name, where there is no room for them.
+    """
+
+    def __init__(self, kind: DTypeLike, *shape: int) -> None:
+        """For rows of a `shape`, none for numbers or records."""
+        self._kind, self._shape, self._count = np.dtype(kind), shape, 0
+        self._file = TemporaryFile()  # noqa: SIM115 - open as long as this is
+        finalize(self, _close, self._file)
+
+    def add(self, rows: NDArray[Any]) -> None:
+        """Appends rows (k, ...)."""
+        try:
+            self._file.write(np.ascontiguousarray(rows, self._kind).tobytes())
+            self._file.flush()
+        except OSError as error:
+            error.filename = error.filename or gettempdir()  # a full disk names no file
+            raise
+        self._count += len(rows)
+
+    def all(self) -> NDArray[Any]:
+        """All rows (n, ...) so far, read from the file as they are asked for."""
+        shape = self._count, *self._shape
+        if not self._count:  # an empty file cannot be mapped
+            return np.zeros(shape, self._kind)
+        return np.asarray(np.memmap(self._file, self._kind, "c", shape=shape))
+
+
+def _close(file: IO[bytes]) -> None:
+    """Closes a file that nobody reads any more, and so may lack what a full disk had no room for."""
+    with contextlib.suppress(OSError):
+        file.close()

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..elementary import arctan2, hypot
+from ..files import Rows
 from ..se2 import Array, Ints
 from ..small_matrices import propagated
 from ._depth_image import apart
@@ -19,6 +20,10 @@ LINKED = 3
 
 BACK = 3
 """Steps back to the first one that a step's landmarks are compared with."""
+
+
+SIGHTING = np.dtype([("step", np.int64), ("id", np.int64), ("z", float, (2,)), ("cov", float, (2, 2))])
+"""A sighting. Those of a drive are several times as many as its log will have: they wait in a file."""
 
 
 class Sighted(NamedTuple):
@@ -34,7 +39,7 @@ class Tracks:
     """The ids of features, and their sightings."""
 
     def __init__(self, settings: Settings) -> None:
-        self._settings, self._parts, self._next = settings, list[Sighted](), 0
+        self._settings, self._all, self._next = settings, Rows(SIGHTING), 0
 
     def link(self, pair: Pair) -> None:
         """Makes the features of two keyframes that agree the same landmarks; an id is in a frame once.
@@ -62,25 +67,17 @@ class Tracks:
         a step then has too few landmarks in common with one before, others that both see come first, even those that
         only these two see: without them nothing but the wheels would tell the motion.
         """
-        s = self._settings
-        if not self._parts:
-            return Sighted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
-        parts = self._parts
-        all_ = Sighted(
-            np.concatenate([part.step for part in parts]),
-            np.concatenate([part.ids for part in parts]),
-            np.concatenate([part.z for part in parts]),
-            np.concatenate([part.cov for part in parts]),
-        )
+        s, rows = self._settings, self._all.all()
+        all_ = Sighted(rows["step"].copy(), rows["id"].copy(), rows["z"], rows["cov"])
         enough = s.sightings // LINKED
         links, first = _links(all_, enough), np.zeros(len(all_.ids), bool)
         while True:
             kept = self._kept(all_, first)
             there, before = np.zeros(len(first), bool), int(first.sum())
             there[kept] = True
-            for rows in links:
-                together = there[rows].all(axis=1)
-                others = rows[~together & ~first[rows].all(axis=1)]
+            for common in links:
+                together = there[common].all(axis=1)
+                others = common[~together & ~first[common].all(axis=1)]
                 first[others[: max(enough - int(together.sum()), 0)]] = True
             if first.sum() == before:
                 return Sighted(all_.step[kept], all_.ids[kept], all_.z[kept], all_.cov[kept])
@@ -107,7 +104,9 @@ class Tracks:
 
     def _add(self, frame: Keyframe, rows: Ints) -> None:
         z, cov = sightings(frame, rows, self._settings)
-        self._parts.append(Sighted(np.full(len(rows), frame.step), frame.ids[rows], z, cov))
+        new = np.empty(len(rows), SIGHTING)
+        new["step"], new["id"], new["z"], new["cov"] = frame.step, frame.ids[rows], z, cov
+        self._all.add(new)
 
 
 def sightings(frame: Keyframe, rows: Ints, settings: Settings) -> tuple[Array, Array]:
@@ -137,7 +136,7 @@ def _links(all_: Sighted, enough: int) -> list[Ints]:
     """
     times, out = np.bincount(all_.ids), list[Ints]()
     order = np.lexsort((all_.ids, all_.step))
-    starts = np.searchsorted(all_.step[order], np.arange(all_.step.max() + 2))
+    starts = np.searchsorted(all_.step[order], np.arange(all_.step.max(initial=-1) + 2))
     steps = [order[a:b] for a, b in pairwise(starts)]
     for k, rows in enumerate(steps):
         best = np.zeros((0, 2), np.int64)

@@ -1,27 +1,19 @@
-"""Clouds of a drive on their way to its log, in files without names of the temporary folder, not in memory."""
-
-from contextlib import suppress
-from tempfile import TemporaryFile, gettempdir
-from typing import IO, Any
-from weakref import finalize
+"""Clouds of a drive on their way to its log, in files of the temporary folder, not in memory."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..beside import UNIT, Clouds
 from ..camera.camera import Camera
+from ..files import Rows
 from ..relations import Anchors
 from .cloud import Cloud
-
-WIDTH = 3
-"""Numbers of a point, and of its colour."""
 
 
 class Spool:
     """Takes the cloud of one step after another. OSError, with the folder's name, where there is no room for them."""
 
     def __init__(self) -> None:
-        self._points, self._colours = _Rows(np.int16), _Rows(np.uint8)
+        self._points, self._colours = Rows(np.int16, 3), Rows(np.uint8, 3)
         self._first = [0]
 
     def add(self, cloud: Cloud) -> None:
@@ -33,35 +25,7 @@ class Spool:
 
     def clouds(self, camera: Camera) -> Clouds:
         """All clouds, the k-th one taken at step k; their points are read from the files as they are asked for."""
-        n, count = len(self._first) - 1, self._first[-1]
+        n = len(self._first) - 1
         at = Anchors(np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n))
         first, height = np.array(self._first, np.int64), camera.mounting[:3, 3].copy()
-        return Clouds(at, first, self._points.all(count), self._colours.all(count), height)
-
-
-class _Rows:
-    """Rows of three numbers in a file."""
-
-    def __init__(self, kind: type[np.int16 | np.uint8]) -> None:
-        self._kind, self._file = kind, TemporaryFile()  # noqa: SIM115 - open as long as this is
-        finalize(self, _close, self._file)
-
-    def add(self, rows: NDArray[Any]) -> None:
-        try:
-            self._file.write(np.ascontiguousarray(rows, self._kind).tobytes())
-            self._file.flush()
-        except OSError as error:
-            error.filename = error.filename or gettempdir()  # a full disk names no file
-            raise
-
-    def all(self, count: int) -> NDArray[Any]:
-        """The first `count` rows (count, 3), for reading."""
-        if not count:  # an empty file cannot be mapped
-            return np.zeros((0, WIDTH), self._kind)
-        return np.asarray(np.memmap(self._file, self._kind, "c", shape=(count, WIDTH)))
-
-
-def _close(file: IO[bytes]) -> None:
-    """Closes a file that nobody reads any more, and so may lack what a full disk had no room for."""
-    with suppress(OSError):
-        file.close()
+        return Clouds(at, first, self._points.all(), self._colours.all(), height)

@@ -1,12 +1,15 @@
+import tempfile
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from slamduel.frontend import files
 from slamduel.frontend.errors import InputError
-from slamduel.frontend.files import read_arrays, write_whole
+from slamduel.frontend.files import Rows, read_arrays, write_whole
 
 
 def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
@@ -64,3 +67,29 @@ def test_arrays_of_a_damaged_file_are_read_or_refused(tmp_path: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"some\.npz: .*c.*, expected a, c\.$"):
         read_arrays(path, ("a", "c"), "numbers")
+
+
+@pytest.mark.parametrize(("kind", "shape"), [("f8", ()), ("i2", (3,)), ([("a", "i8"), ("b", "f8", (2, 2))], ())])
+def test_rows_are_read_as_they_were_added(kind: Any, shape: tuple[int, ...]) -> None:
+    rows, rng = Rows(kind, *shape), np.random.default_rng(0)
+    assert rows.all().shape == (0, *shape)
+    size = np.dtype(kind).itemsize * int(np.prod(shape))
+    added = [np.frombuffer(rng.bytes(k * size), kind).reshape(k, *shape) for k in (3, 0, 1000)]
+    rows.add(added[0])
+    before = rows.all()
+    for part in added[1:]:
+        rows.add(part)
+    after = rows.all()
+    del rows  # what was read stays
+    assert before.tobytes() == added[0].tobytes()
+    assert after.dtype == np.dtype(kind)
+    assert after.shape == (1003, *shape)
+    assert after.tobytes() == b"".join(part.tobytes() for part in added)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_rows_without_room_name_the_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "TemporaryFile", lambda: Path("/dev/full").open("wb"))  # noqa: SIM115
+    with pytest.raises(OSError, match="No space left on device") as refused:
+        Rows(np.int16, 3).add(np.ones((4, 3)))
+    assert refused.value.filename == tempfile.gettempdir()
