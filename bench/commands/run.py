@@ -13,7 +13,7 @@ from ..record.store import Store
 from ..run.benchmark import DEFAULTS, benchmark, new_folder
 from ..run.document import SCHEMA, document
 from ..run.progress import Screen
-from ..run.terminal import conclude, status, verdicts
+from ..run.terminal import complain, conclude, status, verdicts
 from ..verdict.summary import lines
 from ..words.console import screen_console
 from . import executors
@@ -114,6 +114,8 @@ def main(namespace: argparse.Namespace) -> int:
         return ended
     if not namespace.quiet:
         conclude(console, found, remarks)
+    elif ended:
+        complain(found)
     if plan.remarks():
         console.print(plan.remarks(), highlight=False, markup=False, soft_wrap=True)
     console.print(f"report: {report}", highlight=False, markup=False, soft_wrap=True)

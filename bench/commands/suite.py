@@ -12,7 +12,7 @@ from ...frontend.errors import InputError, Interrupted
 from ..plan.values import count, seed
 from ..record.store import Store
 from ..run.progress import Screen
-from ..run.terminal import conclude, status
+from ..run.terminal import complain, conclude, status
 from ..suite import file as suite_file
 from ..suite.file import Suite, SuiteRun
 from ..suite.history import keep, summarise
@@ -126,6 +126,8 @@ def _run(chosen: list[Suite], namespace: argparse.Namespace, console: Console) -
             statuses.append(status(found))
             if not console.quiet:
                 conclude(console, found, remarks)
+            elif status(found):
+                complain(found)
 
         try:
             with contextlib.closing(

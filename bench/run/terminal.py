@@ -2,6 +2,7 @@
 
 import io
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -88,7 +89,7 @@ def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
     """Yields what went wrong on one dataset: cells not done, by backend."""
     rows = [row.columns for line in lines for row in line.rows]
     if rows and all(row["status"] == "skipped" for row in rows):
-        yield "nothing run", f"all of {counted(len(rows), 'cell')} were skipped, so there is nothing to compare"
+        yield "nothing run", f"{counted(len(rows), 'cell')}, all skipped: there is nothing to compare"
     for line in lines:
         ends: dict[tuple[str, str], int] = {}
         for row in line.rows:
@@ -103,6 +104,14 @@ def failures(lines: Sequence[Line]) -> Iterator[tuple[str, str]]:
             wrong, of = max(steps)
             cells = f" in {len(steps)} of {counted(len(line.rows), 'cell')}" if len(line.rows) > 1 else ""
             yield "remark", f"{line.backend}: NEES: not a covariance at {wrong:,} of {counted(of, 'step')}{cells}"
+
+
+def complain(lines: Sequence[Line]) -> None:
+    """Prints what failed on standard error, for a user who asked for nothing else."""
+    for dataset, mine in by_dataset(lines).items():
+        for heading, text in failures(mine):
+            if heading != "remark":
+                print(f"bench: {dataset}: {heading}: {text}", file=sys.stderr)
 
 
 def status(lines: Sequence[Line]) -> int:

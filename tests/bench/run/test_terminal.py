@@ -16,13 +16,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from slamduel.bench.cli import main
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.bench.run.document import document
 from slamduel.bench.run.progress import Pace, Screen, words
-from slamduel.bench.run.terminal import NONE, conclude, status, tables, verdicts
+from slamduel.bench.run.terminal import NONE, complain, conclude, status, tables, verdicts
 from slamduel.bench.verdict.statistics import FEWEST
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.words.ascii import PLAIN, plain_where_needed
@@ -142,11 +143,30 @@ def test_whose_programs_the_costs_are_of_is_told_where_they_are_of_several() -> 
 
 def test_a_run_of_nothing_but_skipped_cells_says_so_and_is_no_success() -> None:
     found = run(*(row(backend, seed, "skipped", reason="loops") for backend in ("ekf", "ukf") for seed in range(2)))
-    assert "all of 4 cells were skipped, so there is nothing to compare" in printed(found, 100)
+    assert "4 cells, all skipped: there is nothing to compare" in printed(found, 100)
     assert "ekf, 2 of 2: loops" in printed(found, 100)
     assert status(found) == 1
     assert status(found + run(row("isam2"))) == 0
     assert status(found + run(row("isam2"), row("isam2", 1, "timeout"))) == 1
+
+
+def test_failures_go_to_standard_error_where_nothing_else_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    complain(
+        run(row("ekf"), row("ekf", 1, "diverged", reason="[NaN] in 3"), row("ukf", ended="skipped", reason="loops"))
+    )
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err == "bench: room: diverged: ekf, 1 of 2: [NaN] in 3\nbench: room: skipped: ukf, 1 of 1: loops\n"
+
+
+def test_a_quiet_command_says_why_it_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--dataset", "circle[steps=300]", "--seeds", "1", "--backend"]
+    assert main(["run", *words, "ekf", "--quiet", "--out", str(tmp_path / "done")]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["run", *words, "ekf[association=nn]", "--quiet", "--out", str(tmp_path / "skipped")]) == 1
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err.startswith("bench: circle[steps=300]: nothing run: 1 cell, all skipped: there")
 
 
 @pytest.mark.parametrize("width", [12, 20, 30, 80])
