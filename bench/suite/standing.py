@@ -40,14 +40,17 @@ class Standing:
 
 
 def standings(run: str, folder: Path, entered: Sequence[Submission]) -> list[Standing]:
-    """Reads the standings of a run's datasets, with the lines that were entered."""
+    """Reads the standings of a run's datasets, in its order, with the lines that were entered."""
     with Store(folder) as store:
         facts, rows, remarks = store.run(), list(store.cells()), store.remarks()
     by_dataset: dict[str, list[Row]] = {}
     for row in rows:
         by_dataset.setdefault(label(row.columns["dataset"], row.columns["dataset_options"]), []).append(row)
     found: list[Standing] = []
-    for dataset, mine in by_dataset.items():
+    for dataset in facts["folders"]:
+        mine = by_dataset.get(dataset, [])
+        if not mine:  # a backend, or a dataset without a cell that has ended
+            continue
         others, submitted, elsewhere, notes = _entered(dataset, mine, facts, entered)
         programs = dict(facts.get("implementations", {}))
         for backend, one in submitted.items():

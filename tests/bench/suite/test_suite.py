@@ -321,6 +321,12 @@ def test_costs_of_another_machine_are_not_compared(site: Path, theirs: Path, tmp
     assert "Timed on another machine, so that costs are not compared: invariant-ekf." in page(site / "small.html")
 
 
+def test_datasets_are_in_the_order_of_their_run(tmp_path: Path) -> None:
+    names = ["circle[steps=9]", "circle[steps=30]", "aruco-robot", "circle[steps=10]"]
+    go(tmp_path / "run", "dead-reckoning,ekf", ",".join(names), seeds=1)
+    assert [one.dataset for one in standings("run", tmp_path / "run", [])] == names
+
+
 def standing_of(site: Path) -> Any:
     (folder,) = suites(site)["small"].runs.values()
     (found,) = standings("circle", folder, submissions(site))
