@@ -8,8 +8,10 @@ import sys
 import threading
 from collections.abc import Callable, Generator, Sequence
 from importlib import import_module
+from typing import NoReturn
 
-from ..frontend.errors import Interrupted, SlamduelError
+from ..frontend.errors import InputError, Interrupted, SlamduelError
+from ..frontend.nearest import nearest
 from .words.ascii import plain_where_needed
 
 COMMANDS = {
@@ -52,6 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     action: Callable[[argparse.Namespace], int] | None = None
     try:
+        if chosen is not None and chosen not in COMMANDS:
+            raise InputError(f"there is no command {chosen!r}; {nearest(chosen, COMMANDS)}")
         for name, (summary, module) in COMMANDS.items():
             command = subparsers.add_parser(
                 name, help=summary, description=summary[0].upper() + summary[1:] + ".", allow_abbrev=False
@@ -61,7 +65,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                 implementation.arguments(command)
                 action = implementation.main
         sys.path.append(os.getcwd())  # so that my_module:build is found in the folder one stands in
-        namespace = parser.parse_args(given)
+        namespace, more = parser.parse_known_args(given)
+        if more:
+            _refuse(subparsers.choices[namespace.command], more)
         assert action is not None  # argparse has refused every other command
         with _ended_gently():
             return action(namespace)
@@ -69,7 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"bench: interrupted; {error}.", file=sys.stderr)
         return 130
     except SlamduelError as error:
-        print(f"bench: {error}", file=sys.stderr)
+        said = str(error)
+        print(said if said.startswith("bench ") else f"bench: {said}", file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader of our output, head for one, has gone
         sys.stderr.close()
@@ -80,6 +87,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("bench: interrupted.", file=sys.stderr)
         return 130
+
+
+def _refuse(command: argparse.ArgumentParser, words: Sequence[str]) -> NoReturn:
+    """Ends with what is wrong with words that a command does not take."""
+    known = [name for action in command._actions for name in action.option_strings]  # pyright: ignore[reportPrivateUsage]
+    first = words[0]
+    if first.startswith("-"):
+        raise InputError(f"{command.prog}: there is no option {first!r}; {nearest(first.partition('=')[0], known)}")
+    raise InputError(
+        f"{command.prog}: found {first!r}, which belongs to no option; several names are joined by commas, and a "
+        "pattern of files is put in quotes."
+    )
 
 
 @contextlib.contextmanager

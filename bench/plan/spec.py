@@ -26,6 +26,11 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
     """Finds the backends named in `text`; InputError names who asked, what is wrong, and the nearest right name."""
     found: list[BackendVariant] = []
     for name, given in _split(text, asker):
+        if ":" in name and not _is_target(name):
+            raise InputError(
+                f"{asker}: found {name!r}, expected module:builder with the dotted name of a module, such as "
+                "my_package.my_module:build, in this folder or on PYTHONPATH."
+            )
         try:
             builder = backends.find_first(name)
         except KeyError:
@@ -44,17 +49,23 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
     return _without_repeats(found, asker)
 
 
+def _is_target(name: str) -> bool:
+    """Tells if a name has the form module:builder."""
+    module, _, builder = name.partition(":")
+    return all(part.isidentifier() for part in (*module.split("."), builder))
+
+
 def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant]:
     """Finds the datasets named in `text`, or at the path of a log, graph or recording. InputError as above."""
     found: list[DatasetVariant] = []
     for name, given in _split(text, asker):
         file = name.lower().endswith((*file_kind.SUFFIXES, many.FILE))
-        if name not in datasets.BUILTIN and ("/" in name or file or os.path.exists(name)):
+        if name not in datasets.BUILTIN and ("/" in name or file or os.path.exists(name) or many.is_pattern(name)):
             name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
         try:
             source = datasets.find(name)
         except KeyError:
-            hint = "A log's folder, a graph's file or a recording is named by its path."
+            hint = "Nor is there a log's folder, a graph's file or a recording at that path."
             raise InputError(
                 f"{asker}: there is no dataset {name!r}; {nearest(name, datasets.BUILTIN)} {hint}"
             ) from None

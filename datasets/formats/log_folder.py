@@ -125,7 +125,7 @@ def _scan_beside(folder: Path, kind: str, steps: int) -> Scan[Any]:
 
 def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     """The log and the ground truth, and the content of log.toml."""
-    words = (yield from attempted(scan_words(folder / WORDS))) or _NOBODY
+    words = (yield from attempted(_scan_words(folder))) or _NOBODY
     odometry = yield from attempted(scan_csv(folder / "odometry.csv", ODOMETRY, blank_after=1))
     sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
     loops = _empty(folder / "loops.csv", LOOPS)
@@ -182,6 +182,15 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         for message in relation_problems(log, truth.relations):
             yield InputError(f"{folder / RELATIONS}: {message}.")
     return Dataset(log, truth), words
+
+
+def _scan_words(folder: Path) -> Scan[Words | None]:
+    """The metadata, or a fault that tells a user with other CSV files how to read them."""
+    if os.path.lexists(folder / WORDS):
+        return (yield from scan_words(folder / WORDS))
+    of_others = "in the folder of a log; CSV files of other columns are read by csv[odometry=FILE]"
+    yield InputError(f"{folder / WORDS}: there is no such file, expected it {of_others}.")
+    return None
 
 
 def _empty(path: Path, columns: tuple[str, ...]) -> Table:
