@@ -1,8 +1,9 @@
-"""Writes the tables of backends.md and datasets.md, and the format in studies.md: `make docs-tables`.
+"""Writes the tables of backends.md, datasets.md and standing.md, and the format in studies.md: `make docs-tables`.
 
 Each file keeps its text; what stands between the lines BEGIN and END is replaced.
 """
 
+import csv
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from slamduel.backends import registry as backends
 from slamduel.bench.plan.many import LIST
 from slamduel.bench.plan.spec import describe
 from slamduel.bench.study.file import FORMAT
+from slamduel.bench.suite.file import read
 from slamduel.datasets import registry as datasets
 
 FOLDER = Path(__file__).parent
@@ -41,6 +43,7 @@ def pages() -> dict[Path, str]:
         "backends.md": _tables(("backend", "implementation", "summary"), list(_backends())),
         "datasets.md": _tables(("dataset", "logs", "summary"), list(_datasets())),
         "studies.md": ["", FORMAT.strip("\n")],
+        "standing.md": _standing(FOLDER / "standing.csv"),
     }
     return {FOLDER / name: _page(FOLDER / name, "\n".join(lines)) for name, lines in written.items()}
 
@@ -80,6 +83,30 @@ def _tables(headings: tuple[str, ...], entries: list[Entry]) -> Iterator[str]:
         if own:
             yield f"\n{'Further options' if len(own) < len(entry.options) else 'Options'} of `{entry.name}`:\n"
             yield from _options(own)
+
+
+def _standing(path: Path) -> Iterator[str]:
+    """A table for each suite of an overview.csv, as `bench suite` writes it beside its site."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for name in dict.fromkeys(row["suite"] for row in rows):
+        suite, mine = read(name), [row for row in rows if row["suite"] == name]
+        yield f"\n## {suite.title}\n\n{suite.question} `bench suite {name}`\n"
+        datasets = dict.fromkeys((row["dataset"], row["basis"]) for row in mine)
+        found = {(row["dataset"], row["purpose"]): _named(row) for row in mine}
+        yield from _table(
+            ("dataset", "online", "the path afterwards"),
+            [(f"`{one}`, {basis}", found[one, "online"], found[one, "final"]) for one, basis in datasets],
+        )
+
+
+def _named(row: dict[str, str]) -> str:
+    """The backend that an overview names, or why it names none."""
+    if not row["backend"]:
+        return row["why"]
+    honesty = row["honesty"] and f", {row['honesty']}"
+    none_closer = f". {row['why']}" if row["backend"] == "dead-reckoning" else ""
+    return f"**{row['backend']}** {row['error']} ({row['ends']}){honesty}, {row['cost']}{none_closer}"
 
 
 def _options(options: list[Option]) -> Iterator[str]:
