@@ -75,8 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"bench: interrupted; {error}.", file=sys.stderr)
         return 130
     except SlamduelError as error:
-        said = str(error)
-        print(said if said.startswith("bench ") else f"bench: {said}", file=sys.stderr)
+        print(f"bench: {str(error).removeprefix('bench ')}", file=sys.stderr)
         return 2
     except BrokenPipeError:  # the reader of our output, head for one, has gone
         sys.stderr.close()

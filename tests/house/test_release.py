@@ -48,7 +48,7 @@ def test_python_dash_m_is_the_command() -> None:
     command = [sys.executable, "-m", "slamduel", "list", "nothing"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "bench list: found 'nothing', which belongs to no option" in done.stderr
+    assert "bench: list: found 'nothing', which belongs to no option" in done.stderr
 
 
 def test_the_citation_is_of_this_version(project: dict[str, Any]) -> None:

@@ -274,12 +274,12 @@ def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["check", "efk"], "bench check: there is no backend 'efk'"),
-        (["render", "aruco-rom", "--out", "x"], "bench render: there is no dataset 'aruco-rom'"),
+        (["check", "efk"], "bench: check: there is no backend 'efk'"),
+        (["render", "aruco-rom", "--out", "x"], "bench: render: there is no dataset 'aruco-rom'"),
         (["rum"], "bench: there is no command 'rum'; did you mean 'run'?"),
-        (["run", "--datset", "circle"], "bench run: there is no option '--datset'; did you mean '--dataset'?"),
-        (["run", "--sedes=3"], "bench run: there is no option '--sedes=3'; did you mean '--seeds'?"),
-        (["run", "--dataset", "a", "b"], "bench run: found 'b', which belongs to no option"),
+        (["run", "--datset", "circle"], "bench: run: there is no option '--datset'; did you mean '--dataset'?"),
+        (["run", "--sedes=3"], "bench: run: there is no option '--sedes=3'; did you mean '--seeds'?"),
+        (["run", "--dataset", "a", "b"], "bench: run: found 'b', which belongs to no option"),
         (["run", "--dataset", "a*"], "bench: a*: nothing fits this pattern"),
         (
             ["run", "--backend", "../mine.py:build"],
@@ -384,7 +384,7 @@ def importing(group: int) -> bool:
 def test_a_name_is_refused_in_the_name_of_its_command(capsys: pytest.CaptureFixture[str], command: str) -> None:
     assert main([command, "victoria-prak"]) == 2
     said = capsys.readouterr()
-    assert f"bench {command}: there is no dataset 'victoria-prak'" in said.out + said.err
+    assert f"{command}: there is no dataset 'victoria-prak'" in said.out + said.err
 
 
 def test_a_quoted_path_is_validated(tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -83,7 +83,7 @@ def test_a_log_without_truth_has_no_path_of_it(place: Path) -> None:
         (["log", "--as", "g2o,pdf"], "--as: found 'pdf', expected one of g2o, gtsam, tum, log."),
         (["log", "--as", "g2o,g2o"], "--as g2o,g2o: a format is named twice, expected once."),
         (["log", "--as", "gtsam"], "range and bearing of sighting 0 are correlated"),
-        (["circle,city"], "bench export: found 2 datasets, expected one."),
+        (["circle,city"], "bench: export: found 2 datasets, expected one."),
         (["circel"], "there is no dataset 'circel'; did you mean 'circle'?"),
         (["log", "--out", "log"], "log: exists and is not an empty folder, expected a new one."),
         (["log", "--out", "log/log.toml"], "log.toml: exists and is not an empty folder, expected a new one."),

@@ -90,7 +90,7 @@ def test_json_has_every_number_with_its_interval(folder: Path, capsys: pytest.Ca
         (["circle", "--own"], "--own: expected --apply FOLDER beside it"),
         (["circle", "--out", "page.pdf"], "--out page.pdf: found the ending '.pdf'"),
         (["circle", "--save", "noise.json"], "--save noise.json: found the ending '.json'"),
-        (["nothing"], "bench noise: there is no dataset 'nothing'"),
+        (["nothing"], "bench: noise: there is no dataset 'nothing'"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_a_sentence(

@@ -317,7 +317,7 @@ def test_a_page_and_an_svg_are_written_too(tmp_path: Path, capsys: pytest.Captur
         (["circl"], "there is no dataset 'circl'; did you mean 'circle'?"),
         (["circle[stepz=3]"], "there is no option 'stepz'"),
         (["nowhere/at/all"], "nowhere/at/all"),
-        (["circle,city"], "bench show: found 2 datasets, expected one."),
+        (["circle,city"], "bench: show: found 2 datasets, expected one."),
         (["circle", "--out", "x.txt"], "--out x.txt: found the ending '.txt', expected one of .png, .svg, .pdf, .html"),
         (["circle", "--out", "no/x.png"], "there is no folder no, expected an existing one"),
         (["circle", "--seed", "-1"], "found -1, expected a whole number, at least 0"),

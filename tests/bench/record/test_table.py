@@ -150,7 +150,7 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["study"], "bench export study: expected --csv FILE or --parquet FILE, for its cells."),
+        (["study"], "bench: export study: expected --csv FILE or --parquet FILE, for its cells."),
         (["study", "--out", "x"], "--out: is for a dataset, and study is the folder of a study or a run;"),
         (
             ["study", "--as", "g2o", "--csv", "x"],
@@ -167,7 +167,7 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
         (["study", "--csv", "no/such.csv"], "no/such.csv: cannot be written (No such file or directory)."),
         (["study", "--parquet", "no/such.parquet"], "no/such.parquet: cannot be written (No such file or directory)."),
         (["circle", "--csv", "x"], "--csv: is for the folder of a study or a run, and circle is none;"),
-        (["circle"], "bench export circle: expected --out FOLDER, a new folder for the files."),
+        (["circle"], "bench: export circle: expected --out FOLDER, a new folder for the files."),
     ],
 )
 def test_a_mistake_is_a_sentence_and_leaves_nothing(
