@@ -2,8 +2,6 @@
 
 import argparse
 import json
-import sys
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -64,7 +62,7 @@ def main(namespace: argparse.Namespace) -> int:
     console = screen_console(quiet=namespace.quiet or namespace.json)
     if model is None:
         names = called([log.dataset.label for log in logs])
-        with announced("measuring the noise", partial(print, file=sys.stderr, flush=True)):
+        with announced("measuring the noise", screen_console(quiet=namespace.quiet, aside=True).print):
             noise = measured(datasets, [names[log.dataset.label] for log in logs])
         model = noise.model
         _written(noise, namespace)

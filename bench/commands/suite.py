@@ -112,14 +112,18 @@ def _run(chosen: list[Suite], namespace: argparse.Namespace, console: Console) -
     ended = 0
     for suite in chosen:
         statuses: list[int] = []
+        skipped: list[str] = []
 
         def screen(run: SuiteRun, suite: Suite = suite) -> Screen:
             console.print(f"[bold]{suite.name}[/], {run.name}", highlight=False)
             return Screen(console)
 
-        def concluded(run: SuiteRun, place: Path | None, why: str, statuses: list[int] = statuses) -> None:
+        def concluded(
+            run: SuiteRun, place: Path | None, why: str, statuses: list[int] = statuses, skipped: list[str] = skipped
+        ) -> None:
             if place is None:
-                console.print(f"{run.name}: skipped. {why}", highlight=False, markup=False, soft_wrap=True)
+                skipped.append(f"{run.name}: skipped. {why}")
+                console.print(skipped[-1], highlight=False, markup=False, soft_wrap=True)
                 return
             with Store(place) as store:
                 found, remarks = lines(store.cells(), store.about()["implementations"]), store.remarks()
@@ -141,6 +145,9 @@ def _run(chosen: list[Suite], namespace: argparse.Namespace, console: Console) -
         summary = summarise(suites(namespace.out)[suite.name])
         if summary is not None:
             keep(namespace.out, summary)
+        if console.quiet and not statuses:
+            for sentence in skipped:
+                print(f"bench: {sentence}", file=sys.stderr)
         ended |= int(not statuses or any(statuses))
     _site(namespace.out, console)
     return ended

@@ -52,7 +52,7 @@ def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant
 def _is_target(name: str) -> bool:
     """Tells if a name has the form module:builder."""
     module, _, builder = name.partition(":")
-    return all(part.isidentifier() for part in (*module.split("."), builder))
+    return "/" not in name and not module.endswith(".py") and all((*module.split("."), builder))
 
 
 def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant]:

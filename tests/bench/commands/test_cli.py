@@ -281,6 +281,7 @@ def test_list_is_json_too(capsys: pytest.CaptureFixture[str]) -> None:
         (["run", "--sedes=3"], "bench: run: there is no option '--sedes=3'; did you mean '--seeds'?"),
         (["run", "--dataset", "a", "b"], "bench: run: found 'b', which belongs to no option"),
         (["run", "--dataset", "a*"], "bench: a*: nothing fits this pattern"),
+        (["run", "--backend", "mine.py:build"], "bench: --backend: found 'mine.py:build', expected module:builder"),
         (
             ["run", "--backend", "../mine.py:build"],
             "bench: --backend: found '../mine.py:build', expected module:builder",

@@ -127,11 +127,14 @@ def test_a_log_that_is_not_here_is_skipped_with_the_command_that_gets_it(made: P
         assert "absent: dlr is not on this machine: bench fetch dlr gets it" in page(made / name)
 
 
-def test_a_suite_without_any_log_ends_with_status_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_suite_without_any_log_ends_with_status_1_and_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
     (tmp_path / "gone.toml").write_text('backend = "ekf"\n[[run]]\nname = "dlr"\ndataset = "dlr"\n')
     words = ["suite", str(tmp_path / "gone.toml"), "--out", str(tmp_path / "site"), "--executor", "here", "--quiet"]
     assert main(words) == 1
+    assert capsys.readouterr().err.startswith("bench: dlr: skipped. dlr is not on this machine")
     assert "No run of this suite has been made" in page(tmp_path / "site/index.html")
 
 
